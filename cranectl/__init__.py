@@ -1,0 +1,83 @@
+"""Validate crane controllers against independent physics.
+
+The public API, one call each; names are loaded on first use:
+
+    scenario = cranectl.load_scenario("fixed-position")
+    design = cranectl.design_controller("lqr", scenario.design)
+    run = cranectl.simulate_run(scenario, plant="mujoco", design=design)
+    cranectl.write_log(path, [run])
+    runs = cranectl.read_log(path)
+    comparison = cranectl.compare_runs(runs["analytic"], runs["mujoco"])
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cranectl.compare import Agreement, Comparison, compare_runs, judge
+    from cranectl.design import CONTROLLERS, Design, design_controller
+    from cranectl.errors import CranectlError, InputError, LogError
+    from cranectl.log import read_log, write_log
+    from cranectl.metrics import RunMetrics, run_metrics
+    from cranectl.parameters import RigParameters
+    from cranectl.scenario import Scenario, load_scenario, scenario_names
+    from cranectl.simulate import Run, simulate_run
+    from cranectl.status import RunStatus
+
+_HOME = {
+    "CONTROLLERS": "design",
+    "Agreement": "compare",
+    "Comparison": "compare",
+    "CranectlError": "errors",
+    "Design": "design",
+    "InputError": "errors",
+    "LogError": "errors",
+    "RigParameters": "parameters",
+    "Run": "simulate",
+    "RunMetrics": "metrics",
+    "RunStatus": "status",
+    "Scenario": "scenario",
+    "compare_runs": "compare",
+    "design_controller": "design",
+    "judge": "compare",
+    "load_scenario": "scenario",
+    "read_log": "log",
+    "run_metrics": "metrics",
+    "scenario_names": "scenario",
+    "simulate_run": "simulate",
+    "write_log": "log",
+}
+
+__all__ = [
+    "CONTROLLERS",
+    "Agreement",
+    "Comparison",
+    "CranectlError",
+    "Design",
+    "InputError",
+    "LogError",
+    "RigParameters",
+    "Run",
+    "RunMetrics",
+    "RunStatus",
+    "Scenario",
+    "compare_runs",
+    "design_controller",
+    "judge",
+    "load_scenario",
+    "read_log",
+    "run_metrics",
+    "scenario_names",
+    "simulate_run",
+    "write_log",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(importlib.import_module(f"cranectl.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'cranectl' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

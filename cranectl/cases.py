@@ -1,0 +1,141 @@
+"""A case: one scenario, controller and drive on one or both plants, simulated, logged and judged."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cranectl.compare import Agreement, Comparison, compare_runs, judge
+from cranectl.design import Design, design_controller
+from cranectl.log import check_writable, write_log
+from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.plants.interface import PLANTS, Drive
+from cranectl.scenario import Scenario
+from cranectl.simulate import Run, plan_scenario, simulate_run
+from cranectl.status import RunStatus
+
+LOG_DIRECTORY = Path("logs")
+
+
+@dataclass(frozen=True)
+class Case:
+    """What to run and where to log it."""
+
+    scenario: Scenario
+    controller: str
+    drive: Drive
+    plants: tuple[str, ...]
+    log: Path
+
+    @property
+    def simulated_seconds(self) -> float:
+        """Simulated time of all its runs, for progress."""
+        return self.scenario.duration * len(self.plants)
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What remains of a run once its log is written."""
+
+    scenario: str
+    controller: str
+    plant: str
+    drive: str
+    status: RunStatus
+    end_s: float
+    log: Path
+    metrics: RunMetrics | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "scenario": self.scenario,
+            "controller": self.controller,
+            "plant": self.plant,
+            "drive": self.drive,
+            "status": self.status.label,
+            "end_s": self.end_s,
+            "log": str(self.log),
+            "metrics": self.metrics.to_json() if self.metrics is not None else None,
+        }
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """Outcome of a case; comparison and agreement only where both plants have samples."""
+
+    runs: tuple[RunSummary, ...]
+    comparison: Comparison | None
+    agreement: Agreement | None
+
+    @property
+    def interrupted(self) -> bool:
+        return any(run.status == RunStatus.INTERRUPTED for run in self.runs)
+
+    @property
+    def stopped(self) -> bool:
+        return any(run.status.stopped for run in self.runs)
+
+
+def make_case(
+    scenario: Scenario,
+    *,
+    controller: str | None = None,
+    drive: Drive = "ideal",
+    plants: Sequence[str] = PLANTS,
+    log: Path | None = None,
+) -> Case:
+    """A case with the scenario's own controller and the usual place for its log by default."""
+    controller = controller or scenario.controller
+    log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
+    return Case(scenario, controller, drive, tuple(plants), log)
+
+
+def default_log(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:
+    """`DIRECTORY/SCENARIO/CONTROLLER-DRIVE.mcap`."""
+    return directory / scenario.name / f"{controller}-{drive}.mcap"
+
+
+def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult:
+    """Simulate, log, compare.
+
+    `progress` is called with simulated seconds. Raises InputError for wrong input, before anything is
+    simulated. An interrupted run is logged and ends the case.
+    """
+    design = design_controller(case.controller, case.scenario.design)
+    plan = plan_scenario(case.scenario)
+    check_writable(case.log)
+    runs: list[Run] = []
+    for plant in case.plants:
+        run = simulate_run(
+            case.scenario,
+            plant=plant,
+            drive=case.drive,
+            design=design,
+            plan=plan,
+            progress=progress,
+        )
+        runs.append(run)
+        if run.status == RunStatus.INTERRUPTED:
+            break
+    write_log(case.log, runs)
+    return _result(case, design, runs)
+
+
+def _result(case: Case, design: Design, runs: Sequence[Run]) -> CaseResult:
+    summaries = tuple(
+        RunSummary(
+            scenario=case.scenario.name,
+            controller=design.name,
+            plant=run.plant,
+            drive=run.drive,
+            status=run.status,
+            end_s=run.end_ns / 1e9,
+            log=case.log,
+            metrics=run_metrics(run),
+        )
+        for run in runs
+    )
+    if len(runs) < 2 or not all(len(run.time_ns) for run in runs):
+        return CaseResult(summaries, None, None)
+    return CaseResult(summaries, compare_runs(*runs), judge(*runs))

@@ -1,0 +1,39 @@
+"""`cranectl list`."""
+
+from typing import Any
+
+import click
+
+from cranectl.cli.options import json_option
+
+
+@click.command("list")
+@json_option
+def list_command(json_file: str | None) -> None:
+    """List scenarios, controllers, plants and drives.
+
+    \b
+    cranectl list
+    cranectl list --json -
+    """
+    from cranectl.cli.output import console, scenario_table, write_json
+    from cranectl.design import CONTROLLERS
+    from cranectl.plants.interface import DRIVES, PLANTS
+    from cranectl.scenario import load_scenario, scenario_names
+
+    scenarios = [load_scenario(name) for name in scenario_names()]
+    out = console(json_file)
+    out.print(scenario_table(scenarios))
+    registries: dict[str, tuple[str, ...]] = {
+        "controllers": CONTROLLERS,
+        "plants": PLANTS,
+        "drives": DRIVES,
+    }
+    for name, entries in registries.items():
+        out.print(f"{name:12} {', '.join(entries)}")
+    listed: list[dict[str, Any]] = [
+        scenario.model_dump(include={"name", "title", "duration", "controller"}) for scenario in scenarios
+    ]
+    write_json(
+        json_file, {"scenarios": listed, **{name: list(entries) for name, entries in registries.items()}}
+    )

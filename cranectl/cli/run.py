@@ -1,0 +1,85 @@
+"""`cranectl run`."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli import exit_codes
+from cranectl.cli.options import drive_option, json_option, scenario_options
+
+
+@click.command("run")
+@click.argument("scenario")
+@click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+@click.option("--plant", default="both", show_default=True, metavar="NAME", help="analytic, mujoco or both.")
+@drive_option
+@scenario_options
+@click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
+@click.option(
+    "--out",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap",
+)
+@json_option
+def run_command(
+    scenario: str,
+    controller: str | None,
+    plant: str,
+    drive: str,
+    rig: Path | None,
+    overrides: tuple[str, ...],
+    every: int | None,
+    out: Path | None,
+    json_file: str | None,
+) -> int:
+    """Run SCENARIO (a name or a TOML file), log it, compare the plants.
+
+    \b
+    cranectl run fixed-position
+    cranectl run settled-trajectory --controller lqr --drive velocity
+    cranectl run fixed-position --plant mujoco --set rig.load_mass=2.5 --set duration=30
+    cranectl run my-scenario.toml --out my.mcap --every 1
+    """
+    from cranectl.cases import make_case, run_case
+    from cranectl.cli.output import agreement_table, console, progress_bar, run_notes, run_table, write_json
+    from cranectl.errors import unknown_name
+    from cranectl.plants.interface import PLANTS
+    from cranectl.scenario import load_scenario
+    from cranectl.simulate import checked_drive
+
+    if plant not in (*PLANTS, "both"):
+        raise unknown_name("plant", plant, (*PLANTS, "both"))
+    if every is not None:
+        overrides = (*overrides, f"log.every={every}")
+    case = make_case(
+        load_scenario(scenario, rig=rig, overrides=overrides),
+        controller=controller,
+        drive=checked_drive(drive),
+        plants=PLANTS if plant == "both" else (plant,),
+        log=out,
+    )
+    with progress_bar(case.simulated_seconds) as (advance, describe):
+        describe(f"{case.scenario.name}, {case.controller}")
+        result = run_case(case, progress=advance)
+    screen = console(json_file)
+    screen.print(run_table(result.runs))
+    for note in run_notes(result.runs):
+        screen.print(f"  {note}", soft_wrap=True)
+    if result.agreement is not None:
+        screen.print(agreement_table([result.agreement]))
+    screen.print(f"log: {case.log}", soft_wrap=True)
+    agreements = [result.agreement] if result.agreement is not None else []
+    write_json(
+        json_file,
+        {
+            "runs": [run.to_json() for run in result.runs],
+            "agreements": [agreement.to_json() for agreement in agreements],
+        },
+    )
+    if result.interrupted:
+        return exit_codes.INTERRUPTED
+    if result.stopped:
+        return exit_codes.RUN_STOPPED
+    passed = all(agreement.passed for agreement in agreements)
+    return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED

@@ -1,0 +1,46 @@
+"""The errors a user can cause or meet; every one says what was found, what is allowed and what to do."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class CranectlError(Exception):
+    """Base of all errors that the command line reports without a traceback."""
+
+
+class InputError(CranectlError):
+    """Wrong input. `found`, `allowed` and `remedy` are complete phrases for people (exit code 2)."""
+
+    def __init__(self, found: str, *, allowed: str = "", remedy: str = "") -> None:
+        self.found, self.allowed, self.remedy = found, allowed, remedy
+        labelled = (("found", found), ("allowed", allowed), ("remedy", remedy))
+        super().__init__("\n".join(f"{label + ':':9}{text}" for label, text in labelled if text))
+
+
+class LogError(InputError):
+    """A log file that is missing, damaged, foreign or cannot be written."""
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> InputError:
+    """The error for a name that is not in a registry; lists the known names, nearest first."""
+    names = nearest_first(name, known)
+    guess = f"did you mean '{names[0]}'?" if names and is_near(name, names[0]) else ""
+    return InputError(
+        f"unknown {kind} '{name}'",
+        allowed=", ".join(names),
+        remedy=guess or f"choose one of the {kind}s listed above",
+    )
+
+
+def nearest_first(name: str, known: Iterable[str]) -> list[str]:
+    """The known names, those most similar to `name` first, equals alphabetically."""
+    return sorted(known, key=lambda candidate: (-_similarity(name, candidate), candidate))
+
+
+def is_near(name: str, candidate: str) -> bool:
+    """Whether `name` looks like a misspelling of `candidate`."""
+    return _similarity(name, candidate) >= 0.6
+
+
+def _similarity(a: str, b: str) -> float:
+    return difflib.SequenceMatcher(None, a.lower(), b.lower()).ratio()

@@ -1,0 +1,133 @@
+"""Message types of a log: protobuf schemas built from the signal table, and their exact byte layout.
+
+Every signal is an `optional double`, always present, so all messages of a type have one length and a whole
+column of them is a NumPy structured array: writing and reading need no per-message protobuf work.
+"""
+
+import functools
+from typing import Any
+
+import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.message import Message
+from numpy.typing import NDArray
+
+from cranectl.signals import SignalGroup
+from cranectl.status import RunStatus
+
+PACKAGE = "cranectl"
+Field = descriptor_pb2.FieldDescriptorProto
+
+_FIXED64 = 1  # protobuf wire type of a double
+
+
+def group_schema(group: SignalGroup) -> bytes:
+    """FileDescriptorSet of a signal group."""
+    file, message = _new_file(group.schema)
+    for number, name in enumerate(group.names, start=1):
+        message.field.add(
+            name=name,
+            number=number,
+            label=Field.LABEL_OPTIONAL,
+            type=Field.TYPE_DOUBLE,
+            proto3_optional=True,
+            oneof_index=number - 1,
+        )
+        message.oneof_decl.add(name=f"_{name}")
+    return _serialised(file)
+
+
+def row_layout(n_signals: int) -> np.dtype[Any]:
+    """Byte layout of one message: for each field its tag, then the double."""
+    fields: list[Any] = []
+    for number in range(1, n_signals + 1):
+        fields += [(f"tag{number}", "u1", len(_tag(number))), (f"value{number}", "<f8")]
+    return np.dtype(fields)
+
+
+def encode_rows(values: NDArray[np.float64]) -> list[bytes]:
+    """Protobuf messages of the rows of `values` (N, signals)."""
+    layout = row_layout(values.shape[1])
+    rows = np.zeros(len(values), dtype=layout)
+    for number in range(1, values.shape[1] + 1):
+        rows[f"tag{number}"] = np.frombuffer(_tag(number), dtype="u1")
+        rows[f"value{number}"] = values[:, number - 1]
+    data, size = rows.tobytes(), layout.itemsize
+    return [data[start : start + size] for start in range(0, len(data), size)]
+
+
+def decode_rows(messages: list[bytes], n_signals: int) -> NDArray[np.float64]:
+    """Values (N, signals) of messages made by `encode_rows`; ValueError for any other bytes."""
+    layout = row_layout(n_signals)
+    data = b"".join(messages)
+    if len(data) != len(messages) * layout.itemsize:
+        raise ValueError("messages of unexpected length")
+    rows = np.frombuffer(data, dtype=layout)
+    values = np.empty((len(rows), n_signals))
+    for number in range(1, n_signals + 1):
+        if (rows[f"tag{number}"] != np.frombuffer(_tag(number), dtype="u1")).any():
+            raise ValueError(f"field {number} is missing or out of order")
+        values[:, number - 1] = rows[f"value{number}"]
+    return values
+
+
+def _tag(number: int) -> bytes:
+    """Protobuf tag of a double field: a varint of field number and wire type."""
+    tag = number << 3 | _FIXED64
+    encoded = bytearray()
+    while tag >= 0x80:
+        encoded.append(tag & 0x7F | 0x80)
+        tag >>= 7
+    encoded.append(tag)
+    return bytes(encoded)
+
+
+@functools.cache
+def status_schema() -> bytes:
+    """FileDescriptorSet of `cranectl.Status`: how a run stands, as a named enumeration."""
+    file, message = _new_file("Status")
+    message.field.add(
+        name="status",
+        number=1,
+        label=Field.LABEL_OPTIONAL,
+        type=Field.TYPE_ENUM,
+        type_name=f".{PACKAGE}.RunStatus",
+    )
+    message.field.add(name="inside_workspace", number=2, label=Field.LABEL_OPTIONAL, type=Field.TYPE_BOOL)
+    enumeration = file.enum_type.add(name="RunStatus")
+    for status in RunStatus:
+        enumeration.value.add(name=status.name, number=status.value)
+    return _serialised(file)
+
+
+@functools.cache
+def text_schema(name: str, fields: tuple[str, ...]) -> bytes:
+    """FileDescriptorSet of a message of strings."""
+    file, message = _new_file(name)
+    for number, field in enumerate(fields, start=1):
+        message.field.add(name=field, number=number, label=Field.LABEL_OPTIONAL, type=Field.TYPE_STRING)
+    return _serialised(file)
+
+
+def encode(schema: bytes, name: str, values: dict[str, Any]) -> bytes:
+    """One message of type `name`, the slow general way."""
+    files = descriptor_pb2.FileDescriptorSet.FromString(schema)
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(files.file[0])
+    descriptor = pool.FindMessageTypeByName(f"{PACKAGE}.{name}")
+    message: Message = message_factory.GetMessageClass(descriptor)(**values)
+    return bytes(message.SerializeToString(deterministic=True))
+
+
+def _new_file(
+    name: str,
+) -> tuple[descriptor_pb2.FileDescriptorProto, descriptor_pb2.DescriptorProto]:
+    file = descriptor_pb2.FileDescriptorProto(
+        name=f"{PACKAGE}/{name}.proto", package=PACKAGE, syntax="proto3"
+    )
+    return file, file.message_type.add(name=name)
+
+
+def _serialised(file: descriptor_pb2.FileDescriptorProto) -> bytes:
+    files = descriptor_pb2.FileDescriptorSet(file=[file])
+    return bytes(files.SerializeToString(deterministic=True))

@@ -1,0 +1,41 @@
+"""Which signal group goes to which topic."""
+
+from cranectl.signals import LOAD, STATE, Signal, SignalGroup
+
+# Bump when topics or meanings change such that an older reader would misread.
+FORMAT_VERSION = "1"
+
+REFERENCE_LOAD = "/reference/load"
+DESIGN = "/controller/design"
+RUN_INFO = "/run/info"
+LOG = "/log"
+
+# What is compared between the plants sample by sample.
+DIFFERENCE_GROUPS = (
+    SignalGroup("state", "StateDifference", "mujoco minus analytic", STATE.signals),
+    SignalGroup("load", "LoadDifference", "mujoco minus analytic", LOAD.signals),
+)
+
+
+def plant_topic(plant: str, group: str) -> str:
+    """Topic of a plant's group; always prefixed, so that files of different plants overlay."""
+    return f"/{plant}/{group}"
+
+
+def difference_topic(group: str) -> str:
+    """Topic of the difference between the plants."""
+    return f"/diff/{group}"
+
+
+def status_topic(plant: str) -> str:
+    """Topic of a plant's run status."""
+    return f"/{plant}/status"
+
+
+def units(group: SignalGroup) -> dict[str, str]:
+    """Channel metadata: what each field is and its unit."""
+    return {signal.name: _unit(signal) for signal in group.signals}
+
+
+def _unit(signal: Signal) -> str:
+    return f"{signal.symbol} [{signal.unit}] {signal.description}"

@@ -1,0 +1,1 @@
+"""The plants: independent models of the same crane behind one interface."""

@@ -1,0 +1,131 @@
+"""The analytic plant: the Lagrange model, integrated with fixed DOP853 steps between samples."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.dynamics import (
+    angular_accelerations,
+    rope_direction,
+    rope_direction_rate,
+    specific_rope_force,
+)
+from cranectl.jit import jit
+from cranectl.parameters import RigParameters
+from cranectl.plants.dop853 import STAGES, A, B
+from cranectl.plants.interface import Drive
+
+Array = NDArray[np.float64]
+
+
+class AnalyticRig(NamedTuple):
+    """Constants of the compiled plant; each drive obeys acceleration = gain·command - damping·velocity."""
+
+    drive_gain: Array  # (3,)
+    drive_damping: Array  # (3,) [1/s]
+    gravity: float
+    load_mass: float
+    substeps: int
+    step: float  # [s]
+
+
+@jit
+def drive_accelerations(rig, state, command):
+    """Accelerations (x_c'', y_c'', l'') [m/s²] that the drives produce at this state."""
+    return (
+        rig.drive_gain[0] * command[0] - rig.drive_damping[0] * state[1],
+        rig.drive_gain[1] * command[1] - rig.drive_damping[1] * state[3],
+        rig.drive_gain[2] * command[2] - rig.drive_damping[2] * state[5],
+    )
+
+
+@jit
+def derivative(rig, state, command, disturbance, rate):
+    """State derivative (10,) into `rate`; the thesis's (3.22) with drives and disturbances."""
+    u_x, u_y, u_l = drive_accelerations(rig, state, command)
+    alpha_ddot, beta_ddot = angular_accelerations(
+        state[4], state[5], state[6], state[7], state[8], state[9], u_x, u_y, rig.gravity
+    )
+    rate[0], rate[1] = state[1], u_x
+    rate[2], rate[3] = state[3], u_y
+    rate[4], rate[5] = state[5], u_l
+    rate[6], rate[7] = state[7], alpha_ddot + disturbance[0]
+    rate[8], rate[9] = state[9], beta_ddot + disturbance[1]
+
+
+@jit
+def integrate(rig, state, command, disturbance, stages, stage_state):
+    """One DOP853 step of `state` in place; `stages` (12, 10) and `stage_state` (10,) are work space."""
+    for s in range(STAGES):
+        for i in range(10):
+            increment = 0.0
+            for j in range(s):
+                increment += A[s, j] * stages[j, i]
+            stage_state[i] = state[i] + rig.step * increment
+        derivative(rig, stage_state, command, disturbance, stages[s])
+    for i in range(10):
+        increment = 0.0
+        for s in range(STAGES):
+            increment += B[s] * stages[s, i]
+        state[i] += rig.step * increment
+
+
+@jit
+def observe_load(rig, state, command, load):
+    """Load position, velocity and rope tension (7,) into `load`."""
+    length, length_rate = state[4], state[5]
+    n = rope_direction(state[6], state[8])
+    n_dot = rope_direction_rate(state[6], state[7], state[8], state[9])
+    load[0] = state[0] + length * n[0]
+    load[1] = state[2] + length * n[1]
+    load[2] = length * n[2]
+    load[3] = state[1] + length_rate * n[0] + length * n_dot[0]
+    load[4] = state[3] + length_rate * n[1] + length * n_dot[1]
+    load[5] = length_rate * n[2] + length * n_dot[2]
+    u_x, u_y, u_l = drive_accelerations(rig, state, command)
+    force = specific_rope_force(length, state[6], state[7], state[8], state[9], u_x, u_y, u_l, rig.gravity)
+    load[6] = -rig.load_mass * force
+
+
+@jit
+def advance_analytic(rig, state, command, disturbance, load, stages, stage_state):
+    """One control period; see `Plant.advance`."""
+    observe_load(rig, state, command, load)
+    for _ in range(rig.substeps):
+        integrate(rig, state, command, disturbance, stages, stage_state)
+
+
+class AnalyticPlant:
+    """The Lagrange model behind the plant interface."""
+
+    name = "analytic"
+    description = "cranectl.dynamics, fixed-step DOP853"
+
+    def __init__(self, rig: RigParameters, *, drive: Drive, step: float, substeps: int) -> None:
+        """`step`: integration step [s]; `substeps`: steps per control period."""
+        self.drive = drive
+        rates = 1.0 / rig.time_constants
+        ideal = drive == "ideal"
+        self.rig = AnalyticRig(
+            drive_gain=np.ones(3) if ideal else rates,
+            drive_damping=np.zeros(3) if ideal else rates,
+            gravity=rig.gravity,
+            load_mass=rig.load_mass,
+            substeps=substeps,
+            step=step,
+        )
+        self.state = np.zeros(10)
+        self.stages, self.stage_state = np.zeros((STAGES, 10)), np.zeros(10)
+
+    def reset(self, state: Array) -> None:
+        self.state[:] = state
+
+    def measure(self, state: Array) -> None:
+        state[:] = self.state
+
+    def advance(self, command: Array, disturbance: Array, load: Array) -> None:
+        advance_analytic(self.rig, self.state, command, disturbance, load, self.stages, self.stage_state)
+
+    def warnings(self) -> int:
+        return 0

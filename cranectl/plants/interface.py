@@ -1,0 +1,40 @@
+"""What every plant offers: set a state, read the joints, advance by one control period."""
+
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Drive = Literal["ideal", "velocity"]
+
+DRIVES: tuple[Drive, ...] = ("ideal", "velocity")
+PLANTS = ("analytic", "mujoco")
+
+
+class Plant(Protocol):
+    """A crane. All arrays in SI units; states in the order of `signals.STATE`.
+
+    The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives and a velocity set-point
+    [m/s] with velocity drives; it is held over the period, and so is the disturbance [rad/s²].
+    """
+
+    name: str
+    drive: Drive
+    description: str  # the model as run: MJCF, or where the equations are
+
+    def reset(self, state: Array) -> None:
+        """Start from `state` (10,) at time zero."""
+
+    def measure(self, state: Array) -> None:
+        """Write the joint positions and velocities (10,) into `state`."""
+
+    def advance(self, command: Array, disturbance: Array, load: Array) -> None:
+        """Advance by one control period under `command` (3,) and `disturbance` (2,).
+
+        Writes what the plant says of its load at the start of the period, with the new command acting, into
+        `load` (7,): world position, velocity, rope tension.
+        """
+
+    def warnings(self) -> int:
+        """Number of numerical warnings since the last reset."""

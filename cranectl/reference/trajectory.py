@@ -1,0 +1,120 @@
+"""Compose segments into one trajectory and check that it is as smooth as the tracker needs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.errors import InputError
+from cranectl.reference.segments import ArcPath, HoldPath, LinePath, Path
+from cranectl.scenario import Hold, Line, ReferenceSettings, Segment
+
+Array = NDArray[np.float64]
+
+# A jump this large, relative to the largest value of that derivative (at least 1), is no rounding.
+JUMP_TOLERANCE = 1e-9
+_ORDINALS = ("position", "first derivative", "second derivative", "third derivative", "fourth derivative")
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Segments one after the other; after the last its end point is held."""
+
+    start: Array
+    paths: tuple[Path, ...]
+
+    @property
+    def joints(self) -> Array:
+        """Start times of the segments and the end of the last [s]."""
+        return np.array([0.0, *np.cumsum([path.duration for path in self.paths])])
+
+    def sample(self, time: Array) -> Array:
+        """Desired load position and four derivatives, shape (N, 15): (z, z', z'', z''', z'''').
+
+        At a joint the later segment counts. `time` [s] from 0.
+        """
+        time = np.asarray(time, dtype=np.float64)
+        rows = np.zeros((len(time), 5, 3))
+        joints = self.joints
+        # Joints are sums of decimal durations: meet the sample that is meant, a nanosecond early.
+        index = np.searchsorted(joints - 1e-9, time, side="right") - 1
+        for k, path in enumerate((*self.paths, self._final_hold())):
+            chosen = index == k
+            rows[chosen] = path.sample(time[chosen] - joints[k])
+        return rows.reshape(len(time), 15)
+
+    def jumps(self) -> list[tuple[float, int, float]]:
+        """Discontinuities: (time [s], derivative order, size), the start from rest included."""
+        found = []
+        before = HoldPath(self.start, 1.0).sample(np.array([1.0]))[0]
+        for time, path in zip(self.joints, (*self.paths, self._final_hold()), strict=True):
+            samples = path.sample(np.linspace(0.0, path.duration, 101))
+            scale = np.maximum(1.0, np.abs(samples).max(axis=(0, 2)))
+            jump = np.abs(samples[0] - before).max(axis=1)
+            found += [
+                (float(time), order, float(jump[order]))
+                for order in range(5)
+                if jump[order] > JUMP_TOLERANCE * scale[order]
+            ]
+            before = samples[-1]
+        return found
+
+    def _final_hold(self) -> HoldPath:
+        return HoldPath(_end_point(self.paths[-1]) if self.paths else self.start, 1.0)
+
+
+def build_trajectory(settings: ReferenceSettings) -> Trajectory:
+    """Build the trajectory of a scenario.
+
+    Raises InputError for segments of no length and for jumps in derivatives that
+    `settings.continuity` requires to be continuous.
+    """
+    start = np.array(settings.start)
+    paths: list[Path] = []
+    for index, segment in enumerate(settings.segments):
+        here = _end_point(paths[-1]) if paths else start
+        paths.append(_build_path(segment, here, f"reference.segments.{index}"))
+    trajectory = Trajectory(start, tuple(paths))
+    _check_continuity(trajectory, settings.continuity)
+    return trajectory
+
+
+def _build_path(segment: Segment, start: Array, where: str) -> Path:
+    if isinstance(segment, Hold):
+        return HoldPath(start, segment.duration)
+    if isinstance(segment, Line):
+        end = np.array(segment.to)
+        if np.array_equal(start, end):
+            raise _no_length(where, "a line to where the load already is")
+        return LinePath(start, end, segment.duration, segment.time_law)
+    centre = np.array(segment.centre)
+    if segment.angle == 0.0 or np.array_equal(start[:2], centre):
+        raise _no_length(where, "an arc of no angle or no radius")
+    return ArcPath(start, centre, segment.angle, segment.duration, segment.time_law)
+
+
+def _end_point(path: Path) -> Array:
+    end: Array = path.sample(np.array([path.duration]))[0, 0]
+    return end
+
+
+def _no_length(where: str, what: str) -> InputError:
+    return InputError(
+        f"{where} has zero length: {what}",
+        allowed="segments that move the load",
+        remedy='to stay in place use kind = "hold"',
+    )
+
+
+def _check_continuity(trajectory: Trajectory, continuity: int) -> None:
+    broken = [jump for jump in trajectory.jumps() if jump[1] <= continuity]
+    if not broken:
+        return
+    listed = ", ".join(f"{_ORDINALS[order]} by {size:.3g} at {time:g} s" for time, order, size in broken)
+    lowest = min(order for _, order, _ in broken)
+    opt_out = f", or accept it with reference.continuity = {lowest - 1}" if lowest > 0 else ""
+    raise InputError(
+        f"the reference jumps: {listed}",
+        allowed=f"continuous derivatives up to order {continuity} (reference.continuity)",
+        remedy=f'use time_law = "degree-9"{opt_out}',
+    )

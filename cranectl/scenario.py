@@ -1,0 +1,218 @@
+"""Scenario files: what is run. Checked here for form; for meaning where all parts are known."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from cranectl import resources
+from cranectl.errors import unknown_name
+from cranectl.parameters import Positive, RigParameters
+from cranectl.settings import Settings, Table, override, parse_settings, read_toml
+
+NANOSECONDS = 1_000_000_000
+MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms
+
+Point2 = Annotated[tuple[float, float], Field(strict=False)]
+Point3 = Annotated[tuple[float, float, float], Field(strict=False)]
+TimeLaw = Literal["degree-9", "degree-5"]
+PositiveFour = Annotated[tuple[Positive, Positive, Positive, Positive], Field(strict=False)]
+NegativeFour = Annotated[
+    tuple[
+        Annotated[float, Field(lt=0.0)],
+        Annotated[float, Field(lt=0.0)],
+        Annotated[float, Field(lt=0.0)],
+        Annotated[float, Field(lt=0.0)],
+    ],
+    Field(strict=False),
+]
+
+
+class Hold(Settings):
+    """Stay where the last segment ended."""
+
+    kind: Literal["hold"]
+    duration: Positive = Field(description="[s]")
+
+
+class Line(Settings):
+    """Straight line from where the last segment ended."""
+
+    kind: Literal["line"]
+    to: Point3 = Field(description="end point (x, y, z) [m]")
+    duration: Positive = Field(description="[s]")
+    time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
+
+
+class Arc(Settings):
+    """Horizontal circular arc from where the last segment ended."""
+
+    kind: Literal["arc"]
+    centre: Point2 = Field(description="centre (x, y) [m]")
+    angle: float = Field(description="angle travelled [rad], positive counter-clockwise from above")
+    duration: Positive = Field(description="[s]")
+    time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
+
+
+Segment = Annotated[Hold | Line | Arc, Field(discriminator="kind")]
+
+
+class ReferenceSettings(Settings):
+    """The desired path of the load."""
+
+    start: Point3 = Field(description="first point (x, y, z) [m]")
+    continuity: Annotated[int, Field(ge=0, le=4)] = Field(
+        4, description="derivatives that must be continuous; the tracker needs 4"
+    )
+    segments: Annotated[tuple[Segment, ...], Field(strict=False)] = Field(
+        (), description="one after the other; the last point is held to the end of the run"
+    )
+
+
+class Disturbance(Settings):
+    """A constant angular acceleration added to one cardan angle from `start` on."""
+
+    joint: Literal["alpha", "beta"]
+    start: Annotated[float, Field(ge=0.0)] = Field(description="[s]")
+    end: Positive | None = Field(None, description="[s]; the end of the run when absent")
+    magnitude: float = Field(description="[rad/s²]")
+
+    @model_validator(mode="after")
+    def _ends_after_start(self) -> "Disturbance":
+        if self.end is not None and self.end <= self.start:
+            raise ValueError("a disturbance must end after its start")
+        return self
+
+
+class ControlSettings(Settings):
+    """Sampling."""
+
+    period: Positive = Field(0.001, description="control period, input held [s]")
+    physics_step: Positive = Field(0.001, description="step of both plants [s]; divides the period")
+
+
+class DesignSettings(Settings):
+    """Data of the feedback designs (thesis 5.2.1); each axis gets the same."""
+
+    poles: NegativeFour = Field(
+        (-2.5, -2.5, -2.5, -2.5), description="closed-loop poles of pole-placement [1/s]"
+    )
+    state_weights: PositiveFour = Field(
+        (1000.0, 1.0, 1.0, 1.0), description="diagonal of Q of lqr, for e, ė, ë, e⃛"
+    )
+    input_weight: Positive = Field(0.1, description="R of lqr, for v")
+
+
+class WorkspaceSettings(Settings):
+    """What happens when bridge, trolley or rope leave their range."""
+
+    on_exit: Literal["stop", "record"] = Field(
+        "stop", description="stop: end the run there; record: run on and report the violation"
+    )
+
+
+class LogSettings(Settings):
+    """What goes into a log."""
+
+    every: Annotated[int, Field(ge=1)] = Field(4, description="log every n-th control sample")
+
+
+class Scenario(Settings):
+    """One thing to run: reference, disturbances, rig and settings."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")] = Field(
+        description="lower case letters, digits and hyphens"
+    )
+    title: str = Field("", description="one line for people")
+    duration: Annotated[float, Field(gt=0.0, le=MAX_DURATION)] = Field(description="[s]")
+    controller: str = Field("pole-placement", description="the controller run by default")
+    reference: ReferenceSettings = Field(description="the desired path of the load")
+    disturbances: Annotated[tuple[Disturbance, ...], Field(strict=False)] = ()
+    rig: RigParameters = RigParameters()
+    control: ControlSettings = ControlSettings()
+    design: DesignSettings = DesignSettings()
+    workspace: WorkspaceSettings = WorkspaceSettings()
+    log: LogSettings = LogSettings()
+
+    @model_validator(mode="after")
+    def _times_fit(self) -> "Scenario":
+        period = self.period_ns
+        if abs(self.control.period * NANOSECONDS - period) > 1e-3 or period < 1000:
+            raise ValueError("control.period must be a whole number of nanoseconds, at least 1000")
+        if _nanoseconds(self.control.physics_step) < 1000:
+            raise ValueError("control.physics_step must be at least 1000 nanoseconds")
+        if not _divides(self.control.physics_step, self.control.period):
+            raise ValueError("control.physics_step must divide control.period")
+        times = {"duration": self.duration}
+        for index, step in enumerate(self.disturbances):
+            times[f"disturbances.{index}.start"] = step.start
+            times[f"disturbances.{index}.end"] = self.duration if step.end is None else step.end
+        for name, time in times.items():
+            if not _divides(self.control.period, time):
+                raise ValueError(f"{name} must be a multiple of control.period")
+            if time > self.duration or (name.endswith("start") and time >= self.duration):
+                raise ValueError(f"{name} must lie before the end of the run, {self.duration} s")
+        length = sum(segment.duration for segment in self.reference.segments)
+        if length > self.duration * (1.0 + 1e-12):
+            raise ValueError(f"the segments last {length} s, longer than duration {self.duration} s")
+        return self
+
+    @property
+    def period_ns(self) -> int:
+        """Control period in nanoseconds, the exact time base of records and logs."""
+        return _nanoseconds(self.control.period)
+
+    @property
+    def steps(self) -> int:
+        """Number of control periods in the run; it has one sample more than that."""
+        return _nanoseconds(self.duration) // self.period_ns
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps per control period."""
+        return self.period_ns // _nanoseconds(self.control.physics_step)
+
+
+def _nanoseconds(seconds: float) -> int:
+    return round(seconds * NANOSECONDS)
+
+
+def _divides(step: float, time: float) -> bool:
+    """Whether `time` is a whole multiple of `step`, on the nanosecond grid."""
+    return _nanoseconds(time) % _nanoseconds(step) == 0
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that come with cranectl."""
+    return sorted(path.stem for path in resources.SCENARIO_DIRECTORY.glob("*.toml"))
+
+
+def load_scenario(
+    name_or_path: str | Path, *, rig: Path | None = None, overrides: Sequence[str] = ()
+) -> Scenario:
+    """Load a scenario by name or from a TOML file.
+
+    Rig parameters: defaults, then the scenario's `[rig]`, then the file `rig`, then `overrides`
+    (`"rig.load_mass=2.5"`). Raises InputError for anything wrong, naming all wrong fields.
+    """
+    path = _scenario_file(str(name_or_path))
+    table = read_toml(path)
+    if rig is not None:
+        rig_table = read_toml(rig)
+        parse_settings(RigParameters, rig_table, str(rig))
+        table["rig"] = _merged(table.get("rig", {}), rig_table)
+    return parse_settings(Scenario, override(table, overrides), path.name)
+
+
+def _merged(base: Any, update: Table) -> Any:
+    return {**base, **update} if isinstance(base, dict) else base
+
+
+def _scenario_file(name: str) -> Path:
+    shipped = resources.SCENARIO_DIRECTORY / f"{name}.toml"
+    if name in scenario_names():
+        return shipped
+    if name.endswith(".toml") or "/" in name:
+        return Path(name)
+    raise unknown_name("scenario", name, scenario_names())

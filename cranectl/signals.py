@@ -1,0 +1,181 @@
+"""The one table of signals: names, symbols, units, order. Records, logs, plots and docs derive from it.
+
+Frames: world origin at a corner of the rig at trolley height, x along the 2 m side, y along the
+1.54 m side, z up. SI units and radians.
+"""
+
+from dataclasses import dataclass
+from itertools import accumulate
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One scalar signal."""
+
+    name: str
+    symbol: str
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class SignalGroup:
+    """Signals recorded together: one array block in memory, one topic in a log."""
+
+    name: str
+    schema: str  # message type in logs
+    description: str
+    signals: tuple[Signal, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(signal.name for signal in self.signals)
+
+    def __len__(self) -> int:
+        return len(self.signals)
+
+
+AXES = ("x", "y", "z")
+DERIVATIVE_SUFFIXES = ("", "_dot", "_ddot", "_d3", "_d4")
+_DERIVATIVE_UNITS = ("m", "m/s", "m/s²", "m/s³", "m/s⁴")
+_DERIVATIVE_MARKS = ("", "\u0307", "\u0308", "\u20db", "\u20dc")
+_DERIVATIVE_NAMES = ("position", "velocity", "acceleration", "third derivative", "fourth derivative")
+
+
+def _derivatives(stem: str, symbol: str, what: str, orders: range) -> tuple[Signal, ...]:
+    """`stem_x, stem_y, stem_z` and their time derivatives, derivative by derivative."""
+    return tuple(
+        Signal(
+            f"{stem}_{axis}{DERIVATIVE_SUFFIXES[order]}",
+            f"{symbol}{_DERIVATIVE_MARKS[order]}{subscript}",
+            _DERIVATIVE_UNITS[order],
+            f"{what}, {axis}, {_DERIVATIVE_NAMES[order]}",
+        )
+        for order in orders
+        for axis, subscript in zip(AXES, "₁₂₃", strict=True)
+    )
+
+
+STATE = SignalGroup(
+    "state",
+    "State",
+    "joint positions and velocities, in the order of the thesis's (3.21)",
+    (
+        Signal("bridge_position", "x_c", "m", "bridge along x"),
+        Signal("bridge_velocity", "ẋ_c", "m/s", "bridge along x"),
+        Signal("trolley_position", "y_c", "m", "trolley along y"),
+        Signal("trolley_velocity", "ẏ_c", "m/s", "trolley along y"),
+        Signal("rope_length", "l", "m", "pivot to load, positive"),
+        Signal("rope_length_rate", "l̇", "m/s", "positive when paying out"),
+        Signal("alpha", "α", "rad", "outer cardan angle, about +x"),
+        Signal("alpha_rate", "α̇", "rad/s", "rate of alpha"),
+        Signal("beta", "β", "rad", "inner cardan angle, about -y"),
+        Signal("beta_rate", "β̇", "rad/s", "rate of beta"),
+    ),
+)
+
+LOAD = SignalGroup(
+    "load",
+    "Load",
+    "what the plant itself says of the load: world position, velocity, rope tension",
+    (
+        *_derivatives("load", "z", "load as measured by the plant", range(2)),
+        Signal("rope_tension", "S", "N", "positive when the rope pulls"),
+    ),
+)
+
+FLAT_OUTPUT = SignalGroup(
+    "flat_output",
+    "FlatOutput",
+    "load position and derivatives as the tracker reconstructs them from the joints and ζ",
+    _derivatives("load", "z", "load as seen by the tracker", range(5)),
+)
+
+REFERENCE = SignalGroup(
+    "load",
+    "Reference",
+    "desired load position and derivatives",
+    _derivatives("load", "z_d", "desired load", range(5)),
+)
+
+ERROR = SignalGroup(
+    "error",
+    "TrackingError",
+    "tracking error z_d - z and its derivatives",
+    _derivatives("error", "e", "tracking error", range(4)),
+)
+
+INPUT = SignalGroup(
+    "input",
+    "Input",
+    "what the tracker commands: accelerations for ideal drives, set-points for velocity drives",
+    (
+        Signal("bridge_acceleration", "u_x", "m/s²", "commanded bridge acceleration"),
+        Signal("trolley_acceleration", "u_y", "m/s²", "commanded trolley acceleration"),
+        Signal("rope_acceleration", "u_l", "m/s²", "commanded rope acceleration"),
+        Signal("bridge_velocity_setpoint", "w_x", "m/s", "set-point of the bridge drive"),
+        Signal("trolley_velocity_setpoint", "w_y", "m/s", "set-point of the trolley drive"),
+        Signal("rope_velocity_setpoint", "w_l", "m/s", "set-point of the winch drive"),
+    ),
+)
+
+VIRTUAL_INPUT = SignalGroup(
+    "virtual_input",
+    "VirtualInput",
+    "inputs of the linearised system z⁗ = v, and the robustifier's part of them",
+    (
+        *(Signal(f"virtual_input_{a}", f"v_{i}", "m/s⁴", f"v, {a}") for i, a in enumerate(AXES, 1)),
+        *(Signal(f"robustifier_output_{a}", f"v̄_{i}", "m/s⁴", f"v̄, {a}") for i, a in enumerate(AXES, 1)),
+    ),
+)
+
+DISTURBANCE = SignalGroup(
+    "disturbance",
+    "Disturbance",
+    "angular accelerations added by disturbances",
+    (
+        Signal("alpha_disturbance", "d_α", "rad/s²", "added to the angular acceleration of alpha"),
+        Signal("beta_disturbance", "d_β", "rad/s²", "added to the angular acceleration of beta"),
+    ),
+)
+
+
+def controller_group(robustifier_order: int) -> SignalGroup:
+    """The controller's own states: the dynamic extension, then each axis's robustifier states."""
+    extension = (
+        Signal("zeta", "ζ", "m/s²", "vertical load acceleration held by the tracker"),
+        Signal("zeta_dot", "ζ̇", "m/s³", "rate of zeta"),
+    )
+    robustifier = tuple(
+        Signal(f"robustifier_{axis}_{k}", f"ξ_{axis}{k}", "1", f"robustifier state {k}, {axis}")
+        for axis in AXES
+        for k in range(1, robustifier_order + 1)
+    )
+    # Of another length, another message type: one schema name must mean one schema.
+    schema = f"Controller{robustifier_order or ''}"
+    return SignalGroup("controller", schema, "states of the controller", extension + robustifier)
+
+
+def recorded_groups(robustifier_order: int) -> tuple[SignalGroup, ...]:
+    """Everything a run records at every sample, in column order."""
+    controller = controller_group(robustifier_order)
+    return (STATE, LOAD, FLAT_OUTPUT, ERROR, INPUT, VIRTUAL_INPUT, DISTURBANCE, controller)
+
+
+# First column of each recorded group; the compiled loops write blocks at these offsets.
+_STARTS = (0, *accumulate(len(group) for group in recorded_groups(0)))
+(
+    STATE_COLUMN,
+    LOAD_COLUMN,
+    FLAT_OUTPUT_COLUMN,
+    ERROR_COLUMN,
+    INPUT_COLUMN,
+    VIRTUAL_INPUT_COLUMN,
+    DISTURBANCE_COLUMN,
+    CONTROLLER_COLUMN,
+) = _STARTS[:-1]
+TENSION_COLUMN = LOAD_COLUMN + LOAD.names.index("rope_tension")
+BASE_WIDTH = _STARTS[-1]  # columns without robustifier states
+
+# Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.
+WORKSPACE_SIGNALS = ("bridge_position", "trolley_position", "rope_length")

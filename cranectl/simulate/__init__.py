@@ -1,0 +1,7 @@
+"""Simulate scenarios on plants and keep everything that happened."""
+
+from cranectl.simulate.plan import Plan, plan_scenario
+from cranectl.simulate.run import Run
+from cranectl.simulate.runner import checked_drive, make_plant, simulate_run
+
+__all__ = ["Plan", "Run", "checked_drive", "make_plant", "plan_scenario", "simulate_run"]

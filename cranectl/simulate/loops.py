@@ -1,0 +1,69 @@
+"""Advance a plant by a block of samples: compiled, or in plain Python over the same compiled kernel.
+
+Both give the same bits; a test holds them to it. A block returns often enough for progress, Ctrl-C and live
+changes.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.plants.interface import Plant
+from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
+from cranectl.simulate.sample import RUNNING, Sampling, control_sample, judge_sample
+from cranectl.status import RunStatus
+
+Array = NDArray[np.float64]
+
+# (sampling, record, memory, first, last) → (number of complete rows, status)
+AdvanceBlock = Callable[[Sampling, Array, Array, int, int], tuple[int, int]]
+
+
+def compiled_loop(plant: Plant) -> AdvanceBlock:
+    """The compiled block loop of `plant`."""
+    if plant.name == "analytic":
+        return _compiled_analytic(plant)
+    return _compiled_mujoco(plant)
+
+
+def _compiled_analytic(plant: Plant) -> AdvanceBlock:
+    from cranectl.plants.analytic import AnalyticPlant
+    from cranectl.simulate import analytic_loop
+
+    assert isinstance(plant, AnalyticPlant)
+    work = (plant.rig, plant.state, plant.stages, plant.stage_state)
+    return lambda *arguments: analytic_loop.advance_block(*work, *arguments)
+
+
+def _compiled_mujoco(plant: Plant) -> AdvanceBlock:
+    from cranectl.plants.mujoco import MujocoPlant
+    from cranectl.simulate import mujoco_loop
+
+    assert isinstance(plant, MujocoPlant)
+    return lambda *arguments: mujoco_loop.advance_block(plant.rig, *arguments)
+
+
+def python_loop(plant: Plant) -> AdvanceBlock:
+    """The same loop in plain Python, for any plant; slower, and easy to step through."""
+
+    def advance_block(
+        sampling: Sampling, record: Array, memory: Array, first: int, last: int
+    ) -> tuple[int, int]:
+        for k in range(first, last):
+            row = record[k]
+            plant.measure(row[STATE_COLUMN : STATE_COLUMN + 10])
+            status = control_sample(sampling, k, row, memory)
+            if status != RUNNING:
+                return k, status
+            command = row[sampling.command_column : sampling.command_column + 3]
+            disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
+            plant.advance(command, disturbance, row[LOAD_COLUMN : LOAD_COLUMN + 7])
+            status = judge_sample(sampling, row)
+            if status == RUNNING and plant.warnings():
+                status = int(RunStatus.ENGINE_WARNING)
+            if status != RUNNING:
+                return k + 1, status
+        return last, RUNNING
+
+    return advance_block

@@ -1,0 +1,30 @@
+"""The compiled loop over the MuJoCo plant; calls the engine's step without going through Python."""
+
+from cranectl.jit import jit
+from cranectl.plants.mujoco import advance_mujoco, measure_joints
+from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
+from cranectl.simulate.sample import RUNNING, control_sample, judge_sample
+from cranectl.status import RunStatus
+
+ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
+
+
+@jit
+def advance_block(rig, sampling, record, memory, first, last):
+    """Samples `first` to `last` - 1; returns (number of complete rows, status)."""
+    for k in range(first, last):
+        row = record[k]
+        measure_joints(rig, row[STATE_COLUMN : STATE_COLUMN + 10])
+        status = control_sample(sampling, k, row, memory)
+        if status != RUNNING:
+            return k, status
+        command = row[sampling.command_column : sampling.command_column + 3]
+        disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
+        load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
+        advance_mujoco(rig, command, disturbance, load)
+        status = judge_sample(sampling, row)
+        if status == RUNNING and rig.warnings.any():
+            status = ENGINE_WARNING
+        if status != RUNNING:
+            return k + 1, status
+    return last, RUNNING

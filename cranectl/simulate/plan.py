@@ -1,0 +1,82 @@
+"""What a scenario means: its reference and disturbances at every sample, checked against the rig."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.errors import InputError
+from cranectl.flatness import states_and_inputs
+from cranectl.reference import build_trajectory
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import WORKSPACE_SIGNALS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A scenario at every control sample, the last one at the end of the run included."""
+
+    time_ns: NDArray[np.int64]  # (N,)
+    reference: Array  # (N, 15) load position and four derivatives
+    reference_state: Array  # (N, 10) what the crane does on the reference
+    disturbance: Array  # (N, 2) [rad/s²]
+
+
+def plan_scenario(scenario: Scenario) -> Plan:
+    """Sample reference and disturbances.
+
+    Raises InputError where the reference is not smooth enough, would need a slack rope, or leads bridge,
+    trolley or rope out of the workspace.
+    """
+    time_ns = np.arange(scenario.steps + 1, dtype=np.int64) * scenario.period_ns
+    reference = build_trajectory(scenario.reference).sample(time_ns / NANOSECONDS)
+    _check_taut(scenario, time_ns, reference)
+    states, _ = states_and_inputs(reference, scenario.rig.gravity)
+    _check_workspace(scenario, time_ns, states)
+    return Plan(time_ns, reference, states, _disturbances(scenario, time_ns))
+
+
+def _disturbances(scenario: Scenario, time_ns: NDArray[np.int64]) -> Array:
+    columns = np.zeros((len(time_ns), 2))
+    for step in scenario.disturbances:
+        active = time_ns >= round(step.start * NANOSECONDS)
+        if step.end is not None:
+            active &= time_ns < round(step.end * NANOSECONDS)
+        columns[active, ("alpha", "beta").index(step.joint)] += step.magnitude
+    return columns
+
+
+def _check_taut(scenario: Scenario, time_ns: NDArray[np.int64], reference: Array) -> None:
+    lift = reference[:, 8] + scenario.rig.gravity
+    worst = int(np.argmin(lift))
+    if lift[worst] <= 0.0:
+        raise InputError(
+            f"the reference needs a slack rope: at {time_ns[worst] / NANOSECONDS:g} s the load falls with "
+            f"{-reference[worst, 8]:.3g} m/s²",
+            allowed=f"downward accelerations below g = {scenario.rig.gravity:g} m/s²",
+            remedy="give the segment more time",
+        )
+    highest = int(np.argmax(reference[:, 2]))
+    if reference[highest, 2] >= 0.0:
+        raise InputError(
+            f"the reference lifts the load to z = {reference[highest, 2]:.3g} m at "
+            f"{time_ns[highest] / NANOSECONDS:g} s",
+            allowed="z below 0, the height of the trolley",
+            remedy="lower the path",
+        )
+
+
+def _check_workspace(scenario: Scenario, time_ns: NDArray[np.int64], states: Array) -> None:
+    for axis, (name, (low, high)) in enumerate(zip(WORKSPACE_SIGNALS, scenario.rig.workspace, strict=True)):
+        position = states[:, 2 * axis]
+        excess = np.maximum(low - position, position - high)
+        worst = int(np.argmax(excess))
+        if excess[worst] > 1e-9:
+            raise InputError(
+                f"the reference leaves the workspace: {name} = {position[worst]:.4g} m at "
+                f"{time_ns[worst] / NANOSECONDS:g} s",
+                allowed=f"{low:g} to {high:g} m",
+                remedy="move the path, give it more time, or change the rig's range",
+            )

@@ -1,0 +1,71 @@
+"""One run: everything recorded at every sample, and how it ended."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.design import Design
+from cranectl.plants.interface import Drive
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import SignalGroup, recorded_groups
+from cranectl.status import RunStatus
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run in memory, as simulated or as read from a log."""
+
+    scenario: Scenario
+    design: Design
+    plant: str
+    drive: Drive
+    model: str  # the plant's own description, MJCF for MuJoCo
+    time_ns: NDArray[np.int64]  # (N,) simulation time from 0
+    table: Array  # (N, columns of `groups`)
+    reference: Array  # (N, 15), signals.REFERENCE
+    status: RunStatus
+    end_ns: int  # when the run ended
+
+    @property
+    def time(self) -> Array:
+        """Simulation time [s], shape (N,)."""
+        seconds: Array = self.time_ns / NANOSECONDS
+        return seconds
+
+    @property
+    def groups(self) -> tuple[SignalGroup, ...]:
+        """The recorded groups, in column order."""
+        return recorded_groups(self.design.robustifier.order)
+
+    def block(self, group: str) -> Array:
+        """All signals of one group, e.g. `run.block("state")`: shape (N, signals). A view."""
+        start = 0
+        for candidate in self.groups:
+            if candidate.name == group:
+                return self.table[:, start : start + len(candidate)]
+            start += len(candidate)
+        raise KeyError(f"no group '{group}'; known: {', '.join(g.name for g in self.groups)}")
+
+    def signal(self, name: str) -> Array:
+        """One signal by group and name, e.g. `run.signal("state.alpha")`: shape (N,). A view."""
+        group_name, _, signal = name.partition(".")
+        block = self.block(group_name)
+        names = next(group.names for group in self.groups if group.name == group_name)
+        if signal not in names:
+            raise KeyError(f"no signal '{signal}' in '{group_name}'; known: {', '.join(names)}")
+        return block[:, names.index(signal)]
+
+    def every(self, n: int) -> "Run":
+        """Every n-th sample, and always the last, where a run that stopped shows why."""
+        rows = np.arange(0, len(self.time_ns), n)
+        if len(rows) and rows[-1] != len(self.time_ns) - 1:
+            rows = np.append(rows, len(self.time_ns) - 1)
+        return replace(
+            self,
+            time_ns=self.time_ns[rows],
+            table=self.table[rows],
+            reference=self.reference[rows],
+        )

@@ -1,0 +1,125 @@
+"""Simulate a scenario on a plant."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.design import Design, design_controller
+from cranectl.errors import unknown_name
+from cranectl.plants.interface import DRIVES, PLANTS, Drive, Plant
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
+from cranectl.simulate.loops import AdvanceBlock, compiled_loop, python_loop
+from cranectl.simulate.plan import Plan, plan_scenario
+from cranectl.simulate.run import Run
+from cranectl.simulate.sample import Sampling
+from cranectl.status import RunStatus
+from cranectl.tracker import Tracker, initial_memory, make_tracker
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]  # called with the simulated seconds since the last call
+
+BLOCK = 1000  # samples per call of the loop: a few milliseconds of computing
+
+
+def simulate_run(
+    scenario: Scenario,
+    *,
+    plant: str = "mujoco",
+    drive: str = "ideal",
+    controller: str | None = None,
+    design: Design | None = None,
+    plan: Plan | None = None,
+    compiled: bool = True,
+    progress: Progress | None = None,
+) -> Run:
+    """Run `scenario` on one plant and record every sample.
+
+    `controller`: a name from `design.CONTROLLERS`, by default the scenario's; or give a finished `design`.
+    `plan` saves planning the same scenario twice. Raises InputError for wrong names and for a reference
+    that the rig cannot follow. A run that has to stop early, Ctrl-C included, returns what it has, with the
+    reason in its status.
+    """
+    design = design or design_controller(controller or scenario.controller, scenario.design)
+    plan = plan or plan_scenario(scenario)
+    crane = make_plant(plant, scenario, checked_drive(drive))
+    tracker = make_tracker(
+        design,
+        drive_lag=scenario.rig.time_constants,
+        period=scenario.period_ns / NANOSECONDS,
+        gravity=scenario.rig.gravity,
+    )
+    start = plan.reference_state[0]
+    crane.reset(start)
+    record = np.zeros((len(plan.time_ns), BASE_WIDTH + 3 * design.robustifier.order))
+    memory = initial_memory(tracker, start, plan.reference[0])
+    loop = (compiled_loop if compiled else python_loop)(crane)
+    sampling = _sampling(scenario, tracker, plan, crane.drive)
+    rows, status = _run_blocks(loop, sampling, record, memory, plan, progress)
+    return Run(
+        scenario=scenario,
+        design=design,
+        plant=crane.name,
+        drive=crane.drive,
+        model=crane.description,
+        time_ns=plan.time_ns[:rows],
+        table=record[:rows],
+        reference=plan.reference[:rows],
+        status=status,
+        end_ns=int(plan.time_ns[min(rows, len(plan.time_ns) - 1)]),
+    )
+
+
+def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
+    """The plant `name` for a scenario; raises InputError for an unknown name."""
+    step = scenario.period_ns / NANOSECONDS / scenario.substeps
+    if name == "analytic":
+        from cranectl.plants.analytic import AnalyticPlant
+
+        return AnalyticPlant(scenario.rig, drive=drive, step=step, substeps=scenario.substeps)
+    if name == "mujoco":
+        from cranectl.plants.mujoco import MujocoPlant
+
+        return MujocoPlant(scenario.rig, drive=drive, step=step, substeps=scenario.substeps)
+    raise unknown_name("plant", name, PLANTS)
+
+
+def checked_drive(name: str) -> Drive:
+    """`name` as a drive; raises InputError for an unknown name."""
+    for drive in DRIVES:
+        if drive == name:
+            return drive
+    raise unknown_name("drive", name, DRIVES)
+
+
+def _sampling(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) -> Sampling:
+    return Sampling(
+        tracker=tracker,
+        reference=plan.reference,
+        disturbance=plan.disturbance,
+        workspace=scenario.rig.workspace,
+        stop_outside=scenario.workspace.on_exit == "stop",
+        command_column=INPUT_COLUMN + (0 if drive == "ideal" else 3),
+    )
+
+
+def _run_blocks(
+    loop: AdvanceBlock,
+    sampling: Sampling,
+    record: Array,
+    memory: Array,
+    plan: Plan,
+    progress: Progress | None,
+) -> tuple[int, RunStatus]:
+    rows, status, total = 0, RunStatus.RUNNING, len(plan.time_ns)
+    try:
+        while rows < total and status == RunStatus.RUNNING:
+            done = rows
+            rows, code = loop(sampling, record, memory, rows, min(rows + BLOCK, total))
+            status = RunStatus(code)
+            if progress is not None:
+                progress((rows - done) * sampling.tracker.period)
+    except KeyboardInterrupt:
+        return rows, RunStatus.INTERRUPTED
+    return rows, RunStatus.COMPLETED if status == RunStatus.RUNNING else status

@@ -1,0 +1,56 @@
+"""What happens at one control sample, the same in every loop: control, then judge."""
+
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.jit import jit
+from cranectl.signals import DISTURBANCE_COLUMN, STATE_COLUMN, TENSION_COLUMN
+from cranectl.status import RunStatus
+from cranectl.tracker import Tracker, control_step
+
+Array = NDArray[np.float64]
+
+RUNNING = int(RunStatus.RUNNING)
+SLACK_ROPE = int(RunStatus.SLACK_ROPE)
+NON_FINITE = int(RunStatus.NON_FINITE)
+WORKSPACE_LEFT = int(RunStatus.WORKSPACE_LEFT)
+
+
+class Sampling(NamedTuple):
+    """Everything a loop needs besides the plant, the record and the controller's memory."""
+
+    tracker: Tracker
+    reference: Array  # (N, 15)
+    disturbance: Array  # (N, 2) [rad/s²]
+    workspace: Array  # (3, 2) [m]
+    stop_outside: bool
+    command_column: int  # where the record holds what the drives take
+
+
+@jit
+def control_sample(sampling, k, row, memory):
+    """Run the tracker on the state in record row `k`; writes the rest of the row except the load."""
+    state = row[STATE_COLUMN : STATE_COLUMN + 10]
+    status = control_step(sampling.tracker, state, sampling.reference[k], memory, row)
+    row[DISTURBANCE_COLUMN] = sampling.disturbance[k, 0]
+    row[DISTURBANCE_COLUMN + 1] = sampling.disturbance[k, 1]
+    return status
+
+
+@jit
+def judge_sample(sampling, row):
+    """RUNNING, or why the run ends with this complete row."""
+    tension = row[TENSION_COLUMN]
+    if not isfinite(tension):
+        return NON_FINITE
+    if tension <= 0.0:
+        return SLACK_ROPE
+    if sampling.stop_outside:
+        for axis in range(3):
+            position = row[STATE_COLUMN + 2 * axis]
+            if position < sampling.workspace[axis, 0] or position > sampling.workspace[axis, 1]:
+                return WORKSPACE_LEFT
+    return RUNNING

@@ -1,0 +1,45 @@
+"""How a run stands or why it ended: one enumeration for kernels, loops, logs and exit codes."""
+
+from enum import IntEnum
+
+
+class RunStatus(IntEnum):
+    """State of a run at one sample. Everything from SLACK_ROPE on stopped the run early."""
+
+    RUNNING = 0
+    COMPLETED = 1
+    SLACK_ROPE = 2
+    ANGLE_SINGULAR = 3
+    LENGTH_SINGULAR = 4
+    NON_FINITE = 5
+    ENGINE_WARNING = 6
+    WORKSPACE_LEFT = 7
+    INTERRUPTED = 8
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the run ended before its scenario did."""
+        return self >= RunStatus.SLACK_ROPE
+
+    @property
+    def label(self) -> str:
+        """The name used in tables and JSON, e.g. `slack-rope`."""
+        return self.name.lower().replace("_", "-")
+
+    @property
+    def explanation(self) -> str:
+        """One sentence for people."""
+        return _EXPLANATION[self]
+
+
+_EXPLANATION = {
+    RunStatus.RUNNING: "the run is under way",
+    RunStatus.COMPLETED: "the run reached its end",
+    RunStatus.SLACK_ROPE: "the rope went slack: the tracker's or the plant's rope tension is not positive",
+    RunStatus.ANGLE_SINGULAR: "a cardan angle left (-pi/2, pi/2)",
+    RunStatus.LENGTH_SINGULAR: "the rope length is not positive",
+    RunStatus.NON_FINITE: "a state became infinite or not a number",
+    RunStatus.ENGINE_WARNING: "the physics engine reported a numerical warning",
+    RunStatus.WORKSPACE_LEFT: "bridge, trolley or rope left the workspace",
+    RunStatus.INTERRUPTED: "the run was interrupted",
+}
