@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -76,7 +77,7 @@ def run_table(runs: Sequence["RunSummary"]) -> Table:
     """One row a run, grouped by scenario."""
     table = _table("Runs", ("controller", "plant", "status"))
     for heading in ("max error\n[m]", "final\n[m]", "peak ẍ_c, ÿ_c, l̈\n[m/s²]"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(escape(heading), justify="right", no_wrap=True)
     scenario = ""
     for run in runs:
         if run.scenario != scenario:
@@ -106,7 +107,7 @@ def run_notes(runs: Sequence["RunSummary"]) -> list[str]:
         violations = run.metrics.workspace_violations if run.metrics is not None else ()
         notes += [
             f"{name}: {violation.signal} leaves the workspace at {violation.first_time_s:g} s, "
-            f"by up to {violation.max_excess_m:.3f} m"
+            f"by up to {violation.max_excess_m:.3g} m"
             for violation in violations
         ]
     return notes
@@ -116,7 +117,7 @@ def agreement_table(agreements: Sequence["Agreement"]) -> Table:
     """One row a pair of plants, grouped by scenario."""
     table = _table("Agreement of the plants", ("controller", "drive"))
     for heading in ("load [m]", "limit", "angle [rad]", "limit"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(escape(heading), justify="right", no_wrap=True)
     table.add_column("verdict")
     scenario = ""
     for agreement in agreements:
@@ -140,7 +141,7 @@ def comparison_table(comparison: "Comparison") -> Table:
     """One row a signal."""
     table = _table(f"{comparison.b} minus {comparison.a}", ("signal", "unit"))
     for heading in ("max |diff|", "at [s]", "RMS", "final"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(escape(heading), justify="right", no_wrap=True)
     for row in comparison.signals:
         table.add_row(
             row.signal,

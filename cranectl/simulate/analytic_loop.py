@@ -8,18 +8,18 @@ from cranectl.simulate.sample import RUNNING, control_sample, judge_sample
 
 @jit
 def advance_block(rig, state, stages, stage_state, sampling, record, memory, first, last):
-    """Samples `first` to `last` - 1; returns (number of complete rows, status)."""
+    """Samples `first` to `last` - 1; returns (complete rows, sample it ended at, status)."""
     for k in range(first, last):
         row = record[k]
         row[STATE_COLUMN : STATE_COLUMN + 10] = state
         status = control_sample(sampling, k, row, memory)
         if status != RUNNING:
-            return k, status
+            return k, k, status
         command = row[sampling.command_column : sampling.command_column + 3]
         disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
         load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
         advance_analytic(rig, state, command, disturbance, load, stages, stage_state)
         status = judge_sample(sampling, row)
         if status != RUNNING:
-            return k + 1, status
-    return last, RUNNING
+            return k + 1, k, status
+    return last, last, RUNNING

@@ -16,8 +16,8 @@ from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
 
-# (sampling, record, memory, first, last) → (number of complete rows, status)
-AdvanceBlock = Callable[[Sampling, Array, Array, int, int], tuple[int, int]]
+# (sampling, record, memory, first, last) → (complete rows, sample it ended at, status)
+AdvanceBlock = Callable[[Sampling, Array, Array, int, int], tuple[int, int, int]]
 
 
 def compiled_loop(plant: Plant) -> AdvanceBlock:
@@ -49,13 +49,13 @@ def python_loop(plant: Plant) -> AdvanceBlock:
 
     def advance_block(
         sampling: Sampling, record: Array, memory: Array, first: int, last: int
-    ) -> tuple[int, int]:
+    ) -> tuple[int, int, int]:
         for k in range(first, last):
             row = record[k]
             plant.measure(row[STATE_COLUMN : STATE_COLUMN + 10])
             status = control_sample(sampling, k, row, memory)
             if status != RUNNING:
-                return k, status
+                return k, k, status
             command = row[sampling.command_column : sampling.command_column + 3]
             disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
             plant.advance(command, disturbance, row[LOAD_COLUMN : LOAD_COLUMN + 7])
@@ -63,7 +63,7 @@ def python_loop(plant: Plant) -> AdvanceBlock:
             if status == RUNNING and plant.warnings():
                 status = int(RunStatus.ENGINE_WARNING)
             if status != RUNNING:
-                return k + 1, status
-        return last, RUNNING
+                return k + 1, k, status
+        return last, last, RUNNING
 
     return advance_block

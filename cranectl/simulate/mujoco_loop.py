@@ -11,13 +11,13 @@ ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 
 @jit
 def advance_block(rig, sampling, record, memory, first, last):
-    """Samples `first` to `last` - 1; returns (number of complete rows, status)."""
+    """Samples `first` to `last` - 1; returns (complete rows, sample it ended at, status)."""
     for k in range(first, last):
         row = record[k]
         measure_joints(rig, row[STATE_COLUMN : STATE_COLUMN + 10])
         status = control_sample(sampling, k, row, memory)
         if status != RUNNING:
-            return k, status
+            return k, k, status
         command = row[sampling.command_column : sampling.command_column + 3]
         disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
         load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
@@ -26,5 +26,5 @@ def advance_block(rig, sampling, record, memory, first, last):
         if status == RUNNING and rig.warnings.any():
             status = ENGINE_WARNING
         if status != RUNNING:
-            return k + 1, status
-    return last, RUNNING
+            return k + 1, k, status
+    return last, last, RUNNING

@@ -56,7 +56,7 @@ def simulate_run(
     memory = initial_memory(tracker, start, plan.reference[0])
     loop = (compiled_loop if compiled else python_loop)(crane)
     sampling = _sampling(scenario, tracker, plan, crane.drive)
-    rows, status = _run_blocks(loop, sampling, record, memory, plan, progress)
+    rows, last, status = _run_blocks(loop, sampling, record, memory, plan, progress)
     return Run(
         scenario=scenario,
         design=design,
@@ -67,7 +67,7 @@ def simulate_run(
         table=record[:rows],
         reference=plan.reference[:rows],
         status=status,
-        end_ns=int(plan.time_ns[min(rows, len(plan.time_ns) - 1)]),
+        end_ns=int(plan.time_ns[last]),
     )
 
 
@@ -111,15 +111,18 @@ def _run_blocks(
     memory: Array,
     plan: Plan,
     progress: Progress | None,
-) -> tuple[int, RunStatus]:
+) -> tuple[int, int, RunStatus]:
+    """Returns (complete rows, index of the sample at which the run ended, status)."""
     rows, status, total = 0, RunStatus.RUNNING, len(plan.time_ns)
     try:
         while rows < total and status == RunStatus.RUNNING:
             done = rows
-            rows, code = loop(sampling, record, memory, rows, min(rows + BLOCK, total))
+            rows, end, code = loop(sampling, record, memory, rows, min(rows + BLOCK, total))
             status = RunStatus(code)
             if progress is not None:
                 progress((rows - done) * sampling.tracker.period)
     except KeyboardInterrupt:
-        return rows, RunStatus.INTERRUPTED
-    return rows, RunStatus.COMPLETED if status == RunStatus.RUNNING else status
+        return rows, max(rows - 1, 0), RunStatus.INTERRUPTED
+    if status == RunStatus.RUNNING:
+        return rows, rows - 1, RunStatus.COMPLETED
+    return rows, end, status

@@ -1,0 +1,47 @@
+"""Shared states and runs."""
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.design import CONTROLLERS
+from cranectl.scenario import Scenario, load_scenario, scenario_names
+from cranectl.simulate import Run, simulate_run
+
+ROOT = Path(__file__).parent.parent
+ALL_SCENARIOS = scenario_names()
+ALL_CONTROLLERS = CONTROLLERS
+
+
+def random_states(n: int, seed: int = 0) -> np.ndarray:
+    """Regular states of the operating envelope, shape (n, 10), order of signals.STATE."""
+    rng = np.random.default_rng(seed)
+    low = [0.0, -1.0, 0.0, -1.0, 0.1, -0.5, -0.8, -2.0, -0.8, -2.0]
+    high = [2.0, 1.0, 1.54, 1.0, 1.4, 0.5, 0.8, 2.0, 0.8, 2.0]
+    return rng.uniform(low, high, size=(n, 10))
+
+
+def split(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(q, qd) in the order x_c, y_c, l, alpha, beta."""
+    return state[0::2], state[1::2]
+
+
+@functools.cache
+def closed_loop(scenario: str, controller: str, plant: str, drive: str = "ideal") -> Run:
+    """A full run, computed once per process."""
+    return simulate_run(load_scenario(scenario), plant=plant, drive=drive, controller=controller)
+
+
+@pytest.fixture
+def short() -> Scenario:
+    """A disturbed half second, for tests that only need some run."""
+    return load_scenario(
+        "fixed-position",
+        overrides=[
+            "duration=0.5",
+            "disturbances.0.start=0.1",
+            "disturbances.1.start=0.2",
+        ],
+    )

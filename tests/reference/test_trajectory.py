@@ -1,0 +1,104 @@
+"""Segments and their composition: derivatives against finite differences, joints, errors."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cranectl.errors import InputError
+from cranectl.reference import Trajectory, build_trajectory
+from cranectl.scenario import ReferenceSettings
+
+SEGMENTS = {
+    "hold": {"kind": "hold", "duration": 2.0},
+    "line": {"kind": "line", "to": [1.6, 0.8, -1.1], "duration": 3.0},
+    "quintic line": {"kind": "line", "to": [1.6, 0.8, -1.1], "duration": 3.0, "time_law": "degree-5"},
+    "arc": {"kind": "arc", "centre": [0.8, 0.6], "angle": 2.0, "duration": 3.0},
+    "clockwise arc": {"kind": "arc", "centre": [0.8, 0.6], "angle": -7.0, "duration": 5.0},
+    "quintic arc": {
+        "kind": "arc",
+        "centre": [0.3, 0.9],
+        "angle": -3.0,
+        "duration": 3.0,
+        "time_law": "degree-5",
+    },
+}
+START = [0.2, 0.3, -0.4]
+
+
+def trajectory(*segments: dict, continuity: int = 4) -> Trajectory:
+    settings = {"start": START, "segments": list(segments), "continuity": continuity}
+    return build_trajectory(ReferenceSettings.model_validate(settings))
+
+
+@pytest.mark.parametrize("kind", SEGMENTS)
+def test_each_derivative_is_the_derivative_of_the_one_before(kind: str) -> None:
+    path = trajectory(SEGMENTS[kind], continuity=0)
+    step = 1e-4
+    time = np.linspace(0.1, path.joints[-1] - 0.1, 50)
+    rows = path.sample(time).reshape(-1, 5, 3)
+    before, after = (path.sample(time + h).reshape(-1, 5, 3) for h in (-step, step))
+    for order in range(1, 5):
+        numeric = (after[:, order - 1] - before[:, order - 1]) / (2 * step)
+        scale = max(1.0, np.abs(rows).max())  # the differences' own error grows with higher derivatives
+        assert rows[:, order] == pytest.approx(numeric, abs=1e-6 * scale), f"derivative {order}"
+
+
+def test_line_ends_exactly_where_it_was_told_to() -> None:
+    path = trajectory(SEGMENTS["line"])
+    assert path.sample(np.array([3.0, 10.0]))[:, :3].tolist() == [[1.6, 0.8, -1.1]] * 2
+
+
+@pytest.mark.parametrize("angle", [0.5, math.pi, -math.pi / 2, 7.0])
+def test_arc_keeps_radius_and_height_and_turns_by_its_angle(angle: float) -> None:
+    centre = np.array([0.8, 0.6])
+    path = trajectory({"kind": "arc", "centre": centre.tolist(), "angle": angle, "duration": 4.0})
+    rows = path.sample(np.linspace(0.0, 4.0, 200))
+    spokes = rows[:, :2] - centre
+    assert np.hypot(*spokes.T) == pytest.approx(np.hypot(*spokes[0]))
+    assert (rows[:, 2] == START[2]).all()
+    turned = np.unwrap(np.arctan2(spokes[:, 1], spokes[:, 0]))
+    assert turned[-1] - turned[0] == pytest.approx(angle)
+
+
+def test_positive_angles_run_counter_clockwise_seen_from_above() -> None:
+    path = trajectory({"kind": "arc", "centre": [0.0, 0.3], "angle": 0.5, "duration": 1.0})
+    assert path.sample(np.array([1.0]))[0, 1] > START[1]
+
+
+def test_composed_c4_segments_join_without_a_jump() -> None:
+    path = trajectory(SEGMENTS["line"], SEGMENTS["hold"], SEGMENTS["clockwise arc"])
+    assert path.jumps() == []
+    joint = path.joints[1]
+    before, after = (path.sample(np.array([joint + h]))[0] for h in (-1e-7, 1e-7))
+    assert before[:12] == pytest.approx(after[:12], abs=1e-5)
+
+
+def test_quintic_needs_the_opt_out_and_the_error_says_so() -> None:
+    with pytest.raises(InputError) as error:
+        trajectory(SEGMENTS["quintic line"])
+    assert "third derivative by" in error.value.found
+    assert "at 0 s" in error.value.found
+    assert "at 3 s" in error.value.found
+    assert "reference.continuity = 2" in error.value.remedy
+    assert len(trajectory(SEGMENTS["quintic line"], continuity=2).jumps()) == 4
+
+
+@pytest.mark.parametrize(
+    "segment",
+    [
+        {"kind": "line", "to": START, "duration": 1.0},
+        {"kind": "arc", "centre": START[:2], "angle": 1.0, "duration": 1.0},
+        {"kind": "arc", "centre": [1.0, 1.0], "angle": 0.0, "duration": 1.0},
+    ],
+)
+def test_segment_of_zero_length_is_refused(segment: dict) -> None:
+    with pytest.raises(InputError, match="zero length"):
+        trajectory(segment)
+
+
+def test_samples_at_decimal_joints_belong_to_the_later_segment() -> None:
+    """Sums such as 0.1 + 0.2 must not put a sample into the wrong segment."""
+    hold = {"kind": "hold", "duration": 0.1}
+    path = trajectory(hold, {**hold, "duration": 0.2}, SEGMENTS["quintic line"], continuity=2)
+    assert path.sample(np.array([0.3]))[0, 9] != 0.0

@@ -1,0 +1,142 @@
+"""Derive the equations of motion from the Lagrangian and hold the code to them.
+
+    python validation/derivations/lagrange.py
+
+Energies → Lagrange's equations → M, C, G, the mass-free cardan accelerations, the rope force. Equality with
+`cranectl.dynamics` is asserted at random states; identities between symbols are asserted by SymPy.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from cranectl import dynamics
+from cranectl.parameters import RigParameters
+
+t = sp.Symbol("t")
+m_b, m_t, m_w, m_l, g = sp.symbols("m_b m_t m_w m_l g", positive=True)
+q = sp.Matrix([sp.Function(name)(t) for name in ("x_c", "y_c", "l", "alpha", "beta")])
+qd, qdd = q.diff(t), q.diff(t, 2)
+
+# Plain symbols for evaluation, in place of functions of time.
+Q = sp.Matrix(sp.symbols("x_c y_c l alpha beta"))
+QD = sp.Matrix(sp.symbols("xd_c yd_c ld alphad betad"))
+QDD = sp.Matrix(sp.symbols("xdd_c ydd_c ldd alphadd betadd"))
+MASSES = (m_b, m_t, m_w, m_l, g)
+
+
+def plain(expression: Any) -> Any:
+    """Replace functions of time by plain symbols, highest derivative first."""
+    for functions, symbols in ((qdd, QDD), (qd, QD), (q, Q)):
+        expression = expression.subs(list(zip(functions, symbols, strict=True)))
+    return expression
+
+
+def derive() -> dict[str, Any]:
+    """Everything that follows from the kinematics and the two energies."""
+    x_c, y_c, length, alpha, beta = q
+    # Kinematics from the joints themselves: rotate the hanging rope by beta about -y, then by alpha about x.
+    about_x = sp.rot_axis1(-alpha)
+    about_minus_y = sp.rot_axis2(beta)
+    rope = about_x * about_minus_y * sp.Matrix([0, 0, -length])
+    load = sp.Matrix([x_c, y_c, 0]) + rope
+
+    load_velocity = load.diff(t)
+    kinetic = (
+        m_b * qd[0] ** 2 + m_t * (qd[0] ** 2 + qd[1] ** 2) + m_w * qd[2] ** 2 + m_l * load_velocity.dot(load_velocity)
+    ) / 2
+    potential = m_l * g * load[2]
+    lagrangian = kinetic - potential
+    forces = sp.Matrix(
+        [lagrangian.diff(rate).diff(t) - lagrangian.diff(position) for position, rate in zip(q, qd, strict=True)]
+    )
+    forces = plain(forces.doit())
+    mass = sp.simplify(forces.jacobian(QDD))
+    gravity = plain(sp.Matrix([potential.diff(position) for position in q]))
+    velocity_terms = (forces - mass * QDD - gravity).expand()
+    acceleration = plain(load.diff(t, 2))
+    direction = plain(rope / length)
+    return {
+        "load": plain(load),
+        "load_velocity": plain(load_velocity),
+        "kinetic": plain(kinetic),
+        "potential": plain(potential),
+        "mass": mass,
+        "velocity_terms": velocity_terms,
+        "gravity": gravity,
+        # Rows of the unactuated coordinates, solved for the cardan accelerations: the mass must drop out.
+        "cardan": sp.simplify(mass[3:, 3:].LUsolve(mass[3:, 3:] * QDD[3:, :] - forces[3:, :])),
+        # Newton: the rope force is along n; a_r = n · (z'' + g e_z).
+        "rope_force": sp.simplify(direction.dot(acceleration + sp.Matrix([0, 0, g]))),
+    }
+
+
+def check_identities(equations: dict[str, Any]) -> None:
+    """What the issue of masses and of rope force needs, by symbols."""
+    assert not equations["cardan"].free_symbols & {m_b, m_t, m_w, m_l}, "the cardan accelerations depend on a mass"
+    assert equations["mass"].T == equations["mass"]
+    printed = sp.Matrix(
+        [
+            (2 * Q[2] * QD[3] * QD[4] * sp.sin(Q[4]) - g * sp.sin(Q[3]) - 2 * QD[2] * QD[3] * sp.cos(Q[4])
+             - sp.cos(Q[3]) * QDD[1]) / (Q[2] * sp.cos(Q[4])),
+            (-g * sp.cos(Q[3]) * sp.sin(Q[4]) - 2 * QD[2] * QD[4] - Q[2] * QD[3] ** 2 * sp.sin(Q[4]) * sp.cos(Q[4])
+             - sp.cos(Q[4]) * QDD[0] + sp.sin(Q[3]) * sp.sin(Q[4]) * QDD[1]) / Q[2],
+        ]
+    )  # fmt: skip
+    assert sp.simplify(equations["cardan"] - printed) == sp.zeros(2, 1), "corrected (2.12)"
+
+
+def check_code(equations: dict[str, Any], *, samples: int = 200, seed: int = 1) -> float:
+    """Largest relative difference between `cranectl.dynamics` and the derivation at random states."""
+    rng = np.random.default_rng(seed)
+    evaluate = {
+        name: sp.lambdify([Q, QD, QDD, MASSES], expression, "numpy", cse=True) for name, expression in equations.items()
+    }
+    worst = 0.0
+    for _ in range(samples):
+        position = rng.uniform([0.0, 0.0, 0.05, -1.4, -1.4], [2.0, 1.54, 1.4, 1.4, 1.4])
+        velocity, acceleration = rng.normal(size=5), rng.normal(size=5)
+        m = rng.uniform(0.1, 10.0, size=5)
+        rig = RigParameters(bridge_mass=m[0], trolley_mass=m[1], winch_mass=m[2], load_mass=m[3], gravity=m[4])
+        for name, code in code_values(position, velocity, acceleration, rig).items():
+            derived = np.asarray(evaluate[name](position, velocity, acceleration, m), dtype=float).squeeze()
+            scale = max(1.0, float(np.abs(derived).max()))
+            difference = float(np.abs(derived - code).max()) / scale
+            assert difference < 1e-11, f"{name} differs by {difference:.1e}"
+            worst = max(worst, difference)
+    return worst
+
+
+def code_values(position: Any, velocity: Any, acceleration: Any, rig: RigParameters) -> dict[str, Any]:
+    """The same quantities from the code."""
+    _, _, length, alpha, beta = position
+    _, _, length_rate, alpha_rate, beta_rate = velocity
+    u = acceleration[:3]
+    rope: Callable[..., float] = dynamics.specific_rope_force
+    return {
+        "load": dynamics.load_position(position),
+        "load_velocity": dynamics.load_velocity(position, velocity),
+        "kinetic": dynamics.kinetic_energy(position, velocity, rig),
+        "potential": dynamics.potential_energy(position, rig),
+        "mass": dynamics.mass_matrix(position, rig),
+        "velocity_terms": dynamics.coriolis_matrix(position, velocity, rig) @ velocity,
+        "gravity": dynamics.gravity_vector(position, rig),
+        "cardan": dynamics.angular_accelerations(
+            length, length_rate, alpha, alpha_rate, beta, beta_rate, u[0], u[1], rig.gravity
+        ),
+        "rope_force": rope(length, alpha, alpha_rate, beta, beta_rate, *u, rig.gravity),
+    }
+
+
+def main() -> None:
+    """Derive, check, report."""
+    equations = derive()
+    check_identities(equations)
+    worst = check_code(equations)
+    print(f"equations of motion derived; cranectl.dynamics agrees to {worst:.1e}")
+
+
+if __name__ == "__main__":
+    main()
