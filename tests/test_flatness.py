@@ -143,5 +143,3 @@ def test_hanging_still_needs_no_input() -> None:
     states, inputs = flatness.states_and_inputs(rows, G)
     assert states[0] == pytest.approx([1.0, 0, 0.77, 0, 0.7, 0, 0, 0, 0, 0])
     assert not inputs.any()
-
-

@@ -17,8 +17,8 @@ def filed() -> mujoco.MjModel:
 def test_file_and_parameters_agree(filed: mujoco.MjModel) -> None:
     """The velocity-driven model built from the default parameters is the file, number for number."""
     built = model_spec(RigParameters(), drive="velocity", step=filed.opt.timestep).compile()
-    fields = ["body_mass", "jnt_range", "dof_armature", "actuator_gainprm", "actuator_biasprm", "actuator_gear"]
-    for field in fields:
+    drives = ["actuator_gainprm", "actuator_biasprm", "actuator_gear"]
+    for field in ["body_mass", "jnt_range", "dof_armature", *drives]:
         assert getattr(built, field) == pytest.approx(getattr(filed, field), rel=1e-12), field
     assert built.opt.gravity == pytest.approx(filed.opt.gravity)
     assert built.opt.integrator == filed.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4

@@ -28,7 +28,9 @@ def robust_design(order: int = 4) -> Design:
     return Design(**{**plain.__dict__, "robustifier": robustifier})
 
 
-def step(design: Design, state: np.ndarray, reference: np.ndarray, memory: np.ndarray) -> tuple[int, np.ndarray]:
+def step(
+    design: Design, state: np.ndarray, reference: np.ndarray, memory: np.ndarray
+) -> tuple[int, np.ndarray]:
     row = np.full(signals.BASE_WIDTH + 3 * design.robustifier.order, np.nan)
     return control_step(tracker_of(design), state, reference, memory, row), row
 

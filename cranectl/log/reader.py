@@ -47,7 +47,7 @@ def read_log(path: str | Path) -> dict[str, Run]:
 
 
 def _read(path: Path, stream: BinaryIO) -> dict[str, Run]:
-    reader = make_reader(stream)
+    reader = make_reader(stream, validate_crcs=True)
     metadata = {record.name: record.metadata for record in reader.iter_metadata()}
     if "cranectl" not in metadata:
         raise LogError(f"{path} is an MCAP file, but not of cranectl", allowed="logs that cranectl wrote")

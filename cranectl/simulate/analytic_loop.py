@@ -3,7 +3,7 @@
 from cranectl.jit import jit
 from cranectl.plants.analytic import advance_analytic
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.sample import RUNNING, control_sample, judge_sample
+from cranectl.simulate.sample import RUNNING, complete_rows, control_sample, judge_sample
 
 
 @jit
@@ -21,5 +21,5 @@ def advance_block(rig, state, stages, stage_state, sampling, record, memory, fir
         advance_analytic(rig, state, command, disturbance, load, stages, stage_state)
         status = judge_sample(sampling, row)
         if status != RUNNING:
-            return k + 1, k, status
+            return complete_rows(k, status), k, status
     return last, last, RUNNING

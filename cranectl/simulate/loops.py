@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cranectl.plants.interface import Plant
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.sample import RUNNING, Sampling, control_sample, judge_sample
+from cranectl.simulate.sample import RUNNING, Sampling, complete_rows, control_sample, judge_sample
 from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def python_loop(plant: Plant) -> AdvanceBlock:
             if status == RUNNING and plant.warnings():
                 status = int(RunStatus.ENGINE_WARNING)
             if status != RUNNING:
-                return k + 1, k, status
+                return complete_rows(k, status), k, status
         return last, last, RUNNING
 
     return advance_block

@@ -3,7 +3,7 @@
 from cranectl.jit import jit
 from cranectl.plants.mujoco import advance_mujoco, measure_joints
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.sample import RUNNING, control_sample, judge_sample
+from cranectl.simulate.sample import RUNNING, complete_rows, control_sample, judge_sample
 from cranectl.status import RunStatus
 
 ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
@@ -26,5 +26,5 @@ def advance_block(rig, sampling, record, memory, first, last):
         if status == RUNNING and rig.warnings.any():
             status = ENGINE_WARNING
         if status != RUNNING:
-            return k + 1, k, status
+            return complete_rows(k, status), k, status
     return last, last, RUNNING

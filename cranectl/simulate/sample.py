@@ -42,7 +42,7 @@ def control_sample(sampling, k, row, memory):
 
 @jit
 def judge_sample(sampling, row):
-    """RUNNING, or why the run ends with this complete row."""
+    """RUNNING, or why the run ends with this row."""
     tension = row[TENSION_COLUMN]
     if not isfinite(tension):
         return NON_FINITE
@@ -54,3 +54,9 @@ def judge_sample(sampling, row):
             if position < sampling.workspace[axis, 0] or position > sampling.workspace[axis, 1]:
                 return WORKSPACE_LEFT
     return RUNNING
+
+
+@jit
+def complete_rows(k, status):
+    """Number of rows worth keeping when the run ends with row `k`: it counts unless it holds no numbers."""
+    return k if status == NON_FINITE else k + 1

@@ -1,0 +1,298 @@
+"""Logs: bit for bit what was written, the same bytes each time, readable by others, honest errors."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from cranectl import signals
+from cranectl.errors import LogError
+from cranectl.log import check_writable, read_log, write_log
+from cranectl.log.schema import decode_rows, encode_rows, group_schema
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from tests.test_tracker import robust_design
+
+
+def pair(scenario: Scenario, **options: object) -> list[Run]:
+    return [simulate_run(scenario, plant=plant, **options) for plant in ("analytic", "mujoco")]
+
+
+@pytest.fixture
+def runs(short: Scenario) -> list[Run]:
+    return pair(short)
+
+
+@pytest.fixture
+def log(tmp_path: Path, runs: list[Run]) -> Path:
+    return write_log(tmp_path / "pair.mcap", runs)
+
+
+def assert_same(read: Run, written: Run) -> None:
+    assert np.array_equal(read.table, written.table)
+    assert np.array_equal(read.reference, written.reference)
+    assert np.array_equal(read.time_ns, written.time_ns)
+    assert (read.plant, read.drive, read.status, read.end_ns, read.model) == (
+        written.plant,
+        written.drive,
+        written.status,
+        written.end_ns,
+        written.model,
+    )
+    assert read.scenario == written.scenario
+    assert read.design.to_json() == written.design.to_json()
+
+
+@pytest.mark.parametrize("every", [1, 4, 7])
+def test_reads_back_bit_for_bit(tmp_path: Path, runs: list[Run], every: int) -> None:
+    read = read_log(write_log(tmp_path / "a.mcap", runs, every=every))
+    assert list(read) == ["analytic", "mujoco"]
+    for run in runs:
+        assert_same(read[run.plant], run.every(every))
+    assert read["mujoco"].time_ns[-1] == runs[1].time_ns[-1], "the last sample is always logged"
+
+
+def test_every_fourth_sample_is_the_default(log: Path) -> None:
+    assert np.diff(read_log(log)["mujoco"].time_ns)[:3].tolist() == [4_000_000] * 3
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_one_plant_alone(tmp_path: Path, runs: list[Run], index: int) -> None:
+    read = read_log(write_log(tmp_path / "a.mcap", runs[index : index + 1], every=1))
+    assert list(read) == [runs[index].plant]
+    assert_same(read[runs[index].plant], runs[index])
+
+
+def test_robustifier_states_are_logged(tmp_path: Path, short: Scenario) -> None:
+    runs = pair(short, design=robust_design())
+    read = read_log(write_log(tmp_path / "a.mcap", runs, every=1))
+    for run in runs:
+        assert_same(read[run.plant], run)
+    assert np.abs(read["mujoco"].signal("controller.robustifier_z_4")).max() > 0
+
+
+def test_run_that_stopped(tmp_path: Path) -> None:
+    overrides = ["duration=2", "disturbances=[{joint='alpha', start=0.5, magnitude=20.0}]"]
+    runs = pair(load_scenario("fixed-position", overrides=overrides))
+    assert runs[0].status == RunStatus.LENGTH_SINGULAR
+    read = read_log(write_log(tmp_path / "a.mcap", runs, every=10))
+    for run in runs:
+        assert_same(read[run.plant], run.every(10))
+
+
+def test_same_runs_same_bytes(tmp_path: Path, short: Scenario) -> None:
+    files = [write_log(tmp_path / f"{name}.mcap", pair(short)) for name in "ab"]
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_topics(log: Path) -> None:
+    plant_topics = [
+        "state", "load", "flat_output", "error", "input", "virtual_input", "disturbance", "controller",
+        "status",
+    ]  # fmt: skip
+    expected = {f"/{plant}/{topic}" for plant in ("analytic", "mujoco") for topic in plant_topics}
+    expected |= {"/reference/load", "/diff/state", "/diff/load", "/run/info", "/controller/design", "/log"}
+    with log.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert {channel.topic for channel in summary.channels.values()} == expected
+
+
+def test_difference_is_mujoco_minus_analytic(log: Path, runs: list[Run]) -> None:
+    with log.open("rb") as stream:
+        messages = [m.data for _, _, m in make_reader(stream).iter_messages("/diff/load")]
+    expected = runs[1].every(4).block("load") - runs[0].every(4).block("load")
+    assert np.array_equal(decode_rows(messages, 7), expected)
+
+
+def test_messages_are_what_protobuf_itself_reads(log: Path) -> None:
+    """Independent of our byte layout: the schema in the file and Google's parser, field by field."""
+    run = read_log(log)["mujoco"]
+    groups = {f"/mujoco/{group.name}": group for group in run.groups}
+    counts = dict.fromkeys(groups, 0)
+    with log.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            parsed = parse(schema.data, schema.name, message.data)
+            if channel.topic in groups:
+                row = counts[channel.topic]
+                counts[channel.topic] += 1
+                group = groups[channel.topic]
+                values = [getattr(parsed, name) for name in group.names]
+                assert values == run.block(group.name)[row].tolist()
+                assert all(parsed.HasField(name) for name in group.names), "zeros are present too"
+                assert set(channel.metadata) == set(group.names)
+    assert set(counts.values()) == {len(run.time_ns)}
+
+
+def parse(schema: bytes, name: str, data: bytes) -> object:
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(name)).FromString(data)
+
+
+def messages_of(log: Path, topic: str) -> list[tuple[int, object]]:
+    with log.open("rb") as stream:
+        found = make_reader(stream).iter_messages(topic)
+        return [(m.log_time, parse(s.data, s.name, m.data)) for s, _, m in found]
+
+
+def test_status_is_an_enumeration_that_ends_with_the_outcome(log: Path) -> None:
+    changes = messages_of(log, "/mujoco/status")
+    assert [(time, change.status) for time, change in changes] == [
+        (0, RunStatus.RUNNING),
+        (500_000_000, RunStatus.COMPLETED),
+    ]
+    enumeration = changes[0][1].DESCRIPTOR.fields_by_name["status"].enum_type
+    assert {value.name: value.number for value in enumeration.values} == {s.name: s.value for s in RunStatus}
+
+
+def test_log_topic_tells_the_story(log: Path) -> None:
+    story = [(time, event.message) for time, event in messages_of(log, "/log") if event.name == "mujoco"]
+    assert story[1] == (100_000_000, "disturbance of 1 rad/s² on alpha begins")
+    assert story[2][0] == 200_000_000
+    assert story[-1] == (500_000_000, "completed at 0.5 s: the run reached its end")
+
+
+def test_run_info_and_design(log: Path) -> None:
+    (_, info), (_, design) = (messages_of(log, topic)[0] for topic in ("/run/info", "/controller/design"))
+    assert info.scenario == "fixed-position"
+    assert info.plants == "analytic, mujoco"
+    assert "mujoco 4" in info.versions
+    assert json.loads(design.gain) == [39.0625, 62.5, 37.5, 10.0]
+
+
+def test_everything_needed_to_repeat_the_run_is_attached(log: Path, short: Scenario) -> None:
+    with log.open("rb") as stream:
+        reader = make_reader(stream)
+        attachments = {a.name: a.data for a in reader.iter_attachments()}
+        metadata = {m.name: m.metadata for m in reader.iter_metadata()}
+    assert json.loads(attachments["parameters.json"])["load_mass"] == 1.0
+    assert json.loads(attachments["scenario.json"])["name"] == short.name
+    assert json.loads(attachments["design.json"])["name"] == "pole-placement"
+    assert b'<mujoco model="gantry crane">' in attachments["mujoco.xml"]
+    assert b'gear="1e+12"' in attachments["mujoco.xml"], "the drives as run"
+    assert metadata["run/mujoco"] == {"status": "completed", "end_ns": "500000000", "samples": "126"}
+    assert set(metadata["versions"]) >= {"cranectl", "mujoco", "numpy", "numba", "python"}
+
+
+def test_time_runs_forward_through_the_file(log: Path) -> None:
+    with log.open("rb") as stream:
+        times = [m.log_time for _, _, m in make_reader(stream).iter_messages(log_time_order=False)]
+    assert times == sorted(times)
+
+
+def test_encoding_keeps_every_double() -> None:
+    special = [0.0, -0.0, 5e-324, 1.7976931348623157e308, -np.pi, 1e-7]
+    values = np.array([special * 4, special[::-1] * 4])
+    messages = encode_rows(values)
+    assert decode_rows(messages, 24).tobytes() == values.tobytes()
+    group = signals.SignalGroup(
+        "g", "Wide", "", tuple(signals.Signal(f"s{k}", "s", "1", "") for k in range(24))
+    )
+    parsed = parse(group_schema(group), "cranectl.Wide", messages[0])
+    assert [getattr(parsed, f"s{k}") for k in range(24)] == special * 4
+
+
+def test_decoding_notices_foreign_bytes() -> None:
+    message = encode_rows(np.ones((1, 3)))[0]
+    with pytest.raises(ValueError, match="length"):
+        decode_rows([message[:-1]], 3)
+    with pytest.raises(ValueError, match="out of order"):
+        decode_rows([b"\x11" + message[1:]], 3)
+
+
+# What cannot be read.
+
+
+def test_empty_file(tmp_path: Path) -> None:
+    path = tmp_path / "empty.mcap"
+    path.write_bytes(b"")
+    with pytest.raises(LogError, match="is empty"):
+        read_log(path)
+
+
+@pytest.mark.parametrize("keep", [4, 100, 0.3, 0.9, -1])
+def test_truncated_file(tmp_path: Path, log: Path, keep: float) -> None:
+    data = log.read_bytes()
+    path = tmp_path / "truncated.mcap"
+    path.write_bytes(data[: round(keep * len(data)) if 0 < keep < 1 else int(keep)])
+    with pytest.raises(LogError, match="truncated"):
+        read_log(path)
+
+
+def test_foreign_files(tmp_path: Path) -> None:
+    text = tmp_path / "text.mcap"
+    text.write_text("this is no log, but it is long enough to be one")
+    with pytest.raises(LogError, match="no MCAP file"):
+        read_log(text)
+    foreign = tmp_path / "foreign.mcap"
+    with foreign.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.finish()
+    with pytest.raises(LogError, match="not of cranectl"):
+        read_log(foreign)
+    with pytest.raises(LogError, match="cannot read"):
+        read_log(tmp_path / "absent.mcap")
+    with pytest.raises(LogError, match="cannot read"):
+        read_log(tmp_path)
+
+
+def test_damaged_content(tmp_path: Path, log: Path) -> None:
+    """A flipped byte in the compressed data must not come back as numbers."""
+    data = bytearray(log.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 8] = b"\xff" * 8
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(bytes(data))
+    with pytest.raises(LogError):
+        read_log(path)
+
+
+# What cannot be written.
+
+
+def test_unwritable_places(tmp_path: Path, runs: list[Run]) -> None:
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file" / "a.mcap", tmp_path):
+        with pytest.raises(LogError) as caught:
+            check_writable(path)
+        assert "--out" in caught.value.remedy
+        with pytest.raises(LogError):
+            write_log(path, runs)
+
+
+def test_nothing_half_written_is_left(
+    tmp_path: Path, runs: list[Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An older log survives a failure, and no part file stays behind."""
+    path = write_log(tmp_path / "a.mcap", runs)
+    before = path.read_bytes()
+    for error in (OSError("disk full"), KeyboardInterrupt()):
+
+        def fail(*_: object, error: BaseException = error) -> None:
+            raise error
+
+        monkeypatch.setattr("cranectl.log.writer._send_in_order", fail)
+        with pytest.raises((LogError, KeyboardInterrupt)):
+            write_log(path, runs)
+        assert path.read_bytes() == before
+        assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_dropped_messages_are_noticed(
+    tmp_path: Path, runs: list[Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The writer library warns and goes on; a log that lacks messages must not pass as whole."""
+    from cranectl.log import writer
+
+    send = writer._send_in_order
+    monkeypatch.setattr(writer, "_send_in_order", lambda *a: send(*a) + 1)
+    with pytest.raises(LogError, match="messages were written"):
+        write_log(tmp_path / "a.mcap", runs)

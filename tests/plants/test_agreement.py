@@ -1,0 +1,132 @@
+"""The product: two plants that know nothing of each other agree. Levels 0, 1 and 2 of docs/model.md."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from cranectl import dynamics
+from cranectl.compare import agreement_limits, compare_runs, judge
+from cranectl.parameters import RigParameters
+from cranectl.plants.analytic import AnalyticPlant
+from cranectl.plants.mujoco import MujocoPlant
+from cranectl.plants.mujoco_model import JOINTS, model_spec, state_addresses
+from cranectl.status import RunStatus
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, closed_loop, random_states, split
+
+STEP = 1e-3
+RIG = RigParameters()
+
+
+# Level 0: the same matrices and accelerations, state by state.
+
+
+@pytest.fixture(scope="module")
+def force_model() -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = model_spec(RIG, drive="velocity", step=STEP).compile()
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    return model, mujoco.MjData(model)
+
+
+def test_level_0_mass_matrix_bias_and_acceleration(force_model: tuple[mujoco.MjModel, mujoco.MjData]) -> None:
+    model, data = force_model
+    joints = state_addresses(model)
+    rng = np.random.default_rng(10)
+    for state in random_states(1000, seed=10):
+        q, qd = split(state)
+        data.qpos[joints], data.qvel[joints] = q, qd
+        force = rng.normal(size=5)
+        data.qfrc_applied[joints] = force
+        mujoco.mj_forward(model, data)
+        full = np.zeros((5, 5))
+        mujoco.mj_fullM(model, data, full)
+        mass = dynamics.mass_matrix(q, RIG)
+        bias = dynamics.coriolis_matrix(q, qd, RIG) @ qd + dynamics.gravity_vector(q, RIG)
+        acceleration = np.linalg.solve(mass, force - bias)
+        assert _relative(full[np.ix_(joints, joints)], mass) < 1e-10
+        assert _relative(data.qfrc_bias[joints], bias) < 1e-10
+        assert _relative(data.qacc[joints], acceleration) < 1e-10
+
+
+def test_level_0_cardan_accelerations_and_tension_with_ideal_drives() -> None:
+    """The ideal drives realise the commanded accelerations; the rest follows the mass-free equations."""
+    plant = MujocoPlant(RIG, drive="ideal", step=STEP, substeps=1)
+    joints = plant.rig.joints
+    rng = np.random.default_rng(11)
+    for state in random_states(1000, seed=11):
+        q, qd = split(state)
+        u = rng.normal(size=3)
+        plant.data.qpos[joints], plant.data.qvel[joints] = q, qd
+        plant.data.ctrl[plant.rig.drives] = u
+        mujoco.mj_forward(plant.model, plant.data)
+        cardan = dynamics.angular_accelerations(*state[4:10], u[0], u[1], RIG.gravity)
+        assert _relative(plant.data.qacc[joints], np.array([*u, *cardan])) < 1e-10
+        tension = plant.data.sensor("rope_force").data
+        assert tension[2] == pytest.approx(dynamics.rope_tension(q, qd, u, RIG), rel=1e-10, abs=1e-10)
+        assert tension[:2] == pytest.approx([0.0, 0.0], abs=1e-9), "a rope transmits no shear"
+
+
+def test_disturbances_add_to_the_cardan_accelerations_on_both_plants() -> None:
+    """One step with and without: the change of the rates is the disturbance times the step."""
+    for state in random_states(50, seed=12):
+        for name, plant in _plants("ideal").items():
+            rates = []
+            for disturbance in (np.zeros(2), np.array([0.7, -0.4])):
+                plant.reset(state)
+                plant.advance(np.zeros(3), disturbance, np.zeros(7))
+                after = np.zeros(10)
+                plant.measure(after)
+                rates.append(after[[7, 9]])
+            assert (rates[1] - rates[0]) / STEP == pytest.approx([0.7, -0.4], abs=5e-3), name
+
+
+# Level 1: open loop, the same accelerations into both, 20 s.
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_level_1_open_loop(seed: int) -> None:
+    rng = np.random.default_rng(20 + seed)
+    amplitude, omega, phase = rng.uniform(0.02, 0.3, 3), rng.uniform(0.5, 4.0, 3), rng.uniform(0, 6, 3)
+    amplitude[2] *= 0.2
+    plants = _plants("ideal")
+    start = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, *rng.uniform(-0.4, 0.4, 4)])
+    loads = {name: np.zeros((20_000, 7)) for name in plants}
+    for plant in plants.values():
+        plant.reset(start)
+    for k in range(20_000):
+        command = amplitude * np.cos(omega * k * STEP + phase)
+        for name, plant in plants.items():
+            plant.advance(command, np.zeros(2), loads[name][k])
+    difference = np.linalg.norm(loads["analytic"][:, :3] - loads["mujoco"][:, :3], axis=1)
+    assert difference.max() < 1e-6
+
+
+# Level 2: closed loop, every scenario and controller, the whole run.
+
+
+@pytest.mark.parametrize("controller", ALL_CONTROLLERS)
+@pytest.mark.parametrize("scenario", ALL_SCENARIOS)
+def test_level_2_closed_loop(scenario: str, controller: str) -> None:
+    analytic, engine = (closed_loop(scenario, controller, plant) for plant in ("analytic", "mujoco"))
+    assert analytic.status == engine.status == RunStatus.COMPLETED
+    assert len(analytic.time_ns) == len(engine.time_ns) == 25_001
+    comparison = compare_runs(analytic, engine)
+    assert comparison.max_load_error_m < 1e-6
+    assert comparison.max_angle_error_rad < 1e-6
+    assert agreement_limits("ideal") == (1e-6, 1e-6)
+    assert judge(analytic, engine).passed
+    tension = analytic.signal("load.rope_tension") - engine.signal("load.rope_tension")
+    assert abs(tension).max() < 1e-5 * RIG.weight
+
+
+def _plants(drive: str) -> dict[str, AnalyticPlant | MujocoPlant]:
+    kinds = (AnalyticPlant, MujocoPlant)
+    return {kind.name: kind(RIG, drive=drive, step=STEP, substeps=1) for kind in kinds}
+
+
+def _relative(actual: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(actual - expected).max() / max(1.0, np.abs(expected).max()))
+
+
+def test_the_comparison_helper_can_fail() -> None:
+    assert _relative(np.array([-9.81]), np.array([9.81])) > 1.0
+    assert len(JOINTS) == 5

@@ -1,0 +1,179 @@
+"""What each plant owes to mechanics and to its integrator."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cranectl import dynamics
+from cranectl.parameters import RigParameters
+from cranectl.plants.analytic import AnalyticPlant
+from cranectl.plants.interface import DRIVES, PLANTS, Plant
+from cranectl.plants.mujoco import MujocoPlant
+from tests.conftest import ROOT, split
+
+KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}
+RIG = RigParameters()
+
+
+def make(name: str, *, drive: str = "ideal", step: float = 1e-3, substeps: int = 1, rig=RIG) -> Plant:
+    return KINDS[name](rig, drive=drive, step=step, substeps=substeps)
+
+
+def swing(plant: Plant, start: np.ndarray, command: np.ndarray, periods: int) -> np.ndarray:
+    plant.reset(start)
+    load = np.zeros(7)
+    for _ in range(periods):
+        plant.advance(command, np.zeros(2), load)
+    state = np.zeros(10)
+    plant.measure(state)
+    return state
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_load_energy_minus_drive_work_is_conserved(name: str) -> None:
+    """Four manoeuvres of constant acceleration over 20 s; the work of rope tension by Simpson's rule."""
+    plant = make(name)
+    start = np.array([1.0, 0.1, 0.7, -0.1, 0.8, 0.0, 0.4, 0.3, -0.3, 0.2])
+    plant.reset(start)
+    state, block, dt = np.zeros(10), 5000, 1e-3
+    work, unit = 0.0, RIG.weight * 0.8
+    initial = _load_energy(start)
+    for command in np.array([[0.2, -0.1, 0.03], [-0.3, 0.2, -0.05], [0.1, -0.2, 0.0], [0.05, 0.1, 0.02]]):
+        power = np.empty(block + 1)
+        for k in range(block + 1):
+            plant.measure(state)
+            load = np.zeros(7)
+            if k < block:
+                plant.advance(command, np.zeros(2), load)
+            else:
+                _observe(plant, command, load)
+            power[k] = _drive_power(state, load[6])
+        work += dt / 3.0 * (power[0] + 4 * power[1::2].sum() + 2 * power[2:-1:2].sum() + power[-1])
+        assert abs(_load_energy(state) - initial - work) < 1e-9 * unit
+    assert abs(work) > 0.01 * unit, "the drives must have done something"
+
+
+def _load_energy(state: np.ndarray) -> float:
+    q, qd = split(state)
+    velocity = dynamics.load_velocity(q, qd)
+    return RIG.load_mass * (0.5 * velocity @ velocity + RIG.gravity * dynamics.load_position(q)[2])
+
+
+def _drive_power(state: np.ndarray, tension: float) -> float:
+    """Power that trolley and winch put into the load through the rope."""
+    n = np.array(dynamics.rope_direction(state[6], state[8]))
+    return float(-tension * (n @ [state[1], state[3], 0.0] + state[5]))
+
+
+def _observe(plant: Plant, command: np.ndarray, load: np.ndarray) -> None:
+    """The load under `command` without moving on: advance, then go back."""
+    state = np.zeros(10)
+    plant.measure(state)
+    plant.advance(command, np.zeros(2), load)
+    plant.reset(state)
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "steps"), [("analytic", 8, (0.1, 0.05)), ("mujoco", 4, (0.02, 0.01))]
+)
+def test_integrator_converges_with_its_order(name: str, order: int, steps: tuple[float, float]) -> None:
+    start = np.array([1.0, 0.1, 0.7, -0.1, 0.8, 0.02, 0.5, 0.4, -0.4, 0.3])
+    command = np.array([0.2, -0.1, 0.03])
+    duration = 2.0
+
+    def derivative(_: float, x: np.ndarray) -> np.ndarray:
+        rate = np.empty(10)
+        rate[0::2] = x[1::2]
+        rate[1::2] = [*command, *dynamics.angular_accelerations(*x[4:10], *command[:2], RIG.gravity)]
+        return rate
+
+    exact = solve_ivp(derivative, (0, duration), start, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    ends = [swing(make(name, step=h), start, command, round(duration / h)) for h in steps]
+    coarse, fine = (np.abs(end - exact)[6:].max() for end in ends)
+    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.6)
+    assert fine < 1e-6
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_substeps_divide_the_period(name: str) -> None:
+    start = np.array([1.0, 0.1, 0.7, -0.1, 0.8, 0.0, 0.4, 0.3, -0.3, 0.2])
+    command = np.array([0.2, -0.1, 0.03])
+    whole = swing(make(name, step=1e-3, substeps=4), start, command, 50)
+    parts = swing(make(name, step=1e-3, substeps=1), start, command, 200)
+    assert np.array_equal(whole, parts)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("name", PLANTS)
+def test_a_crane_at_rest_stays_at_rest(name: str, drive: str) -> None:
+    start = np.array([1.0, 0, 0.7, 0, 0.8, 0, 0, 0, 0, 0])
+    assert swing(make(name, drive=drive), start, np.zeros(3), 1000) == pytest.approx(start, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_velocity_drives_lag_by_their_time_constants(name: str) -> None:
+    """Small set-point steps: after one time constant each drive has 1 - 1/e of its velocity."""
+    rig = RigParameters(bridge_time_constant=0.01, trolley_time_constant=0.02, winch_time_constant=0.04)
+    start = np.array([1.0, 0, 0.7, 0, 0.8, 0, 0, 0, 0, 0])
+    for axis, tau in enumerate(rig.time_constants):
+        command = np.zeros(3)
+        command[axis] = 1e-3
+        state = swing(make(name, drive="velocity", rig=rig), start, command, round(tau / 1e-3))
+        assert state[2 * axis + 1] == pytest.approx(1e-3 * (1 - np.exp(-1)), rel=0.02)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_load_is_reported_for_the_start_of_the_period_under_the_new_command(name: str) -> None:
+    start = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.1, 0.4, 0.5, -0.3, 0.6])
+    command = np.array([0.5, -0.4, 0.3])
+    plant, load = make(name), np.zeros(7)
+    plant.reset(start)
+    plant.advance(command, np.zeros(2), load)
+    q, qd = split(start)
+    assert load[:3] == pytest.approx(dynamics.load_position(q), abs=1e-12)
+    assert load[3:6] == pytest.approx(dynamics.load_velocity(q, qd), abs=1e-12)
+    assert load[6] == pytest.approx(dynamics.rope_tension(q, qd, command, RIG), rel=1e-9)
+
+
+def test_every_element_of_the_model_has_a_name() -> None:
+    model = mujoco.MjModel.from_xml_path(str(ROOT / "models" / "crane.xml"))
+    counts = {
+        mujoco.mjtObj.mjOBJ_BODY: model.nbody,
+        mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
+        mujoco.mjtObj.mjOBJ_GEOM: model.ngeom,
+        mujoco.mjtObj.mjOBJ_SITE: model.nsite,
+        mujoco.mjtObj.mjOBJ_TENDON: model.ntendon,
+        mujoco.mjtObj.mjOBJ_ACTUATOR: model.nu,
+        mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor,
+        mujoco.mjtObj.mjOBJ_CAMERA: model.ncam,
+        mujoco.mjtObj.mjOBJ_LIGHT: model.nlight,
+        mujoco.mjtObj.mjOBJ_MATERIAL: model.nmat,
+        mujoco.mjtObj.mjOBJ_TEXTURE: model.ntex,
+    }
+    for kind, count in counts.items():
+        assert count > 0, kind
+        for index in range(count):
+            assert mujoco.mj_id2name(model, kind, index), f"{kind} {index}"
+
+
+def test_sensors_measure_what_the_rig_measures() -> None:
+    plant = MujocoPlant(RIG, drive="velocity", step=1e-3, substeps=1)
+    state = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.1, 0.4, 0.5, -0.3, 0.6])
+    plant._set_state(state)
+    mujoco.mj_forward(plant.model, plant.data)
+    names = [
+        "bridge_position", "bridge_velocity", "trolley_position", "trolley_velocity", "rope_length",
+        "rope_length_rate", "alpha", "alpha_rate", "beta", "beta_rate",
+    ]  # fmt: skip
+    assert [plant.data.sensor(name).data[0] for name in names] == pytest.approx(state)
+    length = plant.data.tendon("rope").length[0]
+    assert length == pytest.approx(0.8), "the drawn rope has the length of the rope"
+
+
+def test_model_has_the_dimensions_of_the_rig() -> None:
+    model = mujoco.MjModel.from_xml_path(str(ROOT / "models" / "crane.xml"))
+    assert model.geom("floor").pos[2] == -1.4
+    assert model.joint("bridge_position").range.tolist() == [0.0, 2.0]
+    assert model.joint("trolley_position").range.tolist() == [0.0, 1.54]
+    assert model.joint("rope_length").range[1] == 1.4

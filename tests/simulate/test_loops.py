@@ -1,0 +1,274 @@
+"""Runs: compiled against Python loop bit for bit, determinism, every way a run can stop."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl import signals
+from cranectl.errors import InputError
+from cranectl.plants.interface import DRIVES, PLANTS
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run, make_plant, simulate_run
+from cranectl.simulate import runner as runner_module
+from cranectl.simulate.sample import Sampling, judge_sample
+from cranectl.status import RunStatus
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS
+
+
+def same(a: Run, b: Run) -> bool:
+    return (
+        a.status == b.status
+        and a.end_ns == b.end_ns
+        and np.array_equal(a.table, b.table)
+        and np.array_equal(a.time_ns, b.time_ns)
+    )
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("scenario", ALL_SCENARIOS)
+def test_compiled_and_python_loop_give_the_same_bits(scenario: str, plant: str, drive: str) -> None:
+    """Past both disturbances, with two physics steps a period."""
+    overrides = [
+        "duration=2.0",
+        "control.physics_step=0.0005",
+        "disturbances.0.start=0.5",
+        "disturbances.1.start=1.0",
+    ]
+    if scenario == "settled-trajectory":
+        overrides += ["reference.segments.0.duration=1.5", "reference.segments.1.duration=0.5"]
+        overrides += ["reference.segments.0.to=[0.4,0.3,-0.3]", "reference.segments.1.angle=-0.1"]
+    loaded = load_scenario(scenario, overrides=overrides)
+    runs = [simulate_run(loaded, plant=plant, drive=drive, compiled=compiled) for compiled in (True, False)]
+    assert runs[0].status == RunStatus.COMPLETED
+    assert len(runs[0].table) == 2001
+    assert same(*runs)
+    assert np.isfinite(runs[0].table).all()
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_same_run_same_bits(short: Scenario, plant: str) -> None:
+    assert same(simulate_run(short, plant=plant), simulate_run(short, plant=plant))
+
+
+@pytest.mark.parametrize("controller", ALL_CONTROLLERS)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_run_that_starts_on_its_reference_starts_without_a_transient(plant: str, controller: str) -> None:
+    """What error there is comes from holding the input over a period, and halves with it.
+
+    Started from rest instead, without the reference's third derivative, it would be a hundred times larger.
+    """
+    largest = []
+    for period in (0.001, 0.0005):
+        overrides = [f"control.period={period}", "control.physics_step=0.0005", "disturbances=[]"]
+        run = simulate_run(
+            load_scenario("settled-trajectory", overrides=overrides), plant=plant, controller=controller
+        )
+        assert run.block("error")[0] == pytest.approx(np.zeros(12), abs=1e-12)
+        largest.append(np.abs(run.block("error")[run.time <= 1.0, :3]).max())
+    assert largest[0] < 2e-5
+    assert largest[0] / largest[1] == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_disturbance_acts_from_its_sample_on(short: Scenario, plant: str) -> None:
+    run = simulate_run(short, plant=plant)
+    d = run.block("disturbance")
+    assert np.flatnonzero(d[:, 0])[0] == 100
+    assert np.flatnonzero(d[:, 1])[0] == 200
+    alpha_rate = run.signal("state.alpha_rate")
+    assert not alpha_rate[:101].any()
+    assert alpha_rate[101] == pytest.approx(1e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_disturbance_ends_at_its_end(plant: str) -> None:
+    scenario = load_scenario(
+        "fixed-position",
+        overrides=["duration=0.5", "disturbances=[{joint='beta', start=0.1, end=0.2, magnitude=-0.5}]"],
+    )
+    active = np.flatnonzero(simulate_run(scenario, plant=plant).signal("disturbance.beta_disturbance"))
+    assert (active[0], active[-1]) == (100, 199)
+
+
+def stop(plant: str, *overrides: str, compiled: bool = True, controller: str = "lqr") -> Run:
+    scenario = load_scenario("fixed-position", overrides=["duration=3.0", "disturbances=[]", *overrides])
+    return simulate_run(scenario, plant=plant, compiled=compiled, controller=controller)
+
+
+NARROW = ("rig.bridge_range=[0.9, 1.05]", "workspace.on_exit='stop'")
+
+
+def kick(joint: str, magnitude: float) -> str:
+    return f"disturbances=[{{joint='{joint}', start=0.5, magnitude={magnitude}}}]"
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_run_stops_where_the_workspace_is_left(plant: str, compiled: bool) -> None:
+    run = stop(plant, kick("beta", 3.0), *NARROW, compiled=compiled)
+    assert run.status == RunStatus.WORKSPACE_LEFT
+    position = run.signal("state.bridge_position")
+    assert 0.9 <= position[:-1].min() <= position[:-1].max() <= 1.05
+    assert not 0.9 <= position[-1] <= 1.05
+    assert run.end_ns == run.time_ns[-1]
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_run_that_records_goes_on_outside_the_workspace(plant: str) -> None:
+    run = stop(plant, kick("beta", 3.0), "rig.bridge_range=[0.9, 1.05]")
+    assert run.status == RunStatus.COMPLETED
+    assert run.signal("state.bridge_position").max() > 1.05
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize(
+    ("kicked", "gravity", "statuses"),
+    [
+        (20.0, 9.81, {RunStatus.LENGTH_SINGULAR}),
+        (-25.0, 2.0, {RunStatus.SLACK_ROPE, RunStatus.ANGLE_SINGULAR}),  # both within a millisecond
+    ],
+)
+def test_run_stops_at_a_singularity(
+    plant: str, compiled: bool, kicked: float, gravity: float, statuses: set[RunStatus]
+) -> None:
+    run = stop(plant, kick("alpha", kicked), f"rig.gravity={gravity}", compiled=compiled)
+    assert run.status in statuses
+    assert 500 < len(run.time_ns) < 3000
+    assert np.isfinite(run.table).all()
+    assert run.end_ns - run.time_ns[-1] == 1_000_000, "the sample that could not be controlled"
+
+
+def test_plants_stop_together_for_the_same_reason() -> None:
+    """Not at the very same instant perhaps, but within a few samples and with one status."""
+    for overrides in (
+        [kick("alpha", 20.0)],
+        [kick("beta", 3.0), *NARROW],
+    ):
+        a, b = (stop(plant, *overrides) for plant in PLANTS)
+        assert a.status == b.status
+        assert abs(a.end_ns - b.end_ns) <= 2_000_000
+
+
+@pytest.mark.parametrize(
+    ("tension", "status"),
+    [
+        (1e-9, RunStatus.RUNNING),
+        (0.0, RunStatus.SLACK_ROPE),
+        (-1.0, RunStatus.SLACK_ROPE),
+        (np.nan, RunStatus.NON_FINITE),
+        (np.inf, RunStatus.NON_FINITE),
+    ],
+)
+def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStatus) -> None:
+    """Whatever the tracker believes of its zeta, the plant's own tension decides."""
+    row = np.zeros(signals.BASE_WIDTH)
+    row[signals.TENSION_COLUMN] = tension
+    none = np.zeros((0, 2))
+    sampling = Sampling(None, none, none, np.zeros((3, 2)), False, signals.INPUT_COLUMN)
+    assert RunStatus(judge_sample.py_func(sampling, row)) == status
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_run_stops_when_a_state_is_no_number(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, plant: str
+) -> None:
+    """A plant that breaks half-way: everything before is kept."""
+    monkeypatch.chdir(tmp_path)  # the engine writes a log of its warnings
+    crane = make_plant(plant, load_scenario("fixed-position"), "ideal")
+    advance, calls = crane.advance, iter(range(10**6))
+
+    def break_down(command: np.ndarray, disturbance: np.ndarray, load: np.ndarray) -> None:
+        broken = np.full(2, np.nan) if next(calls) == 250 else disturbance
+        advance(command, broken, load)
+
+    monkeypatch.setattr(crane, "advance", break_down)
+    monkeypatch.setattr(crane, "warnings", lambda: 0)
+    monkeypatch.setattr(runner_module, "make_plant", lambda *_: crane)
+    run = stop(plant, compiled=False)
+    assert run.status == RunStatus.NON_FINITE
+    assert len(run.time_ns) in {250, 251}, "the engine's tension already shows it at the sample itself"
+    assert run.end_ns in {250_000_000, 251_000_000}
+    assert np.isfinite(run.table).all()
+
+
+def test_run_stops_when_the_engine_warns(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Both loops look at the engine's own counter."""
+    monkeypatch.chdir(tmp_path)
+    for compiled in (True, False):
+        crane = make_plant("mujoco", load_scenario("fixed-position"), "ideal")
+        reset = crane.reset
+
+        def reset_then_warn(state: np.ndarray, crane=crane, reset=reset) -> None:
+            reset(state)
+            crane.rig.warnings[0] = 1
+
+        monkeypatch.setattr(crane, "reset", reset_then_warn)
+        monkeypatch.setattr(runner_module, "make_plant", lambda *_, crane=crane: crane)
+        run = stop("mujoco", compiled=compiled)
+        assert run.status == RunStatus.ENGINE_WARNING
+        assert len(run.time_ns) == 1
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_ctrl_c_keeps_what_was_run(plant: str) -> None:
+    scenario = load_scenario("fixed-position", overrides=["duration=20"])
+    seconds = []
+
+    def progress(amount: float) -> None:
+        seconds.append(amount)
+        if len(seconds) == 3:
+            raise KeyboardInterrupt
+
+    run = simulate_run(scenario, plant=plant, progress=progress)
+    assert run.status == RunStatus.INTERRUPTED
+    assert len(run.time_ns) == 3000
+    assert run.end_ns == run.time_ns[-1]
+    assert sum(seconds) == pytest.approx(3.0)
+
+
+def test_progress_adds_up_to_the_duration(short: Scenario) -> None:
+    seconds: list[float] = []
+    simulate_run(short, plant="analytic", progress=seconds.append)
+    assert sum(seconds) == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("keyword", "value", "nearest"),
+    [("plant", "mujocco", "mujoco"), ("drive", "ideel", "ideal"), ("controller", "lqrr", "lqr")],
+)
+def test_unknown_names_list_the_known(short: Scenario, keyword: str, value: str, nearest: str) -> None:
+    with pytest.raises(InputError) as caught:
+        simulate_run(short, **{keyword: value})
+    assert caught.value.allowed.startswith(nearest)
+
+
+def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
+    script = """
+import numba.core.event as event
+from cranectl.scenario import load_scenario
+compiled = []
+class Count(event.Listener):
+    def on_start(self, event): compiled.append(event.data["dispatcher"])
+    def on_end(self, event): pass
+with event.install_listener("numba:compile", Count()):
+    from cranectl.simulate import simulate_run
+    scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]"])
+    for plant in ("analytic", "mujoco"):
+        for drive in ("ideal", "velocity"):
+            simulate_run(scenario, plant=plant, drive=drive)
+print(len(compiled))
+"""
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path), "PATH": "/usr/bin:/bin"}
+    counts = []
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True
+        )
+        counts.append(int(done.stdout))
+    assert counts[0] > 0
+    assert counts[1] == 0

@@ -1,0 +1,56 @@
+"""What a scenario means on its rig: refused before anything runs."""
+
+import numpy as np
+import pytest
+
+from cranectl.errors import InputError
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import plan_scenario
+from tests.conftest import ALL_SCENARIOS
+
+LINE = "reference.segments=[{{kind='line', to={to}, duration={duration}}}]"
+
+
+def scenario(to: list[float], duration: float, *more: str) -> Scenario:
+    line = LINE.format(to=to, duration=duration)
+    return load_scenario("fixed-position", overrides=[line, *more])
+
+
+def refused(*arguments: object) -> InputError:
+    with pytest.raises(InputError) as caught:
+        plan_scenario(scenario(*arguments))
+    return caught.value
+
+
+@pytest.mark.parametrize("name", ALL_SCENARIOS)
+def test_every_scenario_can_be_planned(name: str) -> None:
+    loaded = load_scenario(name)
+    plan = plan_scenario(loaded)
+    assert len(plan.time_ns) == len(plan.reference) == len(plan.disturbance) == loaded.steps + 1
+    assert plan.time_ns[-1] == 25_000_000_000
+    assert np.isfinite(plan.reference).all()
+
+
+def test_reference_that_leaves_the_workspace_is_refused_with_place_and_time() -> None:
+    error = refused([2.3, 0.77, -0.7], 5.0)
+    assert "bridge_position = 2.3 m at" in error.found
+    assert error.allowed == "0 to 2 m"
+    assert "trolley_position" in refused([1.0, -0.2, -0.7], 5.0).found
+    assert "rope_length = 1.5 m" in refused([1.0, 0.77, -1.5], 5.0).found
+
+
+def test_load_may_leave_the_workspace_where_the_crane_does_not() -> None:
+    """Limits apply to bridge, trolley and rope: a swung-out load may be outside, a rope too long not."""
+    inside = scenario([1.9, 0.77, -0.7], 1.6, "rig.bridge_range=[0.7, 2.1]")
+    plan = plan_scenario(inside)
+    assert not np.array_equal(plan.reference[:, 0], plan.reference_state[:, 0])
+
+
+def test_reference_that_needs_a_slack_rope_is_refused() -> None:
+    error = refused([1.0, 0.77, -1.3], 0.5, "rig.gravity=5.0")
+    assert "slack rope" in error.found
+    assert "below g = 5" in error.allowed
+
+
+def test_reference_above_the_trolley_is_refused() -> None:
+    assert "lifts the load" in refused([1.0, 0.77, 0.1], 5.0).found
