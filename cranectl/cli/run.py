@@ -77,9 +77,4 @@ def run_command(
             "agreements": [agreement.to_json() for agreement in agreements],
         },
     )
-    if result.interrupted:
-        return exit_codes.INTERRUPTED
-    if result.stopped:
-        return exit_codes.RUN_STOPPED
-    passed = all(agreement.passed for agreement in agreements)
-    return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED
+    return exit_codes.of_results([result])

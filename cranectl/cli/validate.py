@@ -78,8 +78,8 @@ def _report(results: Sequence["CaseResult"], out: Path, json_file: str | None) -
 
     runs = [run for result in results for run in result.runs]
     agreements = [result.agreement for result in results if result.agreement is not None]
-    stopped = any(result.stopped for result in results)
-    passed = not stopped and all(agreement.passed for agreement in agreements)
+    code = exit_codes.of_results(results)
+    passed = code == exit_codes.GOOD
     screen = console(json_file)
     screen.print(run_table(runs))
     for note in run_notes(runs):
@@ -95,8 +95,4 @@ def _report(results: Sequence["CaseResult"], out: Path, json_file: str | None) -
             "agreements": [agreement.to_json() for agreement in agreements],
         },
     )
-    if any(result.interrupted for result in results):
-        return exit_codes.INTERRUPTED
-    if not all(agreement.passed for agreement in agreements):
-        return exit_codes.LIMIT_EXCEEDED
-    return exit_codes.RUN_STOPPED if stopped else exit_codes.GOOD
+    return code

@@ -44,14 +44,12 @@ def derive() -> dict[str, Any]:
     load = sp.Matrix([x_c, y_c, 0]) + rope
 
     load_velocity = load.diff(t)
-    kinetic = (
-        m_b * qd[0] ** 2 + m_t * (qd[0] ** 2 + qd[1] ** 2) + m_w * qd[2] ** 2 + m_l * load_velocity.dot(load_velocity)
-    ) / 2
+    drives = m_b * qd[0] ** 2 + m_t * (qd[0] ** 2 + qd[1] ** 2) + m_w * qd[2] ** 2
+    kinetic = (drives + m_l * load_velocity.dot(load_velocity)) / 2
     potential = m_l * g * load[2]
     lagrangian = kinetic - potential
-    forces = sp.Matrix(
-        [lagrangian.diff(rate).diff(t) - lagrangian.diff(position) for position, rate in zip(q, qd, strict=True)]
-    )
+    pairs = zip(q, qd, strict=True)
+    forces = sp.Matrix([lagrangian.diff(v).diff(t) - lagrangian.diff(p) for p, v in pairs])
     forces = plain(forces.doit())
     mass = sp.simplify(forces.jacobian(QDD))
     gravity = plain(sp.Matrix([potential.diff(position) for position in q]))
@@ -74,32 +72,40 @@ def derive() -> dict[str, Any]:
 
 
 def check_identities(equations: dict[str, Any]) -> None:
-    """What the issue of masses and of rope force needs, by symbols."""
-    assert not equations["cardan"].free_symbols & {m_b, m_t, m_w, m_l}, "the cardan accelerations depend on a mass"
-    assert equations["mass"].T == equations["mass"]
-    printed = sp.Matrix(
-        [
-            (2 * Q[2] * QD[3] * QD[4] * sp.sin(Q[4]) - g * sp.sin(Q[3]) - 2 * QD[2] * QD[3] * sp.cos(Q[4])
-             - sp.cos(Q[3]) * QDD[1]) / (Q[2] * sp.cos(Q[4])),
-            (-g * sp.cos(Q[3]) * sp.sin(Q[4]) - 2 * QD[2] * QD[4] - Q[2] * QD[3] ** 2 * sp.sin(Q[4]) * sp.cos(Q[4])
-             - sp.cos(Q[4]) * QDD[0] + sp.sin(Q[3]) * sp.sin(Q[4]) * QDD[1]) / Q[2],
-        ]
-    )  # fmt: skip
-    assert sp.simplify(equations["cardan"] - printed) == sp.zeros(2, 1), "corrected (2.12)"
+    """By symbols: the cardan accelerations are free of masses and are the corrected (2.12)."""
+    masses = {m_b, m_t, m_w, m_l}
+    assert not equations["cardan"].free_symbols & masses, "the cardan accelerations depend on a mass"
+    assert equations["mass"].is_symmetric()
+    length, a, b = Q[2:]
+    length_rate, ad, bd = QD[2:]
+    xdd, ydd = QDD[:2]
+    sin, cos = sp.sin, sp.cos
+    alpha = 2 * length * ad * bd * sin(b) - g * sin(a) - 2 * length_rate * ad * cos(b) - cos(a) * ydd
+    beta = (
+        -g * cos(a) * sin(b)
+        - 2 * length_rate * bd
+        - length * ad**2 * sin(b) * cos(b)
+        - cos(b) * xdd
+        + sin(a) * sin(b) * ydd
+    )
+    corrected = sp.Matrix([alpha / (length * cos(b)), beta / length])
+    assert sp.simplify(equations["cardan"] - corrected) == sp.zeros(2, 1), "corrected (2.12)"
 
 
 def check_code(equations: dict[str, Any], *, samples: int = 200, seed: int = 1) -> float:
     """Largest relative difference between `cranectl.dynamics` and the derivation at random states."""
     rng = np.random.default_rng(seed)
     evaluate = {
-        name: sp.lambdify([Q, QD, QDD, MASSES], expression, "numpy", cse=True) for name, expression in equations.items()
+        name: sp.lambdify([Q, QD, QDD, MASSES], expression, "numpy", cse=True)
+        for name, expression in equations.items()
     }
     worst = 0.0
     for _ in range(samples):
         position = rng.uniform([0.0, 0.0, 0.05, -1.4, -1.4], [2.0, 1.54, 1.4, 1.4, 1.4])
         velocity, acceleration = rng.normal(size=5), rng.normal(size=5)
         m = rng.uniform(0.1, 10.0, size=5)
-        rig = RigParameters(bridge_mass=m[0], trolley_mass=m[1], winch_mass=m[2], load_mass=m[3], gravity=m[4])
+        names = ("bridge_mass", "trolley_mass", "winch_mass", "load_mass", "gravity")
+        rig = RigParameters(**dict(zip(names, m.tolist(), strict=True)))
         for name, code in code_values(position, velocity, acceleration, rig).items():
             derived = np.asarray(evaluate[name](position, velocity, acceleration, m), dtype=float).squeeze()
             scale = max(1.0, float(np.abs(derived).max()))

@@ -1,0 +1,281 @@
+"""The command line as users and CI meet it: results, JSON, exit codes, and no traceback for wrong input."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.log import read_log
+from cranectl.status import RunStatus
+
+SHORT = [
+    "--set", "duration=0.5", "--set", "disturbances.0.start=0.1", "--set", "disturbances.1.start=0.2",
+]  # fmt: skip
+STOP = ["--set", "disturbances=[{joint='alpha', start=0.1, magnitude=20.0}]", "--set", "duration=2"]
+
+
+@pytest.fixture(autouse=True)
+def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Standard error of a call that must end with exit code 2 and no traceback."""
+    assert main(list(arguments)) == 2
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+    return captured.err
+
+
+def test_list_names_everything(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    out = capsys.readouterr().out
+    for name in (
+        "fixed-position",
+        "settled-trajectory",
+        "pole-placement",
+        "lqr",
+        "analytic",
+        "mujoco",
+        "velocity",
+    ):
+        assert name in out
+
+
+def test_list_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json", "-"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert listed["controllers"] == ["pole-placement", "lqr"]
+    assert listed["scenarios"][0]["name"] == "fixed-position"
+
+
+def test_run_writes_the_log_where_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "fixed-position", *SHORT, "--controller", "lqr"]) == 0
+    out = capsys.readouterr().out
+    log = Path("logs/fixed-position/lqr-ideal.mcap")
+    assert f"log: {log}" in out
+    assert "passed" in out
+    runs = read_log(log)
+    assert list(runs) == ["analytic", "mujoco"]
+    assert runs["mujoco"].design.name == "lqr"
+
+
+def test_run_of_one_plant_with_options(capsys: pytest.CaptureFixture[str]) -> None:
+    rig = Path("rig.toml")
+    rig.write_text("load_mass = 3.0\n")
+    options = [
+        "--plant",
+        "mujoco",
+        "--drive",
+        "velocity",
+        "--rig",
+        str(rig),
+        "--every",
+        "1",
+        "--out",
+        "my.mcap",
+    ]
+    assert main(["run", "fixed-position", *SHORT, *options, "--json", "run.json"]) == 0
+    assert "Agreement" not in capsys.readouterr().out
+    (run,) = read_log("my.mcap").values()
+    assert (run.plant, run.drive, run.scenario.rig.load_mass, len(run.time_ns)) == (
+        "mujoco",
+        "velocity",
+        3.0,
+        501,
+    )
+    result = json.loads(Path("run.json").read_text())
+    assert result["agreements"] == []
+    assert result["runs"][0]["log"] == "my.mcap"
+
+
+def test_velocity_drives_are_reported_without_a_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "fixed-position", *SHORT, "--drive", "velocity"]) == 0
+    assert "reported" in capsys.readouterr().out
+    assert Path("logs/fixed-position/pole-placement-velocity.mcap").exists()
+
+
+def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "fixed-position", *SHORT, "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
+    assert set(result) == {"passed", "runs", "agreements"}
+    assert result["passed"] is True
+    assert {(r["scenario"], r["controller"], r["plant"], r["drive"]) for r in result["runs"]} == {
+        ("fixed-position", controller, plant, "ideal")
+        for controller in ("pole-placement", "lqr")
+        for plant in ("analytic", "mujoco")
+    }
+    for run in result["runs"]:
+        assert run["status"] == "completed"
+        assert Path(run["log"]).exists()
+        assert run["metrics"]["max_error_m"] > 0
+    for agreement in result["agreements"]:
+        assert set(agreement) == {
+            "scenario", "controller", "drive", "max_load_error_m", "max_angle_error_rad", "limit_m",
+            "limit_rad", "passed",
+        }  # fmt: skip
+        assert agreement["max_load_error_m"] < agreement["limit_m"] == 1e-6
+    assert "passed" in captured.err, "tables go to standard error when JSON takes standard output"
+
+
+def test_validate_fails_when_a_limit_is_exceeded(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cranectl.compare.agreement_limits", lambda _: (1e-15, 1e-15))
+    arguments = ["fixed-position", *SHORT, "--controller", "lqr"]
+    assert main(["validate", *arguments, "--json", "v.json"]) == 1
+    assert "FAILED" in capsys.readouterr().out
+    assert json.loads(Path("v.json").read_text())["passed"] is False
+    assert main(["run", "fixed-position", *SHORT]) == 1
+
+
+def test_a_run_that_stops_says_why_and_leaves_a_readable_log(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "fixed-position", *STOP]) == 3
+    out = capsys.readouterr().out
+    assert "length-singular" in out
+    assert "the rope length is not positive" in out
+    runs = read_log("logs/fixed-position/pole-placement-ideal.mcap")
+    assert runs["mujoco"].status == RunStatus.LENGTH_SINGULAR
+    assert main(["validate", "fixed-position", *STOP, "--controller", "lqr"]) == 3
+
+
+def test_compare_one_log_and_two(capsys: pytest.CaptureFixture[str]) -> None:
+    for drive in ("ideal", "velocity"):
+        assert main(["run", "fixed-position", *SHORT, "--drive", drive]) == 0
+    logs = [f"logs/fixed-position/pole-placement-{drive}.mcap" for drive in ("ideal", "velocity")]
+    capsys.readouterr()
+    assert main(["compare", logs[0], "--json", "-"]) == 0
+    (comparison,) = json.loads(capsys.readouterr().out)["comparisons"]
+    assert comparison["max_load_error_m"] < 1e-6
+    assert {"signal", "unit", "max_abs", "at_s", "rms", "final"} == set(comparison["signals"][0])
+    assert main(["compare", *logs]) == 0
+    out = capsys.readouterr().out
+    assert "analytic/velocity minus" in out
+    assert "mujoco/velocity minus" in out
+    assert "load.rope_tension" in out
+
+
+def test_compare_of_a_single_plant_needs_a_second_log(capsys: pytest.CaptureFixture[str]) -> None:
+    for plant in ("analytic", "mujoco"):
+        assert main(["run", "fixed-position", *SHORT, "--plant", plant, "--out", f"{plant}.mcap"]) == 0
+    capsys.readouterr()
+    assert "one plant only" in bad_input(capsys, "compare", "analytic.mcap")
+    assert main(["compare", "analytic.mcap", "mujoco.mcap"]) == 0
+    assert "mujoco/ideal minus" in capsys.readouterr().out
+    assert "3 logs" in bad_input(capsys, "compare", *["analytic.mcap"] * 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["run", "fixed-positon"], "did you mean 'fixed-position'?"),
+        (["run", "absent.toml"], "cannot read absent.toml"),
+        (["run", "fixed-position", "--controller", "lqrr"], "did you mean 'lqr'?"),
+        (["run", "fixed-position", "--controller", "pid"], "allowed: "),
+        (["run", "fixed-position", "--plant", "real"], "unknown plant 'real'"),
+        (["run", "fixed-position", "--drive", "velocty"], "did you mean 'velocity'?"),
+        (["run", "fixed-position", "--set", "rig.load_mas=2"], "did you mean 'load_mass'?"),
+        (["run", "fixed-position", "--set", "rig.load_mass=heavy"], "valid number"),
+        (["run", "fixed-position", "--set", "rig.load_mass=nan"], "finite"),
+        (["run", "fixed-position", "--set", "duration=inf"], "finite"),
+        (["run", "fixed-position", "--set", "duration=-1"], "greater than 0"),
+        (["run", "fixed-position", "--set", "disturbances.0.start=30"], "before the end"),
+        (["run", "fixed-position", "--set", "control.period=0.003"], "multiple of control.period"),
+        (["run", "fixed-position", "--set", "reference.start=[3,0.77,-0.7]"], "leaves the workspace"),
+        (["run", "settled-trajectory", "--set", "reference.continuity=4"], "the reference jumps"),
+        (["run", "settled-trajectory", "--set", "reference.segments.0.to=[0.1,0.1,-0.15]"], "zero length"),
+        (["run", "fixed-position", "--rig", "absent.toml"], "cannot read absent.toml"),
+        (["run", "fixed-position", "--every", "0"], "greater than or equal to 1"),
+        (["run", "fixed-position", "--every", "few"], "not a valid integer"),
+        (["run", "fixed-position", "--nonsense"], "No such option"),
+        (["run"], "Missing argument"),
+        (["runn"], "Did you mean 'run'?"),
+        (["validate", "nothing"], "unknown scenario"),
+        (["validate", "--controller", "pid"], "unknown controller"),
+        (["compare", "absent.mcap"], "cannot read absent.mcap"),
+        (["compare"], "Missing argument"),
+    ],
+)
+def test_bad_input_is_explained(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], expected: str
+) -> None:
+    assert expected in bad_input(capsys, *arguments)
+    assert not Path("logs").exists(), "nothing is written before the input is known to be good"
+
+
+def test_reference_that_needs_a_slack_rope(capsys: pytest.CaptureFixture[str]) -> None:
+    fall = "reference.segments=[{kind='line', to=[1,0.77,-1.3], duration=0.4}]"
+    assert "slack rope" in bad_input(capsys, "run", "fixed-position", "--set", fall)
+
+
+def test_unreadable_logs(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("empty.mcap").write_bytes(b"")
+    Path("foreign.mcap").write_text("no log at all, but long enough for a magic number")
+    assert "is empty" in bad_input(capsys, "compare", "empty.mcap")
+    assert "no MCAP file" in bad_input(capsys, "compare", "foreign.mcap")
+
+
+def test_unwritable_logs_directory_is_found_before_simulating(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file where the directory should be stops root too."""
+    Path("logs").write_text("")
+
+    def simulate(*_: object, **__: object) -> None:
+        raise AssertionError("simulated although the log cannot be written")
+
+    monkeypatch.setattr("cranectl.cases.simulate_run", simulate)
+    error = bad_input(capsys, "run", "fixed-position")
+    assert "cannot write logs/fixed-position" in error
+    assert "--out" in error
+    assert "cannot write" in bad_input(capsys, "validate")
+
+
+def test_unwritable_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json", "absent/list.json"]) == 2
+    assert "cannot write absent/list.json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
+    """Sent as soon as the simulation is under way; the run is far longer than that."""
+    script = (
+        "import sys\n"
+        "from cranectl.simulate import runner\n"
+        "blocks = runner._run_blocks\n"
+        "def announce(*arguments):\n"
+        "    print('running', flush=True)\n"
+        "    return blocks(*arguments)\n"
+        "runner._run_blocks = announce\n"
+        "from cranectl.cli.main import main\n"
+        "sys.exit(main(['run', 'fixed-position', '--plant', 'mujoco', '--set', 'duration=600', "
+        "'--out', 'long.mcap']))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "running\n"
+    time.sleep(0.3)
+    process.send_signal(sent)
+    out, error = process.communicate(timeout=60)
+    assert process.returncode == 130, error
+    assert "Traceback" not in error
+    assert "interrupted" in out
+    (run,) = read_log("long.mcap").values()
+    assert run.status == RunStatus.INTERRUPTED
+    assert 0 < run.end_ns < 600_000_000_000
+    assert [path.name for path in Path().iterdir()] == ["long.mcap"]
+
+
+def test_module_and_console_entry_points() -> None:
+    for command in ([sys.executable, "-m", "cranectl"], [str(Path(sys.executable).parent / "cranectl")]):
+        done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
+        assert "0.1.0" in done.stdout

@@ -1,0 +1,84 @@
+"""The structure: one direction of imports, a light start, a public API that matches its promise."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cranectl
+from tests.conftest import ROOT
+
+HEAVY = ("mujoco", "numba", "control", "matplotlib", "scipy", "pydantic", "foxglove", "mcap")
+
+
+def run_lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
+    command = [str(Path(sys.executable).parent / "lint-imports"), "--no-cache"]
+    return subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False)
+
+
+def test_imports_go_one_way() -> None:
+    done = run_lint_imports(ROOT)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize(
+    ("module", "line", "contract"),
+    [
+        ("dynamics.py", "import cranectl.flatness", "one direction of imports"),
+        ("plants/analytic.py", "import cranectl.tracker", "one direction of imports"),
+        ("plants/mujoco_model.py", "import cranectl.dynamics", "knows nothing of our equations"),
+        ("metrics.py", "import mujoco", "only the MuJoCo plant"),
+        ("metrics.py", "import mcap", "only the log package"),
+    ],
+)
+def test_the_contracts_notice_a_violation(tmp_path: Path, module: str, line: str, contract: str) -> None:
+    import shutil
+
+    shutil.copytree(ROOT / "cranectl", tmp_path / "cranectl", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    path = tmp_path / "cranectl" / module
+    path.write_text(f"{path.read_text()}\n{line}\n")
+    script = "import sys; sys.path.insert(0, '.'); from importlinter.cli import lint_imports; " \
+        "sys.exit(lint_imports(no_cache=True))"  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0, done.stdout
+    broken = [row for row in done.stdout.splitlines() if "BROKEN" in row]
+    assert any(contract in row for row in broken), done.stdout
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["validate", "--help"], ["--version"]])
+def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
+    script = (
+        "import sys; from cranectl.cli.main import main; "
+        f"main({arguments!r}); "
+        f"print('HEAVY', [name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "HEAVY []"
+
+
+def test_an_analytic_run_does_not_import_mujoco() -> None:
+    script = (
+        "import sys; from cranectl import load_scenario, simulate_run\n"
+        "s = load_scenario('fixed-position', overrides=['duration=0.1', 'disturbances=[]'])\n"
+        "simulate_run(s, plant='analytic'); print('mujoco' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_public_names_exist_and_are_typed() -> None:
+    for name in cranectl.__all__:
+        assert getattr(cranectl, name) is not None
+    assert set(cranectl.__all__) == set(cranectl._HOME)
+    assert (ROOT / "cranectl" / "py.typed").exists()
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = cranectl.nonsense
+
+
+def test_files_stay_small() -> None:
+    for path in (ROOT / "cranectl").rglob("*.py"):
+        assert len(path.read_text().splitlines()) <= 320, path

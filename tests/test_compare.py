@@ -1,0 +1,88 @@
+"""Comparison and judgement: right on good runs, and able to fail."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cranectl import compare as compare_module
+from cranectl.compare import agreement_limits, compare_runs, judge
+from cranectl.errors import InputError
+from cranectl.scenario import Scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+
+
+@pytest.fixture
+def run(short: Scenario) -> Run:
+    return simulate_run(short, plant="analytic")
+
+
+def shifted(run: Run, column: int, amount: float, row: int = 300) -> Run:
+    table = run.table.copy()
+    table[row, column] += amount
+    return replace(run, table=table, plant="mujoco")
+
+
+def test_a_run_agrees_with_itself(run: Run) -> None:
+    comparison = compare_runs(run, run)
+    assert comparison.max_load_error_m == comparison.max_angle_error_rad == 0.0
+    assert comparison.samples == 501
+    assert judge(run, run).passed
+
+
+def test_difference_is_found_where_and_as_large_as_it_is(run: Run) -> None:
+    column = 10  # load.load_x
+    row = {d.signal: d for d in compare_runs(run, shifted(run, column, -3e-3)).signals}["load.load_x"]
+    assert row.max_abs == pytest.approx(3e-3)
+    assert row.at_s == pytest.approx(0.3)
+    assert row.rms == pytest.approx(3e-3 / np.sqrt(501))
+    assert row.final == 0.0
+    assert row.unit == "m"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("column", [6, 8, 10, 11, 12])
+def test_judge_fails_above_the_limit_and_passes_below(run: Run, column: int, sign: float) -> None:
+    """Either sign, each of alpha, beta, load x, y, z: a comparison without abs would let one through."""
+    assert not judge(run, shifted(run, column, sign * 1.1e-6)).passed
+    assert judge(run, shifted(run, column, sign * 0.9e-6)).passed
+
+
+def test_load_error_is_a_distance(run: Run) -> None:
+    other = shifted(shifted(run, 10, 3e-6), 11, 4e-6)
+    assert compare_runs(run, other).max_load_error_m == pytest.approx(5e-6)
+
+
+def test_runs_that_ended_differently_do_not_agree(run: Run) -> None:
+    assert not judge(run, replace(run, status=RunStatus.SLACK_ROPE)).passed
+    shorter = replace(run, time_ns=run.time_ns[:-1], table=run.table[:-1], end_ns=int(run.time_ns[-2]))
+    assert not judge(run, shorter).passed
+    assert not compare_runs(run, shorter).same_length
+
+
+def test_different_rates_compare_where_they_meet(run: Run) -> None:
+    comparison = compare_runs(run.every(4), run.every(6))
+    assert comparison.samples == len(set(range(0, 501, 4)) & {*range(0, 501, 6), 500}) + 0
+    assert comparison.max_load_error_m == 0.0
+
+
+def test_no_common_time_is_an_error(run: Run) -> None:
+    with pytest.raises(InputError, match="no sample time in common"):
+        compare_runs(run, replace(run, time_ns=run.time_ns + 1))
+
+
+def test_velocity_drives_are_reported_not_judged(run: Run) -> None:
+    assert agreement_limits("velocity") == (None, None)
+    velocity = replace(run, drive="velocity")
+    agreement = judge(velocity, shifted(velocity, 10, 1e-3))
+    assert agreement.passed
+    assert agreement.limit_m is None
+
+
+def test_limits_come_with_reasons() -> None:
+    import tomllib
+
+    tolerances = tomllib.loads(compare_module.resources.TOLERANCE_FILE.read_text(encoding="utf-8"))
+    for table in tolerances["closed-loop"].values():
+        assert len(table["reason"]) > 50
