@@ -31,5 +31,5 @@ def loop_margins(gain: Array) -> tuple[float, float, float, float]:
     loop = control.ss(CHAIN_A, CHAIN_B, gain.reshape(1, 4), 0.0)
     gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(loop)
     sensitivity = control.feedback(1.0, loop)
-    peak = control.system_norm(sensitivity, "inf")
+    peak = control.system_norm(sensitivity, "inf", tol=1e-9)
     return float(gain_margin), float(np.deg2rad(phase_margin)), float(1.0 / peak), float(crossover)

@@ -50,12 +50,13 @@ def check_writable(path: Path) -> None:
         raise _unwritable(path, error) from None
 
 
-def write_log(path: Path, runs: Sequence[Run], *, every: int | None = None) -> Path:
+def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None) -> Path:
     """Write one or two runs of the same scenario, design and drive to `path`.
 
     `every`: log every n-th control sample, by default as the scenario says; the last sample always.
     Returns `path`; raises LogError if it cannot be written.
     """
+    path = Path(path)
     check_writable(path)
     part = _part(path)
     every = every or runs[0].scenario.log.every

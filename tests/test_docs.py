@@ -1,0 +1,66 @@
+"""Every code block of README and docs runs, and what they say of the code is so."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.parameters import RigParameters
+from cranectl.signals import recorded_groups
+from tests.conftest import ROOT
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    return BLOCK.findall(page.read_text(encoding="utf-8"))
+
+
+def test_there_are_pages_and_blocks() -> None:
+    assert len(PAGES) >= 4
+    assert all(blocks(page) for page in PAGES)
+    assert {language for page in PAGES for language, _ in blocks(page)} == {"python", "sh", "toml"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the order of the page and in one directory; a TOML block is saved under its scenario's name."""
+    monkeypatch.chdir(tmp_path)
+    for language, text in blocks(page):
+        if language == "toml":
+            name = re.search(r'^name = "(.*)"', text, re.MULTILINE)
+            assert name is not None
+            Path(f"{name.group(1)}.toml").write_text(text, encoding="utf-8")
+        elif language == "sh":
+            for line in text.strip().splitlines():
+                program, *arguments = shlex.split(line, comments=True)
+                assert program == "cranectl"
+                assert main(arguments) == 0, line
+        else:
+            exec(compile(text, page.name, "exec"), {})
+
+
+def test_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+        assert target.startswith("http") or (page.parent / target).exists(), target
+
+
+def test_every_parameter_is_documented() -> None:
+    text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    for name in RigParameters.model_fields:
+        stem = "_time_constant" if name.endswith("time_constant") else name
+        assert stem in text, name
+
+
+def test_every_topic_is_documented() -> None:
+    text = (ROOT / "docs" / "logs.md").read_text(encoding="utf-8")
+    for group in recorded_groups(0):
+        assert f"`/PLANT/{group.name}`" in text
