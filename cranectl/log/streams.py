@@ -1,0 +1,139 @@
+"""Turn runs into the messages of a log: one stream for each topic."""
+
+import importlib.metadata
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from foxglove.messages import Log, LogLevel, Timestamp
+from numpy.typing import NDArray
+
+from cranectl.log import schema, topics
+from cranectl.log.events import events, status_changes
+from cranectl.scenario import NANOSECONDS
+from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.simulate import Run
+
+VERSIONED = ("cranectl", "mujoco", "numpy", "scipy", "numba", "control", "foxglove-sdk")
+
+
+@dataclass(frozen=True)
+class Stream:
+    """All messages of one topic in the order of time."""
+
+    topic: str
+    schema_name: str
+    schema: bytes  # FileDescriptorSet
+    time_ns: NDArray[np.int64]
+    messages: list[bytes]
+    metadata: dict[str, str] = field(default_factory=dict)
+
+
+def streams(runs: Sequence[Run]) -> list[Stream]:
+    """Every topic of a log of one run or a pair; at equal times earlier streams come first in the file."""
+    longest = max(runs, key=lambda run: len(run.time_ns))
+    found = [_run_info(runs), _design(runs[0]), _events(runs)]
+    found += [_status(run) for run in runs]
+    found.append(_signals(topics.REFERENCE_LOAD, REFERENCE, longest.time_ns, longest.reference))
+    for run in runs:
+        found += [
+            _signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
+            for group in run.groups
+        ]
+    return found + (_differences(*runs) if len(runs) == 2 else [])
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that shapes a run."""
+    found = {name: importlib.metadata.version(name) for name in VERSIONED}
+    return {"python": platform.python_version(), **found}
+
+
+def _signals(
+    topic: str, group: SignalGroup, time_ns: NDArray[np.int64], values: NDArray[np.float64]
+) -> Stream:
+    return Stream(
+        topic,
+        f"{schema.PACKAGE}.{group.schema}",
+        schema.group_schema(group),
+        time_ns,
+        schema.encode_rows(values),
+        topics.units(group),
+    )
+
+
+def _differences(a: Run, b: Run) -> list[Stream]:
+    time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
+    return [
+        _signals(
+            topics.difference_topic(group.name),
+            group,
+            time_ns,
+            b.block(group.name)[in_b] - a.block(group.name)[in_a],
+        )
+        for group in topics.DIFFERENCE_GROUPS
+    ]
+
+
+def _status(run: Run) -> Stream:
+    definition = schema.status_schema()
+    changes = status_changes(run)
+    return Stream(
+        topics.status_topic(run.plant),
+        f"{schema.PACKAGE}.Status",
+        definition,
+        np.array([change.time_ns for change in changes], dtype=np.int64),
+        [
+            schema.encode(
+                definition,
+                "Status",
+                {"status": int(change.status), "inside_workspace": change.inside_workspace},
+            )
+            for change in changes
+        ],
+    )
+
+
+def _events(runs: Sequence[Run]) -> Stream:
+    found = sorted((event for run in runs for event in events(run)), key=lambda event: event.time_ns)
+    messages = [
+        Log(
+            timestamp=Timestamp(*divmod(event.time_ns, NANOSECONDS)),
+            level=LogLevel.Warning if event.warning else LogLevel.Info,
+            name=event.source,
+            message=event.message,
+        ).encode()
+        for event in found
+    ]
+    time_ns = np.array([event.time_ns for event in found], dtype=np.int64)
+    definition = Log.get_schema()
+    return Stream(topics.LOG, definition.name, definition.data, time_ns, messages)
+
+
+def _run_info(runs: Sequence[Run]) -> Stream:
+    first = runs[0]
+    values = {
+        "scenario": first.scenario.name,
+        "title": first.scenario.title,
+        "controller": first.design.name,
+        "drive": first.drive,
+        "plants": ", ".join(run.plant for run in runs),
+        "status": ", ".join(f"{run.plant}: {run.status.label}" for run in runs),
+        "versions": ", ".join(f"{name} {version}" for name, version in versions().items()),
+    }
+    return _text(topics.RUN_INFO, "RunInfo", values)
+
+
+def _design(run: Run) -> Stream:
+    values = {name: json.dumps(value) for name, value in run.design.to_json().items()}
+    return _text(topics.DESIGN, "Design", values)
+
+
+def _text(topic: str, name: str, values: dict[str, str]) -> Stream:
+    """A stream of one message of strings at time 0."""
+    definition = schema.text_schema(name, tuple(values))
+    message = schema.encode(definition, name, values)
+    at_start = np.zeros(1, dtype=np.int64)
+    return Stream(topic, f"{schema.PACKAGE}.{name}", definition, at_start, [message])
