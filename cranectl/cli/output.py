@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from cranectl.compare import Agreement, Comparison
     from cranectl.scenario import Scenario
 
+FILE_WIDTH = 120
 PASSED, FAILED = "[green]passed[/]", "[bold red]FAILED[/]"
 
 
@@ -27,7 +28,7 @@ def console(json_file: str | None) -> Console:
     """Where tables go: standard error when standard output carries JSON."""
     screen = Console(stderr=json_file == "-", highlight=False)
     if not screen.is_terminal:  # into a file or a CI log: as wide as the tables are
-        screen.width = 120
+        screen.width = FILE_WIDTH
     return screen
 
 
@@ -75,13 +76,14 @@ def progress_bar(total: float) -> Iterator[tuple[Callable[[float], None], Callab
 
 def run_table(runs: Sequence["RunSummary"]) -> Table:
     """One row a run, grouped by scenario."""
-    table = _table("Runs", ("controller", "plant", "status"))
-    for heading in ("max error\n[m]", "final\n[m]", "peak ẍ_c, ÿ_c, l̈\n[m/s²]"):
+    drives = ", ".join(dict.fromkeys(run.drive for run in runs))
+    table = _table(f"Runs, {drives} drives", ("controller", "plant", "status"))
+    for heading in ("max\nerror\n[m]", "final\nerror\n[m]", "peak\nẍ_c ÿ_c l̈\n[m/s²]"):
         table.add_column(escape(heading), justify="right", no_wrap=True)
     scenario = ""
     for run in runs:
         if run.scenario != scenario:
-            table.add_row(f"[bold]{run.scenario}[/], {run.drive} drives")
+            table.add_row(f"[bold]{run.scenario}[/]")
             scenario = run.scenario
         status = f"[bold red]{run.status.label}[/]" if run.status.stopped else run.status.label
         table.add_row(f"  {run.controller}", run.plant, status, *_metric_cells(run))
@@ -93,7 +95,7 @@ def _metric_cells(run: "RunSummary") -> list[str]:
     if metrics is None:
         return ["-"] * 3
     extremes = zip(metrics.max_acceleration_m_s2, metrics.min_acceleration_m_s2, strict=True)
-    peaks = " ".join(f"{max(pair, key=abs):6.3f}" for pair in extremes)
+    peaks = " ".join(f"{max(pair, key=abs):.3f}" for pair in extremes)
     return [f"{metrics.max_error_m:.4f}", f"{metrics.final_error_m:.4f}", peaks]
 
 
@@ -146,9 +148,9 @@ def comparison_table(comparison: "Comparison") -> Table:
         table.add_row(
             row.signal,
             row.unit,
-            f"{row.max_abs:.2e}",
+            f"{row.max_abs:.1e}",
             f"{row.at_s:.3f}",
-            f"{row.rms:.2e}",
+            f"{row.rms:.1e}",
             f"{row.final:+.1e}",
         )
     return table
@@ -164,7 +166,7 @@ def scenario_table(scenarios: Sequence["Scenario"]) -> Table:
 
 
 def _table(title: str, headings: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=0)
     for heading in headings:
         table.add_column(heading, no_wrap=True)
     return table

@@ -136,6 +136,15 @@ def test_validate_fails_when_a_limit_is_exceeded(
     assert main(["run", "fixed-position", *SHORT]) == 1
 
 
+def test_tables_fit_a_terminal_of_80_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cranectl.cli.output.FILE_WIDTH", 80)
+    assert main(["run", "settled-trajectory", "--set", "workspace.on_exit=stop", "--controller", "lqr"]) == 3
+    assert main(["compare", "logs/settled-trajectory/lqr-ideal.mcap"]) == 0
+    assert "…" not in capsys.readouterr().out
+
+
 def test_a_run_that_stops_says_why_and_leaves_a_readable_log(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "fixed-position", *STOP]) == 3
     out = capsys.readouterr().out
