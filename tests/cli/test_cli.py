@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -140,8 +139,8 @@ def test_tables_fit_a_terminal_of_80_columns(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("cranectl.cli.output.FILE_WIDTH", 80)
-    assert main(["run", "settled-trajectory", "--set", "workspace.on_exit=stop", "--controller", "lqr"]) == 3
-    assert main(["compare", "logs/settled-trajectory/lqr-ideal.mcap"]) == 0
+    assert main(["run", "settled-trajectory", "--set", "workspace.on_exit=stop"]) == 3
+    assert main(["compare", "logs/settled-trajectory/pole-placement-ideal.mcap"]) == 0
     assert "…" not in capsys.readouterr().out
 
 
@@ -259,10 +258,9 @@ def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
         "import sys\n"
         "from cranectl.simulate import runner\n"
         "blocks = runner._run_blocks\n"
-        "def announce(*arguments):\n"
-        "    print('running', flush=True)\n"
-        "    return blocks(*arguments)\n"
-        "runner._run_blocks = announce\n"
+        "def announced(*arguments):\n"
+        "    return blocks(*arguments[:-1], lambda seconds: print('running', flush=True))\n"
+        "runner._run_blocks = announced\n"
         "from cranectl.cli.main import main\n"
         "sys.exit(main(['run', 'fixed-position', '--plant', 'mujoco', '--set', 'duration=600', "
         "'--out', 'long.mcap']))"
@@ -272,7 +270,6 @@ def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "running\n"
-    time.sleep(0.3)
     process.send_signal(sent)
     out, error = process.communicate(timeout=60)
     assert process.returncode == 130, error

@@ -1,6 +1,7 @@
 """Logs: bit for bit what was written, the same bytes each time, readable by others, honest errors."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,21 @@ def test_run_that_stopped(tmp_path: Path) -> None:
     read = read_log(write_log(tmp_path / "a.mcap", runs, every=10))
     for run in runs:
         assert_same(read[run.plant], run.every(10))
+
+
+def test_run_interrupted_before_its_first_sample(tmp_path: Path, runs: list[Run]) -> None:
+    empty = replace(
+        runs[0],
+        table=runs[0].table[:0],
+        reference=runs[0].reference[:0],
+        time_ns=runs[0].time_ns[:0],
+        status=RunStatus.INTERRUPTED,
+        end_ns=0,
+    )
+    assert_same(read_log(write_log(tmp_path / "a.mcap", [empty]))["analytic"], empty)
+    both = read_log(write_log(tmp_path / "b.mcap", [runs[1], empty]))
+    assert_same(both["analytic"], empty)
+    assert_same(both["mujoco"], runs[1].every(4))
 
 
 def test_same_runs_same_bytes(tmp_path: Path, short: Scenario) -> None:
