@@ -14,13 +14,19 @@ from pydantic import Field, model_validator
 from cranectl.settings import Settings
 
 Positive = Annotated[float, Field(gt=0.0)]
-Range = Annotated[tuple[float, float], Field(strict=False)]
+# Bounds far beyond any crane: within them nothing over- or underflows.
+Mass = Annotated[float, Field(ge=1e-3, le=1e6)]
+Lag = Annotated[float, Field(ge=1e-6, le=100.0)]
+Position = Annotated[float, Field(ge=-1e4, le=1e4)]
+Range = Annotated[tuple[Position, Position], Field(strict=False)]
 
 
 class RigParameters(Settings):
     """Physical parameters of the rig, in SI units."""
 
-    gravity: Positive = Field(9.81, description="gravitational acceleration [m/s²]; the usual rounded value")
+    gravity: Annotated[float, Field(ge=0.1, le=100.0)] = Field(
+        9.81, description="gravitational acceleration [m/s²]; the usual rounded value"
+    )
     bridge_range: Range = Field(
         (0.0, 2.0), description="travel of the bridge along x [m]; length of the rig, thesis 5.2.2"
     )
@@ -31,23 +37,23 @@ class RigParameters(Settings):
         (0.05, 1.4),
         description="rope length [m]; to the floor, thesis 5.2.2; 0.05 is assumed, the load's radius",
     )
-    bridge_mass: Positive = Field(
+    bridge_mass: Mass = Field(
         6.0, description="bridge beam [kg]; assumed: a 1.6 m aluminium profile with its carriages"
     )
-    trolley_mass: Positive = Field(
+    trolley_mass: Mass = Field(
         2.5, description="trolley with winch housing and joint [kg]; assumed: motor, gear, plates"
     )
-    winch_mass: Positive = Field(
+    winch_mass: Mass = Field(
         0.4, description="winch rotor referred to the rope, J/r² [kg]; assumed: J=1.6e-4, r=0.02"
     )
-    load_mass: Positive = Field(1.0, description="load [kg]; assumed; the tracker does not depend on it")
-    bridge_time_constant: Positive = Field(
+    load_mass: Mass = Field(1.0, description="load [kg]; assumed; the tracker does not depend on it")
+    bridge_time_constant: Lag = Field(
         0.02, description="lag of the bridge's velocity drive [s]; assumed: a small servo drive"
     )
-    trolley_time_constant: Positive = Field(
+    trolley_time_constant: Lag = Field(
         0.02, description="lag of the trolley's velocity drive [s]; assumed: a small servo drive"
     )
-    winch_time_constant: Positive = Field(
+    winch_time_constant: Lag = Field(
         0.02, description="lag of the winch's velocity drive [s]; assumed: a small servo drive"
     )
 

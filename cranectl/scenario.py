@@ -8,32 +8,25 @@ from pydantic import Field, model_validator
 
 from cranectl import resources
 from cranectl.errors import unknown_name
-from cranectl.parameters import Positive, RigParameters
+from cranectl.parameters import Position, RigParameters
 from cranectl.settings import Settings, Table, override, parse_settings, read_toml
 
 NANOSECONDS = 1_000_000_000
 MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms
 
-Point2 = Annotated[tuple[float, float], Field(strict=False)]
-Point3 = Annotated[tuple[float, float, float], Field(strict=False)]
+Duration = Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
+Point2 = Annotated[tuple[Position, Position], Field(strict=False)]
+Point3 = Annotated[tuple[Position, Position, Position], Field(strict=False)]
 TimeLaw = Literal["degree-9", "degree-5"]
-PositiveFour = Annotated[tuple[Positive, Positive, Positive, Positive], Field(strict=False)]
-NegativeFour = Annotated[
-    tuple[
-        Annotated[float, Field(lt=0.0)],
-        Annotated[float, Field(lt=0.0)],
-        Annotated[float, Field(lt=0.0)],
-        Annotated[float, Field(lt=0.0)],
-    ],
-    Field(strict=False),
-]
+Weight = Annotated[float, Field(ge=1e-9, le=1e9)]
+Pole = Annotated[float, Field(ge=-1e3, le=-1e-3)]
 
 
 class Hold(Settings):
     """Stay where the last segment ended."""
 
     kind: Literal["hold"]
-    duration: Positive = Field(description="[s]")
+    duration: Duration = Field(description="[s]")
 
 
 class Line(Settings):
@@ -41,7 +34,7 @@ class Line(Settings):
 
     kind: Literal["line"]
     to: Point3 = Field(description="end point (x, y, z) [m]")
-    duration: Positive = Field(description="[s]")
+    duration: Duration = Field(description="[s]")
     time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
 
 
@@ -50,8 +43,10 @@ class Arc(Settings):
 
     kind: Literal["arc"]
     centre: Point2 = Field(description="centre (x, y) [m]")
-    angle: float = Field(description="angle travelled [rad], positive counter-clockwise from above")
-    duration: Positive = Field(description="[s]")
+    angle: Annotated[float, Field(ge=-1e3, le=1e3)] = Field(
+        description="angle travelled [rad], positive counter-clockwise from above"
+    )
+    duration: Duration = Field(description="[s]")
     time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
 
 
@@ -74,9 +69,9 @@ class Disturbance(Settings):
     """A constant angular acceleration added to one cardan angle from `start` on."""
 
     joint: Literal["alpha", "beta"]
-    start: Annotated[float, Field(ge=0.0)] = Field(description="[s]")
-    end: Positive | None = Field(None, description="[s]; the end of the run when absent")
-    magnitude: float = Field(description="[rad/s²]")
+    start: Annotated[float, Field(ge=0.0, le=MAX_DURATION)] = Field(description="[s]")
+    end: Duration | None = Field(None, description="[s]; the end of the run when absent")
+    magnitude: Annotated[float, Field(ge=-1e4, le=1e4)] = Field(description="[rad/s²]")
 
     @model_validator(mode="after")
     def _ends_after_start(self) -> "Disturbance":
@@ -88,20 +83,20 @@ class Disturbance(Settings):
 class ControlSettings(Settings):
     """Sampling."""
 
-    period: Positive = Field(0.001, description="control period, input held [s]")
-    physics_step: Positive = Field(0.001, description="step of both plants [s]; divides the period")
+    period: Duration = Field(0.001, description="control period, input held [s]")
+    physics_step: Duration = Field(0.001, description="step of both plants [s]; divides the period")
 
 
 class DesignSettings(Settings):
     """Data of the feedback designs (thesis 5.2.1); each axis gets the same."""
 
-    poles: NegativeFour = Field(
+    poles: Annotated[tuple[Pole, Pole, Pole, Pole], Field(strict=False)] = Field(
         (-2.5, -2.5, -2.5, -2.5), description="closed-loop poles of pole-placement [1/s]"
     )
-    state_weights: PositiveFour = Field(
+    state_weights: Annotated[tuple[Weight, Weight, Weight, Weight], Field(strict=False)] = Field(
         (1000.0, 1.0, 1.0, 1.0), description="diagonal of Q of lqr, for e, ė, ë, e⃛"
     )
-    input_weight: Positive = Field(0.1, description="R of lqr, for v")
+    input_weight: Weight = Field(0.1, description="R of lqr, for v")
 
 
 class WorkspaceSettings(Settings):
@@ -125,7 +120,7 @@ class Scenario(Settings):
         description="lower case letters, digits and hyphens"
     )
     title: str = Field("", description="one line for people")
-    duration: Annotated[float, Field(gt=0.0, le=MAX_DURATION)] = Field(description="[s]")
+    duration: Duration = Field(description="[s]")
     controller: str = Field("pole-placement", description="the controller run by default")
     reference: ReferenceSettings = Field(description="the desired path of the load")
     disturbances: Annotated[tuple[Disturbance, ...], Field(strict=False)] = ()
@@ -144,6 +139,8 @@ class Scenario(Settings):
             raise ValueError("control.physics_step must be at least 1000 nanoseconds")
         if not _divides(self.control.physics_step, self.control.period):
             raise ValueError("control.physics_step must divide control.period")
+        if self.rig.time_constants.min() < self.control.physics_step:
+            raise ValueError("the rig's time constants must be at least control.physics_step")
         times = {"duration": self.duration}
         for index, step in enumerate(self.disturbances):
             times[f"disturbances.{index}.start"] = step.start

@@ -91,9 +91,10 @@ def _copied(node: Any) -> Any:
 
 def _toml_value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        table = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text
+    return table["value"] if len(table) == 1 else text
 
 
 def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, str]:

@@ -54,14 +54,17 @@ def validate_command(
     for name in controllers:
         if name not in CONTROLLERS:
             raise unknown_name("controller", name, CONTROLLERS)
-    loaded = [load_scenario(name, rig=rig, overrides=overrides) for name in scenarios or scenario_names()]
+    loaded = [
+        load_scenario(name, rig=rig, overrides=overrides)
+        for name in dict.fromkeys(scenarios) or scenario_names()
+    ]
     kind = checked_drive(drive)
     cases = [
         make_case(
             scenario, controller=controller, drive=kind, log=default_log(out, scenario, controller, kind)
         )
         for scenario in loaded
-        for controller in controllers or CONTROLLERS
+        for controller in dict.fromkeys(controllers) or CONTROLLERS
     ]
     results = []
     with progress_bar(sum(case.simulated_seconds for case in cases)) as (advance, describe):

@@ -28,12 +28,14 @@ def check_writable(path: Path) -> None:
     """Raise LogError now rather than after the simulation if `path` cannot be written."""
     part = _part(path)
     try:
+        for place in (path, part):
+            # Renaming a log over a device or a pipe would destroy it.
+            if place.exists() and not place.is_file():
+                raise OSError(f"{place} exists and is no regular file")
         path.parent.mkdir(parents=True, exist_ok=True)
         part.touch()
         part.unlink()
-        if path.is_dir():
-            raise IsADirectoryError(f"{path} is a directory")
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise _unwritable(path, error) from None
 
 
@@ -136,7 +138,7 @@ def _check_complete(path: Path, sent: int) -> None:
 
 
 def _part(path: Path) -> Path:
-    return path.with_name(path.name + ".part")
+    return path.parent / f"{path.name}.part"
 
 
 def _unwritable(path: Path, error: Exception) -> LogError:

@@ -12,8 +12,8 @@ JOINTS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
 DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 DRIVES = ("bridge_drive", "trolley_drive", "winch_drive")
 
-# An ideal drive is a motor on a joint so inert that no load can move it: acceleration = command to 1e-12.
-IDEAL_INERTIA = 1e12
+# An ideal drive is a motor on a joint so inert that the load cannot move it: acceleration = command to 1e-12.
+IDEAL_INERTIA = 1e12  # per kg of load
 
 
 def model_spec(rig: RigParameters, *, drive: Drive, step: float) -> mujoco.MjSpec:
@@ -29,19 +29,19 @@ def model_spec(rig: RigParameters, *, drive: Drive, step: float) -> mujoco.MjSpe
     for joint, limits in zip(DRIVEN_JOINTS, rig.workspace, strict=True):
         spec.joint(joint).range = limits
     if drive == "ideal":
-        _set_ideal_drives(spec)
+        _set_ideal_drives(spec, IDEAL_INERTIA * rig.load_mass)
     else:
         _set_velocity_drives(spec, rig)
     return spec
 
 
-def _set_ideal_drives(spec: mujoco.MjSpec) -> None:
+def _set_ideal_drives(spec: mujoco.MjSpec, inertia: float) -> None:
     for name in DRIVES:
         actuator = spec.actuator(name)
         actuator.set_to_motor()
-        actuator.gear = [IDEAL_INERTIA, 0.0, 0.0, 0.0, 0.0, 0.0]
+        actuator.gear = [inertia, 0.0, 0.0, 0.0, 0.0, 0.0]
     for name in DRIVEN_JOINTS:
-        spec.joint(name).armature = IDEAL_INERTIA
+        spec.joint(name).armature = inertia
 
 
 def _set_velocity_drives(spec: mujoco.MjSpec, rig: RigParameters) -> None:

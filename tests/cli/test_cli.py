@@ -1,6 +1,7 @@
 """The command line as users and CI meet it: results, JSON, exit codes, and no traceback for wrong input."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -247,8 +248,14 @@ def test_unwritable_logs_directory_is_found_before_simulating(
 
 
 def test_unwritable_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["list", "--json", "absent/list.json"]) == 2
-    assert "cannot write absent/list.json" in capsys.readouterr().err
+    assert "directory does not exist" in bad_input(capsys, "list", "--json", "absent/list.json")
+    assert "a directory" in bad_input(capsys, "validate", "--json", ".")
+    assert not Path("logs").exists(), "found before simulating"
+
+
+def test_json_may_go_to_a_device() -> None:
+    assert main(["list", "--json", os.devnull]) == 0
+    assert Path(os.devnull).is_char_device()
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])

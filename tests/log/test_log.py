@@ -1,6 +1,7 @@
 """Logs: bit for bit what was written, the same bytes each time, readable by others, honest errors."""
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -276,12 +277,25 @@ def test_damaged_content(tmp_path: Path, log: Path) -> None:
 
 def test_unwritable_places(tmp_path: Path, runs: list[Run]) -> None:
     (tmp_path / "file").write_text("")
-    for path in (tmp_path / "file" / "a.mcap", tmp_path):
+    for path in (tmp_path / "file" / "a.mcap", tmp_path, Path(), tmp_path / ("a" * 300), tmp_path / "a\0b"):
         with pytest.raises(LogError) as caught:
             check_writable(path)
         assert "--out" in caught.value.remedy
         with pytest.raises(LogError):
             write_log(path, runs)
+
+
+def test_a_log_never_replaces_what_is_no_file(tmp_path: Path, runs: list[Run]) -> None:
+    """Renamed over a pipe or a device, a log would destroy it."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    occupied = tmp_path / "b.mcap"
+    os.mkfifo(tmp_path / "b.mcap.part")
+    for path in (pipe, occupied):
+        with pytest.raises(LogError, match="no regular file"):
+            write_log(path, runs)
+    assert pipe.is_fifo()
+    assert (tmp_path / "b.mcap.part").is_fifo()
 
 
 def test_nothing_half_written_is_left(

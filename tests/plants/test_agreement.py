@@ -10,6 +10,8 @@ from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.mujoco import MujocoPlant
 from cranectl.plants.mujoco_model import JOINTS, model_spec, state_addresses
+from cranectl.scenario import load_scenario
+from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, closed_loop, random_states, split
 
@@ -116,6 +118,16 @@ def test_level_2_closed_loop(scenario: str, controller: str) -> None:
     assert judge(analytic, engine).passed
     tension = analytic.signal("load.rope_tension") - engine.signal("load.rope_tension")
     assert abs(tension).max() < 1e-5 * RIG.weight
+
+
+@pytest.mark.parametrize(
+    "overrides", [["rig.load_mass=0.001"], ["rig.load_mass=10000"], ["control.period=0.002"]]
+)
+def test_level_2_holds_for_any_load_and_sampling(overrides: list[str]) -> None:
+    """Neither a feather nor ten tons on ideal drives may show."""
+    scenario = load_scenario("fixed-position", overrides=overrides)
+    runs = [simulate_run(scenario, plant=plant) for plant in ("analytic", "mujoco")]
+    assert judge(*runs).passed
 
 
 def _plants(drive: str) -> dict[str, AnalyticPlant | MujocoPlant]:
