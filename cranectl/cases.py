@@ -11,7 +11,7 @@ from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants.interface import PLANTS, Drive
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, plan_scenario, simulate_run
+from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
 from cranectl.status import RunStatus
 
 LOG_DIRECTORY = Path("logs")
@@ -67,6 +67,7 @@ class CaseResult:
     runs: tuple[RunSummary, ...]
     comparison: Comparison | None
     agreement: Agreement | None
+    expected: str  # how its runs should have ended
 
     @property
     def interrupted(self) -> bool:
@@ -75,6 +76,15 @@ class CaseResult:
     @property
     def stopped(self) -> bool:
         return any(run.status.stopped for run in self.runs)
+
+    @property
+    def as_expected(self) -> bool:
+        return all(run.status.label == self.expected for run in self.runs)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the runs ended as expected and the plants agree."""
+        return self.as_expected and (self.agreement is None or self.agreement.passed)
 
 
 def make_case(
@@ -104,6 +114,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     """
     design = design_controller(case.controller, case.scenario.design)
     plan = plan_scenario(case.scenario)
+    tracker_of(case.scenario, design)  # raises if sampling makes the design unstable
     check_writable(case.log)
     runs: list[Run] = []
     for plant in case.plants:
@@ -137,5 +148,5 @@ def _result(case: Case, design: Design, runs: Sequence[Run]) -> CaseResult:
         for run in runs
     )
     if len(runs) < 2 or not all(len(run.time_ns) for run in runs):
-        return CaseResult(summaries, None, None)
-    return CaseResult(summaries, compare_runs(*runs), judge(*runs))
+        return CaseResult(summaries, None, None, case.scenario.expected)
+    return CaseResult(summaries, compare_runs(*runs), judge(*runs), case.scenario.expected)

@@ -1,5 +1,6 @@
 """Compare two runs sample by sample; runs come in memory, the caller reads files."""
 
+import functools
 import tomllib
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from cranectl import resources
 from cranectl.errors import InputError
+from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 
 Array = NDArray[np.float64]
@@ -47,6 +49,16 @@ class Comparison:
 
 
 @dataclass(frozen=True)
+class Limits:
+    """How far two plants may be apart, and why."""
+
+    load_m: float
+    angle_rad: float
+    end_s: float  # between the ends of runs that stop early
+    reason: str
+
+
+@dataclass(frozen=True)
 class Agreement:
     """A comparison of the two plants, judged."""
 
@@ -55,8 +67,8 @@ class Agreement:
     drive: str
     max_load_error_m: float
     max_angle_error_rad: float
-    limit_m: float | None  # None: reported, not judged
-    limit_rad: float | None
+    limit_m: float
+    limit_rad: float
     passed: bool
 
     def to_json(self) -> dict[str, Any]:
@@ -94,12 +106,15 @@ def compare_runs(a: Run, b: Run) -> Comparison:
 def judge(a: Run, b: Run) -> Agreement:
     """Judge the agreement of two plants by the limits of `validation/tolerances.toml`.
 
-    Plants that did not run to the same instant with the same status do not agree, whatever their difference.
+    Plants that ended with different status, or further apart in time than the limit, do not agree, whatever
+    their difference.
     """
     comparison = compare_runs(a, b)
-    limit_m, limit_rad = agreement_limits(a.drive)
-    within = (limit_m is None or comparison.max_load_error_m <= limit_m) and (
-        limit_rad is None or comparison.max_angle_error_rad <= limit_rad
+    limits = agreement_limits(a.drive)
+    within = (
+        comparison.max_load_error_m <= limits.load_m
+        and comparison.max_angle_error_rad <= limits.angle_rad
+        and abs(a.end_ns - b.end_ns) <= limits.end_s * NANOSECONDS
     )
     return Agreement(
         scenario=a.scenario.name,
@@ -107,17 +122,17 @@ def judge(a: Run, b: Run) -> Agreement:
         drive=a.drive,
         max_load_error_m=comparison.max_load_error_m,
         max_angle_error_rad=comparison.max_angle_error_rad,
-        limit_m=limit_m,
-        limit_rad=limit_rad,
-        passed=within and comparison.same_length and a.status == b.status,
+        limit_m=limits.load_m,
+        limit_rad=limits.angle_rad,
+        passed=within and a.status == b.status,
     )
 
 
-def agreement_limits(drive: str) -> tuple[float | None, float | None]:
-    """(load [m], angle [rad]) that two plants may differ in closed loop; None where only reported."""
+@functools.cache
+def agreement_limits(drive: str) -> Limits:
+    """What two plants with these drives may differ in closed loop."""
     tolerances = tomllib.loads(resources.TOLERANCE_FILE.read_text(encoding="utf-8"))
-    limits = tolerances["closed-loop"].get(drive, {})
-    return limits.get("load_m"), limits.get("angle_rad")
+    return Limits(**tolerances["closed-loop"][drive])
 
 
 def _differences(

@@ -16,9 +16,17 @@ class InputError(CranectlError):
         labelled = (("found", found), ("allowed", allowed), ("remedy", remedy))
         super().__init__("\n".join(f"{label + ':':9}{text}" for label, text in labelled if text))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # Errors travel from worker processes to their parent.
+        return _rebuilt, (type(self), self.found, self.allowed, self.remedy)
+
 
 class LogError(InputError):
     """A log file that is missing, damaged, foreign or cannot be written."""
+
+
+def _rebuilt(kind: type[InputError], found: str, allowed: str, remedy: str) -> InputError:
+    return kind(found, allowed=allowed, remedy=remedy)
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> InputError:

@@ -18,6 +18,7 @@ Duration = Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
 Point2 = Annotated[tuple[Position, Position], Field(strict=False)]
 Point3 = Annotated[tuple[Position, Position, Position], Field(strict=False)]
 TimeLaw = Literal["degree-9", "degree-5"]
+Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 Weight = Annotated[float, Field(ge=1e-9, le=1e9)]
 Pole = Annotated[float, Field(ge=-1e3, le=-1e-3)]
 
@@ -65,6 +66,14 @@ class ReferenceSettings(Settings):
     )
 
 
+class InitialSettings(Settings):
+    """How far from its reference, and otherwise moving with it, the crane starts."""
+
+    load_offset: Point3 = Field((0.0, 0.0, 0.0), description="of the load (x, y, z) [m]")
+    alpha_offset: Angle = Field(0.0, description="of alpha, under the offset trolley [rad]")
+    beta_offset: Angle = Field(0.0, description="of beta, under the offset trolley [rad]")
+
+
 class Disturbance(Settings):
     """A constant angular acceleration added to one cardan angle from `start` on."""
 
@@ -85,6 +94,39 @@ class ControlSettings(Settings):
 
     period: Duration = Field(0.001, description="control period, input held [s]")
     physics_step: Duration = Field(0.001, description="step of both plants [s]; divides the period")
+    lag_compensation: bool = Field(
+        True, description="add u·tau to the set-points of velocity drives, to cancel their lag"
+    )
+
+
+class HinfSettings(Settings):
+    """S/KS mixed sensitivity: W_s = (s/M + w) / (s + w A) on the error, a constant on v-bar."""
+
+    peak: Annotated[float, Field(gt=1.0, le=1e3)] = Field(
+        5.0, description="M, upper bound of |S| at high frequencies"
+    )
+    offset: Annotated[float, Field(ge=1e-6, le=1.0)] = Field(
+        0.09, description="A, upper bound of |S| at frequency zero"
+    )
+    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3)] = Field(
+        0.8, description="w, where |S| may reach 1 [rad/s]"
+    )
+    control_weight: Annotated[float, Field(ge=1e-9, le=1e3)] = Field(
+        1e-4, description="W_ks on v-bar [s⁴/m]; not in the thesis, this value reproduces its gammas"
+    )
+    back_off: Annotated[float, Field(ge=1.0, le=10.0)] = Field(
+        1.005, description="gamma over the smallest gamma; at 1 the controller has a pole at -6e4 1/s"
+    )
+
+
+class LoopShapingSettings(Settings):
+    """Glover-McFarlane with the weight W_e = P + I/s on the error."""
+
+    proportional: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(17.88, description="P [1/s⁴]")
+    integral: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(78.85, description="I [1/s⁵]")
+    back_off: Annotated[float, Field(ge=1.0001, le=10.0)] = Field(
+        1.01, description="gamma over the smallest gamma; above 1"
+    )
 
 
 class DesignSettings(Settings):
@@ -97,6 +139,8 @@ class DesignSettings(Settings):
         (1000.0, 1.0, 1.0, 1.0), description="diagonal of Q of lqr, for e, ė, ë, e⃛"
     )
     input_weight: Weight = Field(0.1, description="R of lqr, for v")
+    hinf: HinfSettings = HinfSettings()
+    loop_shaping: LoopShapingSettings = LoopShapingSettings()
 
 
 class WorkspaceSettings(Settings):
@@ -122,7 +166,11 @@ class Scenario(Settings):
     title: str = Field("", description="one line for people")
     duration: Duration = Field(description="[s]")
     controller: str = Field("pole-placement", description="the controller run by default")
+    expected: Literal["completed", "slack-rope", "angle-singular", "length-singular", "workspace-left"] = (
+        Field("completed", description="how every run must end for a validation to pass")
+    )
     reference: ReferenceSettings = Field(description="the desired path of the load")
+    initial: InitialSettings = InitialSettings()
     disturbances: Annotated[tuple[Disturbance, ...], Field(strict=False)] = ()
     rig: RigParameters = RigParameters()
     control: ControlSettings = ControlSettings()

@@ -35,7 +35,7 @@ class RunStatus(IntEnum):
 _EXPLANATION = {
     RunStatus.RUNNING: "the run is under way",
     RunStatus.COMPLETED: "the run reached its end",
-    RunStatus.SLACK_ROPE: "the rope went slack: the tracker's or the plant's rope tension is not positive",
+    RunStatus.SLACK_ROPE: "the rope went slack, in the plant or as the tracker sees it",
     RunStatus.ANGLE_SINGULAR: "a cardan angle left (-pi/2, pi/2)",
     RunStatus.LENGTH_SINGULAR: "the rope length is not positive",
     RunStatus.NON_FINITE: "a state became infinite or not a number",

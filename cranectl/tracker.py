@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design import Design
+from cranectl.design.modal import sampled_blocks, sampled_loop
+from cranectl.errors import InputError
 from cranectl.flatness import flat_output, linearising_input
 from cranectl.jit import jit
 from cranectl.signals import (
@@ -38,7 +40,7 @@ class Tracker(NamedTuple):
     """What the kernel needs to know besides signals; a design, sampled, on a given rig."""
 
     gain: Array  # (4,)
-    state_matrix: Array  # (n, 2, 2), see design.Robustifier
+    state_matrix: Array  # (n, 2, 2), see design.modal.SampledBlocks
     input_matrix: Array  # (n, 2)
     output_matrix: Array  # (n, 2)
     feedthrough: float
@@ -48,14 +50,25 @@ class Tracker(NamedTuple):
 
 
 def make_tracker(design: Design, *, drive_lag: Array, period: float, gravity: float) -> Tracker:
-    """Put a design into the form that the kernel takes."""
-    robustifier = design.robustifier
+    """Put a design into the form that the kernel takes.
+
+    Raises InputError if its loop is unstable when sampled with `period`.
+    """
+    r = design.robustifier
+    blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
+    radius = np.abs(np.linalg.eigvals(sampled_loop(design.gain, blocks, period))).max()
+    if radius >= 1.0:
+        raise InputError(
+            f"'{design.name}' is unstable when sampled every {period:g} s: a pole of modulus {radius:.4g}",
+            allowed="poles of modulus below 1",
+            remedy="shorten control.period, or choose slower poles or weights",
+        )
     return Tracker(
         gain=np.ascontiguousarray(design.gain),
-        state_matrix=robustifier.state_matrix,
-        input_matrix=robustifier.input_matrix,
-        output_matrix=robustifier.output_matrix,
-        feedthrough=robustifier.feedthrough,
+        state_matrix=blocks.state_matrix,
+        input_matrix=blocks.input_matrix,
+        output_matrix=blocks.output_matrix,
+        feedthrough=blocks.feedthrough,
         drive_lag=drive_lag,
         period=period,
         gravity=gravity,

@@ -72,12 +72,15 @@ def test_no_common_time_is_an_error(run: Run) -> None:
         compare_runs(run, replace(run, time_ns=run.time_ns + 1))
 
 
-def test_velocity_drives_are_reported_not_judged(run: Run) -> None:
-    assert agreement_limits("velocity") == (None, None)
+def test_velocity_drives_have_wider_limits(run: Run) -> None:
     velocity = replace(run, drive="velocity")
-    agreement = judge(velocity, shifted(velocity, 10, 1e-3))
-    assert agreement.passed
-    assert agreement.limit_m is None
+    limits = agreement_limits("velocity")
+    assert judge(velocity, shifted(velocity, 10, 0.99 * limits.load_m)).passed
+    assert not judge(velocity, shifted(velocity, 10, 1.01 * limits.load_m)).passed
+    assert not judge(velocity, shifted(velocity, 6, 1.01 * limits.angle_rad)).passed
+    earlier = replace(velocity, end_ns=velocity.end_ns - round(limits.end_s * 1e9))
+    assert judge(velocity, earlier).passed
+    assert not judge(velocity, replace(earlier, end_ns=earlier.end_ns - 1)).passed
 
 
 def test_limits_come_with_reasons() -> None:

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete
 
 from cranectl import signals
 from cranectl.design import Design, Robustifier, design_controller
+from cranectl.errors import InputError
 from cranectl.flatness import flat_output, linearising_input, states_and_inputs
+from cranectl.scenario import DesignSettings
 from cranectl.status import RunStatus
 from cranectl.tracker import ROBUSTIFIER, Tracker, control_step, initial_memory, make_tracker, robustify
 from tests.conftest import random_states
@@ -18,12 +21,10 @@ def tracker_of(design: Design) -> Tracker:
     return make_tracker(design, drive_lag=LAG, period=PERIOD, gravity=G)
 
 
-def robust_design(order: int = 4) -> Design:
-    rng = np.random.default_rng(1)
-    n = order // 2
-    robustifier = Robustifier(
-        0.4 * rng.normal(size=(n, 2, 2)), rng.normal(size=(n, 2)), rng.normal(size=(n, 2)), 0.7
-    )
+def robust_design() -> Design:
+    """An oscillating mode, an integrator and a stiff pole, with feed-through."""
+    a = np.array([[-1.0, 5.0, 0.0, 0.0], [-5.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, -4e4]])
+    robustifier = Robustifier(a, np.array([1.0, -2.0, 0.5, 4e4]), np.array([0.3, 0.4, 2.0, -1.0]), 0.7)
     plain = design_controller("lqr")
     return Design(**{**plain.__dict__, "robustifier": robustifier})
 
@@ -31,7 +32,7 @@ def robust_design(order: int = 4) -> Design:
 def step(
     design: Design, state: np.ndarray, reference: np.ndarray, memory: np.ndarray
 ) -> tuple[int, np.ndarray]:
-    row = np.full(signals.BASE_WIDTH + 3 * design.robustifier.order, np.nan)
+    row = np.full(signals.BASE_WIDTH + 3 * design.robustifier.sampled_order, np.nan)
     return control_step(tracker_of(design), state, reference, memory, row), row
 
 
@@ -83,22 +84,27 @@ def test_on_its_reference_the_tracker_commands_the_feed_forward() -> None:
         assert row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 12] == pytest.approx(np.zeros(12), abs=1e-12)
 
 
-def test_robustifier_blocks_are_the_linear_system_they_stand_for() -> None:
+def test_robustifier_is_the_sampled_system_it_stands_for() -> None:
+    """Against scipy's zero-order hold of the whole matrix, axis by axis."""
     design = robust_design()
     tracker, r = tracker_of(design), design.robustifier
     n = r.order
-    a = np.zeros((n, n))
-    for k in range(n // 2):
-        a[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = r.state_matrix[k]
-    b, c = r.input_matrix.ravel(), r.output_matrix.ravel()
+    a, b, *_ = cont2discrete((r.a, r.b[:, np.newaxis], r.c[np.newaxis], np.array([[r.d]])), PERIOD)
     memory = np.zeros(ROBUSTIFIER + 3 * n)
     x = np.zeros((3, n))
     for errors in np.random.default_rng(4).normal(size=(200, 3)):
         for axis in range(3):
-            expected = c @ x[axis] + r.feedthrough * errors[axis]
-            assert robustify(tracker, axis, errors[axis], memory) == pytest.approx(expected, rel=1e-12)
-            x[axis] = a @ x[axis] + b * errors[axis]
-    assert memory[ROBUSTIFIER:] == pytest.approx(x.ravel(), rel=1e-12)
+            expected = r.c @ x[axis] + r.d * errors[axis]
+            assert robustify(tracker, axis, errors[axis], memory) == pytest.approx(expected, rel=1e-11)
+            x[axis] = a @ x[axis] + b[:, 0] * errors[axis]
+    assert memory[ROBUSTIFIER:] == pytest.approx(x.ravel(), rel=1e-11)
+
+
+def test_a_design_too_fast_for_its_sampling_is_refused() -> None:
+    fast = design_controller("pole-placement", DesignSettings(poles=(-900.0, -900.0, -900.0, -900.0)))
+    with pytest.raises(InputError, match=r"unstable when sampled every 0\.001 s"):
+        tracker_of(fast)
+    make_tracker(fast, drive_lag=LAG, period=1e-5, gravity=G)
 
 
 def test_robustifier_adds_to_v_and_its_states_are_recorded() -> None:

@@ -13,12 +13,20 @@ RUN_STOPPED = 3
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
 
-def of_results(results: Sequence["CaseResult"]) -> int:
+def of_run(result: "CaseResult") -> int:
     """The code that says most of what happened: interrupted, stopped, disagreed, good."""
-    if any(result.interrupted for result in results):
+    if result.interrupted:
         return INTERRUPTED
-    if any(result.stopped for result in results):
+    if result.stopped:
         return RUN_STOPPED
-    agreements = (result.agreement for result in results)
-    passed = all(agreement.passed for agreement in agreements if agreement is not None)
-    return GOOD if passed else LIMIT_EXCEEDED
+    return GOOD if result.passed else LIMIT_EXCEEDED
+
+
+def of_validation(results: Sequence["CaseResult | None"]) -> int:
+    """As `of_run`, but a run that stops as its scenario expects is good; None is a case that was lost."""
+    finished = [result for result in results if result is not None]
+    if any(result.interrupted for result in finished):
+        return INTERRUPTED
+    if any(result.stopped and not result.as_expected for result in finished):
+        return RUN_STOPPED
+    return GOOD if all(result is not None and result.passed for result in results) else LIMIT_EXCEEDED

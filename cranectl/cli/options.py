@@ -54,12 +54,13 @@ def scenario_options(function: F) -> F:
     return rig(assign(function))
 
 
-def drive_option(function: F) -> F:
+def drive_option(*, default: str) -> Callable[[F], F]:
     """`--drive`."""
+    both = "; or both" if default == "both" else ""
     return click.option(
         "--drive",
-        default="ideal",
+        default=default,
         show_default=True,
         metavar="NAME",
-        help="ideal: accelerations realised exactly; velocity: first-order drives that take set-points.",
-    )(function)
+        help=f"ideal: accelerations realised exactly; velocity: first-order drives with set-points{both}.",
+    )

@@ -16,7 +16,7 @@ from rich.table import Table
 from cranectl.errors import InputError
 
 if TYPE_CHECKING:
-    from cranectl.cases import RunSummary
+    from cranectl.cases import CaseResult, RunSummary
     from cranectl.compare import Agreement, Comparison
     from cranectl.scenario import Scenario
 
@@ -99,44 +99,72 @@ def _metric_cells(run: "RunSummary") -> list[str]:
     return [f"{metrics.max_error_m:.4f}", f"{metrics.final_error_m:.4f}", peaks]
 
 
-def run_notes(runs: Sequence["RunSummary"]) -> list[str]:
-    """What the table has no room for: stops and workspace violations."""
+def run_notes(results: Sequence["CaseResult"]) -> list[str]:
+    """What the tables have no room for: stops and workspace violations, one line for what is the same."""
+    where: dict[tuple[str, str], list[str]] = {}
+    expected_stops: dict[tuple[str, str], list[float]] = {}
+    for result in results:
+        for run in result.runs:
+            if run.status.stopped and result.as_expected:
+                expected_stops.setdefault((run.scenario, run.status.label), []).append(run.end_s)
+            for note in _notes(run, result.expected):
+                name = f"{run.scenario}, {run.controller}"
+                where.setdefault((name, note), []).append(f"{run.plant}/{run.drive}")
+    stops = [
+        f"{scenario}: {len(times)} runs stop with {status} at {min(times):g} to {max(times):g} s, as expected"
+        for (scenario, status), times in expected_stops.items()
+    ]
+    return [f"{name}: {note} ({', '.join(places)})" for (name, note), places in where.items()] + stops
+
+
+def _notes(run: "RunSummary", expected: str) -> list[str]:
     notes = []
-    for run in runs:
-        name = f"{run.scenario}, {run.controller}, {run.plant}"
-        if run.status.stopped:
-            notes.append(f"{name}: stopped at {run.end_s:g} s: {run.status.explanation}")
-        violations = run.metrics.workspace_violations if run.metrics is not None else ()
-        notes += [
-            f"{name}: {violation.signal} leaves the workspace at {violation.first_time_s:g} s, "
-            f"by up to {violation.max_excess_m:.3g} m"
-            for violation in violations
-        ]
-    return notes
+    if run.status.label != expected:
+        notes.append(f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}")
+    if run.status.label != expected and expected != "completed":
+        notes.append(f"expected to end with {expected}")
+    violations = run.metrics.workspace_violations if run.metrics is not None else ()
+    return notes + [
+        f"{violation.signal} leaves the workspace by up to {violation.max_excess_m:.2f} m"
+        for violation in violations
+    ]
 
 
-def agreement_table(agreements: Sequence["Agreement"]) -> Table:
-    """One row a pair of plants, grouped by scenario."""
-    table = _table("Agreement of the plants", ("controller", "drive"))
-    for heading in ("load [m]", "limit", "angle [rad]", "limit"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
-    table.add_column("verdict")
-    scenario = ""
-    for agreement in agreements:
-        if agreement.scenario != scenario:
-            table.add_row(f"[bold]{agreement.scenario}[/]")
-            scenario = agreement.scenario
-        judged = agreement.limit_m is not None
+def agreement_table(agreements: Sequence["Agreement"], passed: Sequence[bool]) -> Table:
+    """One row a scenario and controller, its drives side by side; `passed` says so for each agreement."""
+    limits = {agreement.drive: (agreement.limit_m, agreement.limit_rad) for agreement in agreements}
+    table = _table("Agreement of the plants", ("controller",))
+    for drive, (limit_m, limit_rad) in limits.items():
+        for what, limit in (("load [m]", limit_m), ("angle [rad]", limit_rad)):
+            heading = f"{drive}\n{what}\n< {limit:.0e}"
+            table.add_column(escape(heading), justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    rows: dict[tuple[str, str], dict[str, tuple[Agreement, bool]]] = {}
+    for agreement, good in zip(agreements, passed, strict=True):
+        rows.setdefault((agreement.scenario, agreement.controller), {})[agreement.drive] = (agreement, good)
+    last = ""
+    for (scenario, controller), drives in rows.items():
+        if scenario != last:
+            table.add_row(f"[bold]{scenario}[/]")
+            last = scenario
+        cells = []
+        for drive in limits:
+            found = drives.get(drive)
+            cells += _apart(found[0]) if found else ["-", "-"]
         table.add_row(
-            f"  {agreement.controller}",
-            agreement.drive,
-            f"{agreement.max_load_error_m:.1e}",
-            f"{agreement.limit_m:.0e}" if judged else "-",
-            f"{agreement.max_angle_error_rad:.1e}",
-            f"{agreement.limit_rad:.0e}" if judged else "-",
-            (PASSED if judged else "reported") if agreement.passed else FAILED,
+            f" {controller}", *cells, PASSED if all(good for _, good in drives.values()) else FAILED
         )
     return table
+
+
+def _apart(agreement: "Agreement") -> list[str]:
+    return [
+        f"[bold red]{value:.1e}[/]" if value > limit else f"{value:.1e}"
+        for value, limit in (
+            (agreement.max_load_error_m, agreement.limit_m),
+            (agreement.max_angle_error_rad, agreement.limit_rad),
+        )
+    ]
 
 
 def comparison_table(comparison: "Comparison") -> Table:
@@ -159,7 +187,7 @@ def comparison_table(comparison: "Comparison") -> Table:
 def scenario_table(scenarios: Sequence["Scenario"]) -> Table:
     """One row a scenario."""
     table = _table("Scenarios", ("name", "duration", "controller"))
-    table.add_column("what it is")
+    table.add_column("what it is", overflow="fold")
     for scenario in scenarios:
         table.add_row(scenario.name, f"{scenario.duration:g} s", scenario.controller, scenario.title)
     return table

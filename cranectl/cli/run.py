@@ -12,7 +12,7 @@ from cranectl.cli.options import drive_option, json_option, scenario_options
 @click.argument("scenario")
 @click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
 @click.option("--plant", default="both", show_default=True, metavar="NAME", help="analytic, mujoco or both.")
-@drive_option
+@drive_option(default="ideal")
 @scenario_options
 @click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
 @click.option(
@@ -64,10 +64,10 @@ def run_command(
         result = run_case(case, progress=advance)
     screen = console(json_file)
     screen.print(run_table(result.runs))
-    for note in run_notes(result.runs):
+    for note in run_notes([result]):
         screen.print(f"  {note}", soft_wrap=True)
     if result.agreement is not None:
-        screen.print(agreement_table([result.agreement]))
+        screen.print(agreement_table([result.agreement], [result.passed]))
     screen.print(f"log: {case.log}", soft_wrap=True)
     agreements = [result.agreement] if result.agreement is not None else []
     write_json(
@@ -77,4 +77,4 @@ def run_command(
             "agreements": [agreement.to_json() for agreement in agreements],
         },
     )
-    return exit_codes.of_results([result])
+    return exit_codes.of_run(result)

@@ -1,57 +1,64 @@
 """What a design is, once computed: gains, achieved poles, margins, robustifier."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cranectl.design.loop import Margins
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Robustifier:
-    """A linear system from e to v-bar, the same for each axis, sampled, in real modal form.
+    """A linear system from e [m] to v-bar [m/s⁴], the same for each axis, in continuous time.
 
-    Block k: xi_k+ = state_matrix[k] xi_k + input_matrix[k] e, v-bar = sum output_matrix[k]·xi_k +
-    feedthrough e. Shapes (n, 2, 2), (n, 2), (n, 2); a real pole fills half a block.
+    xi' = A xi + B e, v-bar = C xi + D e, with A in the form of `design.modal`.
     """
 
-    state_matrix: Array
-    input_matrix: Array
-    output_matrix: Array
-    feedthrough: float
+    a: Array  # (n, n)
+    b: Array  # (n,)
+    c: Array  # (n,)
+    d: float
 
     @property
     def order(self) -> int:
         """Number of states per axis."""
-        return 2 * len(self.state_matrix)
+        return len(self.a)
+
+    @property
+    def sampled_order(self) -> int:
+        """Number of states per axis when sampled in 2 x 2 blocks; the last may be idle."""
+        return 2 * ((self.order + 1) // 2)
 
     def to_json(self) -> dict[str, Any] | None:
-        """Plain data; None for the robustifier that does nothing."""
-        if not self.order and not self.feedthrough:
+        """Plain data, B as a column and C as a row; None for the robustifier that does nothing."""
+        if not self.order and not self.d:
             return None
         return {
-            "state_matrix": self.state_matrix.tolist(),
-            "input_matrix": self.input_matrix.tolist(),
-            "output_matrix": self.output_matrix.tolist(),
-            "feedthrough": self.feedthrough,
+            "A": self.a.tolist(),
+            "B": self.b.reshape(-1, 1).tolist(),
+            "C": self.c.reshape(1, -1).tolist(),
+            "D": [[self.d]],
         }
 
     @classmethod
     def from_json(cls, data: dict[str, Any] | None) -> "Robustifier":
-        """Inverse of `to_json`."""
+        """Inverse of `to_json`; raises ValueError for matrices that do not fit together."""
         if data is None:
             return NO_ROBUSTIFIER
+        n = len(data["B"])
         return cls(
-            state_matrix=np.array(data["state_matrix"]).reshape(-1, 2, 2),
-            input_matrix=np.array(data["input_matrix"]).reshape(-1, 2),
-            output_matrix=np.array(data["output_matrix"]).reshape(-1, 2),
-            feedthrough=float(data["feedthrough"]),
+            a=np.array(data["A"], dtype=float).reshape(n, n),
+            b=np.array(data["B"], dtype=float).reshape(n),
+            c=np.array(data["C"], dtype=float).reshape(n),
+            d=float(data["D"][0][0]),
         )
 
 
-NO_ROBUSTIFIER = Robustifier(np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2)), 0.0)
+NO_ROBUSTIFIER = Robustifier(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -63,12 +70,14 @@ class Design:
 
     name: str
     gain: Array  # (4,) [1/s⁴, 1/s³, 1/s², 1/s]
-    closed_loop_poles: NDArray[np.complex128]  # [1/s], eigenvalues of the continuous loop
-    gain_margin: float  # factor on the loop gain that meets the stability limit; below 1: a reduction
-    phase_margin: float  # [rad]
-    modulus_margin: float  # smallest distance of the loop's locus from -1, 1 / max |S|
-    crossover: float  # [rad/s], where the loop gain is 1
+    closed_loop_poles: NDArray[np.complex128]  # [1/s], of one axis, robustifier included
+    margins: Margins
     robustifier: Robustifier
+    gamma: float | None = (
+        None  # smallest norm any robustifier of this kind reaches; 1/eps_max for loop shaping
+    )
+    gamma_achieved: float | None = None  # of this robustifier
+    stability_margin: float | None = None  # eps of the normalised coprime factors, loop shaping only
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; poles as [real, imaginary]."""
@@ -76,10 +85,10 @@ class Design:
             "name": self.name,
             "gain": self.gain.tolist(),
             "closed_loop_poles": [[pole.real, pole.imag] for pole in self.closed_loop_poles.tolist()],
-            "gain_margin": self.gain_margin,
-            "phase_margin": self.phase_margin,
-            "modulus_margin": self.modulus_margin,
-            "crossover": self.crossover,
+            "gamma": self.gamma,
+            "gamma_achieved": self.gamma_achieved,
+            "stability_margin": self.stability_margin,
+            "margins": asdict(self.margins),
             "robustifier": self.robustifier.to_json(),
         }
 
@@ -90,8 +99,9 @@ class Design:
         return cls(
             **{
                 **data,
-                "gain": np.array(data["gain"]),
+                "gain": np.array(data["gain"], dtype=float).reshape(4),
                 "closed_loop_poles": poles,
+                "margins": Margins(**data["margins"]),
                 "robustifier": Robustifier.from_json(data["robustifier"]),
             }
         )

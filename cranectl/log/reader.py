@@ -100,7 +100,7 @@ def _run(
 ) -> Run:
     outcome = metadata[f"run/{plant}"]
     samples = int(outcome["samples"])
-    groups = recorded_groups(design.robustifier.order)
+    groups = recorded_groups(design.robustifier.sampled_order)
     columns = []
     time_ns: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
     for group in groups:

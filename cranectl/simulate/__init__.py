@@ -2,6 +2,6 @@
 
 from cranectl.simulate.plan import Plan, plan_scenario
 from cranectl.simulate.run import Run
-from cranectl.simulate.runner import checked_drive, make_plant, simulate_run
+from cranectl.simulate.runner import checked_drive, make_plant, simulate_run, tracker_of
 
-__all__ = ["Plan", "Run", "checked_drive", "make_plant", "plan_scenario", "simulate_run"]
+__all__ = ["Plan", "Run", "checked_drive", "make_plant", "plan_scenario", "simulate_run", "tracker_of"]

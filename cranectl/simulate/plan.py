@@ -21,6 +21,7 @@ class Plan:
     time_ns: NDArray[np.int64]  # (N,)
     reference: Array  # (N, 15) load position and four derivatives
     reference_state: Array  # (N, 10) what the crane does on the reference
+    initial_state: Array  # (10,) where the crane starts, on its reference unless the scenario says otherwise
     disturbance: Array  # (N, 2) [rad/s²]
 
 
@@ -35,7 +36,27 @@ def plan_scenario(scenario: Scenario) -> Plan:
     _check_taut(scenario, time_ns, reference)
     states, _ = states_and_inputs(reference, scenario.rig.gravity)
     _check_workspace(scenario, time_ns, states)
-    return Plan(time_ns, reference, states, _disturbances(scenario, time_ns))
+    initial = _initial_state(scenario, reference[0])
+    return Plan(time_ns, reference, states, initial, _disturbances(scenario, time_ns))
+
+
+def _initial_state(scenario: Scenario, reference: Array) -> Array:
+    """The state on the reference's first row, moved and swung by the scenario's offsets."""
+    row = reference.copy()
+    row[:3] += scenario.initial.load_offset
+    state: Array = states_and_inputs(row[np.newaxis], scenario.rig.gravity)[0][0]
+    state[6] += scenario.initial.alpha_offset
+    state[8] += scenario.initial.beta_offset
+    low, high = scenario.rig.workspace.T
+    outside = (state[:5:2] < low - 1e-9) | (state[:5:2] > high + 1e-9)
+    if outside.any() or np.abs(state[[6, 8]]).max() >= 0.5 * np.pi:
+        name = [*WORKSPACE_SIGNALS, "a cardan angle"][int(np.argmax([*outside, True]))]
+        raise InputError(
+            f"the run would start outside the workspace: {name}",
+            allowed="a start within the rig's ranges, with angles within pi/2",
+            remedy="reduce the offsets in [initial]",
+        )
+    return state
 
 
 def _disturbances(scenario: Scenario, time_ns: NDArray[np.int64]) -> Array:

@@ -38,7 +38,7 @@ class Run:
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
         """The recorded groups, in column order."""
-        return recorded_groups(self.design.robustifier.order)
+        return recorded_groups(self.design.robustifier.sampled_order)
 
     def block(self, group: str) -> Array:
         """All signals of one group, e.g. `run.block("state")`: shape (N, signals). A view."""

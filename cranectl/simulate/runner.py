@@ -44,15 +44,10 @@ def simulate_run(
     design = design or design_controller(controller or scenario.controller, scenario.design)
     plan = plan or plan_scenario(scenario)
     crane = make_plant(plant, scenario, checked_drive(drive))
-    tracker = make_tracker(
-        design,
-        drive_lag=scenario.rig.time_constants,
-        period=scenario.period_ns / NANOSECONDS,
-        gravity=scenario.rig.gravity,
-    )
-    start = plan.reference_state[0]
+    tracker = tracker_of(scenario, design)
+    start = plan.initial_state
     crane.reset(start)
-    record = np.zeros((len(plan.time_ns), BASE_WIDTH + 3 * design.robustifier.order))
+    record = np.zeros((len(plan.time_ns), BASE_WIDTH + 3 * design.robustifier.sampled_order))
     memory = initial_memory(tracker, start, plan.reference[0])
     loop = (compiled_loop if compiled else python_loop)(crane)
     sampling = _sampling(scenario, tracker, plan, crane.drive)
@@ -68,6 +63,16 @@ def simulate_run(
         reference=plan.reference[:rows],
         status=status,
         end_ns=int(plan.time_ns[last]),
+    )
+
+
+def tracker_of(scenario: Scenario, design: Design) -> Tracker:
+    """The tracker that runs `design` in `scenario`; raises InputError if its sampling makes it unstable."""
+    return make_tracker(
+        design,
+        drive_lag=scenario.rig.time_constants * scenario.control.lag_compensation,
+        period=scenario.period_ns / NANOSECONDS,
+        gravity=scenario.rig.gravity,
     )
 
 

@@ -27,8 +27,36 @@ def test_every_scenario_can_be_planned(name: str) -> None:
     loaded = load_scenario(name)
     plan = plan_scenario(loaded)
     assert len(plan.time_ns) == len(plan.reference) == len(plan.disturbance) == loaded.steps + 1
-    assert plan.time_ns[-1] == 25_000_000_000
+    assert plan.time_ns[-1] == loaded.duration * 1e9
     assert np.isfinite(plan.reference).all()
+
+
+def test_a_start_off_the_reference() -> None:
+    """The offsets move the load and swing it; the rest is as on the reference."""
+    offsets = "initial={load_offset=[0.1,-0.2,0.3], alpha_offset=0.1, beta_offset=-0.2}"
+    loaded = load_scenario("fixed-position", overrides=[offsets])
+    state = plan_scenario(loaded).initial_state
+    assert state == pytest.approx([1.1, 0, 0.57, 0, 0.4, 0, 0.1, 0, -0.2, 0])
+    on_reference = plan_scenario(load_scenario("settled-trajectory"))
+    assert np.array_equal(on_reference.initial_state, on_reference.reference_state[0])
+
+
+@pytest.mark.parametrize(
+    ("offset", "found"),
+    [
+        ("initial.load_offset=[1.5,0,0]", "bridge_position"),
+        ("initial.load_offset=[0,-1,0]", "trolley_position"),
+        ("initial.load_offset=[0,0,0.69]", "rope_length"),
+        ("initial={load_offset=[0,0,0], alpha_offset=1.4}", ""),
+    ],
+)
+def test_a_start_outside_the_workspace_is_refused(offset: str, found: str) -> None:
+    loaded = load_scenario("fixed-position", overrides=[offset])
+    if not found:
+        assert plan_scenario(loaded).initial_state[6] == 1.4
+        return
+    with pytest.raises(InputError, match=f"start outside the workspace: {found}"):
+        plan_scenario(loaded)
 
 
 def test_reference_that_leaves_the_workspace_is_refused_with_place_and_time() -> None:

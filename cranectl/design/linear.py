@@ -1,0 +1,62 @@
+"""Small tools for linear systems that python-control does not have."""
+
+import control
+import ctrlsys
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def inner_loop(gain: Array) -> control.StateSpace:
+    """1 / (s⁴ + k_3 s³ + k_2 s² + k_1 s + k_0), what state feedback makes of one axis: v-bar to z.
+
+    In state space: as a ratio of polynomials fourfold poles lose digits.
+    """
+    a = np.diag(np.ones(3), 1)
+    a[3] = -np.asarray(gain)
+    return control.ss(a, np.eye(4)[:, 3:], np.eye(4)[:1], 0.0)
+
+
+def hinf_norm(system: control.StateSpace) -> float:
+    """Largest singular value over all frequencies of a stable system, by SLICOT's AB13DD."""
+    n, m, p = system.nstates, system.ninputs, system.noutputs
+    a, b, c, d = (np.asfortranarray(x) for x in (system.A, system.B, system.C, system.D))
+    peak, _, info = ctrlsys.ab13dd(
+        "C", "I", "S", "D", n, m, p, np.array([0.0, 1.0]), a, np.eye(n, order="F"), b, c, d, 1e-10
+    )
+    if info != 0:
+        raise ArithmeticError(f"AB13DD failed with info {info}")
+    return float(peak[0] / peak[1]) if peak[1] else np.inf
+
+
+def unstable_poles(a: Array) -> NDArray[np.complex128]:
+    """Eigenvalues of `a` on or right of the imaginary axis."""
+    poles = np.linalg.eigvals(a).astype(complex)
+    unstable: NDArray[np.complex128] = poles[poles.real >= 0.0]
+    return unstable
+
+
+def poles_text(a: Array) -> str:
+    """The eigenvalues of `a` for people."""
+    return ", ".join(_pole_text(pole) for pole in np.linalg.eigvals(a) + 0j)
+
+
+def _pole_text(pole: complex) -> str:
+    return f"{pole:.4g}" if pole.imag else f"{pole.real:.4g}"
+
+
+def check_regulable(a: Array, b: Array, c: Array, what: str) -> None:
+    """Raise InputError if a mode that is not stable cannot be controlled or observed (Hautus test)."""
+    for pole in unstable_poles(a):
+        shifted = a - pole * np.eye(len(a))
+        scale = max(1.0, float(np.linalg.norm(a)))
+        for matrix, verb in ((np.hstack([shifted, b]), "controlled"), (np.vstack([shifted, c]), "observed")):
+            if np.linalg.svd(matrix, compute_uv=False)[len(a) - 1] < 1e-10 * scale:
+                raise InputError(
+                    f"{what} has an unstable pole at {_pole_text(pole)} that cannot be {verb}",
+                    allowed="plants whose unstable poles can be controlled and observed",
+                    remedy="remove the mode from the model, or add an input or output that reaches it",
+                )

@@ -1,0 +1,78 @@
+"""The complete loop of one axis, cut at v: its poles and margins."""
+
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from cranectl.design.linear import Array, hinf_norm
+
+CHAIN_A: Array = np.diag(np.ones(3), 1)
+CHAIN_B: Array = np.eye(4)[:, 3:]
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What the loop, cut at v, tolerates. T = 1 - S is its complementary sensitivity."""
+
+    gain_margin: float  # factor on the loop gain that meets the stability limit; below 1: a reduction
+    phase_margin: float  # [rad]
+    disk_margin: float  # balanced (S - T): gain within (2 - a)/(2 + a) to its inverse, and phase, together
+    crossover: float  # [rad/s], where the loop gain is 1
+    bandwidth: float  # [rad/s], where T first falls 3 dB below 1
+    sensitivity_peak: float  # largest |S|
+    complementary_peak: float  # largest |T|
+
+    @property
+    def modulus_margin(self) -> float:
+        """Smallest distance of the loop's locus from -1."""
+        return 1.0 / self.sensitivity_peak
+
+
+def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpace:
+    """The loop cut at v: chain z'''' = v, then gain · (z, z', z'', z''') + robustifier z."""
+    n = robustifier.nstates
+    c = np.asarray(gain).reshape(1, 4) + robustifier.D @ np.eye(4)[:1]
+    return control.ss(
+        np.block([[CHAIN_A, np.zeros((4, n))], [robustifier.B @ np.eye(4)[:1], robustifier.A]]),
+        np.vstack([CHAIN_B, np.zeros((n, 1))]),
+        np.hstack([c, robustifier.C]),
+        0.0,
+    )
+
+
+def closed_loop_poles(loop: control.StateSpace) -> NDArray[np.complex128]:
+    """Poles of the closed loop of one axis, robustifier included [1/s]."""
+    poles: NDArray[np.complex128] = np.sort_complex(np.linalg.eigvals(loop.A - loop.B @ loop.C))
+    return poles
+
+
+def loop_margins(loop: control.StateSpace) -> Margins:
+    """Margins of a stable `loop`."""
+    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(loop)
+    sensitivity = control.feedback(control.ss([], [], [], [[1.0]]), loop)
+    complementary = control.feedback(loop, 1.0)
+    return Margins(
+        gain_margin=float(gain_margin),
+        phase_margin=float(np.deg2rad(phase_margin)),
+        disk_margin=1.0 / hinf_norm(sensitivity - 0.5),
+        crossover=float(crossover),
+        bandwidth=_bandwidth(complementary),
+        sensitivity_peak=hinf_norm(sensitivity),
+        complementary_peak=hinf_norm(complementary),
+    )
+
+
+def _bandwidth(complementary: control.StateSpace) -> float:
+    """First frequency at which |T| is 3 dB below 1 (python-control's own search range is too narrow)."""
+
+    def excess(log_omega: float) -> float:
+        return float(abs(complementary(1j * 10.0**log_omega)) - 10.0 ** (-3.0 / 20.0))
+
+    grid = np.linspace(-4.0, 7.0, 1101)
+    below = next((k for k, value in enumerate(map(excess, grid)) if value < 0.0), None)
+    if below is None:
+        return np.inf
+    return float(10.0 ** brentq(excess, grid[below - 1], grid[below], xtol=1e-10))

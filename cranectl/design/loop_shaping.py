@@ -1,0 +1,103 @@
+"""H-infinity loop shaping after Glover and McFarlane (thesis 4.3.2), on SciPy's Riccati solver.
+
+McFarlane, Glover: A Loop Shaping Design Procedure Using H-infinity Synthesis, IEEE TAC 37 (1992) 759; with
+feed-through as in Skogestad, Postlethwaite: Multivariable Feedback Control, 2nd ed., section 9.4.
+"""
+
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solve_continuous_are
+
+from cranectl.design.linear import Array, check_regulable, hinf_norm, inner_loop, poles_text, unstable_poles
+from cranectl.errors import InputError
+from cranectl.scenario import LoopShapingSettings
+
+
+@dataclass(frozen=True)
+class LoopShapingController:
+    """K-infinity for a shaped plant, in positive feedback u = K y."""
+
+    controller: control.StateSpace
+    gamma_min: float  # 1 / largest stability margin that any controller reaches
+    gamma: float  # of this controller, recomputed from its closed loop
+
+
+def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> LoopShapingController:
+    """Robustly stabilise the normalised coprime factors of the shaped `plant`.
+
+    Any number of inputs and outputs, stable or not, with or without feed-through. `back_off` > 1: the
+    controller is designed for gamma = back_off * gamma_min. Raises InputError where there is none.
+    """
+    if not back_off > 1.0:
+        raise InputError(
+            f"loop shaping with gamma = {back_off:g} gamma_min",
+            allowed="a factor above 1: at gamma_min itself the controller is improper",
+            remedy="set back_off a little above 1, for example 1.01",
+        )
+    a, b, c, d = plant.A, plant.B, plant.C, plant.D
+    check_regulable(a, b, c, "the shaped plant")
+    s, r = np.eye(b.shape[1]) + d.T @ d, np.eye(c.shape[0]) + d @ d.T
+    a_1 = a - b @ np.linalg.solve(s, d.T @ c)
+    x = _riccati(a_1, b, c.T @ np.linalg.solve(r, c), s)
+    z = _riccati(a_1.T, c.T, b @ np.linalg.solve(s, b.T), r)
+    gamma_min = float(np.sqrt(1.0 + np.linalg.eigvals(x @ z).real.max()))
+    gamma = back_off * gamma_min
+    coupling = (1.0 - gamma**2) * np.eye(len(a)) + x @ z
+    feedback = -np.linalg.solve(s, d.T @ c + b.T @ x)
+    injection = gamma**2 * np.linalg.solve(coupling.T, z @ c.T)
+    k = control.ss(a + b @ feedback + injection @ (c + d @ feedback), injection, b.T @ x, -d.T)
+    achieved = _achieved_gamma(plant, k)
+    if not achieved <= gamma * (1.0 + 1e-6):
+        raise InputError(
+            f"the loop-shaping controller reaches gamma {achieved:.6g} instead of {gamma:.6g}",
+            allowed="shaped plants whose Riccati equations are well conditioned",
+            remedy="scale the plant, or choose a smoother weight",
+        )
+    return LoopShapingController(k, gamma_min, achieved)
+
+
+def loop_shaping_robustifier(
+    gain: Array, settings: LoopShapingSettings
+) -> tuple[control.StateSpace, float, float]:
+    """(robustifier from e to v-bar, gamma_min, gamma) for the inner loop with `gain`.
+
+    The weight W_e = P + I/s shapes the inner loop from v-bar to z; v-bar = -W_e K e, since K feeds back
+    positively and e = z_d - z.
+    """
+    weight = control.ss([[0.0]], [[1.0]], [[settings.integral]], [[settings.proportional]])
+    design = glover_mcfarlane(inner_loop(gain) * weight, settings.back_off)
+    return -weight * design.controller, design.gamma_min, design.gamma
+
+
+def _achieved_gamma(plant: control.StateSpace, k: control.StateSpace) -> float:
+    """Norm of [I; K] (I - G K)^-1 [I G], rebuilt from plant and controller; infinite if unstable."""
+    a, b, c, d = plant.A, plant.B, plant.C, plant.D
+    n, m, p = len(a), b.shape[1], c.shape[0]
+    # w = (disturbance at y, disturbance at u); y = G (u + w_u) + w_y, u = K y.
+    e = np.linalg.inv(np.eye(p) - d @ k.D)
+    y_x, y_xk = e @ c, e @ d @ k.C
+    y_w = e @ np.hstack([np.eye(p), d])
+    u_x, u_xk, u_w = k.D @ y_x, k.C + k.D @ y_xk, k.D @ y_w
+    closed = control.ss(
+        np.block([[a + b @ u_x, b @ u_xk], [k.B @ y_x, k.A + k.B @ y_xk]]),
+        np.vstack([b @ (u_w + np.hstack([np.zeros((m, p)), np.eye(m)])), k.B @ y_w]),
+        np.block([[y_x, y_xk], [u_x, u_xk]]),
+        np.vstack([y_w, u_w]),
+    )
+    assert closed.nstates == n + len(k.A)
+    return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)
+
+
+def _riccati(a: Array, b: Array, q: Array, r: Array) -> NDArray[np.float64]:
+    try:
+        solution: Array = solve_continuous_are(a, b, q, r)
+    except LinAlgError as error:
+        raise InputError(
+            f"a Riccati equation of the shaped plant is ill-conditioned: {error}; its poles: {poles_text(a)}",
+            allowed="plants without hidden modes on or near the imaginary axis",
+            remedy="remove such modes, or scale the plant",
+        ) from None
+    return solution

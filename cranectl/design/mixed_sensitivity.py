@@ -1,0 +1,172 @@
+"""S/KS mixed-sensitivity H-infinity design (thesis 4.3.1), on SLICOT's SB10AD.
+
+Skogestad, Postlethwaite: Multivariable Feedback Control, 2nd ed., section 9.3.5. SLICOT comes through
+ctrlsys (BSD-3); the closed loop is rebuilt here from plant and controller and checked.
+"""
+
+from dataclasses import dataclass
+
+import control
+import ctrlsys
+import numpy as np
+
+from cranectl.design.linear import Array, check_regulable, hinf_norm, inner_loop, poles_text, unstable_poles
+from cranectl.errors import InputError
+from cranectl.scenario import HinfSettings
+
+
+@dataclass(frozen=True)
+class MixedSensitivityController:
+    """K for a plant, in negative feedback u = K (r - y)."""
+
+    controller: control.StateSpace
+    gamma_opt: float  # smallest norm of [W_s S; W_ks K S] that any controller reaches
+    gamma: float  # of this controller, recomputed from its closed loop
+
+
+def mixed_sensitivity(
+    plant: control.StateSpace,
+    sensitivity_weight: control.StateSpace,
+    control_weight: control.StateSpace,
+    back_off: float = 1.0,
+) -> MixedSensitivityController:
+    """Minimise the norm of [W_s S; W_ks K S] up to the factor `back_off` >= 1.
+
+    Exactly at the optimum the controller has a pole that grows without bound. Raises InputError for weights
+    of wrong dimension or with unstable poles, and where no controller exists.
+    """
+    _check_weight("sensitivity weight", sensitivity_weight, plant.noutputs)
+    _check_weight("control weight", control_weight, plant.ninputs)
+    if np.linalg.matrix_rank(control_weight.D) < plant.ninputs:
+        raise InputError(
+            "a control weight that vanishes at infinite frequency: the synthesis is singular",
+            allowed="a weight with a feed-through of full rank",
+            remedy="give the control weight a small constant part",
+        )
+    check_regulable(plant.A, plant.B, plant.C, "the plant")
+    generalised = generalised_plant(plant, sensitivity_weight, control_weight)
+    gamma_opt = _smallest_gamma(generalised, plant)
+    controller, gamma = _synthesise(generalised, plant, job=4, gamma=back_off * gamma_opt)
+    achieved = _achieved_gamma(generalised, controller)
+    if not achieved <= gamma * (1.0 + 1e-4):
+        raise InputError(
+            f"the S/KS controller reaches gamma {achieved:.6g} instead of {gamma:.6g}",
+            allowed="weights for which the synthesis is well conditioned",
+            remedy="increase back_off, or choose less extreme weights",
+        )
+    return MixedSensitivityController(controller, gamma_opt, achieved)
+
+
+def hinf_robustifier(gain: Array, settings: HinfSettings) -> tuple[control.StateSpace, float, float]:
+    """(robustifier from e to v-bar, gamma_opt, gamma) for the inner loop with `gain`, (5.1)."""
+    omega = settings.bandwidth
+    pole = omega * settings.offset
+    # W_s = (s/M + omega) / (s + pole)
+    direct = 1.0 / settings.peak
+    weight = control.ss([[-pole]], [[1.0]], [[omega - pole * direct]], [[direct]])
+    control_weight = control.ss([], [], [], [[settings.control_weight]])
+    design = mixed_sensitivity(inner_loop(gain), weight, control_weight, settings.back_off)
+    return design.controller, design.gamma_opt, design.gamma
+
+
+def generalised_plant(
+    plant: control.StateSpace, w_s: control.StateSpace, w_ks: control.StateSpace
+) -> control.StateSpace:
+    """From (r, u) to (W_s e, W_ks u, e) with e = r - G u, no state twice."""
+    n, n_s, n_k = plant.nstates, w_s.nstates, w_ks.nstates
+    p, m = plant.noutputs, plant.ninputs
+    identity = np.eye(p)
+    a = np.block(
+        [
+            [plant.A, np.zeros((n, n_s + n_k))],
+            [-w_s.B @ plant.C, w_s.A, np.zeros((n_s, n_k))],
+            [np.zeros((n_k, n + n_s)), w_ks.A],
+        ]
+    )
+    b = np.block([[np.zeros((n, p)), plant.B], [w_s.B, -w_s.B @ plant.D], [np.zeros((n_k, p)), w_ks.B]])
+    c = np.block(
+        [
+            [-w_s.D @ plant.C, w_s.C, np.zeros((w_s.noutputs, n_k))],
+            [np.zeros((w_ks.noutputs, n + n_s)), w_ks.C],
+            [-plant.C, np.zeros((p, n_s + n_k))],
+        ]
+    )
+    d = np.block([[w_s.D, -w_s.D @ plant.D], [np.zeros((w_ks.noutputs, p)), w_ks.D], [identity, -plant.D]])
+    assert b.shape[1] == p + m
+    return control.ss(a, b, c, d)
+
+
+def _check_weight(name: str, weight: control.StateSpace, size: int) -> None:
+    if (weight.ninputs, weight.noutputs) != (size, size):
+        raise InputError(
+            f"a {name} of {weight.noutputs} x {weight.ninputs}",
+            allowed=f"{size} x {size}, as the plant has it",
+            remedy="give the weight the plant's dimension",
+        )
+    if len(unstable_poles(weight.A)):
+        raise InputError(
+            f"a {name} with poles {poles_text(weight.A)}",
+            allowed="poles with negative real part: no controller can stabilise a weight",
+            remedy="move an integrator a little to the left, for example to -1e-3",
+        )
+
+
+_INFEASIBLE = {
+    1: "the input cannot be regularised: the control weight vanishes at infinite frequency",
+    2: "the measurement cannot be regularised: the error does not see the reference",
+    3: "singular value decomposition failed",
+    4: "singular value decomposition failed",
+    5: "the singular value of the feed-through exceeds gamma",
+    6: "the first Riccati equation has no stabilising solution at this gamma",
+    7: "the second Riccati equation has no stabilising solution at this gamma",
+    8: "the spectral radius condition fails at this gamma",
+    9: "the estimator gain is singular",
+    10: "a matrix of the controller is singular",
+    11: "a matrix of the controller is singular",
+    12: "no gamma gives a stabilising controller",
+}
+
+
+def _smallest_gamma(generalised: control.StateSpace, plant: control.StateSpace) -> float:
+    """The bisection needs to start where there is a controller; how large that is depends on the weights."""
+    errors = []
+    for start in (1.0, 1e2, 1e4, 1e6):
+        try:
+            return _synthesise(generalised, plant, job=1, gamma=start)[1]
+        except InputError as error:
+            errors.append(error)
+    raise errors[0]
+
+
+def _synthesise(
+    generalised: control.StateSpace, plant: control.StateSpace, *, job: int, gamma: float
+) -> tuple[control.StateSpace, float]:
+    """SB10AD: `job` 1 bisects for the smallest gamma from above, 4 takes the given one."""
+    matrices = (np.asfortranarray(x) for x in (generalised.A, generalised.B, generalised.C, generalised.D))
+    sizes = (generalised.nstates, generalised.ninputs, generalised.noutputs, plant.ninputs, plant.noutputs)
+    *_, info = solution = ctrlsys.sb10ad(job, *sizes, *matrices, gamma, 1e-8, 0.0)
+    if info != 0:
+        raise InputError(
+            f"no S/KS controller for gamma = {gamma:.6g}: {_INFEASIBLE.get(info, f'SB10AD info {info}')}",
+            allowed="weights that some stabilising controller meets",
+            remedy="lower the demanded bandwidth or the control weight, or increase back_off",
+        )
+    return control.ss(*solution[:4]), float(solution[8])
+
+
+def _achieved_gamma(generalised: control.StateSpace, k: control.StateSpace) -> float:
+    """Norm of the lower linear fractional transformation, rebuilt; infinite if unstable."""
+    m, p = k.noutputs, k.ninputs
+    a, b, c, d = generalised.A, generalised.B, generalised.C, generalised.D
+    b_1, b_2, c_1, c_2 = b[:, :-m], b[:, -m:], c[:-p], c[-p:]
+    d_11, d_12, d_21, d_22 = d[:-p, :-m], d[:-p, -m:], d[-p:, :-m], d[-p:, -m:]
+    e = np.linalg.inv(np.eye(m) - k.D @ d_22)  # u = e (C_K x_K + D_K (C_2 x + D_21 w))
+    u_x, u_k, u_w = e @ k.D @ c_2, e @ k.C, e @ k.D @ d_21
+    y_x, y_k, y_w = c_2 + d_22 @ u_x, d_22 @ u_k, d_21 + d_22 @ u_w
+    closed = control.ss(
+        np.block([[a + b_2 @ u_x, b_2 @ u_k], [k.B @ y_x, k.A + k.B @ y_k]]),
+        np.vstack([b_1 + b_2 @ u_w, k.B @ y_w]),
+        np.hstack([c_1 + d_12 @ u_x, d_12 @ u_k]),
+        d_11 + d_12 @ u_w,
+    )
+    return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)

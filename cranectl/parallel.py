@@ -1,0 +1,113 @@
+"""Run many cases at once, each in a worker process; order of results is the order of cases."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait
+from multiprocessing.synchronize import Event
+
+from cranectl.cases import Case, CaseResult, run_case
+
+# Loaded once, before workers are forked; without it each worker would import for two seconds.
+PRELOADED = ["control", "mujoco", "numba", "cranectl.parallel", "cranectl.design.loop_shaping"]
+PRELOADED += ["cranectl.simulate.analytic_loop", "cranectl.simulate.mujoco_loop"]
+
+Done = Callable[[Case], None]  # called after each case
+
+
+def available_cores() -> int:
+    """Number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> list[CaseResult | None]:
+    """The result of each case; None for one that was not run because of an interrupt, or whose worker died.
+
+    Ctrl-C and SIGTERM end all workers after they have closed their logs; the cases they were at
+    say so in their results. Raises InputError as soon as a case turns out to be wrong input.
+    """
+    jobs = min(jobs, len(cases))
+    return _in_workers(cases, jobs, done) if jobs > 1 else _one_by_one(cases, done)
+
+
+def _one_by_one(cases: Sequence[Case], done: Done | None) -> list[CaseResult | None]:
+    results: list[CaseResult | None] = [None] * len(cases)
+    for k, case in enumerate(cases):
+        result = results[k] = run_case(case)
+        if done is not None:
+            done(case)
+        if result.interrupted:
+            break
+    return results
+
+
+def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> list[CaseResult | None]:
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(method)
+    context.set_forkserver_preload(PRELOADED)
+    stop = context.Event()
+    results: list[CaseResult | None] = [None] * len(cases)
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop,)) as pool:
+        futures = {pool.submit(_work, case): k for k, case in enumerate(cases)}
+        try:
+            _collect(futures, cases, results, done)
+        except KeyboardInterrupt:
+            stop.set()
+            _collect(futures, cases, results, done)
+        except BaseException:
+            stop.set()
+            raise
+    return results
+
+
+def _collect(
+    futures: dict[Future[CaseResult | None], int],
+    cases: Sequence[Case],
+    results: list[CaseResult | None],
+    done: Done | None,
+) -> None:
+    for future in as_completed(futures):
+        k = futures[future]
+        try:
+            result = future.result()
+        except BrokenProcessPool:
+            continue
+        if done is not None and result is not None and results[k] is None:
+            done(cases[k])
+        results[k] = result
+
+
+_stop: Event | None = None
+
+
+def _start(stop: Event) -> None:
+    """Make a worker end with its parent and, in order, when told to; the parent alone takes Ctrl-C."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def end_with_parent() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
+
+
+def _work(case: Case) -> CaseResult | None:
+    assert _stop is not None
+    if _stop.is_set():
+        return None
+    return run_case(case, progress=_interrupt_if_told)
+
+
+def _interrupt_if_told(_seconds: float) -> None:
+    assert _stop is not None
+    if _stop.is_set():
+        raise KeyboardInterrupt
