@@ -7,8 +7,11 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import forkserver
 from multiprocessing.connection import wait
+from multiprocessing.context import BaseContext
 from multiprocessing.synchronize import Event
+from typing import NamedTuple
 
 from cranectl.cases import Case, CaseResult, run_case
 
@@ -24,8 +27,15 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> list[CaseResult | None]:
-    """The result of each case; None for one that was not run because of an interrupt, or whose worker died.
+class Outcome(NamedTuple):
+    """The result of each case; None for one that an interrupt kept from running, or whose worker died."""
+
+    results: list[CaseResult | None]
+    interrupted: bool
+
+
+def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> Outcome:
+    """Run all cases in up to `jobs` processes; `done` is called after each.
 
     Ctrl-C and SIGTERM end all workers after they have closed their logs; the cases they were at
     say so in their results. Raises InputError as soon as a case turns out to be wrong input.
@@ -34,21 +44,19 @@ def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> 
     return _in_workers(cases, jobs, done) if jobs > 1 else _one_by_one(cases, done)
 
 
-def _one_by_one(cases: Sequence[Case], done: Done | None) -> list[CaseResult | None]:
+def _one_by_one(cases: Sequence[Case], done: Done | None) -> Outcome:
     results: list[CaseResult | None] = [None] * len(cases)
     for k, case in enumerate(cases):
         result = results[k] = run_case(case)
         if done is not None:
             done(case)
         if result.interrupted:
-            break
-    return results
+            return Outcome(results, interrupted=True)
+    return Outcome(results, interrupted=False)
 
 
-def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> list[CaseResult | None]:
-    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
-    context.set_forkserver_preload(PRELOADED)
+def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Outcome:
+    context = _worker_context()
     stop = context.Event()
     results: list[CaseResult | None] = [None] * len(cases)
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop,)) as pool:
@@ -61,7 +69,22 @@ def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> list[Cas
         except BaseException:
             stop.set()
             raise
-    return results
+    return Outcome(results, interrupted=stop.is_set())
+
+
+def _worker_context() -> BaseContext:
+    """How workers are made: forked from a server that has loaded everything, where there is such a thing."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    # A SIGTERM to the whole process group must not take the server from under its workers.
+    previous = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+    return context
 
 
 def _collect(

@@ -22,11 +22,11 @@ def of_run(result: "CaseResult") -> int:
     return GOOD if result.passed else LIMIT_EXCEEDED
 
 
-def of_validation(results: Sequence["CaseResult | None"]) -> int:
+def of_validation(results: Sequence["CaseResult | None"], *, interrupted: bool) -> int:
     """As `of_run`, but a run that stops as its scenario expects is good; None is a case that was lost."""
-    finished = [result for result in results if result is not None]
-    if any(result.interrupted for result in finished):
+    if interrupted:
         return INTERRUPTED
+    finished = [result for result in results if result is not None]
     if any(result.stopped and not result.as_expected for result in finished):
         return RUN_STOPPED
     return GOOD if all(result is not None and result.passed for result in results) else LIMIT_EXCEEDED

@@ -10,7 +10,8 @@ from cranectl.cli import exit_codes
 from cranectl.cli.options import drive_option, json_option, scenario_options
 
 if TYPE_CHECKING:
-    from cranectl.cases import Case, CaseResult
+    from cranectl.cases import Case
+    from cranectl.parallel import Outcome
 
 
 @click.command("validate")
@@ -75,28 +76,27 @@ def validate_command(
             describe(f"{case.scenario.name}, {case.controller}")
             advance(case.simulated_seconds)
 
-        results = run_cases(cases, jobs=jobs or available_cores(), done=done)
-    return _report(cases, results, out, json_file)
+        outcome = run_cases(cases, jobs=jobs or available_cores(), done=done)
+    return _report(cases, outcome, out, json_file)
 
 
-def _report(
-    cases: Sequence["Case"], results: Sequence["CaseResult | None"], out: Path, json_file: str | None
-) -> int:
+def _report(cases: Sequence["Case"], outcome: "Outcome", out: Path, json_file: str | None) -> int:
     from cranectl.cli.output import FAILED, PASSED, agreement_table, console, run_notes, write_json
 
+    results = outcome.results
     finished = [result for result in results if result is not None]
     runs = [run for result in finished for run in result.runs]
     judged = [(result.agreement, result.passed) for result in finished if result.agreement is not None]
     agreements = [agreement for agreement, _ in judged]
     lost = [case for case, result in zip(cases, results, strict=True) if result is None]
-    code = exit_codes.of_validation(results)
+    code = exit_codes.of_validation(results, interrupted=outcome.interrupted)
     passed = code == exit_codes.GOOD
     screen = console(json_file)
     screen.print(agreement_table(agreements, [good for _, good in judged]))
     for note in run_notes(finished):
         screen.print(f"  {note}", soft_wrap=True)
     for case in lost:
-        why = "interrupted before it ran" if code == exit_codes.INTERRUPTED else "its worker process died"
+        why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
         name = f"{case.scenario.name}, {case.controller}, {case.drive}"
         screen.print(f"  [bold red]{name}: no result, {why}[/]", soft_wrap=True)
     screen.print(f"{len(runs)} runs, logs in {out}", soft_wrap=True)
