@@ -242,12 +242,21 @@ def load_scenario(
     (`"rig.load_mass=2.5"`). Raises InputError for anything wrong, naming all wrong fields.
     """
     path = _scenario_file(str(name_or_path))
-    table = read_toml(path)
+    return _scenario(read_toml(path), path.name, rig, overrides)
+
+
+def default_scenario(*, rig: Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
+    """A scenario of defaults: the load hangs in the middle of the rig for a second."""
+    table = {"name": "default", "duration": 1.0, "reference": {"start": [1.0, 0.77, -0.7]}}
+    return _scenario(table, "default scenario", rig, overrides)
+
+
+def _scenario(table: Table, source: str, rig: Path | None, overrides: Sequence[str]) -> Scenario:
     if rig is not None:
         rig_table = read_toml(rig)
         parse_settings(RigParameters, rig_table, str(rig))
         table["rig"] = _merged(table.get("rig", {}), rig_table)
-    return parse_settings(Scenario, override(table, overrides), path.name)
+    return parse_settings(Scenario, override(table, overrides), source)
 
 
 def _merged(base: Any, update: Table) -> Any:

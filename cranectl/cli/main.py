@@ -12,6 +12,8 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.compare import compare_command
+from cranectl.cli.design import design_command
+from cranectl.cli.info import info_command
 from cranectl.cli.list import list_command
 from cranectl.cli.run import run_command
 from cranectl.cli.validate import validate_command
@@ -39,7 +41,14 @@ cli = click.Group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 cli = click.version_option(package_name="cranectl")(cli)
-for command in (list_command, run_command, validate_command, compare_command):
+for command in (
+    list_command,
+    run_command,
+    validate_command,
+    compare_command,
+    info_command,
+    design_command,
+):
     cli.add_command(command)
 
 

@@ -4,9 +4,11 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.markup import escape
@@ -18,7 +20,10 @@ from cranectl.errors import InputError
 if TYPE_CHECKING:
     from cranectl.cases import CaseResult, RunSummary
     from cranectl.compare import Agreement, Comparison
+    from cranectl.design import Design
+    from cranectl.log import LogDescription
     from cranectl.scenario import Scenario
+    from cranectl.simulate import Run
 
 FILE_WIDTH = 120
 PASSED, FAILED = "[green]passed[/]", "[bold red]FAILED[/]"
@@ -181,6 +186,96 @@ def comparison_table(comparison: "Comparison") -> Table:
             f"{row.rms:.1e}",
             f"{row.final:+.1e}",
         )
+    return table
+
+
+def design_tables(design: "Design") -> list[Table]:
+    """Figures of a design, and its poles."""
+    margins, figures = design.margins, _table(f"{design.name}, one axis", ("", "", ""))
+    figures.show_header = False
+    rows = [
+        ("gain k0 … k3", "  ".join(f"{gain:.6g}" for gain in design.gain), "on e and three derivatives"),
+        *_gamma_rows(design),
+        ("gain margin", f"{margins.gain_margin:.3f}", "factor on the loop gain that destabilises"),
+        ("phase margin", f"{math.degrees(margins.phase_margin):.1f}°", "at the crossover"),
+        ("disk margin", f"{margins.disk_margin:.3f}", "balanced S - T: gain and phase together"),
+        ("modulus margin", f"{margins.modulus_margin:.3f}", "distance of the loop from -1"),
+        ("peak of S", f"{margins.sensitivity_peak:.3f}", ""),
+        ("peak of T", f"{margins.complementary_peak:.3f}", ""),
+        ("crossover", f"{margins.crossover:.2f} rad/s", "loop gain 1"),
+        ("bandwidth", f"{margins.bandwidth:.2f} rad/s", "T 3 dB below 1"),
+    ]
+    for row in rows:
+        figures.add_row(*row)
+    poles = _table("Poles [1/s]", ("closed loop", "robustifier"))
+    columns = [sorted(design.closed_loop_poles.tolist(), key=_pole_order)]
+    columns.append(sorted(np.linalg.eigvals(design.robustifier.a).tolist(), key=_pole_order))
+    for pair in zip_longest(*([_pole_text(pole) for pole in column] for column in columns), fillvalue=""):
+        poles.add_row(*pair)
+    return [figures, poles]
+
+
+def _gamma_rows(design: "Design") -> list[tuple[str, str, str]]:
+    if design.gamma is None or design.gamma_achieved is None:
+        return []
+    shaping = design.stability_margin is not None
+    what = "coprime factors of the shaped loop" if shaping else "of [W_s S; W_ks K S]"
+    rows = [("gamma", f"{design.gamma:.5f}", f"smallest possible, {what}")]
+    rows.append(("gamma achieved", f"{design.gamma_achieved:.5f}", "by this robustifier"))
+    if design.stability_margin is not None:
+        rows.append(("stability margin", f"{design.stability_margin:.5f}", "1 / gamma achieved"))
+    return rows
+
+
+def _pole_order(pole: complex) -> tuple[float, float]:
+    return (-complex(pole).real, complex(pole).imag)
+
+
+def _pole_text(pole: complex) -> str:
+    pole = complex(pole)
+    return f"{pole.real:.4g}" + (f" {pole.imag:+.4g}i" if pole.imag else "")
+
+
+def info_lines(
+    description: "LogDescription", runs: Sequence["Run"], agreement: "Agreement | None"
+) -> list[str]:
+    """What a log is, a line a fact."""
+    scenario, design = runs[0].scenario, runs[0].design
+    defaults = type(scenario.rig)().model_dump()
+    changed = {name: value for name, value in scenario.rig.model_dump().items() if value != defaults[name]}
+    facts = [
+        ("file", description.path),
+        ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
+        ("design", f"{design.name}, {runs[0].drive} drives"),
+    ]
+    facts += [
+        (run.plant, f"{run.status.label} at {run.end_ns / 1e9:g} s, {len(run.time_ns)} samples")
+        for run in runs
+    ]
+    facts += [
+        ("rig", ", ".join(f"{name} = {value}" for name, value in changed.items()) or "default parameters"),
+        ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
+    ]
+    if agreement is not None:
+        apart = f"{agreement.max_load_error_m:.1e} m, {agreement.max_angle_error_rad:.1e} rad"
+        facts.append(("verdict", f"plants at most {apart} apart: {PASSED if agreement.passed else FAILED}"))
+    size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
+    facts += [
+        ("versions", ", ".join(f"{name} {version}" for name, version in description.versions.items())),
+        ("attachments", ", ".join(description.attachments)),
+        ("integrity", f"format {description.format}, {size}; checksums and counts are right"),
+    ]
+    return [f"{name:12} {text}" for name, text in facts]
+
+
+def topic_table(description: "LogDescription") -> Table:
+    """One row a topic."""
+    table = _table("Topics", ("topic", "message"))
+    for heading in ("messages", "rate [Hz]"):
+        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for topic in description.topics:
+        rate = f"{topic.rate_hz:g}" if topic.rate_hz is not None else "-"
+        table.add_row(topic.topic, topic.schema, str(topic.messages), rate)
     return table
 
 

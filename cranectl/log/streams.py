@@ -16,7 +16,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
 
-VERSIONED = ("cranectl", "mujoco", "numpy", "scipy", "numba", "control", "foxglove-sdk")
+VERSIONED = ("cranectl", "mujoco", "numpy", "scipy", "numba", "control", "ctrlsys", "foxglove-sdk")
 
 
 @dataclass(frozen=True)

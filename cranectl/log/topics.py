@@ -3,7 +3,7 @@
 from cranectl.signals import LOAD, STATE, Signal, SignalGroup
 
 # Bump when topics or meanings change such that an older reader would misread.
-FORMAT_VERSION = "1"
+FORMAT_VERSION = "2"
 
 REFERENCE_LOAD = "/reference/load"
 DESIGN = "/controller/design"

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cranectl.cli.main import main
@@ -163,6 +164,91 @@ def test_a_run_that_stops_says_why_and_leaves_a_readable_log(capsys: pytest.Capt
     assert main(["validate", "fixed-position", *STOP, "--controller", "lqr"]) == 3
 
 
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_design_as_json_is_enough_to_rebuild_the_loop(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    assert main(["design", name, "--json", "-"]) == 0
+    design = json.loads(capsys.readouterr().out)
+    assert {"name", "gain", "closed_loop_poles", "gamma", "stability_margin", "robustifier"} <= set(design)
+    assert design["name"] == name
+    r = design["robustifier"] or {
+        "A": np.zeros((0, 0)),
+        "B": np.zeros((0, 1)),
+        "C": np.zeros((1, 0)),
+        "D": [[0.0]],
+    }
+    a, b, c, d = (np.array(r[key]) for key in "ABCD")
+    chain, n = np.diag(np.ones(3), 1), len(a)
+    law = np.array([design["gain"]]) + d @ np.eye(4)[:1]
+    closed = np.block([[chain - np.eye(4)[:, 3:] @ law, -np.eye(4)[:, 3:] @ c], [b @ np.eye(4)[:1], a]])
+    poles = [complex(*pole) for pole in design["closed_loop_poles"]]
+    assert len(poles) == 4 + n
+    assert np.sort(np.abs(np.linalg.eigvals(closed))) == pytest.approx(np.sort(np.abs(poles)), rel=1e-2)
+    assert (design["robustifier"] is None) == ("+" not in name) == (design["gamma"] is None)
+    assert (design["stability_margin"] is None) == ("loop-shaping" not in name)
+
+
+def test_design_takes_its_data_from_where_it_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    def achieved(*arguments: str) -> float:
+        assert main(["design", "lqr+loop-shaping", *arguments, "--json", "-"]) == 0
+        design = json.loads(capsys.readouterr().out)
+        return float(design["gamma_achieved"] / design["gamma"])
+
+    assert achieved() == pytest.approx(1.01, abs=2e-4)
+    assert achieved("--scenario", "fixed-position") == pytest.approx(1.001, abs=2e-5)
+    assert achieved("--set", "design.loop_shaping.back_off=1.1") > 1.05
+
+
+@pytest.mark.parametrize("suffix", ["svg", "pdf", "png"])
+def test_design_draws_the_same_picture_each_time(capsys: pytest.CaptureFixture[str], suffix: str) -> None:
+    for name in ("a", "b"):
+        assert main(["design", "lqr+hinf", "--plot", f"{name}.{suffix}"]) == 0
+    out = capsys.readouterr().out
+    assert "gamma" in out
+    assert "phase margin" in out
+    assert Path(f"a.{suffix}").read_bytes() == Path(f"b.{suffix}").read_bytes()
+    assert Path(f"a.{suffix}").stat().st_size > 10_000
+
+
+def test_info_says_what_a_log_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert (
+        main(["run", "fixed-position", *SHORT, "--controller", "lqr+hinf", "--set", "rig.load_mass=2"]) == 0
+    )
+    capsys.readouterr()
+    log = "logs/fixed-position/lqr+hinf-ideal.mcap"
+    assert main(["info", log]) == 0
+    out = capsys.readouterr().out
+    for expected in (
+        "fixed-position: Hold the load", "lqr+hinf, ideal drives", "completed at 0.5 s", "load_mass = 2.0",
+        "0.001 s, one sample of 4", "passed", "mujoco 4", "scenario.json", "checksums and counts are right",
+        "/mujoco/state", "cranectl.Controller6",
+    ):  # fmt: skip
+        assert expected in out
+    assert main(["info", log, "--json", "-"]) == 0
+    described = json.loads(capsys.readouterr().out)
+    topics = {topic["topic"]: topic for topic in described["topics"]}
+    assert topics["/analytic/state"]["rate_hz"] == pytest.approx(250.0, rel=0.01)
+    assert topics["/run/info"]["rate_hz"] is None
+    assert described["scenario"]["rig"]["load_mass"] == 2.0
+    assert described["agreement"]["passed"] is True
+    assert described["messages"] == sum(topic["messages"] for topic in described["topics"])
+    assert [run["plant"] for run in described["runs"]] == ["analytic", "mujoco"]
+
+
+def test_info_of_a_run_of_one_plant(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "fixed-position", *SHORT, "--plant", "mujoco", "--out", "one.mcap"]) == 0
+    assert main(["info", "one.mcap"]) == 0
+    assert "verdict" not in capsys.readouterr().out
+
+
+def test_info_refuses_a_damaged_log(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "fixed-position", *SHORT, "--out", "a.mcap"]) == 0
+    capsys.readouterr()
+    data = bytearray(Path("a.mcap").read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    Path("a.mcap").write_bytes(data)
+    assert "a.mcap" in bad_input(capsys, "info", "a.mcap")
+
+
 def test_compare_one_log_and_two(capsys: pytest.CaptureFixture[str]) -> None:
     for drive in ("ideal", "velocity"):
         assert main(["run", "fixed-position", *SHORT, "--drive", drive]) == 0
@@ -235,6 +321,14 @@ def test_compare_of_a_single_plant_needs_a_second_log(capsys: pytest.CaptureFixt
             ],
             "unstable when sampled",
         ),
+        (["design", "lqr+hnf"], "did you mean 'lqr+hinf'?"),
+        (["design", "lqr", "--plot", "design.xyz"], "a .svg, .pdf or .png file"),
+        (["design", "lqr", "--plot", "absent/design.svg"], "cannot draw to absent/design.svg"),
+        (["design", "lqr", "--scenario", "fixed"], "unknown scenario"),
+        (["design", "lqr+hinf", "--set", "design.hinf.back_off=0.9"], "greater than or equal to 1"),
+        (["design", "lqr+hinf", "--set", "design.hinff.back_off=1.1"], "did you mean 'hinf'?"),
+        (["info", "absent.mcap"], "cannot read absent.mcap"),
+        (["info"], "Missing argument"),
         (["compare", "absent.mcap"], "cannot read absent.mcap"),
         (["compare"], "Missing argument"),
     ],

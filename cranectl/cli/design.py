@@ -1,0 +1,69 @@
+"""`cranectl design`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cranectl.cli.options import json_option, scenario_options
+
+if TYPE_CHECKING:
+    from cranectl.design import Design
+
+
+@click.command("design")
+@click.argument("name")
+@click.option(
+    "--scenario",
+    metavar="NAME",
+    help="Whose [design], [control] and [rig] to take. Default: the defaults.",
+)
+@scenario_options
+@click.option(
+    "--plot",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Draw singular values, loop gains and step responses (.svg, .pdf, .png).",
+)
+@json_option
+def design_command(
+    name: str,
+    scenario: str | None,
+    rig: Path | None,
+    overrides: tuple[str, ...],
+    plot: Path | None,
+    json_file: str | None,
+) -> None:
+    """Design the controller NAME and say what it achieves.
+
+    \b
+    cranectl design pole-placement
+    cranectl design lqr+loop-shaping --plot design.svg
+    cranectl design lqr+loop-shaping --scenario fixed-position
+    cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
+    """
+    from cranectl.cli.output import console, design_tables, write_json
+    from cranectl.design import design_controller
+    from cranectl.scenario import default_scenario, load_scenario
+    from cranectl.simulate import tracker_of
+
+    if scenario is None:
+        loaded = default_scenario(rig=rig, overrides=overrides)
+    else:
+        loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    design = design_controller(name, loaded.design)
+    tracker_of(loaded, design)  # raises if sampling makes it unstable
+    if plot is not None:
+        _draw(design, plot)
+    screen = console(json_file)
+    for table in design_tables(design):
+        screen.print(table)
+    if plot is not None:
+        screen.print(f"picture: {plot}", soft_wrap=True)
+    write_json(json_file, design.to_json())
+
+
+def _draw(design: "Design", plot: Path) -> None:
+    from cranectl.report.design_plot import plot_design
+
+    plot_design(design, plot)

@@ -1,0 +1,93 @@
+"""Picture of a design: singular values, the shaped loop, step responses."""
+
+from pathlib import Path
+from typing import Any
+
+import control
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cranectl.design import Design
+from cranectl.design.linear import inner_loop
+from cranectl.design.loop import open_loop
+from cranectl.errors import InputError
+
+OMEGA = np.logspace(-2, 3, 800)  # [rad/s]
+UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+STEP_TIME = np.linspace(0.0, 8.0, 801)  # [s]
+
+
+def robustifier_system(design: Design) -> control.StateSpace:
+    """The robustifier from e to v-bar as a python-control system."""
+    r = design.robustifier
+    if not r.order:
+        return control.ss([], [], [], [[r.d]])
+    return control.ss(r.a, r.b[:, np.newaxis], r.c[np.newaxis], r.d)
+
+
+def plot_design(design: Design, path: Path) -> None:
+    """Draw `design` to `path`, format by its suffix; raises InputError if that cannot be done."""
+    robustifier = robustifier_system(design)
+    loop = open_loop(design.gain, robustifier)
+    figure = Figure(figsize=(10.0, 7.5), layout="constrained")
+    figure.suptitle(f"{design.name}, one axis")
+    sensitivities, shaped, reference, disturbance = figure.subplots(2, 2).flat
+    _draw_sensitivities(sensitivities, loop)
+    _draw_loops(shaped, design, loop, robustifier)
+    _draw_reference_step(reference, loop)
+    _draw_disturbance_step(disturbance, loop)
+    try:
+        # No date and no random identifiers: the same design, the same bytes.
+        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}):
+            figure.savefig(path, metadata=UNDATED.get(path.suffix.lower()))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot draw to {path}: {error}",
+            allowed="a .svg, .pdf or .png file in an existing directory",
+            remedy="choose another file with --plot",
+        ) from None
+
+
+def _draw_sensitivities(axes: Axes, loop: control.StateSpace) -> None:
+    response = loop(1j * OMEGA)
+    for values, label in ((1.0 / (1.0 + response), "S"), (response / (1.0 + response), "T")):
+        axes.loglog(OMEGA, np.abs(values), label=f"|{label}|, peak {np.abs(values).max():.2f}")
+    _finish(axes, "loop cut at v: sensitivities", "angular frequency [rad/s]", "magnitude")
+
+
+def _draw_loops(
+    axes: Axes, design: Design, loop: control.StateSpace, robustifier: control.StateSpace
+) -> None:
+    inner = inner_loop(design.gain)(1j * OMEGA)
+    axes.loglog(OMEGA, np.abs(loop(1j * OMEGA)), label="loop cut at v")
+    axes.loglog(OMEGA, np.abs(inner), "--", label="G, v̄ to z")
+    if design.robustifier.order:
+        axes.loglog(OMEGA, np.abs(inner * robustifier(1j * OMEGA)), label="G K, robustified")
+    axes.axhline(1.0, color="0.6", linewidth=0.8)
+    _finish(axes, "loop gains", "angular frequency [rad/s]", "magnitude")
+
+
+def _draw_reference_step(axes: Axes, loop: control.StateSpace) -> None:
+    """Response of the load to an error of 1 m at the start, everything else at rest."""
+    n = loop.nstates
+    closed = control.ss(loop.A - loop.B @ loop.C, np.zeros((n, 1)), np.eye(n)[:1], 0.0)
+    start = np.eye(n)[0]
+    response = control.initial_response(closed, STEP_TIME, start)
+    axes.plot(response.time, response.outputs, label="z, from 1 m off")
+    _finish(axes, "initial error", "time [s]", "error [m]")
+
+
+def _draw_disturbance_step(axes: Axes, loop: control.StateSpace) -> None:
+    """Response of the load to a step of 1 m/s⁴ added to v."""
+    closed = control.ss(loop.A - loop.B @ loop.C, loop.B, np.eye(loop.nstates)[:1], 0.0)
+    response = control.step_response(closed, STEP_TIME)
+    axes.plot(response.time, np.squeeze(response.outputs) * 1e3, label="z, step on v")
+    _finish(axes, "disturbance of 1 m/s⁴ on v", "time [s]", "displacement [mm]")
+
+
+def _finish(axes: Axes, title: str, x_label: str, y_label: str) -> None:
+    axes.set(title=title, xlabel=x_label, ylabel=y_label)
+    axes.grid(visible=True, which="major", linewidth=0.4)
+    axes.legend(frameon=False)
