@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup validate test lint clean
+.PHONY: help setup validate test lint bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
 
@@ -26,6 +26,19 @@ lint: setup ## format, style, types, import directions
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+bench: setup ## measure, and write docs/performance.md
+	$(BIN)/python validation/benchmark.py --json logs/bench.json --write docs/performance.md
+
+mutations: setup ## change every term of the physics and see a test fail; write docs/mutations.md
+	$(BIN)/python validation/mutations.py --write docs/mutations.md
+
+package: setup ## build the wheel, install it into an empty environment, validate from there
+	rm -rf build/package && mkdir -p build/package/work
+	$(BIN)/python -m hatchling build -t wheel -d build/package
+	$(PYTHON) -m venv build/package/venv
+	build/package/venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt build/package/*.whl
+	cd build/package/work && ../venv/bin/cranectl validate fixed-position slack-rope
 
 clean: ## remove the environment and everything generated
 	rm -rf .venv logs build dist .mypy_cache .ruff_cache .pytest_cache

@@ -4,6 +4,7 @@ Numba keys its cache on the one file that holds a function, so a change in a cal
 unnoticed. Here the cache lives in a folder named after all sources of the package instead.
 """
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -26,10 +27,31 @@ def jit(function: F) -> F:
     previous = _numba_config.CACHE_DIR
     _numba_config.CACHE_DIR = str(cache_directory())
     try:
-        compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-        return cast(F, compiled)
+        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
         _numba_config.CACHE_DIR = previous
+    if not _numba_config.DISABLE_JIT:
+        _forgive(compiled._cache)
+    return cast(F, compiled)
+
+
+def _forgive(cache: Any) -> None:
+    """Let a damaged cache, or a disk too full for one, cost time instead of ending the program."""
+    load, save = cache.load_overload, cache.save_overload
+
+    def load_or_forget(*arguments: Any) -> Any:
+        try:
+            return load(*arguments)
+        except Exception:  # whatever unpickling garbage raises
+            with contextlib.suppress(Exception):
+                cache.flush()
+            return None
+
+    def save_if_possible(*arguments: Any) -> None:
+        with contextlib.suppress(OSError):
+            save(*arguments)
+
+    cache.load_overload, cache.save_overload = load_or_forget, save_if_possible
 
 
 @functools.cache

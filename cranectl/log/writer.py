@@ -1,11 +1,12 @@
 """Write runs to MCAP: protobuf messages, everything needed to understand and repeat the run inside.
 
-The file is written beside its place as `.part` and renamed once it is closed and checked. Time is
+The file is written beside its place as `.PID.part` and renamed once it is closed and checked. Time is
 simulation time, no wall clock goes in: the same runs give the same bytes.
 """
 
 import contextlib
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -138,7 +139,8 @@ def _check_complete(path: Path, sent: int) -> None:
 
 
 def _part(path: Path) -> Path:
-    return path.parent / f"{path.name}.part"
+    """Of each process its own: of two that write the same log, the last to finish wins, whole."""
+    return path.parent / f"{path.name}.{os.getpid()}.part"
 
 
 def _unwritable(path: Path, error: Exception) -> LogError:

@@ -285,6 +285,20 @@ def test_compare_of_a_single_plant_needs_a_second_log(capsys: pytest.CaptureFixt
         (["run", "fixed-position", "--plant", "real"], "unknown plant 'real'"),
         (["run", "fixed-position", "--drive", "velocty"], "did you mean 'velocity'?"),
         (["run", "fixed-position", "--set", "rig.load_mas=2"], "did you mean 'load_mass'?"),
+        (["run", "fixed-position", "--set", "rigg.load_mass=2"], "did you mean 'rig'?"),
+        (
+            [
+                "run",
+                "fixed-position",
+                "--set",
+                "rig.load_mas=2",
+                "--set",
+                "duration=x",
+                "--set",
+                "log.every=0",
+            ],
+            "rig.load_mas",
+        ),
         (["run", "fixed-position", "--set", "rig.load_mass=heavy"], "valid number"),
         (["run", "fixed-position", "--set", "rig.load_mass=nan"], "finite"),
         (["run", "fixed-position", "--set", "duration=inf"], "finite"),
@@ -407,6 +421,17 @@ def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
     assert run.status == RunStatus.INTERRUPTED
     assert 0 < run.end_ns < 600_000_000_000
     assert [path.name for path in Path().iterdir()] == ["long.mcap"]
+
+
+def test_a_home_that_cannot_be_written_is_no_obstacle() -> None:
+    """A file in its place cannot be written by anyone, root included."""
+    Path("home").write_text("")
+    home = str(Path("home").absolute())
+    environment = {"HOME": home, "XDG_CACHE_HOME": f"{home}/cache", "PATH": os.defpath}
+    command = [sys.executable, "-m", "cranectl", "run", "fixed-position", *SHORT, "--plant", "analytic"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_module_and_console_entry_points() -> None:

@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -290,12 +292,69 @@ def test_a_log_never_replaces_what_is_no_file(tmp_path: Path, runs: list[Run]) -
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     occupied = tmp_path / "b.mcap"
-    os.mkfifo(tmp_path / "b.mcap.part")
+    part = tmp_path / f"b.mcap.{os.getpid()}.part"
+    os.mkfifo(part)
     for path in (pipe, occupied):
         with pytest.raises(LogError, match="no regular file"):
             write_log(path, runs)
     assert pipe.is_fifo()
-    assert (tmp_path / "b.mcap.part").is_fifo()
+    assert part.is_fifo()
+
+
+WRITE = """
+import sys
+from cranectl.log import read_log, write_log
+runs = list(read_log(sys.argv[1]).values())
+for _ in range(5):
+    write_log(sys.argv[2], runs)
+"""
+
+
+def test_two_processes_writing_the_same_log_leave_a_whole_one(tmp_path: Path, log: Path) -> None:
+    target = tmp_path / "both.mcap"
+    command = [sys.executable, "-c", WRITE, str(log), str(target)]
+    writers = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    for writer in writers:
+        _, error = writer.communicate(timeout=60)
+        assert writer.returncode == 0, error
+    assert list(read_log(target)) == ["analytic", "mujoco"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["both.mcap", "pair.mcap"]
+
+
+FULL_DISK = """
+import resource, signal, sys
+from cranectl.errors import LogError
+from cranectl.log import read_log, write_log
+runs = list(read_log(sys.argv[1]).values())
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+try:
+    write_log(sys.argv[2], runs, every=1)
+except LogError as error:
+    print(error.found)
+"""
+
+
+def test_a_full_disk_is_explained_and_leaves_nothing(tmp_path: Path, log: Path) -> None:
+    """A limit on file size stops writing in the middle, as a full disk does."""
+    target = tmp_path / "large.mcap"
+    command = [sys.executable, "-c", FULL_DISK, str(log), str(target)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert f"cannot write {target}" in done.stdout, done.stderr
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["pair.mcap"]
+
+
+def test_a_log_of_another_format_version(
+    tmp_path: Path, runs: list[Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cranectl.log.topics.FORMAT_VERSION", "99")
+    path = write_log(tmp_path / "future.mcap", runs)
+    monkeypatch.undo()
+    with pytest.raises(LogError, match="log format 99") as caught:
+        read_log(path)
+    assert caught.value.allowed == "format 2"
+    assert "version of cranectl that wrote it" in caught.value.remedy
 
 
 def test_nothing_half_written_is_left(

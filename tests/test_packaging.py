@@ -1,0 +1,57 @@
+"""The wheel stands alone: model, scenarios and tolerances travel with it."""
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ALL_SCENARIOS, ROOT
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+    )
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+def test_wheel_carries_what_runs_need_and_nothing_generated(wheel: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    assert "cranectl/_data/models/crane.xml" in names
+    assert "cranectl/_data/validation/tolerances.toml" in names
+    assert "cranectl/py.typed" in names
+    for scenario in ALL_SCENARIOS:
+        assert f"cranectl/_data/validation/scenarios/{scenario}.toml" in names
+    assert not [
+        name for name in names if name.endswith((".pyc", ".mcap", ".nbi", ".nbc")) or name.startswith("tests")
+    ]
+
+
+def test_validate_works_from_the_wheel_away_from_the_checkout(wheel: Path, tmp_path: Path) -> None:
+    """Unpacked where nothing else of cranectl is; dependencies come from this environment."""
+    site = tmp_path / "site"
+    zipfile.ZipFile(wheel).extractall(site)
+    work = tmp_path / "work"
+    work.mkdir()
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    where = [sys.executable, "-c", "import cranectl.resources as r; print(r.MODEL_FILE)"]
+    found = subprocess.run(
+        where, cwd=work, env=environment, capture_output=True, text=True, check=True
+    ).stdout
+    assert found.startswith(str(site))
+    command = [sys.executable, "-m", "cranectl", "validate", "slack-rope", "--json", "verdict.json"]
+    subprocess.run(command, cwd=work, env=environment, capture_output=True, check=True)
+    verdict = json.loads((work / "verdict.json").read_text())
+    assert verdict["passed"] is True
+    assert len(verdict["runs"]) == 24
+    assert {path.name for path in work.iterdir()} == {"logs", "verdict.json"}

@@ -1,0 +1,227 @@
+"""What a run costs, in ratios of interleaved repeats.
+
+    python validation/benchmark.py                          print the table
+    python validation/benchmark.py --json logs/bench.json --write docs/performance.md
+
+Each figure is measured `--repeats` times, what is compared taking turns; the median ratio counts.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import foxglove
+import mujoco
+import numpy as np
+from foxglove.mcap import MCAPWriteOptions
+
+from cranectl.design import CONTROLLERS, design_controller
+from cranectl.jit import jit
+from cranectl.log import write_log
+from cranectl.log.streams import streams
+from cranectl.log.writer import CHUNK_SIZE, _send_in_order
+from cranectl.plants.mujoco import MujocoPlant
+from cranectl.scenario import load_scenario
+from cranectl.simulate import plan_scenario, simulate_run, tracker_of
+from cranectl.tracker import control_step, initial_memory
+
+SCENARIO = "settled-trajectory"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure; `limit` is an upper bound, or a lower one where `at_least`."""
+
+    name: str
+    value: float
+    unit: str
+    spread: tuple[float, float]
+    limit: float | None = None
+    at_least: bool = False
+
+    @property
+    def good(self) -> bool:
+        if self.limit is None:
+            return True
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Wall-clock time of a call [s]."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def figure(
+    name: str, values: list[float], unit: str, limit: float | None = None, *, at_least: bool = False
+) -> Figure:
+    """The median of `values` and their spread."""
+    return Figure(name, statistics.median(values), unit, (min(values), max(values)), limit, at_least)
+
+
+def heaviest_controller() -> str:
+    """The one with the largest robustifier."""
+    return max(CONTROLLERS, key=lambda name: design_controller(name).robustifier.sampled_order)
+
+
+def run_against_bare_steps(repeats: int) -> list[Figure]:
+    """A whole run, every signal of every sample recorded, against the engine's own loop."""
+    scenario, name = load_scenario(SCENARIO), heaviest_controller()
+    design, plan = design_controller(name, scenario.design), plan_scenario(scenario)
+    steps = scenario.steps + 1
+
+    def run() -> None:
+        assert len(simulate_run(scenario, plant="mujoco", design=design, plan=plan).table) == steps
+
+    bare = MujocoPlant(scenario.rig, drive="ideal", step=1e-3, substeps=1)
+    ratios, times, analytic = [], [], []
+    for _ in range(repeats + 1):  # the first is a rehearsal: kernels are loaded
+        times.append(seconds(run))
+        bare.reset(plan.initial_state)
+        ratios.append(times[-1] / seconds(lambda: mujoco.mj_step(bare.model, bare.data, nstep=steps)))
+        analytic.append(seconds(lambda: simulate_run(scenario, plant="analytic", design=design, plan=plan)))
+    return [
+        figure(f"MuJoCo run of 25 s, {name} / bare mj_step calls", ratios[1:], "", 1.15),
+        figure("MuJoCo run of 25 s", times[1:], "s"),
+        figure("analytic run of 25 s", analytic[1:], "s"),
+    ]
+
+
+def log_against_library(repeats: int) -> list[Figure]:
+    """Writing a pair of runs against feeding the writer library the same messages, ready as bytes."""
+    scenario = load_scenario(SCENARIO)
+    runs = [
+        simulate_run(scenario, plant=plant, controller=heaviest_controller())
+        for plant in ("analytic", "mujoco")
+    ]
+    prebuilt = streams([run.every(4) for run in runs])
+    count = sum(len(stream.messages) for stream in prebuilt)
+    ratios, rates = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(repeats + 1):
+            ours = seconds(lambda: write_log(Path(folder) / "ours.mcap", runs, every=4))
+            library = seconds(lambda: _write_prebuilt(Path(folder) / "library.mcap", prebuilt))
+            ratios.append(library / ours)
+            rates.append(count / ours)
+    return [
+        figure("message rate of a log / of the writer library alone", ratios[1:], "", 0.5, at_least=True),
+        figure("messages logged", rates[1:], "1/s"),
+    ]
+
+
+def _write_prebuilt(path: Path, prebuilt: list) -> None:
+    context = foxglove.Context()
+    options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
+    with foxglove.open_mcap(path, allow_overwrite=True, context=context, writer_options=options):
+        _send_in_order(context, prebuilt)
+
+
+@jit
+def _repeat_control(tracker, states, references, memory, row):
+    for k in range(states.shape[0]):
+        control_step(tracker, states[k], references[k], memory, row)
+
+
+def control_step_alone(repeats: int) -> list[Figure]:
+    """The compiled kernel on the states of a run."""
+    scenario, found = load_scenario(SCENARIO), []
+    for name in ("pole-placement", heaviest_controller()):
+        run = simulate_run(scenario, plant="analytic", controller=name)
+        tracker = tracker_of(scenario, run.design)
+        states = np.ascontiguousarray(run.block("state"))
+        row = np.zeros(run.table.shape[1])
+        times = []
+        for _ in range(repeats + 1):
+            memory = initial_memory(tracker, states[0], run.reference[0])
+            times.append(seconds(lambda: _repeat_control(tracker, states, run.reference, memory, row)))  # noqa: B023
+        found.append(figure(f"control step, {name}", [1e9 * t / len(states) for t in times[1:]], "ns"))
+    return found
+
+
+def commands(repeats: int) -> list[Figure]:
+    """Whole processes, caches warm."""
+    limits = {"--help": 0.5, "run fixed-position": 3.0}
+    lines = ["--help", "list", "run --help", "validate --help", "design lqr+hinf", "run fixed-position"]
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for line in (
+            *lines,
+            "info logs/fixed-position/pole-placement-ideal.mcap",
+            "compare logs/fixed-position/pole-placement-ideal.mcap",
+        ):
+            command = [sys.executable, "-m", "cranectl", *line.split()]
+
+            def start(command: list[str] = command) -> None:
+                subprocess.run(command, cwd=folder, check=True, capture_output=True)
+
+            times = [seconds(start) for _ in range(repeats + 1)][1:]
+            found.append(figure(f"`cranectl {line.split(' logs')[0]}`", times, "s", limits.get(line)))
+    return found
+
+
+def validation() -> list[Figure]:
+    """The whole validation, once."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "cranectl", "validate"]
+        once = seconds(lambda: subprocess.run(command, cwd=folder, check=True, capture_output=True))
+    return [figure(f"`cranectl validate`, {len(os.sched_getaffinity(0))} cores", [once], "s", 90.0)]
+
+
+def table(figures: list[Figure]) -> str:
+    """Markdown."""
+    lines = ["| | median | spread | limit |", "|---|---|---|---|"]
+    for f in figures:
+        limit = (
+            ""
+            if f.limit is None
+            else f"{'≥' if f.at_least else '≤'} {f.limit:g}{'' if f.good else ' **missed**'}"
+        )
+        low, high = (f"{value:.3g}" for value in f.spread)
+        lines.append(f"| {f.name} | {f.value:.3g} {f.unit} | {low} … {high} | {limit} |")
+    return "\n".join(lines) + "\n"
+
+
+PAGE = """# Performance
+
+Written by `make bench`. Ratios are medians of interleaved repeats in one process, so they hold on other
+machines; times are of the machine that wrote this page. Runs record every signal of every sample.
+
+"""
+
+
+def main() -> int:
+    """Measure, print, write; exit code 1 if a limit is missed."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--repeats", type=int, default=9)
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="write the page of results")
+    parser.add_argument("--quick", action="store_true", help="leave the whole validation out")
+    arguments = parser.parse_args()
+    figures: list[Figure] = []
+    for part in (run_against_bare_steps, log_against_library, control_step_alone, commands):
+        figures += part(arguments.repeats)
+        print(f"{part.__name__} done", file=sys.stderr)
+    figures += [] if arguments.quick else validation()
+    print(table(figures))
+    if arguments.json is not None:
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
+        measured = [{**asdict(f), "good": f.good} for f in figures]
+        arguments.json.write_text(json.dumps({"figures": measured}, indent=2, ensure_ascii=False) + "\n")
+    if arguments.write is not None:
+        arguments.write.write_text(PAGE + table(figures), encoding="utf-8")
+    return 0 if all(f.good for f in figures) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,346 @@
+"""Would the tests notice a wrong sign? Mutate every term of the physics, one at a time, and see.
+
+Each term of the functions in TARGETS, that is each operand of a sum and each expression that is assigned,
+returned or listed, is flipped in sign, dropped, and made 1 % larger. Every time a test in SUITE must fail.
+
+    python validation/mutations.py                 all mutants, a few minutes, exit code 1 if one survives
+    python validation/mutations.py flatness        only targets whose name contains this
+    python validation/mutations.py --write FILE    and write the table to FILE
+
+Kernels run uncompiled, and every mutant in a forked copy of one process that has everything loaded.
+"""
+
+import os
+
+os.environ["NUMBA_DISABLE_JIT"] = "1"
+
+import argparse
+import ast
+import copy
+import importlib
+import inspect
+import multiprocessing
+import signal
+import sys
+import textwrap
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Equations of motion, flat map and linearising law, tracker, disturbance forces, drives.
+TARGETS = {
+    "cranectl.dynamics": """
+        angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian
+        load_jacobian_rate mass_matrix coriolis_matrix gravity_vector kinetic_energy potential_energy
+        load_position load_velocity rope_tension
+    """,
+    "cranectl.flatness": """
+        slopes_from_angles angles_from_slopes flat_output drive_accelerations slope_acceleration
+        linearising_input state_and_input
+    """,
+    "cranectl.tracker": "robustify control_step",
+    "cranectl.plants.analytic": "drive_accelerations derivative observe_load",
+    "cranectl.plants.mujoco": "apply_disturbance",
+    "cranectl.plants.mujoco_model": "_set_velocity_drives",
+    "cranectl.parameters": "RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight",
+}
+
+# Quick tests first; a mutant is dead as soon as one of them fails.
+SUITE = [
+    "tests/test_dynamics.py",
+    "tests/test_flatness.py",
+    "tests/test_tracker.py",
+    "tests/test_parameters.py",
+    "tests/plants/test_agreement.py",
+    "tests/plants/test_plants.py",
+]
+# Long without compiler, or endless when an equation is wrong.
+LEFT_OUT = "derivation or level_1 or level_2 or invariant or energy or converge or order or feed_forward"
+
+TIME_LIMIT = 60  # [s] for one mutant; a mutant that hangs is not caught
+OPERATIONS = ("flipped", "dropped", "x 1.01")
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One term of one function, changed in one way."""
+
+    module: str
+    function: str
+    term: int
+    text: str  # the term as written
+    line: int
+    operation: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The test that failed, or None for a survivor."""
+
+    mutant: Mutant
+    killer: str | None
+
+
+def terms(tree: ast.AST) -> Iterator[ast.expr]:
+    """Operands of sums, and whole right-hand sides, outside of indices."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+            yield node.left
+            yield node.right
+        elif isinstance(node, ast.Assign | ast.AugAssign | ast.Return) and node.value is not None:
+            yield from _elements(node.value)
+
+
+def _elements(value: ast.expr) -> Iterator[ast.expr]:
+    """The scalar expressions in a value: elements of tuples and lists, arguments of np.array and zip."""
+    if isinstance(value, ast.Tuple | ast.List):
+        for element in value.elts:
+            yield from _elements(element)
+    elif isinstance(value, ast.Call) and value.args and isinstance(value.args[0], ast.List):
+        yield from _elements(value.args[0])
+    elif not isinstance(value, ast.Constant) or isinstance(value.value, float):
+        yield value
+
+
+# No terms: indices, status codes, views of arrays, objects.
+_NOT_A_TERM = tuple(
+    ["status", "RUNNING", "actuator", "spec.", "row[ERROR", "row[FLAT", "tracker.state_matrix", "n_blocks", "ROBUSTIFIER", "np.eye", "drives", "held_forces"]
+)
+_SQUARED = "load_jacobian(q)"  # in m J'J the sign of J enters twice; J itself is mutated where it is made
+
+
+def _is_term(node: ast.expr, tree: ast.AST) -> bool:
+    text = ast.unparse(node)
+    if text == _SQUARED or text.startswith(_NOT_A_TERM):
+        return False
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, float) and node.value != 0.0
+    return not any(
+        isinstance(parent, ast.Subscript) and node in ast.walk(parent.slice) for parent in ast.walk(tree)
+    )
+
+
+def find_mutants(module: str, function: str) -> list[Mutant]:
+    """All mutants of one function."""
+    tree, first_line = _source(module, function)
+    seen: dict[int, ast.expr] = {id(node): node for node in terms(tree) if _is_term(node, tree)}
+    found = []
+    for index, node in enumerate(_ordered(seen.values())):
+        for operation in OPERATIONS:
+            line = first_line + node.lineno - 1
+            found.append(Mutant(module, function, index, ast.unparse(node), line, operation))
+    return found
+
+
+def _ordered(nodes: Any) -> list[ast.expr]:
+    return sorted(
+        nodes, key=lambda node: (node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
+    )
+
+
+def _source(module: str, function: str) -> tuple[ast.Module, int]:
+    lines, first_line = inspect.getsourcelines(_original(module, function))
+    return ast.parse(textwrap.dedent("".join(lines))), first_line
+
+
+def _original(module: str, function: str) -> Any:
+    found: Any = importlib.import_module(module)
+    for name in function.split("."):
+        found = inspect.getattr_static(found, name)
+    return found.fget if isinstance(found, property) else inspect.unwrap(found)
+
+
+def mutated_function(mutant: Mutant) -> Any:
+    """The function with its term changed, compiled in its module's namespace."""
+    tree, _ = _source(mutant.module, mutant.function)
+    nodes = _ordered({id(node): node for node in terms(tree) if _is_term(node, tree)}.values())
+    target = nodes[mutant.term]
+    replacement = {
+        "flipped": ast.UnaryOp(ast.USub(), copy.deepcopy(target)),
+        "dropped": ast.BinOp(ast.Constant(0.0), ast.Mult(), copy.deepcopy(target)),
+        "x 1.01": ast.BinOp(ast.Constant(1.01), ast.Mult(), copy.deepcopy(target)),
+    }[mutant.operation]
+
+    class Replace(ast.NodeTransformer):
+        def visit(self, node: ast.AST) -> ast.AST:
+            return replacement if node is target else self.generic_visit(node)
+
+    changed = ast.fix_missing_locations(Replace().visit(tree))
+    definition = changed.body[0]
+    assert isinstance(definition, ast.FunctionDef)
+    definition.decorator_list = []
+    namespace = importlib.import_module(mutant.module).__dict__
+    local: dict[str, Any] = {}
+    exec(compile(changed, f"<mutant of {mutant.module}>", "exec"), namespace, local)
+    return local[definition.name]
+
+
+def install(mutant: Mutant) -> None:
+    """Put the mutated function wherever the original is bound."""
+    changed = mutated_function(mutant)
+    if "." in mutant.function:
+        owner, name = mutant.function.split(".")
+        setattr(getattr(importlib.import_module(mutant.module), owner), name, property(changed))
+        return
+    original = getattr(importlib.import_module(mutant.module), mutant.function)
+    for module in list(sys.modules.values()):
+        for name, value in list(vars(module).items()) if hasattr(module, "__dict__") else []:
+            if value is original:
+                setattr(module, name, changed)
+
+
+class FirstFailure:
+    """A pytest plugin that remembers the first test that failed."""
+
+    killer: str | None = None
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed and self.killer is None:
+            self.killer = report.nodeid
+
+
+def run_suite(mutant: Mutant | None) -> str | None:
+    """In a forked copy of this process: install the mutant, run the tests; the test that failed, if any."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reader)
+        first = FirstFailure()
+        silence = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silence, 1)
+        os.dup2(silence, 2)
+        signal.alarm(TIME_LIMIT)
+        try:
+            if mutant is not None:
+                install(mutant)
+            code = pytest.main(_pytest_arguments(), plugins=[first])
+            answer = first.killer or ("passed" if code == 0 else f"pytest exit code {int(code)}")
+        except BaseException as error:
+            answer = f"{type(error).__name__}: {error}"
+        os.write(writer, answer.encode())
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader) as stream:
+        answer = stream.read()
+    os.waitpid(child, 0)
+    return answer.removeprefix("passed") or None
+
+
+def _pytest_arguments() -> list[str]:
+    options = [
+        "-x",
+        "-q",
+        "-n",
+        "0",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:hypothesispytest",
+        "-k",
+        f"not ({LEFT_OUT})",
+    ]
+    return [*options, "--rootdir", str(ROOT), *(str(ROOT / file) for file in SUITE)]
+
+
+def _warm_up() -> None:
+    """Load in the parent what every forked copy needs."""
+    os.chdir(ROOT)
+    for module in (
+        *TARGETS,
+        "cranectl.simulate",
+        "cranectl.compare",
+        "mujoco",
+        "numpy",
+        "scipy.linalg",
+        "control",
+    ):
+        importlib.import_module(module)
+
+
+def judge(mutant: Mutant) -> Verdict:
+    """Run the tests against one mutant."""
+    return Verdict(mutant, run_suite(mutant))
+
+
+def table(verdicts: list[Verdict]) -> str:
+    """Markdown: a row a term, a column an operation, in the cells the test that failed."""
+    survivors = sum(verdict.killer is None for verdict in verdicts)
+    lines = [
+        "# Mutation proof",
+        "",
+        "Written by `make mutations`. Every term of the equations of motion, the flat map, the linearising law,",
+        "the tracker, the disturbance forces and the drive model is flipped in sign, dropped, and made 1 %",
+        "larger, one at a time. In the cells is the first test that fails.",
+        "",
+        f"**{len(verdicts)} mutants, {len(verdicts) - survivors} caught, {survivors} survived.**",
+    ]
+    rows: dict[tuple[str, str, int, str, int], dict[str, str]] = {}
+    for verdict in verdicts:
+        m = verdict.mutant
+        cell = f"`{_short(verdict.killer)}`" if verdict.killer else "**survived**"
+        rows.setdefault((m.module, m.function, m.line, m.text, m.term), {})[m.operation] = cell
+    last = ("", "")
+    for (module, function, line, text, _), cells in rows.items():
+        if (module, function) != last:
+            last = (module, function)
+            lines += [
+                "",
+                f"## `{module}.{function}`",
+                "",
+                "| line | term | flipped | dropped | × 1.01 |",
+                "|---|---|---|---|---|",
+            ]
+        killers = " | ".join(cells[operation] for operation in OPERATIONS)
+        lines.append(f"| {line} | `{' '.join(text.split())}` | {killers} |")
+    return "\n".join(lines) + "\n"
+
+
+def _short(killer: str) -> str:
+    """File and test without folder and parameters."""
+    return killer.split("/")[-1].split("[")[0].removesuffix(".py")
+
+
+def main() -> int:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("name", nargs="?", default="", help="only targets whose name contains this")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="write the table of results")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
+    arguments = parser.parse_args()
+    _warm_up()
+    if broken := run_suite(None):
+        print(f"the tests fail without any mutant: {broken}")
+        return 1
+    mutants = [
+        mutant
+        for module, functions in TARGETS.items()
+        for function in functions.split()
+        if arguments.name in f"{module}.{function}"
+        for mutant in find_mutants(module, function)
+    ]
+    verdicts = []
+    with ProcessPoolExecutor(arguments.jobs, mp_context=multiprocessing.get_context("fork")) as pool:
+        for verdict in pool.map(judge, mutants):
+            verdicts.append(verdict)
+            if verdict.killer is None:
+                m = verdict.mutant
+                print(f"SURVIVED {m.module}.{m.function}:{m.line} {m.operation}: {m.text}", flush=True)
+            if len(verdicts) % 50 == 0:
+                print(f"{len(verdicts)} of {len(mutants)} mutants", flush=True)
+    survivors = sum(verdict.killer is None for verdict in verdicts)
+    print(f"{len(verdicts)} mutants, {len(verdicts) - survivors} caught, {survivors} survived")
+    if arguments.write is not None:
+        arguments.write.write_text(table(verdicts), encoding="utf-8")
+    return 1 if survivors else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
