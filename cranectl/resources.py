@@ -9,3 +9,4 @@ _ROOT = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent
 MODEL_FILE = _ROOT / "models" / "crane.xml"
 SCENARIO_DIRECTORY = _ROOT / "validation" / "scenarios"
 TOLERANCE_FILE = _ROOT / "validation" / "tolerances.toml"
+THESIS_DIRECTORY = _ROOT / "validation" / "thesis"

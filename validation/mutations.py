@@ -109,8 +109,19 @@ def _elements(value: ast.expr) -> Iterator[ast.expr]:
 
 
 # No terms: indices, status codes, views of arrays, objects.
-_NOT_A_TERM = tuple(
-    ["status", "RUNNING", "actuator", "spec.", "row[ERROR", "row[FLAT", "tracker.state_matrix", "n_blocks", "ROBUSTIFIER", "np.eye", "drives", "held_forces"]
+_NOT_A_TERM = (
+    "status",
+    "RUNNING",
+    "actuator",
+    "spec.",
+    "row[ERROR",
+    "row[FLAT",
+    "tracker.state_matrix",
+    "n_blocks",
+    "ROBUSTIFIER",
+    "np.eye",
+    "drives",
+    "held_forces",
 )
 _SQUARED = "load_jacobian(q)"  # in m J'J the sign of J enters twice; J itself is mutated where it is made
 
@@ -274,9 +285,9 @@ def table(verdicts: list[Verdict]) -> str:
     lines = [
         "# Mutation proof",
         "",
-        "Written by `make mutations`. Every term of the equations of motion, the flat map, the linearising law,",
-        "the tracker, the disturbance forces and the drive model is flipped in sign, dropped, and made 1 %",
-        "larger, one at a time. In the cells is the first test that fails.",
+        "Written by `make mutations`. Every term of the equations of motion, the flat map, the linearising",
+        "law, the tracker, the disturbance forces and the drive model is flipped in sign, dropped, and made",
+        "1 % larger, one at a time. In the cells is the first test that fails.",
         "",
         f"**{len(verdicts)} mutants, {len(verdicts) - survivors} caught, {survivors} survived.**",
     ]

@@ -16,6 +16,7 @@ from cranectl.cli.design import design_command
 from cranectl.cli.info import info_command
 from cranectl.cli.list import list_command
 from cranectl.cli.run import run_command
+from cranectl.cli.thesis import thesis_command
 from cranectl.cli.validate import validate_command
 from cranectl.errors import CranectlError
 
@@ -48,6 +49,7 @@ for command in (
     compare_command,
     info_command,
     design_command,
+    thesis_command,
 ):
     cli.add_command(command)
 

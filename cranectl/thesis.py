@@ -1,0 +1,227 @@
+"""The thesis's numbers beside ours: norms and tables 5.1 to 5.4, on both plants."""
+
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cranectl import resources
+from cranectl.design import CONTROLLERS, design_controller
+from cranectl.metrics import WorkspaceViolation, workspace_violations
+from cranectl.plants.interface import Drive
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run, plan_scenario, simulate_run
+
+# Where the numbers of a row come from, in the order of columns.
+SOURCES: dict[str, tuple[str, Drive]] = {
+    "analytic": ("analytic", "ideal"),
+    "mujoco": ("mujoco", "ideal"),
+    "mujoco_velocity": ("mujoco", "velocity"),
+}
+JUDGED = ("analytic", "mujoco")  # the thesis simulates ideal drives
+TABLE_END = 20.0  # [s], up to where tables 5.3 and 5.4 read the settled trajectory
+
+
+@dataclass(frozen=True)
+class Number:
+    """One printed number and ours."""
+
+    printed: float
+    ours: dict[str, float]  # by source
+    tolerance: float  # absolute
+    explained: bool
+    reason: str
+
+    @property
+    def difference(self) -> float:
+        """Largest difference of the judged sources from print, signed."""
+        return max((self.ours[source] - self.printed for source in JUDGED if source in self.ours), key=abs)
+
+    @property
+    def within(self) -> bool:
+        return abs(self.difference) <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table: a controller and its numbers by column."""
+
+    controller: str
+    numbers: dict[str, Number]
+
+
+@dataclass(frozen=True)
+class ThesisTable:
+    """A table of chapter 5."""
+
+    name: str
+    title: str
+    page: int
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A run of the thesis that leaves the rig."""
+
+    scenario: str
+    controller: str
+    violation: WorkspaceViolation
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """Chapter 5, run again."""
+
+    gains: dict[str, tuple[float, ...]]  # by feedback; not printed in the thesis
+    norms: tuple[Row, ...]
+    tables: tuple[ThesisTable, ...]
+    departures: tuple[Departure, ...]
+
+    def numbers(self) -> Iterator[tuple[str, str, str, Number]]:
+        """(table, controller, column, number) of everything printed."""
+        for row in self.norms:
+            yield "norms", row.controller, "gamma", row.numbers["gamma"]
+        for table in self.tables:
+            for row in table.rows:
+                for column, number in row.numbers.items():
+                    yield table.name, row.controller, column, number
+
+    @property
+    def passed(self) -> bool:
+        """Whether every printed number is within its tolerance."""
+        return all(number.within for *_, number in self.numbers())
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "passed": self.passed,
+            "gains": {name: list(gain) for name, gain in self.gains.items()},
+            "norms": [_row_json(row) for row in self.norms],
+            "tables": {table.name: [_row_json(row) for row in table.rows] for table in self.tables},
+            "unexplained": sorted(
+                {f"{table} {column}: {n.reason}" for table, _, column, n in self.numbers() if not n.explained}
+            ),
+            "departures": [
+                {
+                    "scenario": d.scenario,
+                    "controller": d.controller,
+                    "signal": d.violation.signal,
+                    "first_time_s": d.violation.first_time_s,
+                    "max_excess_m": d.violation.max_excess_m,
+                }
+                for d in self.departures
+            ],
+        }
+
+
+def reproduce(progress: Callable[[str, float], None] | None = None) -> Reproduction:
+    """Run chapter 5 again; `progress` is called with the run's name and its simulated seconds."""
+    printed, tolerances = _read("printed.toml"), _read("tolerances.toml")
+    names = dict.fromkeys(table["scenario"] for table in printed["tables"].values())
+    scenarios = {name: load_scenario(name) for name in names}
+    found: dict[tuple[str, str, str], dict[str, float]] = {}
+    departures = []
+    for scenario in scenarios.values():
+        plan = plan_scenario(scenario)
+        for controller in CONTROLLERS:
+            design = design_controller(controller, scenario.design)
+            for source, (plant, drive) in SOURCES.items():
+                run = simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan)
+                found[scenario.name, controller, source] = _readings(run)
+                if progress is not None:
+                    progress(f"{scenario.name}, {controller}", scenario.duration)
+                if source == "mujoco":
+                    departures += [Departure(scenario.name, controller, v) for v in workspace_violations(run)]
+    return Reproduction(
+        gains={name: tuple(design_controller(name).gain.tolist()) for name in CONTROLLERS if "+" not in name},
+        norms=tuple(_norm_row(entry, tolerances["norms"], scenarios) for entry in printed["norms"]),
+        tables=tuple(
+            _table(name, table, tolerances["tables"][name], found)
+            for name, table in printed["tables"].items()
+        ),
+        departures=tuple(departures),
+    )
+
+
+def total_simulated_seconds() -> float:
+    """Simulated time of all runs of `reproduce`."""
+    names = dict.fromkeys(table["scenario"] for table in _read("printed.toml")["tables"].values())
+    return sum(load_scenario(name).duration for name in names) * len(CONTROLLERS) * len(SOURCES)
+
+
+def _read(name: str) -> dict[str, Any]:
+    return tomllib.loads((resources.THESIS_DIRECTORY / name).read_text(encoding="utf-8"))
+
+
+def _readings(run: Run) -> dict[str, float]:
+    """What the tables can ask of one run: extremes of the inputs, the load at the end of its table.
+
+    The settled trajectory is read up to 20 s, where its path ends, the fixed position over the whole run.
+    """
+    path = sum(segment.duration for segment in run.scenario.reference.segments)
+    until = TABLE_END if path else run.scenario.duration
+    rows = run.time <= until
+    inputs, load = run.block("input")[rows, :3], run.block("load")[rows, :3]
+    found = {}
+    for k, name in enumerate(("bridge_acceleration", "trolley_acceleration", "rope_acceleration")):
+        found[f"max {name}"], found[f"min {name}"] = float(inputs[:, k].max()), float(inputs[:, k].min())
+    for k, name in enumerate(("load_x", "load_y", "load_z")):
+        found[name] = float(load[-1, k])
+    return found
+
+
+def _table(
+    name: str,
+    table: dict[str, Any],
+    tolerances: dict[str, Any],
+    found: dict[tuple[str, str, str], dict[str, float]],
+) -> ThesisTable:
+    rows = []
+    for controller, values in table["rows"].items():
+        numbers = {}
+        for column, printed in zip(table["columns"], values, strict=True):
+            ours = {
+                source: _reading(found[table["scenario"], controller, source], column, printed)
+                for source in SOURCES
+            }
+            numbers[column] = _number(printed, ours, tolerances[column])
+        rows.append(Row(controller, numbers))
+    return ThesisTable(name, table["title"], table["page"], tuple(rows))
+
+
+def _reading(readings: dict[str, float], column: str, printed: float) -> float:
+    """Tables of extremes print signed ones: the maximum where print is positive, else the minimum."""
+    if column in readings:
+        return readings[column]
+    return readings[f"{'max' if printed > 0.0 else 'min'} {column}"]
+
+
+def _norm_row(entry: dict[str, Any], tolerance: dict[str, Any], scenarios: dict[str, Scenario]) -> Row:
+    settings = next(iter(scenarios.values())).design
+    gamma = design_controller(entry["controller"], settings).gamma
+    assert gamma is not None
+    kind = tolerance[entry["controller"].partition("+")[2]]
+    return Row(entry["controller"], {"gamma": _number(entry["gamma"], {"analytic": gamma}, kind)})
+
+
+def _number(printed: float, ours: dict[str, float], tolerance: dict[str, Any]) -> Number:
+    allowed = tolerance.get("absolute", tolerance.get("relative", 0.0) * float(np.abs(printed)))
+    return Number(printed, ours, allowed, tolerance["explained"], tolerance["reason"])
+
+
+def _row_json(row: Row) -> dict[str, Any]:
+    sources = next(iter(row.numbers.values())).ours
+    return {
+        "controller": row.controller,
+        "printed": {column: number.printed for column, number in row.numbers.items()},
+        **{
+            source: {column: number.ours[source] for column, number in row.numbers.items()}
+            for source in sources
+        },
+        "difference": {column: number.difference for column, number in row.numbers.items()},
+        "tolerance": {column: number.tolerance for column, number in row.numbers.items()},
+        "within": all(number.within for number in row.numbers.values()),
+    }
