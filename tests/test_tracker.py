@@ -116,6 +116,9 @@ def test_robustifier_adds_to_v_and_its_states_are_recorded() -> None:
     _, base = step(plain, state, reference, np.array([0.3, -0.2, 0.1, 0.2, 0.3]))
     first = signals.VIRTUAL_INPUT_COLUMN
     v_bar = row[first + 3 : first + 6]
+    r = design.robustifier
+    error = row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 3]
+    assert v_bar == pytest.approx(states.reshape(3, 4) @ r.c + r.d * error, rel=1e-12)
     assert abs(v_bar).min() > 0.0
     assert row[first : first + 3] == pytest.approx(base[first : first + 3] + v_bar)
     assert row[signals.CONTROLLER_COLUMN + 2 :].tolist() == states.tolist()

@@ -7,10 +7,10 @@ from scipy.integrate import solve_ivp
 
 from cranectl import dynamics
 from cranectl.parameters import RigParameters
-from cranectl.plants.analytic import AnalyticPlant
+from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations
 from cranectl.plants.interface import DRIVES, PLANTS, Plant
 from cranectl.plants.mujoco import MujocoPlant
-from tests.conftest import ROOT, split
+from tests.conftest import ROOT, random_states, split
 
 KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}
 RIG = RigParameters()
@@ -109,6 +109,31 @@ def test_substeps_divide_the_period(name: str) -> None:
 def test_a_crane_at_rest_stays_at_rest(name: str, drive: str) -> None:
     start = np.array([1.0, 0, 0.7, 0, 0.8, 0, 0, 0, 0, 0])
     assert swing(make(name, drive=drive), start, np.zeros(3), 1000) == pytest.approx(start, abs=1e-9)
+
+
+def test_drives_of_the_analytic_plant_are_exactly_what_they_say() -> None:
+    """Ideal: the command; velocity: (set-point - velocity) / time constant, axis by axis."""
+    rig = RigParameters(bridge_time_constant=0.01, trolley_time_constant=0.02, winch_time_constant=0.04)
+    state, command = np.arange(1.0, 11.0), np.array([0.7, -0.4, 0.9])
+    ideal = AnalyticPlant(rig, drive="ideal", step=1e-3, substeps=1)
+    assert np.array(drive_accelerations(ideal.rig, state, command)) == pytest.approx(command, rel=1e-14)
+    velocity = AnalyticPlant(rig, drive="velocity", step=1e-3, substeps=1)
+    expected = (command - state[1:6:2]) / rig.time_constants
+    assert np.array(drive_accelerations(velocity.rig, state, command)) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_derivative_of_the_analytic_plant_is_made_of_its_parts(drive: str) -> None:
+    plant, rate = AnalyticPlant(RIG, drive=drive, step=1e-3, substeps=1), np.zeros(10)
+    rng = np.random.default_rng(5)
+    for state in random_states(50):
+        command, disturbance = rng.normal(size=3), rng.normal(size=2)
+        derivative(plant.rig, state, command, disturbance, rate)
+        accelerations = np.array(drive_accelerations(plant.rig, state, command))
+        cardan = dynamics.angular_accelerations(*state[4:], *accelerations[:2], RIG.gravity)
+        assert rate[0::2].tolist() == state[1::2].tolist()
+        assert rate[1:6:2].tolist() == accelerations.tolist()
+        assert rate[7::2] == pytest.approx(np.array(cardan) + disturbance, rel=1e-13)
 
 
 @pytest.mark.parametrize("name", PLANTS)

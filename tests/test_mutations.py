@@ -1,0 +1,69 @@
+"""The mutation proof: its script catches and lets survive what it should, its page is of today's code."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+from tests.conftest import ROOT
+
+COUNT = """
+import sys
+sys.path.insert(0, "validation")
+import mutations
+print(sum(
+    len(mutations.find_mutants(module, function))
+    for module, functions in mutations.TARGETS.items()
+    for function in functions.split()
+))
+"""
+WITH_OTHER_TESTS = """
+import sys
+sys.path.insert(0, "validation")
+import mutations
+mutations.SUITE = ["tests/test_errors.py"]
+sys.argv = ["mutations.py", "potential_energy", "--jobs", "1"]
+sys.exit(mutations.main())
+"""
+
+
+def python(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_mutants_of_one_function_are_caught() -> None:
+    done = python("validation/mutations.py", "slope_acceleration", "--jobs", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    caught = re.search(r"(\d+) mutants, (\d+) caught, 0 survived", done.stdout)
+    assert caught is not None
+    assert caught[1] == caught[2]
+    assert int(caught[1]) >= 9
+
+
+def test_a_mutant_that_no_test_looks_at_survives() -> None:
+    done = python("-c", WITH_OTHER_TESTS)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "SURVIVED cranectl.dynamics.potential_energy" in done.stdout
+
+
+def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
+    page = (ROOT / "docs" / "mutations.md").read_text(encoding="utf-8")
+    found = re.search(r"\*\*(\d+) mutants, (\d+) caught, (\d+) survived\.\*\*", page)
+    assert found is not None
+    assert found[1] == found[2]
+    assert found[3] == "0"
+    assert python("-c", COUNT).stdout.strip() == found[1], "run `make mutations`"
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        "dynamics.angular_accelerations",
+        "flatness.linearising_input",
+        "plants.mujoco.apply_disturbance",
+        "plants.mujoco_model._set_velocity_drives",
+    ],
+)
+def test_every_kind_of_term_is_on_the_page(function: str) -> None:
+    assert f"## `cranectl.{function}`" in (ROOT / "docs" / "mutations.md").read_text(encoding="utf-8")

@@ -1,0 +1,78 @@
+"""Where plain state feedback leaves the load under constant angular accelerations, in closed form.
+
+At rest, with d_alpha, d_beta constant: the cardan equations balance gravity against the disturbance,
+
+    sin 2 alpha = 2 d_alpha h / g          sin 2 beta = 2 d_beta h / (g cos² alpha)
+
+with h = l cos(alpha) cos(beta), the vertical drop. The drives stand still only if the tracker commands
+nothing: l'' = 0 and x_c'' = 0 give
+
+    zeta = g (cos² alpha cos² beta - 1)    v_x = g p_x (zeta + g) / h        v_z = 0
+
+and since the tracker takes z_1'' = -p_x (zeta + g) for the load's acceleration, v = k_0 e - k_2 z'' gives
+
+    e_x = p_x (zeta + g) (g / h - k_2) / k_0        e_z = k_2 zeta / k_0        and likewise for y
+
+so the load hangs off by a tilt that the flat model cannot know of: it believes in a falling load. One
+equation in h remains, solved to rounding below.
+
+    python validation/derivations/steady_offset.py
+"""
+
+from math import asin, cos, sin, tan
+
+import numpy as np
+from scipy.optimize import brentq
+
+from cranectl.design import design_controller
+
+
+def tilt(d_alpha: float, d_beta: float, h: float, gravity: float) -> tuple[float, float]:
+    """Cardan angles at rest under constant disturbances [rad]."""
+    alpha = 0.5 * asin(2.0 * d_alpha * h / gravity)
+    beta = 0.5 * asin(2.0 * d_beta * h / (gravity * cos(alpha) ** 2))
+    return alpha, beta
+
+
+def steady_state(
+    gain: np.ndarray,
+    desired: tuple[float, float, float],
+    d_alpha: float,
+    d_beta: float,
+    gravity: float = 9.81,
+) -> dict[str, float]:
+    """Load position, angles and zeta in which the loop comes to rest; `desired` is z_d [m]."""
+    k_0, k_2 = float(gain[0]), float(gain[2])
+
+    def zeta_of(h: float) -> float:
+        alpha, beta = tilt(d_alpha, d_beta, h, gravity)
+        return gravity * ((cos(alpha) * cos(beta)) ** 2 - 1.0)
+
+    # h = -z_3 = -(z_d3 - e_z)
+    h = brentq(lambda h: -desired[2] + k_2 * zeta_of(h) / k_0 - h, 1e-6, -desired[2] + 1e-9, xtol=1e-15)
+    alpha, beta = tilt(d_alpha, d_beta, h, gravity)
+    zeta = zeta_of(h)
+    factor = (zeta + gravity) * (gravity / h - k_2) / k_0
+    p_x, p_y = tan(beta) / cos(alpha), tan(alpha)
+    return {
+        "load_x": desired[0] - p_x * factor,
+        "load_y": desired[1] - p_y * factor,
+        "load_z": -h,
+        "alpha": alpha,
+        "beta": beta,
+        "zeta": zeta,
+        "length": h / (cos(alpha) * cos(beta)),
+    }
+
+
+def residual(found: dict[str, float], d_alpha: float, d_beta: float, gravity: float = 9.81) -> float:
+    """How far the cardan equations are from rest there [rad/s²]."""
+    length, alpha, beta = found["length"], found["alpha"], found["beta"]
+    on_alpha = -gravity * sin(alpha) / (length * cos(beta)) + d_alpha
+    on_beta = -gravity * cos(alpha) * sin(beta) / length + d_beta
+    return max(abs(on_alpha), abs(on_beta))
+
+
+if __name__ == "__main__":
+    for name in ("pole-placement", "lqr"):
+        print(name, steady_state(design_controller(name).gain, (1.0, 0.77, -0.7), 1.0, 1.0))
