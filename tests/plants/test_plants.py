@@ -9,7 +9,7 @@ from cranectl import dynamics
 from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations
 from cranectl.plants.interface import DRIVES, PLANTS, Plant
-from cranectl.plants.mujoco import MujocoPlant
+from cranectl.plants.mujoco import MujocoPlant, apply_disturbance
 from tests.conftest import ROOT, random_states, split
 
 KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}
@@ -134,6 +134,18 @@ def test_derivative_of_the_analytic_plant_is_made_of_its_parts(drive: str) -> No
         assert rate[0::2].tolist() == state[1::2].tolist()
         assert rate[1:6:2].tolist() == accelerations.tolist()
         assert rate[7::2] == pytest.approx(np.array(cardan) + disturbance, rel=1e-13)
+
+
+def test_disturbance_torques_are_those_of_mid_step() -> None:
+    """Exactly m l² cos² beta d_alpha and m l² d_beta with length and angle half a step ahead."""
+    plant = MujocoPlant(RIG, drive="ideal", step=2e-3, substeps=1)
+    state = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.5, 0.4, 0.5, -0.3, 1.6])
+    plant._set_state(state)
+    apply_disturbance(plant.rig, np.array([0.7, -1.3]))
+    length, beta = 0.8 + 1e-3 * 0.5, -0.3 + 1e-3 * 1.6
+    torques = plant.rig.applied[plant.rig.joints]
+    expected = [0.0, 0.0, 0.0, length**2 * np.cos(beta) ** 2 * 0.7, -(length**2) * 1.3]
+    assert torques == pytest.approx(expected, rel=1e-13)
 
 
 @pytest.mark.parametrize("name", PLANTS)
