@@ -63,7 +63,7 @@ def test_cores_are_counted() -> None:
     assert 1 <= available_cores() <= (os.cpu_count() or 1)
 
 
-VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=40", "--jobs", "2"]
+VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=25", "--jobs", "2"]
 
 
 def children(pid: int) -> list[int]:

@@ -124,7 +124,11 @@ _NOT_A_TERM = (
     "held_forces",
 )
 # Flipping these changes nothing: their sign enters squared, in m J'J and in m l² cos² beta.
-_SQUARED = ("load_jacobian(q)", "cos(rig.qpos[beta_joint] + half * rig.qvel[beta_joint])")
+_SQUARED = (
+    "load_jacobian(q)",
+    "rig.qpos[length_joint] + half * rig.qvel[length_joint]",
+    "cos(rig.qpos[beta_joint] + half * rig.qvel[beta_joint])",
+)
 
 
 def _is_term(node: ast.expr, tree: ast.AST) -> bool:

@@ -1,0 +1,120 @@
+"""Which reading of the settled trajectory brings Table 5.3 out? Try neighbouring readings, all controllers.
+
+    python validation/thesis/search.py              every reading, about two minutes
+    python validation/thesis/search.py --best 30
+
+A reading is: where the line ends, radius, sense and angle of the arc, time laws of line and arc. Its score is
+the mean relative deviation of its peak accelerations from the bridge and trolley columns of Table 5.3.
+Readings whose reference leaves the rig or whose run stops are impossible.
+"""
+
+import argparse
+import itertools
+import math
+import sys
+import tomllib
+from dataclasses import dataclass
+
+import numpy as np
+
+from cranectl import resources
+from cranectl.design import design_controller
+from cranectl.errors import InputError
+from cranectl.scenario import load_scenario
+from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.status import RunStatus
+
+END_Y, END_Z = 0.77, -0.7
+LAWS = ("degree-5", "degree-9")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read section 5.2.2."""
+
+    end_x: float  # of the line [m]
+    radius: float  # [m], centre on the line's end, towards the middle of the rig
+    half_turns: int  # positive counter-clockwise from above
+    line_law: str
+    arc_law: str
+
+    @property
+    def centre_x(self) -> float:
+        return self.end_x - self.radius if self.end_x > 1.0 else self.end_x + self.radius
+
+    def overrides(self) -> list[str]:
+        """As `--set` for the scenario settled-trajectory."""
+        line = f"to=[{self.end_x}, {END_Y}, {END_Z}], time_law='{self.line_law}'"
+        arc = (
+            f"centre=[{self.centre_x}, {END_Y}], angle={self.half_turns * math.pi}, time_law='{self.arc_law}'"
+        )
+        segments = f"{{kind='line', duration=10.0, {line}}}, {{kind='arc', duration=10.0, {arc}}}"
+        return [f"reference.segments=[{segments}]", "duration=20"]
+
+
+TAKEN = Reading(1.65, 0.65, -2, "degree-5", "degree-5")
+
+
+def readings() -> list[Reading]:
+    """The neighbourhood: literal ends 0.6 and 1.65, radii that stay on the rig, half and full turns."""
+    from_the_text = itertools.product(
+        (0.6, 1.65), (0.35, 0.45, 0.525, 0.6, 0.65, 0.7), (-2, -1, 1, 2), LAWS, LAWS
+    )
+    return [Reading(*values) for values in from_the_text]
+
+
+def printed() -> dict[str, np.ndarray]:
+    """Bridge and trolley columns of Table 5.3 by controller."""
+    tables = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))
+    return {name: np.array(row[:2]) for name, row in tables["tables"]["5.3"]["rows"].items()}
+
+
+def deviations(reading: Reading) -> np.ndarray | None:
+    """Relative deviations from Table 5.3, shape (controllers, 2); None for an impossible reading."""
+    try:
+        scenario = load_scenario("settled-trajectory", overrides=reading.overrides())
+        plan = plan_scenario(scenario)
+    except InputError:
+        return None
+    found = []
+    for controller, row in printed().items():
+        design = design_controller(controller, scenario.design)
+        run = simulate_run(scenario, plant="analytic", design=design, plan=plan)
+        if run.status != RunStatus.COMPLETED:
+            return None
+        found.append(run.block("input")[:, :2].max(axis=0) / row - 1.0)
+    return np.array(found)
+
+
+def main() -> int:
+    """Search and print the best."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--best", type=int, default=12, metavar="N")
+    arguments = parser.parse_args()
+    scored, impossible = [], 0
+    everything = readings()
+    for k, reading in enumerate(everything, start=1):
+        found = deviations(reading)
+        if found is None:
+            impossible += 1
+        else:
+            mean = np.abs(found).mean(axis=0)
+            scored.append((float(mean.mean()), float(mean[0]), float(mean[1]), reading))
+        if k % 24 == 0:
+            print(f"{k} of {len(everything)}", file=sys.stderr)
+    scored.sort(key=lambda entry: entry[0])
+    print(f"{len(everything)} readings, {impossible} impossible on this rig")
+    print(f"{'mean':>7} {'x':>7} {'y':>7}  end_x radius half-turns line arc")
+    for total, x, y, r in scored[: arguments.best]:
+        mark = "  <- taken" if r == TAKEN else ""
+        print(
+            f"{total:7.2%} {x:7.2%} {y:7.2%}  {r.end_x:5g} {r.radius:6g} {r.half_turns:10d} "
+            f"{r.line_law} {r.arc_law}{mark}"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
