@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design import Design
-from cranectl.design.modal import sampled_blocks, sampled_loop
+from cranectl.design.sampling import sampled_blocks, sampled_loop
 from cranectl.errors import InputError
 from cranectl.flatness import flat_output, linearising_input
 from cranectl.jit import jit
@@ -40,7 +40,7 @@ class Tracker(NamedTuple):
     """What the kernel needs to know besides signals; a design, sampled, on a given rig."""
 
     gain: Array  # (4,)
-    state_matrix: Array  # (n, 2, 2), see design.modal.SampledBlocks
+    state_matrix: Array  # (n, 2, 2), see design.sampling.SampledBlocks
     input_matrix: Array  # (n, 2)
     output_matrix: Array  # (n, 2)
     feedthrough: float

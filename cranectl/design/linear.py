@@ -1,7 +1,6 @@
 """Small tools for linear systems that python-control does not have."""
 
 import control
-import ctrlsys
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +21,8 @@ def inner_loop(gain: Array) -> control.StateSpace:
 
 def hinf_norm(system: control.StateSpace) -> float:
     """Largest singular value over all frequencies of a stable system, by SLICOT's AB13DD."""
+    import ctrlsys  # a seventh of a second that plain state feedback does not need
+
     n, m, p = system.nstates, system.ninputs, system.noutputs
     a, b, c, d = (np.asfortranarray(x) for x in (system.A, system.B, system.C, system.D))
     peak, _, info = ctrlsys.ab13dd(

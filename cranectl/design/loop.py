@@ -1,34 +1,15 @@
 """The complete loop of one axis, cut at v: its poles and margins."""
 
-from dataclasses import dataclass
-
 import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from cranectl.design.linear import Array, hinf_norm
+from cranectl.design.linear import Array
+from cranectl.design.record import Margins
 
 CHAIN_A: Array = np.diag(np.ones(3), 1)
 CHAIN_B: Array = np.eye(4)[:, 3:]
-
-
-@dataclass(frozen=True)
-class Margins:
-    """What the loop, cut at v, tolerates. T = 1 - S is its complementary sensitivity."""
-
-    gain_margin: float  # factor on the loop gain that meets the stability limit; below 1: a reduction
-    phase_margin: float  # [rad]
-    disk_margin: float  # balanced (S - T): gain within (2 - a)/(2 + a) to its inverse, and phase, together
-    crossover: float  # [rad/s], where the loop gain is 1
-    bandwidth: float  # [rad/s], where T first falls 3 dB below 1
-    sensitivity_peak: float  # largest |S|
-    complementary_peak: float  # largest |T|
-
-    @property
-    def modulus_margin(self) -> float:
-        """Smallest distance of the loop's locus from -1."""
-        return 1.0 / self.sensitivity_peak
 
 
 def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpace:
@@ -57,12 +38,17 @@ def loop_margins(loop: control.StateSpace) -> Margins:
     return Margins(
         gain_margin=float(gain_margin),
         phase_margin=float(np.deg2rad(phase_margin)),
-        disk_margin=1.0 / hinf_norm(sensitivity - 0.5),
+        disk_margin=1.0 / _peak(sensitivity - 0.5),
         crossover=float(crossover),
         bandwidth=_bandwidth(complementary),
-        sensitivity_peak=hinf_norm(sensitivity),
-        complementary_peak=hinf_norm(complementary),
+        sensitivity_peak=_peak(sensitivity),
+        complementary_peak=_peak(complementary),
     )
+
+
+def _peak(system: control.StateSpace) -> float:
+    """Largest magnitude over all frequencies of a stable single-input single-output system."""
+    return float(control.system_norm(system, "inf", tol=1e-9, print_warning=False, method="scipy"))
 
 
 def _bandwidth(complementary: control.StateSpace) -> float:

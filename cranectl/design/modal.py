@@ -1,22 +1,11 @@
-"""Real modal form of a linear system, and its exact sampling for a held input, block by block."""
-
-from typing import NamedTuple
+"""Real modal form of a linear system: 2 x 2 blocks, well conditioned and quick to run."""
 
 import control
 import numpy as np
-from scipy.linalg import block_diag, expm
 
 from cranectl.design.linear import Array, poles_text
+from cranectl.design.sampling import diagonal
 from cranectl.errors import InputError
-
-
-class SampledBlocks(NamedTuple):
-    """xi_k+ = state_matrix[k] xi_k + input_matrix[k] e, v-bar = sum output_matrix[k]·xi_k + feedthrough e."""
-
-    state_matrix: Array  # (n, 2, 2)
-    input_matrix: Array  # (n, 2)
-    output_matrix: Array  # (n, 2)
-    feedthrough: float
 
 
 def real_modal_form(system: control.StateSpace) -> control.StateSpace:
@@ -45,53 +34,8 @@ def real_modal_form(system: control.StateSpace) -> control.StateSpace:
     transform = np.column_stack(columns) if columns else np.zeros((0, 0))
     b, c = np.linalg.solve(transform, system.B), system.C @ transform
     scale = _scales(blocks, b.ravel(), c.ravel())
-    a, b, c = _diagonal(blocks), b * scale[:, np.newaxis], c / scale
+    a, b, c = diagonal(blocks), b * scale[:, np.newaxis], c / scale
     return control.ss(a, b, c, system.D)
-
-
-def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> SampledBlocks:
-    """Sample a real modal form exactly for an input held over `period` [s].
-
-    Stiff modes decay within a sample and integrators stay integrators: nothing can ring. A last single pole
-    shares its block with an idle state.
-    """
-    if len(a) % 2:
-        a, b, c = block_diag(a, -1.0), np.append(b, 0.0), np.append(c, 0.0)
-    n = len(a) // 2
-    state, drive = np.zeros((n, 2, 2)), np.zeros((n, 2))
-    for k in range(n):
-        rows = slice(2 * k, 2 * k + 2)
-        augmented = np.zeros((3, 3))
-        augmented[:2, :2], augmented[:2, 2] = a[rows, rows] * period, b[rows] * period
-        exponential = expm(augmented)
-        state[k], drive[k] = exponential[:2, :2], exponential[:2, 2]
-    return SampledBlocks(state, drive, np.ascontiguousarray(c.reshape(n, 2)), float(d))
-
-
-def sampled_loop(gain: Array, blocks: SampledBlocks, period: float) -> Array:
-    """State matrix of one axis's error under the sampled controller, if v itself were held.
-
-    States: the error and three derivatives, then those of the blocks. What is truly held is the drives'
-    accelerations, which differs by a fraction of a period.
-    """
-    chain = np.zeros((5, 5))
-    chain[:4, :4], chain[3, 4] = np.diag(np.ones(3), 1), 1.0
-    exponential = expm(chain * period)
-    phi, hold = exponential[:4, :4], exponential[:4, 4:]
-    measured = np.eye(4)[:1]
-    law = gain.reshape(1, 4) + blocks.feedthrough * measured
-    return np.block(
-        [
-            [phi - hold @ law, -hold @ blocks.output_matrix.reshape(1, -1)],
-            [blocks.input_matrix.reshape(-1, 1) @ measured, _diagonal(blocks.state_matrix)],
-        ]
-    )
-
-
-def _diagonal(blocks: Array | list[Array]) -> Array:
-    """The blocks on the diagonal of one matrix; `block_diag` of nothing has a row too many."""
-    matrix: Array = block_diag(*blocks) if len(blocks) else np.zeros((0, 0))
-    return matrix
 
 
 def _scales(blocks: list[Array], b: Array, c: Array) -> Array:

@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.design.loop import Margins
-
 Array = NDArray[np.float64]
 
 
@@ -59,6 +57,24 @@ class Robustifier:
 
 
 NO_ROBUSTIFIER = Robustifier(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What the loop, cut at v, tolerates. T = 1 - S is its complementary sensitivity."""
+
+    gain_margin: float  # factor on the loop gain that meets the stability limit; below 1: a reduction
+    phase_margin: float  # [rad]
+    disk_margin: float  # balanced (S - T): gain within (2 - a)/(2 + a) to its inverse, and phase, together
+    crossover: float  # [rad/s], where the loop gain is 1
+    bandwidth: float  # [rad/s], where T first falls 3 dB below 1
+    sensitivity_peak: float  # largest |S|
+    complementary_peak: float  # largest |T|
+
+    @property
+    def modulus_margin(self) -> float:
+        """Smallest distance of the loop's locus from -1."""
+        return 1.0 / self.sensitivity_peak
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,63 @@
+"""Sample a robustifier exactly for a held input, block by block, and see what the loop becomes."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, expm
+
+Array = NDArray[np.float64]
+
+
+class SampledBlocks(NamedTuple):
+    """xi_k+ = state_matrix[k] xi_k + input_matrix[k] e, v-bar = sum output_matrix[k]·xi_k + feedthrough e."""
+
+    state_matrix: Array  # (n, 2, 2)
+    input_matrix: Array  # (n, 2)
+    output_matrix: Array  # (n, 2)
+    feedthrough: float
+
+
+def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> SampledBlocks:
+    """Sample a real modal form exactly for an input held over `period` [s].
+
+    Stiff modes decay within a sample and integrators stay integrators: nothing can ring. A last single pole
+    shares its block with an idle state.
+    """
+    if len(a) % 2:
+        a, b, c = block_diag(a, -1.0), np.append(b, 0.0), np.append(c, 0.0)
+    n = len(a) // 2
+    state, drive = np.zeros((n, 2, 2)), np.zeros((n, 2))
+    for k in range(n):
+        rows = slice(2 * k, 2 * k + 2)
+        augmented = np.zeros((3, 3))
+        augmented[:2, :2], augmented[:2, 2] = a[rows, rows] * period, b[rows] * period
+        exponential = expm(augmented)
+        state[k], drive[k] = exponential[:2, :2], exponential[:2, 2]
+    return SampledBlocks(state, drive, np.ascontiguousarray(c.reshape(n, 2)), float(d))
+
+
+def sampled_loop(gain: Array, blocks: SampledBlocks, period: float) -> Array:
+    """State matrix of one axis's error under the sampled controller, if v itself were held.
+
+    States: the error and three derivatives, then those of the blocks. What is truly held is the drives'
+    accelerations, which differs by a fraction of a period.
+    """
+    chain = np.zeros((5, 5))
+    chain[:4, :4], chain[3, 4] = np.diag(np.ones(3), 1), 1.0
+    exponential = expm(chain * period)
+    phi, hold = exponential[:4, :4], exponential[:4, 4:]
+    measured = np.eye(4)[:1]
+    law = gain.reshape(1, 4) + blocks.feedthrough * measured
+    return np.block(
+        [
+            [phi - hold @ law, -hold @ blocks.output_matrix.reshape(1, -1)],
+            [blocks.input_matrix.reshape(-1, 1) @ measured, diagonal(blocks.state_matrix)],
+        ]
+    )
+
+
+def diagonal(blocks: Array | list[Array]) -> Array:
+    """The blocks on the diagonal of one matrix; `block_diag` of nothing has a row too many."""
+    matrix: Array = block_diag(*blocks) if len(blocks) else np.zeros((0, 0))
+    return matrix
