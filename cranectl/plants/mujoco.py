@@ -11,8 +11,8 @@ from cranectl.jit import jit
 from cranectl.parameters import RigParameters
 from cranectl.plants.interface import Drive
 from cranectl.plants.mujoco_model import (
+    compiled_model,
     drive_addresses,
-    model_spec,
     sensor_addresses,
     state_addresses,
 )
@@ -99,9 +99,7 @@ class MujocoPlant:
     def __init__(self, rig: RigParameters, *, drive: Drive, step: float, substeps: int) -> None:
         """`step`: physics step [s]; `substeps`: steps per control period."""
         self.drive = drive
-        spec = model_spec(rig, drive=drive, step=step)
-        self.model = spec.compile()
-        self.description = str(spec.to_xml())
+        self.model, self.description = compiled_model(rig, drive, step)
         self.data = mujoco.MjData(self.model)
         self.rig = MujocoRig(
             model=self.model._address,

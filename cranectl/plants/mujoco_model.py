@@ -1,5 +1,7 @@
 """`models/crane.xml` for one run: parameters set by name, velocity drives as filed or ideal ones."""
 
+import functools
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,13 @@ DRIVES = ("bridge_drive", "trolley_drive", "winch_drive")
 
 # An ideal drive is a motor on a joint so inert that the load cannot move it: acceleration = command to 1e-12.
 IDEAL_INERTIA = 1e12  # per kg of load
+
+
+@functools.lru_cache(maxsize=8)
+def compiled_model(rig: RigParameters, drive: Drive, step: float) -> tuple[mujoco.MjModel, str]:
+    """The compiled model and its MJCF; runs on the same rig share it, and must not change it."""
+    spec = model_spec(rig, drive=drive, step=step)
+    return spec.compile(), str(spec.to_xml())
 
 
 def model_spec(rig: RigParameters, *, drive: Drive, step: float) -> mujoco.MjSpec:
