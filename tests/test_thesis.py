@@ -5,6 +5,7 @@ Where the reading of the text is not obvious, docs/scenarios.md says which was t
 
 import functools
 import json
+import runpy
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from cranectl import resources
 from cranectl.cli.main import main
 from cranectl.plants.interface import PLANTS
 from cranectl.thesis import Reproduction, reproduce, total_simulated_seconds
-from tests.conftest import closed_loop
+from tests.conftest import ROOT, closed_loop
 
 PRINTED = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))
 TABLE_5_1, TABLE_5_2, TABLE_5_3, TABLE_5_4 = (
@@ -119,3 +120,18 @@ def test_command_line_and_json(
     failing = replace(reproduction()[0], norms=())
     monkeypatch.setattr(type(failing), "passed", property(lambda _: False))
     assert main(["thesis"]) == 1
+
+
+def test_the_reading_of_the_settled_trajectory_is_the_best_of_its_neighbours() -> None:
+    """Other sense, radius or end of the line: all further from Table 5.3."""
+    search = runpy.run_path(str(ROOT / "validation" / "thesis" / "search.py"))
+    taken = search["TAKEN"]
+    assert taken in search["readings"]()
+
+    def score(reading: object) -> float:
+        return float(abs(search["deviations"](reading)).mean())
+
+    best = score(taken)
+    assert best < 0.02
+    for change in ({"half_turns": 2}, {"half_turns": -1}, {"radius": 0.6}, {"radius": 0.7}, {"end_x": 0.6}):
+        assert score(replace(taken, **change)) > 1.5 * best, change
