@@ -7,8 +7,8 @@ Each figure is measured `--repeats` times, what is compared taking turns; the me
 """
 
 import argparse
+import functools
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -28,6 +28,7 @@ from cranectl.jit import jit
 from cranectl.log import write_log
 from cranectl.log.streams import streams
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order
+from cranectl.parallel import available_cores
 from cranectl.plants.mujoco import MujocoPlant
 from cranectl.scenario import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run, tracker_of
@@ -142,7 +143,8 @@ def control_step_alone(repeats: int) -> list[Figure]:
         times = []
         for _ in range(repeats + 1):
             memory = initial_memory(tracker, states[0], run.reference[0])
-            times.append(seconds(lambda: _repeat_control(tracker, states, run.reference, memory, row)))  # noqa: B023
+            work = functools.partial(_repeat_control, tracker, states, run.reference, memory, row)
+            times.append(seconds(work))
         found.append(figure(f"control step, {name}", [1e9 * t / len(states) for t in times[1:]], "ns"))
     return found
 
@@ -173,7 +175,7 @@ def validation() -> list[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "cranectl", "validate"]
         once = seconds(lambda: subprocess.run(command, cwd=folder, check=True, capture_output=True))
-    return [figure(f"`cranectl validate`, {len(os.sched_getaffinity(0))} cores", [once], "s", 90.0)]
+    return [figure(f"`cranectl validate`, {available_cores()} cores", [once], "s", 90.0)]
 
 
 def table(figures: list[Figure]) -> str:

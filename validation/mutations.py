@@ -145,9 +145,8 @@ def _is_term(node: ast.expr, tree: ast.AST) -> bool:
 def find_mutants(module: str, function: str) -> list[Mutant]:
     """All mutants of one function."""
     tree, first_line = _source(module, function)
-    seen: dict[int, ast.expr] = {id(node): node for node in terms(tree) if _is_term(node, tree)}
     found = []
-    for index, node in enumerate(_ordered(seen.values())):
+    for index, node in enumerate(_terms_in_order(tree)):
         text, line = ast.unparse(node), first_line + node.lineno - 1
         found += [
             Mutant(module, function, index, text, line, operation)
@@ -157,7 +156,9 @@ def find_mutants(module: str, function: str) -> list[Mutant]:
     return found
 
 
-def _ordered(nodes: Any) -> list[ast.expr]:
+def _terms_in_order(tree: ast.AST) -> list[ast.expr]:
+    """Every term once, as it stands in the source; a mutant names its term by the index in this list."""
+    nodes = {id(node): node for node in terms(tree) if _is_term(node, tree)}.values()
     return sorted(
         nodes, key=lambda node: (node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
     )
@@ -178,8 +179,7 @@ def _original(module: str, function: str) -> Any:
 def mutated_function(mutant: Mutant) -> Any:
     """The function with its term changed, compiled in its module's namespace."""
     tree, _ = _source(mutant.module, mutant.function)
-    nodes = _ordered({id(node): node for node in terms(tree) if _is_term(node, tree)}.values())
-    target = nodes[mutant.term]
+    target = _terms_in_order(tree)[mutant.term]
     replacement = {
         "flipped": ast.UnaryOp(ast.USub(), copy.deepcopy(target)),
         "dropped": ast.BinOp(ast.Constant(0.0), ast.Mult(), copy.deepcopy(target)),

@@ -1,14 +1,10 @@
 """`cranectl design`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from cranectl.cli.options import json_option, scenario_options
-
-if TYPE_CHECKING:
-    from cranectl.design import Design
 
 
 @click.command("design")
@@ -54,16 +50,12 @@ def design_command(
     design = design_controller(name, loaded.design)
     tracker_of(loaded, design)  # raises if sampling makes it unstable
     if plot is not None:
-        _draw(design, plot)
+        from cranectl.report.design_plot import plot_design  # matplotlib, only where it is asked for
+
+        plot_design(design, plot)
     screen = console(json_file)
     for table in design_tables(design):
         screen.print(table)
     if plot is not None:
         screen.print(f"picture: {plot}", soft_wrap=True)
     write_json(json_file, design.to_json())
-
-
-def _draw(design: "Design", plot: Path) -> None:
-    from cranectl.report.design_plot import plot_design
-
-    plot_design(design, plot)

@@ -33,6 +33,24 @@ def hinf_norm(system: control.StateSpace) -> float:
     return float(peak[0] / peak[1]) if peak[1] else np.inf
 
 
+def closed_loop_norm(generalised: control.StateSpace, k: control.StateSpace) -> float:
+    """Norm from w to z with u = K y around `generalised`, (w, u) to (z, y), rebuilt; infinite if unstable."""
+    m, p = k.noutputs, k.ninputs
+    a, b, c, d = generalised.A, generalised.B, generalised.C, generalised.D
+    b_1, b_2, c_1, c_2 = b[:, :-m], b[:, -m:], c[:-p], c[-p:]
+    d_11, d_12, d_21, d_22 = d[:-p, :-m], d[:-p, -m:], d[-p:, :-m], d[-p:, -m:]
+    e = np.linalg.inv(np.eye(m) - k.D @ d_22)  # u = e (C_K x_K + D_K (C_2 x + D_21 w))
+    u_x, u_k, u_w = e @ k.D @ c_2, e @ k.C, e @ k.D @ d_21
+    y_x, y_k, y_w = c_2 + d_22 @ u_x, d_22 @ u_k, d_21 + d_22 @ u_w
+    closed = control.ss(
+        np.block([[a + b_2 @ u_x, b_2 @ u_k], [k.B @ y_x, k.A + k.B @ y_k]]),
+        np.vstack([b_1 + b_2 @ u_w, k.B @ y_w]),
+        np.hstack([c_1 + d_12 @ u_x, d_12 @ u_k]),
+        d_11 + d_12 @ u_w,
+    )
+    return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)
+
+
 def unstable_poles(a: Array) -> NDArray[np.complex128]:
     """Eigenvalues of `a` on or right of the imaginary axis."""
     poles = np.linalg.eigvals(a).astype(complex)

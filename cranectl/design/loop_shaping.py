@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are
 
-from cranectl.design.linear import Array, check_regulable, hinf_norm, inner_loop, poles_text, unstable_poles
+from cranectl.design.linear import (
+    Array,
+    check_regulable,
+    closed_loop_norm,
+    inner_loop,
+    poles_text,
+)
 from cranectl.errors import InputError
 from cranectl.scenario import LoopShapingSettings
 
@@ -49,7 +55,7 @@ def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> LoopS
     feedback = -np.linalg.solve(s, d.T @ c + b.T @ x)
     injection = gamma**2 * np.linalg.solve(coupling.T, z @ c.T)
     k = control.ss(a + b @ feedback + injection @ (c + d @ feedback), injection, b.T @ x, -d.T)
-    achieved = _achieved_gamma(plant, k)
+    achieved = closed_loop_norm(_coprime_problem(plant), k)
     if not achieved <= gamma * (1.0 + 1e-6):
         raise InputError(
             f"the loop-shaping controller reaches gamma {achieved:.6g} instead of {gamma:.6g}",
@@ -72,23 +78,17 @@ def loop_shaping_robustifier(
     return -weight * design.controller, design.gamma_min, design.gamma
 
 
-def _achieved_gamma(plant: control.StateSpace, k: control.StateSpace) -> float:
-    """Norm of [I; K] (I - G K)^-1 [I G], rebuilt from plant and controller; infinite if unstable."""
+def _coprime_problem(plant: control.StateSpace) -> control.StateSpace:
+    """From (disturbances at y and u; u) to (y, u; y): closed by u = K y it is [I; K] (I - G K)^-1 [I G]."""
     a, b, c, d = plant.A, plant.B, plant.C, plant.D
-    n, m, p = len(a), b.shape[1], c.shape[0]
-    # w = (disturbance at y, disturbance at u); y = G (u + w_u) + w_y, u = K y.
-    e = np.linalg.inv(np.eye(p) - d @ k.D)
-    y_x, y_xk = e @ c, e @ d @ k.C
-    y_w = e @ np.hstack([np.eye(p), d])
-    u_x, u_xk, u_w = k.D @ y_x, k.C + k.D @ y_xk, k.D @ y_w
-    closed = control.ss(
-        np.block([[a + b @ u_x, b @ u_xk], [k.B @ y_x, k.A + k.B @ y_xk]]),
-        np.vstack([b @ (u_w + np.hstack([np.zeros((m, p)), np.eye(m)])), k.B @ y_w]),
-        np.block([[y_x, y_xk], [u_x, u_xk]]),
-        np.vstack([y_w, u_w]),
+    m, p = plant.ninputs, plant.noutputs
+    measured = np.hstack([np.eye(p), d, d])
+    return control.ss(
+        a,
+        np.hstack([np.zeros((len(a), p)), b, b]),
+        np.vstack([c, np.zeros((m, len(a))), c]),
+        np.vstack([measured, np.hstack([np.zeros((m, p + m)), np.eye(m)]), measured]),
     )
-    assert closed.nstates == n + len(k.A)
-    return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)
 
 
 def _riccati(a: Array, b: Array, q: Array, r: Array) -> NDArray[np.float64]:

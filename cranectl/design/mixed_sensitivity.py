@@ -10,7 +10,14 @@ import control
 import ctrlsys
 import numpy as np
 
-from cranectl.design.linear import Array, check_regulable, hinf_norm, inner_loop, poles_text, unstable_poles
+from cranectl.design.linear import (
+    Array,
+    check_regulable,
+    closed_loop_norm,
+    inner_loop,
+    poles_text,
+    unstable_poles,
+)
 from cranectl.errors import InputError
 from cranectl.scenario import HinfSettings
 
@@ -47,7 +54,7 @@ def mixed_sensitivity(
     generalised = generalised_plant(plant, sensitivity_weight, control_weight)
     gamma_opt = _smallest_gamma(generalised, plant)
     controller, gamma = _synthesise(generalised, plant, job=4, gamma=back_off * gamma_opt)
-    achieved = _achieved_gamma(generalised, controller)
+    achieved = closed_loop_norm(generalised, controller)
     if not achieved <= gamma * (1.0 + 1e-4):
         raise InputError(
             f"the S/KS controller reaches gamma {achieved:.6g} instead of {gamma:.6g}",
@@ -74,7 +81,7 @@ def generalised_plant(
 ) -> control.StateSpace:
     """From (r, u) to (W_s e, W_ks u, e) with e = r - G u, no state twice."""
     n, n_s, n_k = plant.nstates, w_s.nstates, w_ks.nstates
-    p, m = plant.noutputs, plant.ninputs
+    p = plant.noutputs
     identity = np.eye(p)
     a = np.block(
         [
@@ -92,7 +99,6 @@ def generalised_plant(
         ]
     )
     d = np.block([[w_s.D, -w_s.D @ plant.D], [np.zeros((w_ks.noutputs, p)), w_ks.D], [identity, -plant.D]])
-    assert b.shape[1] == p + m
     return control.ss(a, b, c, d)
 
 
@@ -152,21 +158,3 @@ def _synthesise(
             remedy="lower the demanded bandwidth or the control weight, or increase back_off",
         )
     return control.ss(*solution[:4]), float(solution[8])
-
-
-def _achieved_gamma(generalised: control.StateSpace, k: control.StateSpace) -> float:
-    """Norm of the lower linear fractional transformation, rebuilt; infinite if unstable."""
-    m, p = k.noutputs, k.ninputs
-    a, b, c, d = generalised.A, generalised.B, generalised.C, generalised.D
-    b_1, b_2, c_1, c_2 = b[:, :-m], b[:, -m:], c[:-p], c[-p:]
-    d_11, d_12, d_21, d_22 = d[:-p, :-m], d[:-p, -m:], d[-p:, :-m], d[-p:, -m:]
-    e = np.linalg.inv(np.eye(m) - k.D @ d_22)  # u = e (C_K x_K + D_K (C_2 x + D_21 w))
-    u_x, u_k, u_w = e @ k.D @ c_2, e @ k.C, e @ k.D @ d_21
-    y_x, y_k, y_w = c_2 + d_22 @ u_x, d_22 @ u_k, d_21 + d_22 @ u_w
-    closed = control.ss(
-        np.block([[a + b_2 @ u_x, b_2 @ u_k], [k.B @ y_x, k.A + k.B @ y_k]]),
-        np.vstack([b_1 + b_2 @ u_w, k.B @ y_w]),
-        np.hstack([c_1 + d_12 @ u_x, d_12 @ u_k]),
-        d_11 + d_12 @ u_w,
-    )
-    return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)
