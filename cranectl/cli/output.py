@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from cranectl.errors import InputError
+from cranectl.files import write_text
 
 if TYPE_CHECKING:
     from cranectl.cases import CaseResult, RunSummary
@@ -46,7 +47,7 @@ def write_json(json_file: str | None, data: dict[str, Any]) -> None:
         print(text)
         return
     try:
-        Path(json_file).write_text(text + "\n", encoding="utf-8")
+        write_text(Path(json_file), text + "\n")
     except OSError as error:
         raise InputError(
             f"cannot write {json_file}: {error}", remedy="choose another place with --json"

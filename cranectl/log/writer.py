@@ -4,9 +4,7 @@ The file is written beside its place as `.PID.part` and renamed once it is close
 simulation time, no wall clock goes in: the same runs give the same bytes.
 """
 
-import contextlib
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from foxglove.mcap import MCAPWriteOptions
 from mcap.reader import make_reader
 
 from cranectl.errors import LogError
+from cranectl.files import check_replaceable, replacing
 from cranectl.log import topics
 from cranectl.log.streams import Stream, streams, versions
 from cranectl.simulate import Run
@@ -27,15 +26,8 @@ CHUNK_SIZE = 64 * 1024
 
 def check_writable(path: Path) -> None:
     """Raise LogError now rather than after the simulation if `path` cannot be written."""
-    part = _part(path)
     try:
-        for place in (path, part):
-            # Renaming a log over a device or a pipe would destroy it.
-            if place.exists() and not place.is_file():
-                raise OSError(f"{place} exists and is no regular file")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.touch()
-        part.unlink()
+        check_replaceable(path)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise _unwritable(path, error) from None
 
@@ -48,16 +40,12 @@ def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None
     """
     path = Path(path)
     check_writable(path)
-    part = _part(path)
     every = every or runs[0].scenario.log.every
     try:
-        _write(part, [run.every(every) for run in runs], every)
-        part.replace(path)
+        with replacing(path) as part:
+            _write(part, [run.every(every) for run in runs], every)
     except (OSError, RuntimeError) as error:
         raise _unwritable(path, error) from None
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
     return path
 
 
@@ -136,11 +124,6 @@ def _check_complete(path: Path, sent: int) -> None:
     written = statistics.message_count if statistics is not None else 0
     if written != sent:
         raise OSError(f"only {written} of {sent} messages were written")
-
-
-def _part(path: Path) -> Path:
-    """Of each process its own: of two that write the same log, the last to finish wins, whole."""
-    return path.parent / f"{path.name}.{os.getpid()}.part"
 
 
 def _unwritable(path: Path, error: Exception) -> LogError:

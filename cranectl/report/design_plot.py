@@ -13,6 +13,7 @@ from cranectl.design import Design
 from cranectl.design.linear import inner_loop
 from cranectl.design.loop import open_loop
 from cranectl.errors import InputError
+from cranectl.files import replacing
 
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]
 UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
@@ -40,8 +41,9 @@ def plot_design(design: Design, path: Path) -> None:
     _draw_disturbance_step(disturbance, loop)
     try:
         # No date and no random identifiers: the same design, the same bytes.
-        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}):
-            figure.savefig(path, metadata=UNDATED.get(path.suffix.lower()))
+        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}), replacing(path) as part:
+            kind = path.suffix.lower()
+            figure.savefig(part, format=kind[1:] or None, metadata=UNDATED.get(kind))
     except (OSError, ValueError) as error:
         raise InputError(
             f"cannot draw to {path}: {error}",
