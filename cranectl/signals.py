@@ -124,8 +124,11 @@ VIRTUAL_INPUT = SignalGroup(
     "VirtualInput",
     "inputs of the linearised system z⁗ = v, and the robustifier's part of them",
     (
-        *(Signal(f"virtual_input_{a}", f"v_{i}", "m/s⁴", f"v, {a}") for i, a in enumerate(AXES, 1)),
-        *(Signal(f"robustifier_output_{a}", f"v̄_{i}", "m/s⁴", f"v̄, {a}") for i, a in enumerate(AXES, 1)),
+        *(Signal(f"virtual_input_{a}", f"v{i}", "m/s⁴", f"v, {a}") for a, i in zip(AXES, "₁₂₃", strict=True)),
+        *(
+            Signal(f"robustifier_output_{a}", f"v̄{i}", "m/s⁴", f"v̄, {a}")
+            for a, i in zip(AXES, "₁₂₃", strict=True)
+        ),
     ),
 )
 

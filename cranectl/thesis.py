@@ -21,6 +21,16 @@ SOURCES: dict[str, tuple[str, Drive]] = {
     "mujoco_velocity": ("mujoco", "velocity"),
 }
 JUDGED = ("analytic", "mujoco")  # the thesis simulates ideal drives
+# Symbols of the tables' columns.
+SYMBOLS = {
+    "bridge_acceleration": "ẍ_c",
+    "trolley_acceleration": "ÿ_c",
+    "rope_acceleration": "l̈",
+    "load_x": "z₁",
+    "load_y": "z₂",
+    "load_z": "z₃",
+    "gamma": "γ",
+}
 TABLE_END = 20.0  # [s], up to where tables 5.3 and 5.4 read the settled trajectory
 
 
@@ -94,6 +104,24 @@ class Reproduction:
         """Whether every printed number is within its tolerance."""
         return all(number.within for *_, number in self.numbers())
 
+    def notes(self) -> list[str]:
+        """What the tables do not say: gains, what stays unexplained, what the thesis did not notice."""
+        gains = [
+            f"gains of {name} (not printed in the thesis): {', '.join(f'{gain:.5g}' for gain in values)}"
+            for name, values in self.gains.items()
+        ]
+        open_points = [
+            f"unexplained, {name} {SYMBOLS[column]}: {number.reason}"
+            for name, _, column, number in self.numbers()
+            if not number.explained
+        ]
+        departures = [
+            f"not noticed in the thesis: {d.scenario}, {d.controller}: {d.violation.signal} leaves the rig "
+            f"at {d.violation.first_time_s:g} s, by up to {d.violation.max_excess_m:.3f} m"
+            for d in self.departures
+        ]
+        return [*gains, *dict.fromkeys(open_points), *departures]
+
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
         return {
@@ -117,8 +145,15 @@ class Reproduction:
         }
 
 
-def reproduce(progress: Callable[[str, float], None] | None = None) -> Reproduction:
-    """Run chapter 5 again; `progress` is called with the run's name and its simulated seconds."""
+def reproduce(
+    progress: Callable[[str, float], None] | None = None,
+    watch: Callable[[str, Run], None] | None = None,
+) -> Reproduction:
+    """Run chapter 5 again.
+
+    `progress` is called with each run's name and its simulated seconds, `watch` with its source and the run:
+    scenario by scenario, controller by controller, in the order of `SOURCES`.
+    """
     printed, tolerances = _read("printed.toml"), _read("tolerances.toml")
     names = dict.fromkeys(table["scenario"] for table in printed["tables"].values())
     scenarios = {name: load_scenario(name) for name in names}
@@ -131,6 +166,8 @@ def reproduce(progress: Callable[[str, float], None] | None = None) -> Reproduct
             for source, (plant, drive) in SOURCES.items():
                 run = simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan)
                 found[scenario.name, controller, source] = _readings(run)
+                if watch is not None:
+                    watch(source, run)
                 if progress is not None:
                     progress(f"{scenario.name}, {controller}", scenario.duration)
                 if source == "mujoco":

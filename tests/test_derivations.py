@@ -30,20 +30,23 @@ def test_the_extended_law_is_singular_where_the_rope_is_slack() -> None:
     assert determinant.subs(found["ZETA"], -found["GRAVITY"]) == 0
 
 
-@pytest.mark.parametrize("controller", ["pole-placement", "lqr"])
+@pytest.mark.parametrize("controller", ["pole-placement", "lqr", "pole-placement+hinf", "lqr+hinf"])
 @pytest.mark.parametrize("plant", PLANTS)
 def test_steady_offset_under_constant_disturbances(plant: str, controller: str) -> None:
-    """The closed form against both plants, at rest, to a micrometre."""
+    """The closed form against both plants, at rest, to a micrometre; S/KS leaves 3 % of the plain offset."""
     steps = (
         "disturbances=[{joint='alpha', start=0.0, magnitude=0.8}, {joint='beta', start=0.0, magnitude=-0.5}]"
     )
     scenario = load_scenario("fixed-position", overrides=[steps, "duration=40"])
     run = simulate_run(scenario, plant=plant, controller=controller)
     module = derivation("steady_offset")
-    found = module["steady_state"](design_controller(controller).gain, (1.0, 0.77, -0.7), 0.8, -0.5)
+    design = design_controller(controller)
+    at_rest = module["gain_at_rest"](design.robustifier)
+    found = module["steady_state"](design.gain, (1.0, 0.77, -0.7), 0.8, -0.5, robustifier_gain=at_rest)
     expected = [found["load_x"], found["load_y"], found["load_z"]]
     assert run.block("load")[-1, :3] == pytest.approx(expected, abs=1e-6)
     assert run.block("state")[-1, [6, 8]] == pytest.approx([found["alpha"], found["beta"]], abs=1e-6)
     assert run.signal("controller.zeta")[-1] == pytest.approx(found["zeta"], abs=1e-6)
     assert module["residual"](found, 0.8, -0.5) < 1e-9
-    assert abs(run.block("load")[-1, :3] - [1.0, 0.77, -0.7]).max() > 0.05, "there is an offset to explain"
+    offset = abs(run.block("load")[-1, :3] - [1.0, 0.77, -0.7]).max()
+    assert offset > (0.004 if "hinf" in controller else 0.05), "there is an offset to explain"

@@ -5,18 +5,23 @@ Where the reading of the text is not obvious, docs/scenarios.md says which was t
 
 import functools
 import json
+import re
 import runpy
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cranectl import resources
 from cranectl.cli.main import main
 from cranectl.plants.interface import PLANTS
+from cranectl.report.page import render
+from cranectl.report.thesis_report import FIRST_FIGURE, ChapterFigures, thesis_page
 from cranectl.thesis import Reproduction, reproduce, total_simulated_seconds
 from tests.conftest import ROOT, closed_loop
+from tests.report.test_report import read_page
 
 PRINTED = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))
 TABLE_5_1, TABLE_5_2, TABLE_5_3, TABLE_5_4 = (
@@ -57,14 +62,16 @@ def test_table_5_4_position_at_20_seconds(controller: str, plant: str) -> None:
 
 
 @functools.cache
-def reproduction() -> tuple[Reproduction, float]:
+def reproduction() -> tuple[Reproduction, float, ChapterFigures]:
+    """Chapter 5, run once for all tests here: found, simulated seconds, figures."""
     seconds: list[float] = []
-    found = reproduce(lambda _, amount: seconds.append(amount))
-    return found, sum(seconds)
+    figures = ChapterFigures()
+    found = reproduce(lambda _, amount: seconds.append(amount), figures.watch)
+    return found, sum(seconds), figures
 
 
 def test_every_printed_number_is_within_its_tolerance_and_the_open_ones_are_named() -> None:
-    found, seconds = reproduction()
+    found, seconds, _ = reproduction()
     assert found.passed
     assert seconds == pytest.approx(total_simulated_seconds())
     assert len(list(found.numbers())) == 4 + 4 * 6 * 3
@@ -105,7 +112,7 @@ def test_command_line_and_json(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("cranectl.thesis.reproduce", lambda _: reproduction()[0])
+    monkeypatch.setattr("cranectl.thesis.reproduce", lambda *_: reproduction()[0])
     assert main(["thesis", "--json", "thesis.json"]) == 0
     out = capsys.readouterr().out
     for expected in ("Table 5.3, p. 59", "unexplained, 5.3", "leaves the rig at 15.7", "passed"):
@@ -120,6 +127,39 @@ def test_command_line_and_json(
     failing = replace(reproduction()[0], norms=())
     monkeypatch.setattr(type(failing), "passed", property(lambda _: False))
     assert main(["thesis"]) == 1
+
+
+def test_the_report_has_every_figure_and_table_of_the_thesis() -> None:
+    found, _, figures = reproduction()
+    html = render(thesis_page(found, figures, "cranectl report"))
+    page = read_page(html)
+    chapter_4 = [f"4.{k}" for k in range(1, 10)]
+    chapter_5 = [f"5.{k}" for k in range(1, 48) if k != 9]  # 5.9 is a photograph
+    numbers = ["2.1", "3.1", *chapter_4, *chapter_5]
+    assert re.findall(r'<figure id="figure-([\d.]+)"', html) == numbers
+    assert page.tags["svg"] == len(numbers)
+    for name in ("5.1", "5.2", "5.3", "5.4"):
+        assert f"Table {name}: " in page.text
+    for note in found.notes():
+        assert note[1:] in page.text
+    for number in chapter_5[8:]:
+        figure = html[html.index(f'id="figure-{number}"') :]
+        figure = figure[: figure.index("</figure>")]
+        for text in (">analytic<", ">MuJoCo<", ">feedback alone<", ">S/KS<", ">loop shaping<"):
+            assert text in figure, number
+        caption = figure[figure.index("<figcaption>") :]
+        assert ("LQR" in caption) == (int(number[2:]) in {*range(12, 29, 2), *range(31, 48, 2)}), number
+        assert "Analytic and MuJoCo curves differ by at most" in caption
+    assert len(html) < 4e6
+
+
+def test_figures_show_the_runs_of_their_caption() -> None:
+    """5.42: the run that leaves the rig; 5.12: the error left by LQR alone, as in Table 5.2."""
+    figures = {figure.number: figure for name in FIRST_FIGURE for figure in reproduction()[2].of(name)}
+    assert "0.168 m past the end" in figures["5.42"].verdict
+    assert figures["5.43"].verdict.startswith("All stay within the rig.")
+    offset = np.linalg.norm([1.1523 - 1.0, 0.9212 - 0.77, 0.7 - 0.6658])
+    assert f"{offset:.3f}\N{NO-BREAK SPACE}m (feedback alone)" in figures["5.12"].verdict
 
 
 def test_the_reading_of_the_settled_trajectory_is_the_best_of_its_neighbours() -> None:

@@ -50,7 +50,7 @@ def design_command(
     design = design_controller(name, loaded.design)
     tracker_of(loaded, design)  # raises if sampling makes it unstable
     if plot is not None:
-        from cranectl.report.design_plot import plot_design  # matplotlib, only where it is asked for
+        from cranectl.report.design_figures import plot_design  # matplotlib, only where it is asked for
 
         plot_design(design, plot)
     screen = console(json_file)

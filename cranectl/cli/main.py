@@ -15,6 +15,7 @@ from cranectl.cli.compare import compare_command
 from cranectl.cli.design import design_command
 from cranectl.cli.info import info_command
 from cranectl.cli.list import list_command
+from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
 from cranectl.cli.thesis import thesis_command
 from cranectl.cli.validate import validate_command
@@ -50,6 +51,7 @@ for command in (
     info_command,
     design_command,
     thesis_command,
+    report_command,
 ):
     cli.add_command(command)
 

@@ -1,14 +1,28 @@
 """`cranectl thesis`."""
 
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.options import json_option
 
+if TYPE_CHECKING:
+    from cranectl.simulate import Run
+    from cranectl.thesis import Reproduction
+
 
 @click.command("thesis")
+@click.option(
+    "--report",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Also write tables and all figures of the thesis as one HTML page.",
+)
 @json_option
-def thesis_command(json_file: str | None) -> int:
+def thesis_command(report: Path | None, json_file: str | None) -> int:
     """Run chapter 5 of the thesis again and print its numbers beside ours.
 
     Every run of the chapter, on the analytic plant, on MuJoCo with ideal and with velocity drives. Exit code
@@ -17,10 +31,29 @@ def thesis_command(json_file: str | None) -> int:
 
     \b
     cranectl thesis
-    cranectl thesis --json thesis.json
+    cranectl thesis --json thesis.json --report thesis.html
     """
-    from cranectl.cli.output import FAILED, PASSED, console, progress_bar, write_json
-    from cranectl.cli.thesis_output import thesis_lines, thesis_tables
+    return run_thesis(json_file, report)
+
+
+def run_thesis(json_file: str | None, report: Path | None) -> int:
+    """Run, print, write what is asked for; returns the exit code."""
+    if report is None:
+        found = _reproduce()
+    else:
+        from cranectl.report.page import check_place, write_page
+        from cranectl.report.thesis_report import ChapterFigures, thesis_page
+
+        check_place(report)
+        figures = ChapterFigures()
+        found = _reproduce(figures.watch)
+        write_page(thesis_page(found, figures, "cranectl report"), report)
+    _print(found, json_file, report)
+    return exit_codes.GOOD if found.passed else exit_codes.LIMIT_EXCEEDED
+
+
+def _reproduce(watch: "Callable[[str, Run], None] | None" = None) -> "Reproduction":
+    from cranectl.cli.output import progress_bar
     from cranectl.thesis import reproduce, total_simulated_seconds
 
     with progress_bar(total_simulated_seconds()) as (advance, describe):
@@ -29,13 +62,20 @@ def thesis_command(json_file: str | None) -> int:
             describe(name)
             advance(seconds)
 
-        found = reproduce(progress)
+        return reproduce(progress, watch)
+
+
+def _print(found: "Reproduction", json_file: str | None, report: Path | None) -> None:
+    from cranectl.cli.output import FAILED, PASSED, console, write_json
+    from cranectl.cli.thesis_output import thesis_tables
+
     screen = console(json_file)
     for table in thesis_tables(found):
         screen.print(table)
-    for line in thesis_lines(found):
+    for line in found.notes():
         screen.print(line, soft_wrap=True)
     verdict = f"{PASSED}: every printed number is within its tolerance, ? marks tolerances without a reason"
     screen.print(verdict if found.passed else f"{FAILED}: see the numbers in red", soft_wrap=True)
+    if report is not None:
+        screen.print(f"report: {report}", soft_wrap=True, markup=False)
     write_json(json_file, found.to_json())
-    return exit_codes.GOOD if found.passed else exit_codes.LIMIT_EXCEEDED

@@ -73,9 +73,14 @@ def loop_shaping_robustifier(
     The weight W_e = P + I/s shapes the inner loop from v-bar to z; v-bar = -W_e K e, since K feeds back
     positively and e = z_d - z.
     """
-    weight = control.ss([[0.0]], [[1.0]], [[settings.integral]], [[settings.proportional]])
+    weight = error_weight(settings)
     design = glover_mcfarlane(inner_loop(gain) * weight, settings.back_off)
     return -weight * design.controller, design.gamma_min, design.gamma
+
+
+def error_weight(settings: LoopShapingSettings) -> control.StateSpace:
+    """W_e = P + I/s."""
+    return control.ss([[0.0]], [[1.0]], [[settings.integral]], [[settings.proportional]])
 
 
 def _coprime_problem(plant: control.StateSpace) -> control.StateSpace:

@@ -1,4 +1,4 @@
-"""Where plain state feedback leaves the load under constant angular accelerations, in closed form.
+"""Where feedback leaves the load under constant angular accelerations, in closed form.
 
 At rest, with d_alpha, d_beta constant: the cardan equations balance gravity against the disturbance,
 
@@ -16,6 +16,11 @@ and since the tracker takes z_1'' = -p_x (zeta + g) for the load's acceleration,
 so the load hangs off by a tilt that the flat model cannot know of: it believes in a falling load. One
 equation in h remains, solved to rounding below.
 
+A robustifier adds v-bar = K(0) e at rest, so k_0 + K(0) stands in place of k_0: the offset shrinks by about
+S(0) = k_0 / (k_0 + K(0)). With an integrator K(0) is infinite and nothing remains. The S/KS optimum is
+all-pass, |W_s S| = gamma where W_ks K S is small, so S(0) = gamma / W_s(0) = gamma A: it stays finite because
+the weight W_s does.
+
     python validation/derivations/steady_offset.py
 """
 
@@ -24,7 +29,7 @@ from math import asin, cos, sin, tan
 import numpy as np
 from scipy.optimize import brentq
 
-from cranectl.design import design_controller
+from cranectl.design import Robustifier, design_controller
 
 
 def tilt(d_alpha: float, d_beta: float, h: float, gravity: float) -> tuple[float, float]:
@@ -40,9 +45,13 @@ def steady_state(
     d_alpha: float,
     d_beta: float,
     gravity: float = 9.81,
+    robustifier_gain: float = 0.0,
 ) -> dict[str, float]:
-    """Load position, angles and zeta in which the loop comes to rest; `desired` is z_d [m]."""
-    k_0, k_2 = float(gain[0]), float(gain[2])
+    """Load position, angles and zeta in which the loop comes to rest.
+
+    `desired` is z_d [m], `robustifier_gain` K(0) [1/s⁴].
+    """
+    k_0, k_2 = float(gain[0]) + robustifier_gain, float(gain[2])
 
     def zeta_of(h: float) -> float:
         alpha, beta = tilt(d_alpha, d_beta, h, gravity)
@@ -73,6 +82,17 @@ def residual(found: dict[str, float], d_alpha: float, d_beta: float, gravity: fl
     return max(abs(on_alpha), abs(on_beta))
 
 
+def gain_at_rest(robustifier: Robustifier) -> float:
+    """K(0) [1/s⁴]; 0 without robustifier."""
+    if not robustifier.order:
+        return robustifier.d
+    return float(robustifier.d - robustifier.c @ np.linalg.solve(robustifier.a, robustifier.b))
+
+
 if __name__ == "__main__":
-    for name in ("pole-placement", "lqr"):
-        print(name, steady_state(design_controller(name).gain, (1.0, 0.77, -0.7), 1.0, 1.0))
+    for name in ("pole-placement", "lqr", "pole-placement+hinf", "lqr+hinf"):
+        design = design_controller(name)
+        at_rest = gain_at_rest(design.robustifier)
+        found = steady_state(design.gain, (1.0, 0.77, -0.7), 1.0, 1.0, robustifier_gain=at_rest)
+        sensitivity = design.gain[0] / (design.gain[0] + at_rest)
+        print(f"{name}: S(0) = {sensitivity:.4f},", {key: round(value, 4) for key, value in found.items()})

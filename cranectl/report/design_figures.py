@@ -1,4 +1,4 @@
-"""Picture of a design: singular values, the shaped loop, step responses."""
+"""Figures of designs: singular values, shaped loops, step responses."""
 
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,15 @@ from matplotlib.figure import Figure
 from cranectl.design import Design
 from cranectl.design.linear import inner_loop
 from cranectl.design.loop import open_loop
+from cranectl.design.loop_shaping import error_weight
 from cranectl.errors import InputError
 from cranectl.files import replacing
+from cranectl.scenario import LoopShapingSettings
 
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]
 UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 STEP_TIME = np.linspace(0.0, 8.0, 801)  # [s]
+FREQUENCY = "angular frequency [rad/s]"
 
 
 def robustifier_system(design: Design) -> control.StateSpace:
@@ -30,19 +33,11 @@ def robustifier_system(design: Design) -> control.StateSpace:
 
 def plot_design(design: Design, path: Path) -> None:
     """Draw `design` to `path`, format by its suffix; raises InputError if that cannot be done."""
-    robustifier = robustifier_system(design)
-    loop = open_loop(design.gain, robustifier)
-    figure = Figure(figsize=(10.0, 7.5), layout="constrained")
-    figure.suptitle(f"{design.name}, one axis")
-    sensitivities, shaped, reference, disturbance = figure.subplots(2, 2).flat
-    _draw_sensitivities(sensitivities, loop)
-    _draw_loops(shaped, design, loop, robustifier)
-    _draw_reference_step(reference, loop)
-    _draw_disturbance_step(disturbance, loop)
+    figure = design_figure(design)
+    kind = path.suffix.lower()
     try:
         # No date and no random identifiers: the same design, the same bytes.
         with matplotlib.rc_context({"svg.hashsalt": "cranectl"}), replacing(path) as part:
-            kind = path.suffix.lower()
             figure.savefig(part, format=kind[1:] or None, metadata=UNDATED.get(kind))
     except (OSError, ValueError) as error:
         raise InputError(
@@ -52,11 +47,46 @@ def plot_design(design: Design, path: Path) -> None:
         ) from None
 
 
+def design_figure(design: Design) -> Figure:
+    """Sensitivities, loop gains and two responses of the loop of one axis."""
+    robustifier = robustifier_system(design)
+    loop = open_loop(design.gain, robustifier)
+    figure = Figure(figsize=(10.0, 7.5), layout="constrained")
+    figure.suptitle(f"{design.name}, one axis")
+    sensitivities, shaped, reference, disturbance = figure.subplots(2, 2).flat
+    _draw_sensitivities(sensitivities, loop)
+    _draw_loops(shaped, design, loop, robustifier)
+    _draw_reference_step(reference, loop)
+    _draw_disturbance_step(disturbance, loop)
+    return figure
+
+
+def loop_shaping_figure(design: Design, settings: LoopShapingSettings) -> Figure:
+    """How the weight shapes the inner loop and what robustification leaves of the shape; sensitivities."""
+    robustifier = robustifier_system(design)
+    inner, weight = (system(1j * OMEGA) for system in (inner_loop(design.gain), error_weight(settings)))
+    figure = Figure(figsize=(6.4, 5.4), layout="constrained")
+    shapes, sensitivities = figure.subplots(2, 1, sharex=True)
+    for values, style, label in (
+        (inner, {"linestyle": (0, (4, 2))}, "G, v̄ to z"),
+        (weight, {"linestyle": (0, (1, 1.5))}, "weight W_e"),
+        (inner * weight, {"linewidth": 3.5, "alpha": 0.4}, "shaped, G W_e"),
+        (inner * robustifier(1j * OMEGA), {}, "robustified, G K"),
+    ):
+        shapes.loglog(OMEGA, np.abs(values), label=label, **style)
+    shapes.axhline(1.0, color=matplotlib.rcParams["axes.edgecolor"], linewidth=0.8)
+    _finish(shapes, "singular values of one axis", "", "magnitude")
+    shapes.set_ylim(1e-5, 1e5)
+    _draw_sensitivities(sensitivities, open_loop(design.gain, robustifier))
+    sensitivities.set_ylim(1e-5, 1e1)
+    return figure
+
+
 def _draw_sensitivities(axes: Axes, loop: control.StateSpace) -> None:
     response = loop(1j * OMEGA)
     for values, label in ((1.0 / (1.0 + response), "S"), (response / (1.0 + response), "T")):
         axes.loglog(OMEGA, np.abs(values), label=f"|{label}|, peak {np.abs(values).max():.2f}")
-    _finish(axes, "loop cut at v: sensitivities", "angular frequency [rad/s]", "magnitude")
+    _finish(axes, "loop cut at v: sensitivities", FREQUENCY, "magnitude")
 
 
 def _draw_loops(
@@ -68,7 +98,7 @@ def _draw_loops(
     if design.robustifier.order:
         axes.loglog(OMEGA, np.abs(inner * robustifier(1j * OMEGA)), label="G K, robustified")
     axes.axhline(1.0, color="0.6", linewidth=0.8)
-    _finish(axes, "loop gains", "angular frequency [rad/s]", "magnitude")
+    _finish(axes, "loop gains", FREQUENCY, "magnitude")
 
 
 def _draw_reference_step(axes: Axes, loop: control.StateSpace) -> None:

@@ -1,0 +1,62 @@
+"""`cranectl report`."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli import exit_codes
+
+MAX_LOGS = 4  # as many as there are colours
+
+
+@click.command("report")
+@click.argument("logs", metavar="[LOG]...", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Default: thesis.html without logs, otherwise the first log's name with .html.",
+)
+def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
+    """Write one HTML page of figures and tables, to be read in any browser, without a network.
+
+    Of up to four LOGs: how the runs went, every figure with both plants overlaid, every difference. Without a
+    LOG: the whole of chapter 5 of the thesis, run again; exit code 1 if a printed number is out of tolerance.
+
+    \b
+    cranectl report logs/fixed-position/lqr-ideal.mcap
+    cranectl report logs/fixed-position/lqr-ideal.mcap logs/fixed-position/lqr-velocity.mcap --out drives.html
+    cranectl report --out thesis.html
+    """
+    if not logs:
+        from cranectl.cli.thesis import run_thesis
+
+        return run_thesis(None, out or Path("thesis.html"))
+    _report_logs(logs, out or Path(logs[0].stem + ".html"))
+    return exit_codes.GOOD
+
+
+def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
+    from cranectl.cli.output import console
+    from cranectl.errors import InputError
+    from cranectl.log import read_log
+    from cranectl.report.log_report import log_page
+    from cranectl.report.page import check_place, write_page
+
+    if len(logs) > MAX_LOGS:
+        raise InputError(f"{len(logs)} logs", allowed=f"up to {MAX_LOGS}", remedy="report on fewer at a time")
+    check_place(out)
+    runs = [read_log(log) for log in logs]
+    labels = _labels(logs)
+    command = f"cranectl report {' '.join(map(str, logs))}"
+    write_page(log_page(dict(zip(labels, runs, strict=True)), command), out)
+    console(None).print(f"report: {out}", soft_wrap=True, markup=False)
+
+
+def _labels(logs: tuple[Path, ...]) -> list[str]:
+    """A short name for each log: its file's, with as many directories as tell it from the others."""
+    for depth in range(1, max(len(log.parts) for log in logs) + 1):
+        labels = ["/".join(log.with_suffix("").parts[-depth:]) for log in logs]
+        if len(set(labels)) == len(labels):
+            return labels
+    return [f"{k}: {log}" for k, log in enumerate(logs, 1)]

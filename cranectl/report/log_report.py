@@ -1,0 +1,136 @@
+"""Any runs as one page: what they were, how they ended, every figure, every difference."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cranectl.compare import Comparison, agreement_limits, compare_runs, judge
+from cranectl.metrics import run_metrics
+from cranectl.report.page import Cell, Figure, Page, Section, Table
+from cranectl.report.run_figures import FAMILIES, Curve, distance_svg, family_svg
+from cranectl.report.theme import SERIES
+from cranectl.report.verdicts import agreement, verdict
+from cranectl.simulate import Run
+
+Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
+
+
+def log_page(logs: Logs, remade_by: str) -> Page:
+    """A page of up to four logs, each with the runs of one or both plants."""
+    runs = [run for log in logs.values() for run in log.values()]
+    scenarios = dict.fromkeys(run.scenario.name for run in runs)
+    title = runs[0].scenario.title if len(scenarios) == 1 else ""
+    sections = [
+        Section("runs", "Runs", tables=(_run_table(logs),)),
+        Section("figures", "Figures", figures=_figures(logs)),
+    ]
+    tables = tuple(_comparison_table(label, comparison) for label, comparison in _comparisons(logs))
+    if tables:
+        sections.append(Section("differences", "Differences", tables=tables))
+    return Page(", ".join(scenarios), title, tuple(sections), remade_by)
+
+
+def _run_table(logs: Logs) -> Table:
+    headings = ("log", "plant", "controller", "drives", "ended", "at [s]", "max error [m]", "RMS error [m]",
+                "final error [m]", "max |angle| [°]", "min tension [N]", "outside rig [m]")  # fmt: skip
+    rows = []
+    for label, log in logs.items():
+        for plant, run in log.items():
+            status = Cell(run.status.label, "bad" if run.status.stopped else "good")
+            identity = (label, plant, run.design.name, run.drive)
+            rows.append((*map(Cell, identity), status, Cell(f"{run.end_ns / 1e9:g}"), *_metric_cells(run)))
+    return Table("How the runs went", headings, tuple(rows), labels=5, note=_verdicts(logs))
+
+
+def _metric_cells(run: Run) -> tuple[Cell, ...]:
+    metrics = run_metrics(run)
+    if metrics is None:
+        return (Cell("–"),) * 6
+    excess = max((violation.max_excess_m for violation in metrics.workspace_violations), default=0.0)
+    return (
+        Cell(f"{metrics.max_error_m:.4f}"),
+        Cell(f"{metrics.rms_error_m:.4f}"),
+        Cell(f"{metrics.final_error_m:.4f}"),
+        Cell(f"{np.degrees(max(metrics.max_abs_angle_rad)):.2f}"),
+        Cell(f"{metrics.min_rope_tension_n:.3f}"),
+        Cell(f"{excess:.4f}", "bad" if excess else ""),
+    )
+
+
+def _verdicts(logs: Logs) -> str:
+    """Whether the plants of each log agree."""
+    sentences = []
+    for label, pair in _pairs(logs).items():
+        found = judge(*pair)
+        sentences.append(
+            f"{label}: plants at most {found.max_load_error_m:.1e} m and {found.max_angle_error_rad:.1e} rad "
+            f"apart, limits {found.limit_m:g} m and {found.limit_rad:g} rad: "
+            f"{'passed' if found.passed else 'FAILED'}."
+        )
+    return " ".join(sentences)
+
+
+def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
+    """The logs that have samples of both plants, analytic first."""
+    found = {}
+    for label, log in logs.items():
+        runs = [run for run in log.values() if len(run.time_ns)]
+        if len(runs) == 2:
+            found[label] = (runs[0], runs[1])
+    return found
+
+
+def _figures(logs: Logs) -> tuple[Figure, ...]:
+    pairs = _pairs(logs)
+    curves = [
+        Curve(label, colour, run, wide=bool(pairs) and plant == "analytic")
+        for (label, log), colour in zip(logs.items(), SERIES, strict=False)
+        for plant, run in log.items()
+        if len(run.time_ns)
+    ]
+    if not curves:
+        return ()
+    shown = {curve.label: curve.run for curve in curves}
+    figures = []
+    for k, family in enumerate(FAMILIES.values(), 1):
+        sentence = verdict(family, shown)
+        if pairs:
+            sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."
+        figures.append(Figure(str(k), family.title, family_svg(family, curves, f"f{k}"), sentence))
+    if pairs:
+        drives: list[str] = [run.drive for run, _ in pairs.values()]
+        limits = {drive: agreement_limits(drive).load_m for drive in drives}
+        number = str(len(figures) + 1)
+        svg = distance_svg(pairs, limits, f"f{number}")
+        figures.append(Figure(number, "distance of the loads of both plants", svg, _verdicts(logs)))
+    return tuple(figures)
+
+
+def _comparisons(logs: Logs) -> list[tuple[str, Comparison]]:
+    """The plants of each log, and each plant of the first log with that of every other."""
+    found = [
+        (f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b)) for label, (a, b) in _pairs(logs).items()
+    ]
+    (first_label, first), *others = logs.items()
+    for label, log in others:
+        for plant in first:
+            if plant in log and len(first[plant].time_ns) and len(log[plant].time_ns):
+                name = f"{plant}: {label} minus {first_label}"
+                found.append((name, compare_runs(first[plant], log[plant])))
+    return found
+
+
+def _comparison_table(label: str, comparison: Comparison) -> Table:
+    headings = ("signal", "unit", "max |diff|", "at [s]", "RMS", "final")
+    rows = tuple(
+        (
+            Cell(row.signal),
+            Cell(row.unit),
+            Cell(f"{row.max_abs:.1e}"),
+            Cell(f"{row.at_s:.3f}"),
+            Cell(f"{row.rms:.1e}"),
+            Cell(f"{row.final:+.1e}"),
+        )
+        for row in comparison.signals
+    )
+    return Table(label, headings, rows, labels=2)

@@ -1,0 +1,108 @@
+"""A report: one HTML page that needs nothing but itself, light or dark as its reader prefers."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from cranectl.errors import InputError
+from cranectl.files import check_replaceable, write_text
+from cranectl.report.theme import css_variables
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell of a table; `mark` is "", "good", "open" or "bad"."""
+
+    text: str
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; the first `labels` columns are text, the others numbers."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    labels: int = 1
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture with its number, which is also its anchor, and what it shows."""
+
+    number: str
+    title: str
+    svg: str
+    verdict: str
+    alone: bool = False  # in its row
+
+    @property
+    def markup(self) -> Markup:
+        """The SVG as markup: it is ours and needs no escaping."""
+        return Markup(self.svg)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page."""
+
+    anchor: str
+    title: str
+    paragraphs: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    figures: tuple[Figure, ...] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole report; `remade_by` is the command that makes it again."""
+
+    title: str
+    lead: str
+    sections: tuple[Section, ...]
+    remade_by: str
+
+
+def render(page: Page) -> str:
+    """The page as HTML."""
+    environment = Environment(
+        loader=PackageLoader("cranectl.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    template = environment.get_template("page.html.jinja")
+    light, dark = (Markup(css_variables(dark=dark)) for dark in (False, True))
+    return template.render(page=page, light=light, dark=dark)
+
+
+def check_place(path: Path) -> None:
+    """Raise InputError before any computing if a page cannot be written to `path`."""
+    try:
+        if not path.exists() or path.is_file():
+            check_replaceable(path)
+        elif path.is_dir():
+            raise OSError("it is a directory")
+    except (OSError, ValueError) as error:
+        raise _unwritable(path, error) from None
+
+
+def write_page(page: Page, path: Path) -> None:
+    """Write the page, whole or not at all; raises InputError if that cannot be done."""
+    try:
+        write_text(path, render(page))
+    except OSError as error:
+        raise _unwritable(path, error) from None
+
+
+def _unwritable(path: Path, error: Exception) -> InputError:
+    return InputError(
+        f"cannot write the report to {path}: {error}",
+        allowed="a file in a directory that can be written",
+        remedy="choose another place",
+    )

@@ -1,0 +1,301 @@
+"""Figures of runs: what is drawn for each family, and over which axes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
+from cranectl.signals import recorded_groups
+from cranectl.simulate import Run
+
+Array = NDArray[np.float64]
+Values = Callable[[Run], Array]
+
+DEGREES = 180.0 / np.pi
+WIDTH = 6.4  # [in] of every figure
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One run in a figure. Runs of one label share its colour; a wide one lies pale under the others."""
+
+    label: str
+    colour: str  # a role of the theme
+    run: Run
+    wide: bool
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One quantity."""
+
+    label: str
+    values: Values
+    reference: Values | None = None
+    limits: Callable[[Run], Array] | None = None  # (low, high)
+
+
+@dataclass(frozen=True)
+class Family:
+    """A kind of figure."""
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+    draw: Callable[["Family", Sequence[Curve]], Figure]
+
+    @property
+    def unit(self) -> str:
+        """Unit of its first panel, for statements about all of them."""
+        return self.panels[0].label.partition("[")[2].rstrip("]")
+
+
+def family_svg(family: Family, curves: Sequence[Curve], name: str) -> str:
+    """The figure as inline SVG; `name` is unique in its page."""
+    with styled():
+        return inline_svg(family.draw(family, curves), name)
+
+
+def largest_difference(family: Family, a: Run, b: Run) -> float:
+    """How far the curves of two runs are apart at most, in the figure's unit, where both have samples."""
+    n = min(len(a.time_ns), len(b.time_ns))
+    return max(float(np.abs(p.values(a)[:n] - p.values(b)[:n]).max()) for p in family.panels)
+
+
+def distance_svg(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, float], name: str) -> str:
+    """Distance of the loads of two plants over time, by label; `limits` [m] by drive."""
+    with styled():
+        figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
+        axes = figure.subplots()
+        _mark_disturbances(axes, next(iter(pairs.values()))[0], named=True)
+        for (label, (a, b)), role in zip(pairs.items(), SERIES, strict=False):
+            n = min(len(a.time_ns), len(b.time_ns))
+            distance = np.linalg.norm(b.block("load")[:n, :3] - a.block("load")[:n, :3], axis=1)
+            axes.semilogy(a.time[:n], distance.clip(min=1e-16), color=STAND_IN[role], label=label)
+        for drive, limit in limits.items():
+            axes.axhline(limit, label=f"limit, {drive} drives", **_LIMIT)
+        axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(1e-13, None))
+        axes.margins(x=0.0)
+        figure.legend(loc="outside upper center", ncols=3)
+        return inline_svg(figure, name)
+
+
+def _over_time(family: Family, curves: Sequence[Curve]) -> Figure:
+    """Panels one below the other."""
+    rows = len(family.panels)
+    figure = Figure(figsize=(WIDTH, 0.7 + 1.3 * rows), layout="constrained")
+    stack = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+    first = curves[0].run
+    for axes, panel in zip(stack, family.panels, strict=True):
+        _mark_disturbances(axes, first, named=axes is stack[0])
+        if panel.limits is not None and _near_limits(panel, curves):
+            for limit in panel.limits(first):
+                axes.axhline(limit, **_LIMIT)
+        for curve in _in_layers(curves):
+            axes.plot(curve.run.time, panel.values(curve.run), **_line(curve))
+        if panel.reference is not None:
+            axes.plot(first.time, panel.reference(first), **_REFERENCE)
+        axes.set_ylabel(panel.label)
+        axes.margins(x=0.0)
+    stack[-1].set_xlabel("time [s]")
+    _legend(figure, family, curves)
+    return figure
+
+
+def _in_the_plane(family: Family, curves: Sequence[Curve]) -> Figure:
+    """The second panel over the first, at equal scale; limits of both make the rig."""
+    figure = Figure(figsize=(WIDTH, 0.78 * WIDTH), layout="constrained")
+    axes = figure.subplots()
+    x, y = family.panels
+    first = curves[0].run
+    if x.limits is not None and y.limits is not None and any(_near_limits(p, curves) for p in (x, y)):
+        (x0, x1), (y0, y1) = x.limits(first), y.limits(first)
+        rig = [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0]
+        axes.plot(*rig, **_LIMIT)
+    for curve in _in_layers(curves):
+        axes.plot(x.values(curve.run), y.values(curve.run), **_line(curve))
+        if not curve.wide:
+            axes.plot(x.values(curve.run)[-1:], y.values(curve.run)[-1:], **_end(curve))
+    if x.reference is not None and y.reference is not None:
+        axes.plot(x.reference(first), y.reference(first), **_REFERENCE)
+        axes.plot(x.reference(first)[-1:], y.reference(first)[-1:], **_REFERENCE_END)
+    axes.set(xlabel=x.label, ylabel=y.label)
+    axes.set_aspect("equal", adjustable="datalim")
+    _legend(figure, family, curves)
+    return figure
+
+
+def _in_space(family: Family, curves: Sequence[Curve]) -> Figure:
+    """Three panels as a path in space, with the edges of the rig."""
+    figure = Figure(figsize=(WIDTH, 0.8 * WIDTH), layout="constrained")
+    axes = figure.add_subplot(projection="3d", computed_zorder=False)
+    first = curves[0].run
+    low, high = _rig_box(first).T
+    for k, (axis, panel) in enumerate(zip("xyz", family.panels, strict=True)):
+        getattr(axes, f"set_{axis}lim")(low[k], high[k])
+        getattr(axes, f"set_{axis}label")(panel.label)
+        getattr(axes, f"{axis}axis").set_pane_color((0.0, 0.0, 0.0, 0.0))
+    axes.set_box_aspect(high - low, zoom=0.9)
+    axes.view_init(elev=24, azim=-62)
+    for curve in _in_layers(curves):
+        axes.plot(*(panel.values(curve.run) for panel in family.panels), **_line(curve))
+    references = [panel.reference(first) for panel in family.panels if panel.reference is not None]
+    axes.plot(*references, **_REFERENCE)
+    axes.plot(*(values[-1:] for values in references), **_REFERENCE_END)
+    _legend(figure, family, curves)
+    return figure
+
+
+_LIMIT: dict[str, Any] = {"color": STAND_IN["limit"], "linewidth": 0.8, "linestyle": (0, (1, 2))}
+_REFERENCE: dict[str, Any] = {
+    "color": STAND_IN["reference"], "linewidth": 1.0, "linestyle": (0, (5, 3)), "zorder": 4,
+}  # fmt: skip
+_REFERENCE_END: dict[str, Any] = {
+    "color": STAND_IN["reference"], "marker": "x", "markersize": 6, "linestyle": "none", "zorder": 6,
+}  # fmt: skip
+
+
+def _line(curve: Curve) -> dict[str, Any]:
+    width, opacity, layer = (4.0, 0.35, 2) if curve.wide else (1.1, 1.0, 3)
+    return {"color": STAND_IN[curve.colour], "linewidth": width, "alpha": opacity, "zorder": layer}
+
+
+def _end(curve: Curve) -> dict[str, Any]:
+    return {"color": STAND_IN[curve.colour], "marker": "o", "markersize": 4, "zorder": 5}
+
+
+def _in_layers(curves: Sequence[Curve]) -> list[Curve]:
+    return sorted(curves, key=lambda curve: not curve.wide)
+
+
+def _mark_disturbances(axes: Axes, run: Run, *, named: bool) -> None:
+    symbols = {"alpha": "d_α", "beta": "d_β"}
+    for step in run.scenario.disturbances:
+        for time in (step.start, step.end):
+            if time is not None:
+                axes.axvline(time, color=STAND_IN["muted"], linewidth=0.7, linestyle=(0, (2, 2)))
+        if named:
+            axes.annotate(
+                f"{symbols[step.joint]} = {step.magnitude:g} rad/s²",
+                (step.start, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(3, 2),
+                textcoords="offset points",
+                color=STAND_IN["muted"],
+                fontsize=7.5,
+            )
+
+
+def _near_limits(panel: Panel, curves: Sequence[Curve]) -> bool:
+    """Whether the limits are worth their room: the curves use half of what is between them, or leave it."""
+    if panel.limits is None:
+        return False
+    low, high = panel.limits(curves[0].run)
+    values = [panel.values(curve.run) for curve in curves]
+    bottom, top = min(v.min() for v in values), max(v.max() for v in values)
+    return bool(bottom < low or top > high or top - bottom > 0.5 * (high - low))
+
+
+def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
+    """Colours in a first row, what lines mean in a second."""
+    colours = [
+        Line2D([], [], color=STAND_IN[colour], linewidth=2.2, label=label)
+        for label, colour in {curve.label: curve.colour for curve in curves}.items()
+    ]
+    lines = []
+    for plant, wide in {curve.run.plant: curve.wide for curve in curves}.items():
+        name = {"mujoco": "MuJoCo"}.get(plant, plant)
+        width, opacity = (5.0, 0.35) if wide else (1.1, 1.0)
+        lines.append(Line2D([], [], color=STAND_IN["ink"], linewidth=width, alpha=opacity, label=name))
+    if any(panel.reference for panel in family.panels):
+        lines.append(Line2D([], [], label="reference", **_REFERENCE))
+    if any(_near_limits(panel, curves) for panel in family.panels):
+        lines.append(Line2D([], [], label="end of the rig", **_LIMIT))
+    columns = max(len(colours), len(lines))
+    nothing = Line2D([], [], linestyle="none", label=" ")
+    handles = [
+        handle for pair in zip_longest(colours, lines, fillvalue=nothing) for handle in pair
+    ]  # a legend fills column by column
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, columnspacing=1.6)
+
+
+def _rig_box(run: Run) -> Array:
+    """Ranges of x, y and z that the load can be in with a hanging rope, shape (3, 2)."""
+    (x, y, rope) = run.scenario.rig.workspace
+    return np.array([x, y, -rope[::-1]])
+
+
+def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> Panel:
+    """A panel of one recorded signal; label and unit come from the table of signals."""
+    group_name, _, signal_name = name.partition(".")
+    group = next(group for group in recorded_groups(0) if group.name == group_name)
+    signal = next(signal for signal in group.signals if signal.name == signal_name)
+    label = f"{signal.symbol} [{unit or signal.unit}]"
+    return Panel(label, lambda run: run.signal(name) * scale, **more)
+
+
+def _range(axis: int) -> Callable[[Run], Array]:
+    return lambda run: run.scenario.rig.workspace[axis]
+
+
+def _desired(axis: int) -> Values:
+    return lambda run: run.reference[:, axis]
+
+
+def _beside_trolley(axis: int) -> Values:
+    """Horizontal position of the load from the trolley."""
+    return lambda run: run.block("load")[:, axis] - run.block("state")[:, 2 * axis]
+
+
+_LOAD = tuple(_signal(f"load.load_{a}", reference=_desired(k)) for k, a in enumerate("xyz"))
+_LOAD_ABOVE = tuple(
+    _signal(f"load.load_{a}", reference=_desired(k), limits=_range(k)) for k, a in enumerate("xy")
+)
+_JOINTS = ("bridge", "trolley", "rope")
+_TROLLEY = tuple(
+    _signal(f"state.{name}", limits=_range(k))
+    for k, name in enumerate(("bridge_position", "trolley_position", "rope_length"))
+)
+
+FAMILIES = {
+    family.name: family
+    for family in (
+        Family("space", "load in space", _LOAD, _in_space),
+        Family("error", "tracking error", tuple(_signal(f"error.error_{a}") for a in "xyz"), _over_time),
+        Family(
+            "linear-input",
+            "linear inputs v",
+            tuple(_signal(f"virtual_input.virtual_input_{a}") for a in "xyz"),
+            _over_time,
+        ),
+        Family(
+            "input",
+            "nonlinear inputs u",
+            tuple(_signal(f"input.{name}_acceleration") for name in _JOINTS),
+            _over_time,
+        ),
+        Family("trolley", "bridge, trolley and rope", _TROLLEY, _over_time),
+        Family(
+            "angles",
+            "cardan angles",
+            tuple(_signal(f"state.{name}", scale=DEGREES, unit="°") for name in ("alpha", "beta")),
+            _over_time,
+        ),
+        Family("load", "load position", _LOAD, _over_time),
+        Family("trolley-path", "path of the trolley, seen from above", _TROLLEY[:2], _in_the_plane),
+        Family("load-path", "path of the load, seen from above", _LOAD_ABOVE, _in_the_plane),
+        Family(
+            "relative-path",
+            "load beside the trolley, seen from above",
+            (Panel("z₁ − x_c [m]", _beside_trolley(0)), Panel("z₂ − y_c [m]", _beside_trolley(1))),
+            _in_the_plane,
+        ),
+    )
+}

@@ -1,0 +1,86 @@
+"""Colours that follow the reader's light or dark scheme, and figures as inline SVG that use them.
+
+A figure is drawn in stand-in colours, one for each role; in the SVG they become CSS variables of the page.
+"""
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib
+from cycler import cycler
+from matplotlib.figure import Figure
+
+# Role: (light, dark). Series are told apart by people with colour-vision deficiencies, and by lightness.
+COLOURS = {
+    "ink": ("#1b1f24", "#e8ebee"),
+    "muted": ("#5b6470", "#a3adb8"),
+    "grid": ("#dde1e6", "#363d47"),
+    "reference": ("#7b838d", "#98a2ae"),
+    "limit": ("#c02a2a", "#ff7d7d"),
+    "series-1": ("#1d63ad", "#6fb2f7"),
+    "series-2": ("#cf5d06", "#ffa15a"),
+    "series-3": ("#0c7d59", "#48d3a3"),
+    "series-4": ("#9b3586", "#e892d5"),
+}
+SERIES = tuple(role for role in COLOURS if role.startswith("series"))
+STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(COLOURS)}
+
+_STYLE: dict[Any, Any] = {
+    "axes.edgecolor": STAND_IN["muted"],
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.labelcolor": STAND_IN["ink"],
+    "axes.linewidth": 0.6,
+    "axes.prop_cycle": cycler(color=[STAND_IN[role] for role in SERIES]),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 9,
+    "figure.facecolor": "none",
+    "font.size": 8.5,
+    "grid.color": STAND_IN["grid"],
+    "grid.linewidth": 0.5,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "path.simplify_threshold": 0.2,
+    "savefig.transparent": True,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cranectl",
+    "text.color": STAND_IN["ink"],
+    "xtick.color": STAND_IN["muted"],
+    "xtick.labelcolor": STAND_IN["ink"],
+    "ytick.color": STAND_IN["muted"],
+    "ytick.labelcolor": STAND_IN["ink"],
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Draw in the page's style; everything from making a figure to `inline_svg` belongs inside."""
+    with matplotlib.rc_context(_STYLE):
+        yield
+
+
+def css_variables(dark: bool) -> str:
+    """The roles' values as CSS declarations."""
+    return " ".join(f"--{role}: {pair[dark]};" for role, pair in COLOURS.items())
+
+
+def inline_svg(figure: Figure, name: str) -> str:
+    """`figure` as an `<svg>` element for a page; `name`, unique in the page, keeps its ids apart."""
+    file = io.StringIO()
+    figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    text = file.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r' (?:width|height)="[\d.]+pt"', "", text, count=2)
+    text = re.sub(r'<g id="[^"]*">', "<g>", text)
+    text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{name}-", text)
+    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), text)
+    text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", text)
+    for role, colour in STAND_IN.items():
+        text = text.replace(colour, f"var(--{role})")
+    return text.strip()

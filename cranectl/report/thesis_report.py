@@ -1,0 +1,243 @@
+"""The thesis's figures and tables as one page, numbered as in the thesis."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from cranectl.design import CONTROLLERS, design_controller
+from cranectl.reference import time_law
+from cranectl.report.design_figures import loop_shaping_figure
+from cranectl.report.diagrams import DIAGRAMS, diagram_svg
+from cranectl.report.page import Cell, Figure, Page, Section, Table
+from cranectl.report.run_figures import FAMILIES, WIDTH, Curve, family_svg
+from cranectl.report.theme import SERIES, inline_svg, styled
+from cranectl.report.verdicts import agreement, verdict
+from cranectl.scenario import load_scenario
+from cranectl.simulate import Run
+from cranectl.thesis import SOURCES, SYMBOLS, Number, Reproduction, Row
+
+ROBUSTIFIERS = {"": "feedback alone", "hinf": "S/KS", "loop-shaping": "loop shaping"}
+FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}
+SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity drives"}
+# First figure of a scenario: the load in space; two figures a family follow, one for each feedback.
+FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
+FAMILY_ORDER = tuple(name for name in FAMILIES if name != "space")
+
+
+class ChapterFigures:
+    """Draws the figures of chapter 5 while its runs come in, so that few runs are in memory at once."""
+
+    def __init__(self) -> None:
+        self.figures: dict[str, list[Figure]] = {name: [] for name in FIRST_FIGURE}
+        self._runs: dict[tuple[str, str], Run] = {}  # (robustifier, source)
+
+    def watch(self, source: str, run: Run) -> None:
+        """Take one run; draws once all robustifiers of its feedback are there."""
+        feedback, _, robustifier = run.design.name.partition("+")
+        self._runs[robustifier, source] = run
+        if len(self._runs) == len(ROBUSTIFIERS) * len(SOURCES):
+            self.figures[run.scenario.name] += _feedback_figures(feedback, self._runs)
+            self._runs = {}
+
+    def of(self, scenario: str) -> tuple[Figure, ...]:
+        """The figures of a scenario by number."""
+        return tuple(sorted(self.figures[scenario], key=lambda figure: _place(figure.number)))
+
+
+def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) -> Page:
+    """The whole page."""
+    tables = {table.name: _table(f"Table {table.name}: {table.title}", table.rows) for table in found.tables}
+    return Page(
+        title="The thesis, run again",
+        lead="Chapter 5 of J. L. Zárate Moya, Tracking Controller Design for a Nonlinear Model of a Gantry "
+        "Crane (TU Ilmenau / PUCP, 2015), on two plants that know nothing of each other: the analytic model "
+        "and MuJoCo.",
+        remade_by=remade_by,
+        sections=(
+            Section("summary", "In short", paragraphs=_summary(found)),
+            Section(
+                "structure",
+                "Model and control loop",
+                paragraphs=("The signal-flow pictures, redrawn for the corrected equations.",),
+                figures=_diagrams("2.1", "4.1"),
+            ),
+            Section("trajectory", "Trajectory generation", figures=(_time_law_figure(),)),
+            Section("robustification", "Feedback and robustification", figures=_diagrams("4.2", "5.1")),
+            Section("simulation", "The simulation", figures=_diagrams("5.1", "5.7")),
+            Section(
+                "designs",
+                "Designs",
+                tables=(_gain_table(found), _table("H∞ norms γ, section 5.2.1", found.norms)),
+                figures=_design_figures(),
+            ),
+            Section(
+                "fixed-position",
+                "Load held in a fixed position",
+                tables=(tables["5.1"], tables["5.2"]),
+                figures=figures.of("fixed-position"),
+            ),
+            Section(
+                "settled-trajectory",
+                "Load on the settled trajectory",
+                paragraphs=(
+                    "A line, then a full clockwise turn about the middle of the rig: the text does not print "
+                    "the circle, this reading of it comes closest to Table 5.3.",
+                ),
+                tables=(tables["5.3"], tables["5.4"]),
+                figures=figures.of("settled-trajectory"),
+            ),
+        ),
+    )
+
+
+def _summary(found: Reproduction) -> tuple[str, ...]:
+    numbers = [number for *_, number in found.numbers()]
+    within = sum(number.within for number in numbers)
+    count = f"{within} of {len(numbers)} printed numbers are within their tolerance on both plants."
+    return (count, *(f"{note[0].upper()}{note[1:]}." for note in found.notes()))
+
+
+def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterable[Figure]:
+    """The figures of one scenario and one feedback, with all its robustifiers."""
+    labels = dict(zip(ROBUSTIFIERS.items(), SERIES, strict=False))
+    curves = [
+        Curve(label, colour, runs[robustifier, plant], wide=plant == "analytic")
+        for (robustifier, label), colour in labels.items()
+        for plant in ("analytic", "mujoco")
+    ]
+    shown = {label: runs[robustifier, "mujoco"] for robustifier, label in ROBUSTIFIERS.items()}
+    scenario = next(iter(shown.values())).scenario
+    first, offset = FIRST_FIGURE[scenario.name], list(FEEDBACK).index(feedback)
+    places = {name: first + 1 + 2 * k + offset for k, name in enumerate(FAMILY_ORDER)}
+    if offset == 0:
+        places["space"] = first
+    for name, place in places.items():
+        family = FAMILIES[name]
+        apart = [
+            agreement(family, [(runs[r, "analytic"], runs[r, source]) for r in ROBUSTIFIERS], what)
+            for source, what in (
+                ("mujoco", "Analytic and MuJoCo curves differ by at most"),
+                ("mujoco_velocity", "with velocity drives by"),
+            )
+        ]
+        yield Figure(
+            f"5.{place}",
+            f"{family.title}, {FEEDBACK[feedback]}",
+            family_svg(family, curves, f"f5-{place}"),
+            f"{verdict(family, shown)} {', '.join(apart)}.",
+            alone=name == "space",
+        )
+
+
+def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
+    """The signal-flow pictures numbered from `first` to before `end`."""
+    return tuple(
+        Figure(number, diagram.title, diagram_svg(number), diagram.note)
+        for number, diagram in DIAGRAMS.items()
+        if _place(first) <= _place(number) < _place(end)
+    )
+
+
+def _place(number: str) -> tuple[int, ...]:
+    """(chapter, figure), in whose order figures come."""
+    return tuple(int(part) for part in number.split("."))
+
+
+def _time_law_figure() -> Figure:
+    """Position, velocity, acceleration of both time laws."""
+    tau = np.linspace(0.0, 1.0, 401)
+    with styled():
+        drawing = Drawing(figsize=(WIDTH, 4.6), layout="constrained")
+        stack = drawing.subplots(3, 1, sharex=True)
+        for law, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
+            for axes, values in zip(stack, time_law.evaluate(law, tau), strict=False):
+                axes.plot(tau, values, label=law.replace("-", " "), **style)
+        for axes, label in zip(stack, ("s [1]", "ds/dτ [1]", "d²s/dτ² [1]"), strict=True):
+            axes.set_ylabel(label)
+            axes.margins(x=0.0)
+        stack[-1].set_xlabel("τ = t / t_f [1]")
+        stack[0].legend()
+        svg = inline_svg(drawing, "f4-1")
+    third = time_law.evaluate("degree-5", np.array([0.0]))[3, 0]
+    return Figure(
+        "4.1",
+        "Trajectory generation",
+        svg,
+        "Position, velocity and acceleration of the thesis's quintic (4.3) and of the degree 9 that z_d ∈ C⁴ "
+        f"asks for. Both come to rest; the third derivative of the quintic jumps from 0 to {third:.0f}.",
+    )
+
+
+def _design_figures() -> tuple[Figure, ...]:
+    """5.7 and 5.8: the loops that loop shaping makes of both feedbacks."""
+    figures = []
+    settings = load_scenario("fixed-position").design
+    for number, (feedback, name) in zip(("5.7", "5.8"), FEEDBACK.items(), strict=True):
+        design = design_controller(f"{feedback}+loop-shaping", settings)
+        with styled():
+            svg = inline_svg(
+                loop_shaping_figure(design, settings.loop_shaping), f"f{number.replace('.', '-')}"
+            )
+        margins = design.margins
+        figures.append(
+            Figure(
+                number,
+                f"Singular values and shaped loop, {name} with loop shaping",
+                svg,
+                f"γ = {design.gamma:.4f}, the coprime factors may err by ε = {design.stability_margin:.3f}; "
+                f"cut at v, the loop gain may fall to {margins.gain_margin:.2f} of itself, the phase lag by "
+                f"{np.degrees(margins.phase_margin):.0f}°; modulus margin {margins.modulus_margin:.2f}.",
+            )
+        )
+    return tuple(figures)
+
+
+def _gain_table(found: Reproduction) -> Table:
+    rows = tuple(
+        (Cell(FEEDBACK[name]), *(Cell(f"{gain:.5g}") for gain in gains))
+        for name, gains in found.gains.items()
+    )
+    headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
+    return Table("State feedback gains, one axis", headings, rows, note="Not printed in the thesis.")
+
+
+def _table(title: str, rows: tuple[Row, ...]) -> Table:
+    """Printed beside ours, a line a number."""
+    cells = tuple(
+        (
+            Cell(_controller_name(row.controller) if k == 0 else ""),
+            Cell(SYMBOLS[column]),
+            *_number_cells(number),
+        )
+        for row in rows
+        for k, (column, number) in enumerate(row.numbers.items())
+    )
+    headings = ("controller", "", "printed", *SOURCE_NAMES.values(), "difference", "tolerance")
+    open_ones = any(not number.explained for row in rows for number in row.numbers.values())
+    note = "Differences marked ? have a tolerance that nobody can explain yet." if open_ones else ""
+    return Table(title, headings, cells, labels=2, note=note)
+
+
+def _number_cells(number: Number) -> tuple[Cell, ...]:
+    ours = [_digits(number.ours[source]) if source in number.ours else "–" for source in SOURCES]
+    mark = "bad" if not number.within else "good" if number.explained else "open"
+    difference = _digits(number.difference, "+") + ("" if number.explained else " ?")
+    return (
+        Cell(_digits(number.printed)),
+        *map(Cell, ours),
+        Cell(difference, mark),
+        Cell(_digits(number.tolerance)),
+    )
+
+
+def _digits(value: float, sign: str = "") -> str:
+    return f"{value:{sign}.4f}".replace("-", "−")
+
+
+def _controller_name(name: str) -> str:
+    feedback, _, robustifier = name.partition("+")
+    return FEEDBACK[feedback] + (f" + {ROBUSTIFIERS[robustifier]}" if robustifier else "")
+
+
+assert {name.partition("+")[2] for name in CONTROLLERS} == set(ROBUSTIFIERS)

@@ -1,0 +1,223 @@
+"""Reports: self-contained pages whose figures and sentences say what the runs did."""
+
+import re
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.report.log_report import log_page
+from cranectl.report.page import Cell, Figure, Page, Section, Table, render
+from cranectl.report.run_figures import FAMILIES, Curve, family_svg, largest_difference
+from cranectl.report.theme import COLOURS, STAND_IN
+from cranectl.report.verdicts import agreement, verdict
+from cranectl.scenario import Scenario
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import closed_loop
+
+SHORT = ["--set", "duration=0.5", "--set", "disturbances=[]"]
+
+
+class Reader(HTMLParser):
+    """Collects what a page is made of, and whether its elements are closed in order."""
+
+    VOID = ("meta", "link", "br", "img")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: Counter[str] = Counter()
+        self.references: list[str] = []
+        self.tags: Counter[str] = Counter()
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags[tag] += 1
+        if tag not in self.VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids[str(value)] += 1
+            if name in ("href", "xlink:href", "src"):
+                self.references.append(str(value))
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def read_page(html: str) -> Reader:
+    """The page, checked to be well formed and to need nothing but itself."""
+    reader = Reader()
+    reader.feed(html)
+    assert not reader.open
+    assert set(reader.ids.values()) <= {1}, reader.ids.most_common(3)
+    assert {reference[0] for reference in reader.references} <= {"#"}
+    assert {reference[1:] for reference in reader.references} <= set(reader.ids)
+    assert set(re.findall(r"url\(#([^)]*)\)", html)) <= set(reader.ids)
+    assert "<script" not in html
+    assert "@import" not in html
+    assert not [stand_in for stand_in in STAND_IN.values() if stand_in in html]
+    return reader
+
+
+def curves(runs: dict[str, Run]) -> list[Curve]:
+    return [Curve("lqr", "series-1", run, wide=plant == "analytic") for plant, run in runs.items()]
+
+
+@pytest.fixture
+def runs(short: Scenario) -> dict[str, Run]:
+    return {plant: simulate_run(short, plant=plant, controller="lqr") for plant in ("analytic", "mujoco")}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_figure_takes_its_colours_from_the_page_and_is_the_same_each_time(
+    name: str, runs: dict[str, Run]
+) -> None:
+    svg = family_svg(FAMILIES[name], curves(runs), "f")
+    ElementTree.fromstring(svg)
+    assert set(re.findall(r"(?:fill|stroke): ([^;\"]+)", svg)) <= {"none", *(f"var(--{c})" for c in COLOURS)}
+    assert svg == family_svg(FAMILIES[name], curves(runs), "f")
+    for text in ("analytic", "MuJoCo", "lqr"):
+        assert f">{text}<" in svg
+    for panel in FAMILIES[name].panels:
+        assert f">{panel.label}<" in svg
+
+
+def drawn_paths(svg: str, role: str) -> int:
+    """Number of lines drawn in a colour, the legend's handle not counted."""
+    return len(re.findall(rf"<path[^>]*stroke: var\(--{role}\)", svg)) - 1
+
+
+@pytest.mark.parametrize("name", [name for name, f in FAMILIES.items() if f.draw.__name__ == "_over_time"])
+def test_both_plants_are_in_every_panel(name: str, runs: dict[str, Run]) -> None:
+    family = FAMILIES[name]
+    assert drawn_paths(family_svg(family, curves(runs), "f"), "series-1") == 2 * len(family.panels)
+    assert drawn_paths(family_svg(family, curves(runs)[:1], "f"), "series-1") == len(family.panels)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_the_difference_that_a_figure_states_is_that_of_its_curves(name: str, runs: dict[str, Run]) -> None:
+    family, run = FAMILIES[name], runs["mujoco"]
+    assert largest_difference(family, run, run) == 0.0
+    moved = replace(run, table=run.table + 0.5)
+    expected = 0.5 * (180.0 / np.pi if name == "angles" else 1.0)
+    if name != "relative-path":  # load and trolley move together
+        assert largest_difference(family, run, moved) == pytest.approx(expected)
+    apart = agreement(family, [(run, run), (run, replace(run, table=2.0 * run.table))], "apart by")
+    assert re.fullmatch(r"apart by [\d.]+\D*", apart.replace("\N{NO-BREAK SPACE}", " ")), apart
+    assert family.unit in apart
+
+
+def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) -> None:
+    assert "end of the rig" not in family_svg(FAMILIES["trolley"], curves(runs), "f")
+    far = {"mujoco": closed_loop("settled-trajectory", "pole-placement", "mujoco")}
+    assert "end of the rig" in family_svg(FAMILIES["trolley"], curves(far), "f")
+
+
+def test_sentences_say_what_the_run_did() -> None:
+    run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
+    final = np.linalg.norm(run.reference[-1, :3] - run.block("load")[-1, :3])
+    plain = verdict(FAMILIES["error"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
+    assert plain == f"Load off its reference at 25 s: {final:.3f} m."
+    assert "past the end of the rig, from 15.75 s on" in verdict(FAMILIES["trolley"], {"PP": run})
+    good = closed_loop("settled-trajectory", "lqr", "mujoco")
+    assert verdict(FAMILIES["trolley"], {"LQR": good}) == "All stay within the rig."
+    both = verdict(FAMILIES["angles"], {"PP": run, "LQR": good})
+    for label, each in (("PP", run), ("LQR", good)):
+        assert f"{np.degrees(np.abs(each.block('state')[:, [6, 8]]).max()):.2f}° ({label})" in both.replace(
+            "\N{NO-BREAK SPACE}", " "
+        )
+
+
+def test_what_comes_from_users_is_escaped() -> None:
+    table = Table("<b>", ("<i>",), ((Cell("<script>"),),), note="a & b")
+    figure = Figure("1", "<u>", "<svg></svg>", "x < y")
+    page = Page("<title>", "lead", (Section("a", "A", ("<p>",), (table,), (figure,)),), "cranectl report <x>")
+    html = render(page)
+    reader = read_page(html)
+    for text in ("<b>", "<i>", "<script>", "a & b", "<u>", "x < y", "<title>", "<x>"):
+        assert text in reader.text
+    assert reader.tags["svg"] == 1
+
+
+def test_report_of_logs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for drive in ("ideal", "velocity"):
+        arguments = ["run", "fixed-position", *SHORT, "--drive", drive, "--out", f"{drive}/run.mcap"]
+        assert main(arguments) == 0
+    assert main(["report", "ideal/run.mcap"]) == 0
+    assert "report: run.html" in capsys.readouterr().out
+    one = read_page(Path("run.html").read_text())
+    assert one.tags["figure"] == len(FAMILIES) + 1
+    assert one.tags["svg"] == one.tags["figure"]
+    assert "run: plants at most" in one.text
+    assert "mujoco minus analytic" in one.text
+    assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html"]) == 0
+    two = read_page(Path("two.html").read_text())
+    for text in (
+        "ideal/run",
+        "velocity/run",
+        "analytic: velocity/run minus ideal/run",
+        "limit, velocity drives",
+    ):
+        assert text in two.text
+    first = Path("two.html").read_bytes()
+    assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html"]) == 0
+    assert Path("two.html").read_bytes() == first
+
+
+def test_report_of_one_plant_whose_run_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    stop = ["--set", "disturbances=[{joint='alpha', start=0.1, magnitude=20.0}]", "--set", "duration=2"]
+    assert main(["run", "fixed-position", *stop, "--plant", "mujoco", "--out", "one.mcap"]) == 3
+    assert main(["report", "one.mcap"]) == 0
+    page = read_page(Path("one.html").read_text())
+    assert page.tags["figure"] == len(FAMILIES)
+    assert "length-singular" in page.text
+    assert re.search(r"trolley position [\d.]+ m past the end of the rig, from 0\.\d\d s on", page.text)
+
+
+def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
+    run = runs["mujoco"]
+    empty = replace(run, time_ns=run.time_ns[:0], table=run.table[:0], reference=run.reference[:0])
+    page = read_page(render(log_page({"a": {"analytic": empty, "mujoco": empty}}, "")))
+    assert page.tags["figure"] == 0
+    half = read_page(render(log_page({"a": {"analytic": empty, "mujoco": run}}, "")))
+    assert half.tags["figure"] == len(FAMILIES)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["no.mcap"], "cannot read no.mcap"),
+        (["a.mcap"] * 5, "5 logs"),
+        (["a.mcap", "--out", "."], "it is a directory"),
+        (["--out", "file/thesis.html"], "cannot write the report to file/thesis.html"),
+    ],
+)
+def test_wrong_input_is_refused_before_anything_is_computed(
+    arguments: list[str],
+    expected: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+    assert main(["report", *arguments]) == 2
+    assert expected in capsys.readouterr().err
