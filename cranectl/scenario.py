@@ -117,6 +117,9 @@ class HinfSettings(Settings):
     back_off: Annotated[float, Field(ge=1.0, le=10.0)] = Field(
         1.005, description="gamma over the smallest gamma; at 1 the controller has a pole at -6e4 1/s"
     )
+    gamma: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
+        None, description="design for this gamma instead of the smallest times back_off"
+    )
 
 
 class LoopShapingSettings(Settings):

@@ -76,9 +76,17 @@ def test_every_printed_number_is_within_its_tolerance_and_the_open_ones_are_name
     assert seconds == pytest.approx(total_simulated_seconds())
     assert len(list(found.numbers())) == 4 + 4 * 6 * 3
     open_points = {(table, column) for table, _, column, number in found.numbers() if not number.explained}
+    smooth = {
+        (table, controller)
+        for table, controller, _, number in found.numbers()
+        if not number.explained and not controller.endswith("+hinf")
+    }
     assert open_points == {
-        ("5.1", "rope_acceleration"), ("5.3", "trolley_acceleration"), ("5.3", "rope_acceleration"),
+        ("5.1", "bridge_acceleration"), ("5.1", "trolley_acceleration"),
+        ("5.3", "bridge_acceleration"), ("5.3", "trolley_acceleration"), ("5.3", "rope_acceleration"),
+        ("5.4", "load_x"), ("5.4", "load_y"),
     }  # fmt: skip
+    assert {controller for table, controller in smooth if table != "5.3"} == {"pole-placement+loop-shaping"}
     for *_, number in found.numbers():
         assert len(number.reason) > 5
 
@@ -88,6 +96,22 @@ def test_both_plants_give_the_same_tables_and_the_drives_nearly() -> None:
         if table != "norms":
             assert number.ours["mujoco"] == pytest.approx(number.ours["analytic"], abs=1e-5)
             assert number.ours["mujoco_velocity"] == pytest.approx(number.ours["analytic"], abs=0.03)
+
+
+def test_the_rope_column_of_table_5_1_is_read_after_the_second_step_for_the_printed_gammas() -> None:
+    """Both are needed: over the whole run, or with S/KS near the optimum, some cell is far off."""
+    assert PRINTED["tables"]["5.1"]["from"] == {"rope_acceleration": 12.0}
+    (table,) = (table for table in reproduction()[0].tables if table.name == "5.1")
+    taken = [abs(row.numbers["rope_acceleration"].difference) for row in table.rows]
+    assert max(taken) < 0.0004
+    whole, near = [], []
+    for controller, (_, _, printed) in TABLE_5_1.items():
+        run = closed_loop("fixed-position", controller, "analytic")  # S/KS at 1.005 of the smallest gamma
+        rope = run.signal("input.rope_acceleration")
+        whole.append(abs(rope.min() - printed))
+        near.append(abs(rope[run.time >= 12.0].min() - printed))
+    assert max(whole) > 0.004
+    assert max(near) > 0.0015
 
 
 def test_a_number_out_of_tolerance_fails() -> None:

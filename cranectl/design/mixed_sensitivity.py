@@ -36,8 +36,9 @@ def mixed_sensitivity(
     sensitivity_weight: control.StateSpace,
     control_weight: control.StateSpace,
     back_off: float = 1.0,
+    gamma: float | None = None,
 ) -> MixedSensitivityController:
-    """Minimise the norm of [W_s S; W_ks K S] up to the factor `back_off` >= 1.
+    """Bring the norm of [W_s S; W_ks K S] below `gamma`, by default the smallest times `back_off` >= 1.
 
     Exactly at the optimum the controller has a pole that grows without bound. Raises InputError for weights
     of wrong dimension or with unstable poles, and where no controller exists.
@@ -53,7 +54,14 @@ def mixed_sensitivity(
     check_regulable(plant.A, plant.B, plant.C, "the plant")
     generalised = generalised_plant(plant, sensitivity_weight, control_weight)
     gamma_opt = _smallest_gamma(generalised, plant)
-    controller, gamma = _synthesise(generalised, plant, job=4, gamma=back_off * gamma_opt)
+    if gamma is not None and gamma < gamma_opt:
+        raise InputError(
+            f"S/KS with gamma = {gamma:g}",
+            allowed=f"gamma of at least {gamma_opt:.6g}, the smallest that these weights allow",
+            remedy="raise gamma, or leave it out and set back_off",
+        )
+    wanted = back_off * gamma_opt if gamma is None else gamma
+    controller, gamma = _synthesise(generalised, plant, job=4, gamma=wanted)
     achieved = closed_loop_norm(generalised, controller)
     if not achieved <= gamma * (1.0 + 1e-4):
         raise InputError(
@@ -72,7 +80,7 @@ def hinf_robustifier(gain: Array, settings: HinfSettings) -> tuple[control.State
     direct = 1.0 / settings.peak
     weight = control.ss([[-pole]], [[1.0]], [[omega - pole * direct]], [[direct]])
     control_weight = control.ss([], [], [], [[settings.control_weight]])
-    design = mixed_sensitivity(inner_loop(gain), weight, control_weight, settings.back_off)
+    design = mixed_sensitivity(inner_loop(gain), weight, control_weight, settings.back_off, settings.gamma)
     return design.controller, design.gamma_opt, design.gamma
 
 

@@ -1,0 +1,73 @@
+"""The errata by name, and what their checks share.
+
+A check returns (error of the printed form, error of the right form). Truth is what no equation of the thesis
+was used for: Newton's law for the load, `dynamics` that MuJoCo agrees with, SymPy, or plain differentiation.
+"""
+
+from collections.abc import Callable
+
+import control
+import numpy as np
+
+from cranectl import dynamics
+from cranectl.design import design_controller
+from cranectl.design.linear import inner_loop
+from cranectl.design.loop_shaping import error_weight
+from cranectl.parameters import RigParameters
+from cranectl.scenario import LoopShapingSettings
+from tests.conftest import random_states, split
+
+Check = Callable[[], tuple[float, float]]
+
+RIG = RigParameters(bridge_mass=5.0, trolley_mass=2.0, load_mass=1.7)
+G = RIG.gravity
+INPUT = np.array([0.4, -0.3, 0.2])  # accelerations of bridge, trolley, rope [m/s²]
+ERRATA: dict[str, Check] = {}
+
+
+def erratum(name: str) -> Callable[[Check], Check]:
+    """Register a check under the name that docs/errata.md lists it by."""
+
+    def register(check: Check) -> Check:
+        assert name not in ERRATA
+        ERRATA[name] = check
+        return check
+
+    return register
+
+
+def apart(a: object, b: object) -> float:
+    return float(np.abs(np.asarray(a, dtype=complex) - np.asarray(b, dtype=complex)).max())
+
+
+def beyond(value: float, tolerance: float) -> float:
+    """By how much a deviation exceeds its tolerance: only for what the thesis prints rounded."""
+    return max(0.0, float(value) - tolerance)
+
+
+def over_states(check: Callable[[np.ndarray], tuple[float, float]]) -> tuple[float, float]:
+    """Smallest error of the printed form, largest of the right one, over random states."""
+    errors = np.array([check(state) for state in random_states(50)])
+    return float(errors[:, 0].min()), float(errors[:, 1].max())
+
+
+def manipulator(state: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(q, qd, qdd, M, C qd, G, F): motion under INPUT, F from q'' by Newton and by no equation of the thesis.
+
+    F is the load's weight and inertia, felt by each coordinate through dr/dq, plus the drives' own inertia.
+    """
+    q, qd = split(state)
+    m, gravity = dynamics.mass_matrix(q, RIG), dynamics.gravity_vector(q, RIG)
+    coriolis = dynamics.coriolis_matrix(q, qd, RIG) @ qd
+    cardan = np.linalg.solve(m[3:, 3:], -(m[3:, :3] @ INPUT + coriolis[3:] + gravity[3:]))
+    qdd = np.concatenate([INPUT, cardan])
+    jacobian = dynamics.load_jacobian(q)
+    acceleration = jacobian @ qdd + dynamics.load_jacobian_rate(q, qd) @ qd
+    drives = [RIG.bridge_mass + RIG.trolley_mass, RIG.trolley_mass, RIG.winch_mass, 0.0, 0.0]
+    force = drives * qdd + RIG.load_mass * jacobian.T @ (acceleration + np.array([0.0, 0.0, G]))
+    return q, qd, qdd, m, coriolis, gravity, force
+
+
+def shaped_plant(feedback: str) -> control.StateSpace:
+    """G W_e of section 5.2.1 for one axis."""
+    return inner_loop(design_controller(feedback).gain) * error_weight(LoopShapingSettings())

@@ -1,0 +1,42 @@
+"""Every erratum of docs/errata.md: the printed form fails, the right one passes."""
+
+import re
+
+import numpy as np
+import pytest
+
+from cranectl.flatness import state_and_input
+from tests.conftest import ROOT
+from tests.errata import chapter_2, chapter_3, chapter_4, chapter_5  # noqa: F401, they register
+from tests.errata.registry import ERRATA, G, apart
+
+
+@pytest.mark.parametrize("name", ERRATA)
+def test_printed_form_fails_and_right_form_passes(name: str) -> None:
+    printed, right = ERRATA[name]()
+    assert printed > 1e-3
+    assert right < 1e-9
+
+
+def test_every_erratum_is_in_the_table_and_only_those() -> None:
+    page = (ROOT / "docs" / "errata.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| \*\*(.+?)\*\* \|", page, re.MULTILINE)
+    assert listed == list(ERRATA)
+
+
+def test_3_38_is_right_in_the_order_of_3_21() -> None:
+    """Unlike (3.37): the even states are the rates of the odd ones."""
+    rng = np.random.default_rng(2)
+    coefficients = 0.1 * rng.normal(size=(3, 8))
+    coefficients[:, 0] += [1.0, 0.8, -0.7]
+    axes = [np.polynomial.Polynomial(c) for c in coefficients]
+
+    def state(t: float) -> np.ndarray:
+        flat = np.array([axis.deriv(k)(t) if k else axis(t) for k in range(5) for axis in axes])
+        out = np.zeros(10)
+        state_and_input(flat, G, out, np.zeros(3))
+        return out
+
+    step = 1e-5
+    rates = (state(step)[0::2] - state(-step)[0::2]) / (2 * step)
+    assert apart(rates, state(0.0)[1::2]) < 1e-8
