@@ -86,3 +86,56 @@ def test_a_quintic_costs_what_the_jump_of_its_third_derivative_predicts(plant: s
     assert smooth.max_error < quintic.max_error / 20.0
     assert smooth.max_jump < quintic.max_jump / 50.0
     assert smooth.max_acceleration == pytest.approx(1.49 * quintic.max_acceleration, rel=0.01), "its price"
+
+
+EXPLAIN = runpy.run_path(str(ROOT / "validation" / "thesis" / "explain.py"))
+
+
+def rope_score(name: str) -> float:
+    """Root mean square deviation of Table 5.1's rope column under a hypothesis [%]."""
+    (hypothesis,) = (h for h in EXPLAIN["HYPOTHESES"] if h.name == name)
+    column = EXPLAIN["deviations"](EXPLAIN["read_tables"](hypothesis))["5.1"][:, 2]
+    return float(np.sqrt(np.mean(column**2)))
+
+
+def test_the_thesis_simulated_the_right_coriolis_terms_whatever_it_prints() -> None:
+    """Errata (2.12) are misprints: with them in plant or law the rope column would be far off."""
+    assert rope_score("best: both") < 0.15
+    for wrong in ("plant: 2 l b' as printed", "law: 2 l b' as printed", "both: 2 l a' as printed"):
+        assert rope_score(wrong) > 2.0, wrong
+    assert rope_score("gravity 9.8") > rope_score("best: both")
+
+
+def fast_mode(controller: str) -> tuple[float, float]:
+    """Pole [1/s] and static gain [1/s⁴] of the robustifier's fastest mode, S/KS for its printed gamma."""
+    settings = load_scenario("settled-trajectory").design
+    gamma = EXPLAIN["printed_gammas"]().get(controller)
+    hinf = settings.hinf.model_copy(update={"gamma": gamma if controller.endswith("hinf") else None})
+    robustifier = design_controller(controller, settings.model_copy(update={"hinf": hinf})).robustifier
+    poles, modes = np.linalg.eig(robustifier.a)
+    b, c = np.linalg.solve(modes, robustifier.b.astype(complex)), robustifier.c @ modes
+    fastest = int(np.argmin(poles.real))
+    return float(poles[fastest].real), float(abs(b[fastest] * c[fastest] / poles[fastest]))
+
+
+@pytest.mark.parametrize("feedback", ["pole-placement", "lqr"])
+def test_the_fast_mode_of_mixed_sensitivity_makes_the_default_solver_noisy_on_the_circle(
+    feedback: str,
+) -> None:
+    """Section 5.2.2 on Figure 5.34: nothing physical, an explicit solver walks along its stability limit.
+
+    The tolerance bounds the error of a state relative to its size, and S/KS leads nearly all of its output
+    through its fast mode: 1e-3 of that is noise on v. Loop shaping has a fast mode too, but hardly uses it.
+    """
+    pole, gain = fast_mode(f"{feedback}+hinf")
+    other_pole, other_gain = fast_mode(f"{feedback}+loop-shaping")
+    assert max(pole, other_pole) < -80.0
+    assert gain > 3000.0 > 50.0 * other_gain
+    noisy = EXPLAIN["noise"](f"{feedback}+hinf", modal=True)
+    for other in (feedback, f"{feedback}+loop-shaping"):
+        assert noisy["arc"][0] > 15.0 * EXPLAIN["noise"](other, modal=True)["arc"][0]
+    assert noisy["arc"][0] > 20.0 * noisy["line"][0]
+    run = closed_loop("settled-trajectory", f"{feedback}+hinf", "analytic")
+    error = np.abs(run.block("error")[run.time > 12.0, 0]).max()
+    bound = 1e-3 * gain * error * 0.7 / 9.81  # through the fast mode onto v, and from v to the bridge
+    assert bound / 10.0 < noisy["arc"][0] < bound
