@@ -44,6 +44,19 @@ def test_the_optimal_controller_has_a_stiff_pole_and_backing_off_tames_it() -> N
     assert stiffest[2] > -60
 
 
+@pytest.mark.parametrize(("name", "gamma"), [("pole-placement", 0.3678), ("lqr", 0.3602)])
+def test_designed_for_a_given_gamma(name: str, gamma: float) -> None:
+    """The printed norms; the same as backing off by their ratio to the smallest."""
+    gain = np.array(GAINS[name])
+    k, smallest, achieved = hinf_robustifier(gain, HinfSettings(gamma=gamma))
+    assert smallest < achieved <= gamma * (1.0 + 1e-6)
+    other, _, _ = hinf_robustifier(gain, HinfSettings(back_off=gamma / smallest))
+    s = 1j * np.logspace(-2, 3, 50)
+    assert k(s) == pytest.approx(other(s), rel=1e-6)
+    with pytest.raises(InputError, match=r"gamma of at least 0\.36|gamma of at least 0\.35"):
+        hinf_robustifier(gain, HinfSettings(gamma=0.3))
+
+
 def test_several_inputs_and_outputs() -> None:
     """Two coupled unstable lags, dynamic weights; the norm is that of the loop closed by python-control."""
     plant = control.ss([[0.5, 1.0], [0.0, -2.0]], np.eye(2), [[1.0, 0.3], [0.0, 1.0]], np.zeros((2, 2)))
