@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cranectl import resources
-from cranectl.design import CONTROLLERS, design_controller
+from cranectl.design import CONTROLLERS, Design, design_controller
 from cranectl.metrics import WorkspaceViolation, workspace_violations
 from cranectl.plants.interface import Drive
 from cranectl.scenario import DesignSettings, Scenario, load_scenario
@@ -85,7 +85,7 @@ class Departure:
 class Reproduction:
     """Chapter 5, run again."""
 
-    gains: dict[str, tuple[float, ...]]  # by feedback; not printed in the thesis
+    designs: dict[str, Design]  # by controller, of the last scenario
     norms: tuple[Row, ...]
     tables: tuple[ThesisTable, ...]
     departures: tuple[Departure, ...]
@@ -98,6 +98,11 @@ class Reproduction:
             for row in table.rows:
                 for column, number in row.numbers.items():
                     yield table.name, row.controller, column, number
+
+    @property
+    def gains(self) -> dict[str, tuple[float, ...]]:
+        """State feedback by name; not printed in the thesis."""
+        return {name: tuple(d.gain.tolist()) for name, d in self.designs.items() if "+" not in name}
 
     @property
     def passed(self) -> bool:
@@ -161,11 +166,13 @@ def reproduce(
     scenarios = {name: load_scenario(name) for name in dict.fromkeys(t["scenario"] for t in tables.values())}
     norms = {entry["controller"]: entry["gamma"] for entry in printed["norms"]}
     found: dict[tuple[str, str, str], dict[str, float]] = {}  # by table, controller, source; by column
+    designs: dict[str, Design] = {}
     departures = []
     for scenario in scenarios.values():
         plan = plan_scenario(scenario)
         for controller in CONTROLLERS:
             design = design_controller(controller, _settings(scenario, controller, norms))
+            designs[controller] = design
             for source, (plant, drive) in SOURCES.items():
                 run = simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan)
                 for name, table in tables.items():
@@ -178,7 +185,7 @@ def reproduce(
                 if source == "mujoco":
                     departures += [Departure(scenario.name, controller, v) for v in workspace_violations(run)]
     return Reproduction(
-        gains={name: tuple(design_controller(name).gain.tolist()) for name in CONTROLLERS if "+" not in name},
+        designs=designs,
         norms=tuple(_norm_row(entry, tolerances["norms"], scenarios) for entry in printed["norms"]),
         tables=tuple(
             _table(name, table, tolerances["tables"][name], found) for name, table in tables.items()

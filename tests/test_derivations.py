@@ -41,8 +41,9 @@ def test_steady_offset_under_constant_disturbances(plant: str, controller: str) 
     run = simulate_run(scenario, plant=plant, controller=controller)
     module = derivation("steady_offset")
     design = design_controller(controller)
-    at_rest = module["gain_at_rest"](design.robustifier)
-    found = module["steady_state"](design.gain, (1.0, 0.77, -0.7), 0.8, -0.5, robustifier_gain=at_rest)
+    found = module["steady_state"](
+        design.gain, (1.0, 0.77, -0.7), 0.8, -0.5, robustifier_gain=design.robustifier.static_gain
+    )
     expected = [found["load_x"], found["load_y"], found["load_z"]]
     assert run.block("load")[-1, :3] == pytest.approx(expected, abs=1e-6)
     assert run.block("state")[-1, [6, 8]] == pytest.approx([found["alpha"], found["beta"]], abs=1e-6)

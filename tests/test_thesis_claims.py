@@ -1,7 +1,6 @@
 """What the thesis says in words, put to both plants."""
 
 import runpy
-from typing import Any
 
 import numpy as np
 import pytest
@@ -64,14 +63,9 @@ def test_mixed_sensitivity_leaves_gamma_times_the_offset_of_its_weight(feedback:
     """S(0) = gamma A: the optimum is all-pass, so |W_s S| = gamma at frequency zero too."""
     settings = load_scenario("fixed-position").design
     design = design_controller(f"{feedback}+hinf", settings)
-    at_rest = derivation("steady_offset")["gain_at_rest"](design.robustifier)
     assert design.gamma_achieved is not None
-    sensitivity = design.gain[0] / (design.gain[0] + at_rest)
+    sensitivity = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
     assert sensitivity == pytest.approx(design.gamma_achieved * settings.hinf.offset, rel=1e-3)
-
-
-def derivation(name: str) -> dict[str, Any]:
-    return runpy.run_path(str(ROOT / "validation" / "derivations" / f"{name}.py"))
 
 
 QUINTIC = runpy.run_path(str(ROOT / "validation" / "thesis" / "quintic.py"))
@@ -111,11 +105,7 @@ def fast_mode(controller: str) -> tuple[float, float]:
     settings = load_scenario("settled-trajectory").design
     gamma = EXPLAIN["printed_gammas"]().get(controller)
     hinf = settings.hinf.model_copy(update={"gamma": gamma if controller.endswith("hinf") else None})
-    robustifier = design_controller(controller, settings.model_copy(update={"hinf": hinf})).robustifier
-    poles, modes = np.linalg.eig(robustifier.a)
-    b, c = np.linalg.solve(modes, robustifier.b.astype(complex)), robustifier.c @ modes
-    fastest = int(np.argmin(poles.real))
-    return float(poles[fastest].real), float(abs(b[fastest] * c[fastest] / poles[fastest]))
+    return design_controller(controller, settings.model_copy(update={"hinf": hinf})).robustifier.fastest_mode
 
 
 @pytest.mark.parametrize("feedback", ["pole-placement", "lqr"])

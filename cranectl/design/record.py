@@ -31,6 +31,22 @@ class Robustifier:
         """Number of states per axis when sampled in 2 x 2 blocks; the last may be idle."""
         return 2 * ((self.order + 1) // 2)
 
+    @property
+    def static_gain(self) -> float:
+        """K(0) [1/s⁴]: what of a lasting error counters it; infinite with an integrator."""
+        poles = np.linalg.eigvals(self.a)
+        if self.order and np.abs(poles).min() < 1e-12 * np.abs(poles).max():
+            return np.inf
+        return float(self.d - self.c @ np.linalg.solve(self.a, self.b))
+
+    @property
+    def fastest_mode(self) -> tuple[float, float]:
+        """Pole [1/s] of the mode farthest to the left and its part of the static gain [1/s⁴], in size."""
+        poles, modes = np.linalg.eig(self.a)
+        inputs, outputs = np.linalg.solve(modes, self.b.astype(complex)), self.c @ modes
+        k = int(np.argmin(poles.real))
+        return float(poles[k].real), float(abs(inputs[k] * outputs[k] / poles[k]))
+
     def to_json(self) -> dict[str, Any] | None:
         """Plain data, B as a column and C as a row; None for the robustifier that does nothing."""
         if not self.order and not self.d:

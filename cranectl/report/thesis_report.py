@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.design import CONTROLLERS, design_controller
+from cranectl.design import CONTROLLERS
 from cranectl.reference import time_law
 from cranectl.report.design_figures import loop_shaping_figure
 from cranectl.report.diagrams import DIAGRAMS, diagram_svg
@@ -68,8 +68,12 @@ def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) ->
             Section(
                 "designs",
                 "Designs",
-                tables=(_gain_table(found), _table("H∞ norms γ, section 5.2.1", found.norms)),
-                figures=_design_figures(),
+                tables=(
+                    _gain_table(found),
+                    _table("H∞ norms γ, section 5.2.1", found.norms),
+                    _robustifier_table(found),
+                ),
+                figures=_design_figures(found),
             ),
             Section(
                 "fixed-position",
@@ -169,16 +173,14 @@ def _time_law_figure() -> Figure:
     )
 
 
-def _design_figures() -> tuple[Figure, ...]:
+def _design_figures(found: Reproduction) -> tuple[Figure, ...]:
     """5.7 and 5.8: the loops that loop shaping makes of both feedbacks."""
     figures = []
-    settings = load_scenario("fixed-position").design
+    settings = load_scenario("fixed-position").design.loop_shaping
     for number, (feedback, name) in zip(("5.7", "5.8"), FEEDBACK.items(), strict=True):
-        design = design_controller(f"{feedback}+loop-shaping", settings)
+        design = found.designs[f"{feedback}+loop-shaping"]
         with styled():
-            svg = inline_svg(
-                loop_shaping_figure(design, settings.loop_shaping), f"f{number.replace('.', '-')}"
-            )
+            svg = inline_svg(loop_shaping_figure(design, settings), f"f{number.replace('.', '-')}")
         margins = design.margins
         figures.append(
             Figure(
@@ -200,6 +202,24 @@ def _gain_table(found: Reproduction) -> Table:
     )
     headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
     return Table("State feedback gains, one axis", headings, rows, note="Not printed in the thesis.")
+
+
+def _robustifier_table(found: Reproduction) -> Table:
+    """What each robustifier does to a lasting error, and how much of it goes through its fastest mode."""
+    rows = []
+    for name, design in found.designs.items():
+        if design.gamma_achieved is not None:
+            pole, gain = design.robustifier.fastest_mode
+            left = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
+            numbers = (f"{design.gamma_achieved:.4f}", f"{left:.4f}", f"{pole:.4g}", f"{gain:.4g}")
+            rows.append((Cell(_controller_name(name)), *(Cell(n.replace("-", "−")) for n in numbers)))
+    return Table(
+        "Robustifiers, one axis",
+        ("controller", "γ designed for", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
+        tuple(rows),
+        note="S(0) is what remains of a steady error: nothing with an integrator, γ A with S/KS. S/KS leads "
+        "nearly all of its output through a stiff mode, which is why the thesis's solver made it look noisy.",
+    )
 
 
 def _table(title: str, rows: tuple[Row, ...]) -> Table:

@@ -43,10 +43,10 @@ def _input(runs: Runs) -> str:
 
 def _trolley(runs: Runs) -> str:
     outside = [
-        f"{label} drives {violation.signal.replace('_', ' ')} {violation.max_excess_m:.3f} m past the end "
-        f"of the rig, from {violation.first_time_s:.2f} s on"
+        f"{label} drives the {left.signal.partition('_')[0]} {left.max_excess_m:.3f} m past the end "
+        f"of the rig, from {left.first_time_s:.2f} s on"
         for label, run in runs.items()
-        for violation in workspace_violations(run)
+        for left in workspace_violations(run)
     ]
     return f"{'; '.join(outside).capitalize()}." if outside else "All stay within the rig."
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from cranectl.design import CONTROLLERS, Design, design_controller
+from cranectl.design import CONTROLLERS, Design, Robustifier, design_controller
 from cranectl.errors import InputError
 from cranectl.scenario import DesignSettings
 
@@ -181,3 +181,12 @@ def test_unknown_controller_lists_the_known_nearest_first() -> None:
     with pytest.raises(InputError) as caught:
         design_controller("pole-placment")
     assert caught.value.allowed.startswith("pole-placement")
+
+
+def test_static_gain_and_fastest_mode_of_a_robustifier() -> None:
+    """Against a sum of first-order terms: 2/(s + 1) + 30/(s + 10) + 1 at rest, and with an integrator."""
+    lags = Robustifier(np.diag([-1.0, -10.0]), np.array([1.0, 3.0]), np.array([2.0, 10.0]), 1.0)
+    assert lags.static_gain == pytest.approx(2.0 + 3.0 + 1.0)
+    assert lags.fastest_mode == pytest.approx((-10.0, 3.0))
+    assert design_controller("lqr").robustifier.static_gain == 0.0
+    assert design_controller("lqr+loop-shaping").robustifier.static_gain == np.inf

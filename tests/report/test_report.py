@@ -189,7 +189,7 @@ def test_report_of_one_plant_whose_run_stopped(tmp_path: Path, monkeypatch: pyte
     page = read_page(Path("one.html").read_text())
     assert page.tags["figure"] == len(FAMILIES)
     assert "length-singular" in page.text
-    assert re.search(r"trolley position [\d.]+ m past the end of the rig, from 0\.\d\d s on", page.text)
+    assert re.search(r"drives the trolley [\d.]+ m past the end of the rig, from 0\.\d\d s on", page.text)
 
 
 def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:

@@ -29,7 +29,7 @@ from math import asin, cos, sin, tan
 import numpy as np
 from scipy.optimize import brentq
 
-from cranectl.design import Robustifier, design_controller
+from cranectl.design import design_controller
 
 
 def tilt(d_alpha: float, d_beta: float, h: float, gravity: float) -> tuple[float, float]:
@@ -82,17 +82,10 @@ def residual(found: dict[str, float], d_alpha: float, d_beta: float, gravity: fl
     return max(abs(on_alpha), abs(on_beta))
 
 
-def gain_at_rest(robustifier: Robustifier) -> float:
-    """K(0) [1/s⁴]; 0 without robustifier."""
-    if not robustifier.order:
-        return robustifier.d
-    return float(robustifier.d - robustifier.c @ np.linalg.solve(robustifier.a, robustifier.b))
-
-
 if __name__ == "__main__":
     for name in ("pole-placement", "lqr", "pole-placement+hinf", "lqr+hinf"):
         design = design_controller(name)
-        at_rest = gain_at_rest(design.robustifier)
+        at_rest = design.robustifier.static_gain
         found = steady_state(design.gain, (1.0, 0.77, -0.7), 1.0, 1.0, robustifier_gain=at_rest)
         sensitivity = design.gain[0] / (design.gain[0] + at_rest)
         print(f"{name}: S(0) = {sensitivity:.4f},", {key: round(value, 4) for key, value in found.items()})
