@@ -142,7 +142,7 @@ def _in_space(family: Family, curves: Sequence[Curve]) -> Figure:
         getattr(axes, f"set_{axis}lim")(low[k], high[k])
         getattr(axes, f"set_{axis}label")(panel.label)
         getattr(axes, f"{axis}axis").set_pane_color((0.0, 0.0, 0.0, 0.0))
-    axes.set_box_aspect(high - low, zoom=0.9)
+    axes.set_box_aspect(high - low, zoom=1.05)
     axes.view_init(elev=24, azim=-62)
     for curve in _in_layers(curves):
         axes.plot(*(panel.values(curve.run) for panel in family.panels), **_line(curve))

@@ -215,7 +215,7 @@ def _robustifier_table(found: Reproduction) -> Table:
             rows.append((Cell(_controller_name(name)), *(Cell(n.replace("-", "−")) for n in numbers)))
     return Table(
         "Robustifiers, one axis",
-        ("controller", "γ designed for", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
+        ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
         tuple(rows),
         note="S(0) is what remains of a steady error: nothing with an integrator, γ A with S/KS. S/KS leads "
         "nearly all of its output through a stiff mode, which is why the thesis's solver made it look noisy.",
