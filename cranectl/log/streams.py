@@ -4,7 +4,6 @@ import importlib.metadata
 import json
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
@@ -12,23 +11,13 @@ from numpy.typing import NDArray
 
 from cranectl.log import schema, topics
 from cranectl.log.events import events, status_changes
+from cranectl.log.scene import scene_streams
+from cranectl.log.stream import Stream
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
 
 VERSIONED = ("cranectl", "mujoco", "numpy", "scipy", "numba", "control", "ctrlsys", "foxglove-sdk")
-
-
-@dataclass(frozen=True)
-class Stream:
-    """All messages of one topic in the order of time."""
-
-    topic: str
-    schema_name: str
-    schema: bytes  # FileDescriptorSet
-    time_ns: NDArray[np.int64]
-    messages: list[bytes]
-    metadata: dict[str, str] = field(default_factory=dict)
 
 
 def streams(runs: Sequence[Run]) -> list[Stream]:
@@ -42,7 +31,8 @@ def streams(runs: Sequence[Run]) -> list[Stream]:
             _signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
             for group in run.groups
         ]
-    return found + (_differences(*runs) if len(runs) == 2 else [])
+    found += _differences(*runs) if len(runs) == 2 else []
+    return found + scene_streams(runs)
 
 
 def versions() -> dict[str, str]:

@@ -9,6 +9,9 @@ REFERENCE_LOAD = "/reference/load"
 DESIGN = "/controller/design"
 RUN_INFO = "/run/info"
 LOG = "/log"
+TRANSFORMS = "/tf"
+REFERENCE_PATH = "/reference/path"
+WORKSPACE = "/rig/workspace"
 
 # What is compared between the plants sample by sample.
 DIFFERENCE_GROUPS = (

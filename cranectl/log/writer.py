@@ -17,7 +17,8 @@ from mcap.reader import make_reader
 from cranectl.errors import LogError
 from cranectl.files import check_replaceable, replacing
 from cranectl.log import topics
-from cranectl.log.streams import Stream, streams, versions
+from cranectl.log.stream import Stream
+from cranectl.log.streams import streams, versions
 from cranectl.simulate import Run
 
 # Small chunks: after a kill nearly everything can be salvaged, for 0.2 % more size.

@@ -112,10 +112,11 @@ def test_same_runs_same_bytes(tmp_path: Path, short: Scenario) -> None:
 def test_topics(log: Path) -> None:
     plant_topics = [
         "state", "load", "flat_output", "error", "input", "virtual_input", "disturbance", "controller",
-        "status",
+        "status", "model", "cable", "trail", "push",
     ]  # fmt: skip
     expected = {f"/{plant}/{topic}" for plant in ("analytic", "mujoco") for topic in plant_topics}
     expected |= {"/reference/load", "/diff/state", "/diff/load", "/run/info", "/controller/design", "/log"}
+    expected |= {"/tf", "/reference/path", "/rig/workspace"}
     with log.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -266,7 +267,11 @@ def test_foreign_files(tmp_path: Path) -> None:
 def test_damaged_content(tmp_path: Path, log: Path) -> None:
     """A flipped byte in the compressed data must not come back as numbers."""
     data = bytearray(log.read_bytes())
-    middle = len(data) // 2
+    with log.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[0]
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
     data[middle : middle + 8] = b"\xff" * 8
     path = tmp_path / "damaged.mcap"
     path.write_bytes(bytes(data))

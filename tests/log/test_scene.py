@@ -1,0 +1,273 @@
+"""The 3-D scene of a log: things are where the run has them, and every message stands alone."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from mcap.reader import make_reader
+
+from cranectl import resources
+from cranectl.log import read_log, write_log
+from cranectl.plants.mujoco_geometry import rig_solids
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import closed_loop
+
+Messages = dict[str, list[tuple[int, Any]]]  # by topic: (time [ns], decoded message)
+
+
+def decode(path: Path) -> Messages:
+    """All foxglove messages of a log, decoded by the schemas inside it."""
+    classes: dict[int, Any] = {}
+    found: Messages = defaultdict(list)
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            if schema.name in ("foxglove.FrameTransforms", "foxglove.SceneUpdate"):
+                if schema.id not in classes:
+                    pool = descriptor_pool.DescriptorPool()
+                    for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+                        pool.Add(file)
+                    classes[schema.id] = message_factory.GetMessageClass(
+                        pool.FindMessageTypeByName(schema.name)
+                    )
+                content = classes[schema.id].FromString(message.data)
+                found[channel.topic].append((message.log_time, content))
+    return found
+
+
+def seconds(timestamp: Any) -> float:
+    return timestamp.seconds + 1e-9 * timestamp.nanos
+
+
+def vector(v: Any) -> np.ndarray:
+    return np.array([v.x, v.y, v.z])
+
+
+def rotation(q: Any) -> np.ndarray:
+    """Rotation matrix of a quaternion."""
+    x, y, z, w = q.x, q.y, q.z, q.w
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def placed(tree: Any, frame: str) -> tuple[np.ndarray, np.ndarray]:
+    """(position, rotation) of a frame in the world, by following its parents."""
+    transforms = {t.child_frame_id: t for t in tree.transforms}
+    position, turn = np.zeros(3), np.eye(3)
+    while frame != "world":
+        step = transforms[frame]
+        r = rotation(step.rotation)
+        position, turn = vector(step.translation) + r @ position, r @ turn
+        frame = step.parent_frame_id
+    return position, turn
+
+
+def elements(message: Any) -> Iterator[Any]:
+    """Every message inside a message."""
+    yield message
+    for field, value in message.ListFields():
+        if field.message_type is not None:
+            for each in value if field.is_repeated else [value]:
+                yield from elements(each)
+
+
+@pytest.fixture(scope="module")
+def runs() -> dict[str, Run]:
+    return {p: closed_loop("settled-trajectory", "lqr", p, "velocity") for p in ("analytic", "mujoco")}
+
+
+@pytest.fixture(scope="module")
+def scene(runs: dict[str, Run], tmp_path_factory: pytest.TempPathFactory) -> Messages:
+    return decode(write_log(tmp_path_factory.mktemp("log") / "pair.mcap", list(runs.values())))
+
+
+def test_the_tree_is_whole_in_every_message_and_puts_the_load_where_the_plant_has_it(
+    scene: Messages, runs: dict[str, Run]
+) -> None:
+    frames = {t.child_frame_id for t in scene["/tf"][0][1].transforms}
+    assert frames == {"reference"} | {
+        f"{plant}/{body}" for plant in runs for body in ("frame", "bridge", "trolley", "load")
+    }
+    times = np.array([time for time, _ in scene["/tf"]])
+    assert 50.0 <= len(times) / 25.0 <= 100.0
+    assert times[-1] == runs["mujoco"].end_ns
+    for time, tree in scene["/tf"][::50]:
+        assert {t.child_frame_id for t in tree.transforms} == frames
+        assert {seconds(t.timestamp) for t in tree.transforms} == {time / 1e9}
+        for plant, run in runs.items():
+            k = int(np.searchsorted(run.time_ns, time))
+            load, turn = placed(tree, f"{plant}/load")
+            assert load == pytest.approx(run.block("load")[k, :3], abs=1e-12)
+            trolley, _ = placed(tree, f"{plant}/trolley")
+            rope = load - trolley
+            assert turn @ [0.0, 0.0, -1.0] == pytest.approx(rope / np.linalg.norm(rope), abs=1e-9)
+        assert placed(tree, "reference")[0] == pytest.approx(runs["mujoco"].reference[k, :3])
+
+
+def test_the_load_turns_about_alpha_first(short: Scenario, tmp_path: Path) -> None:
+    """Beyond the rope's direction: the bodies' own axes are those of the MJCF joints."""
+    import mujoco
+
+    run = simulate_run(short, plant="analytic")
+    run.table[:, [6, 8]] = 0.4, -0.7  # alpha, beta
+    tree = decode(write_log(tmp_path / "a.mcap", [run]))["/tf"][0][1]
+    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    data = mujoco.MjData(model)
+    for name, value in (("alpha", 0.4), ("beta", -0.7)):
+        data.joint(name).qpos = value
+    mujoco.mj_forward(model, data)
+    assert placed(tree, "analytic/load")[1] == pytest.approx(data.body("load").xmat.reshape(3, 3), abs=1e-12)
+
+
+def test_the_model_is_that_of_the_mjcf_and_the_analytic_crane_its_ghost(scene: Messages) -> None:
+    def shapes(plant: str) -> dict[str, list[Any]]:
+        ((time, update),) = scene[f"/{plant}/model"]
+        assert time == 0
+        return {
+            e.id: [*e.cubes, *e.cylinders, *e.spheres]
+            for e in update.entities
+            if e.frame_id == f"{plant}/{e.id}"
+        }
+
+    solid, ghost = shapes("mujoco"), shapes("analytic")
+    assert sum(map(len, solid.values())) == len(rig_solids())
+    assert set(solid) == {"frame", "bridge", "trolley", "load"}
+    assert set(ghost) == {"bridge", "trolley", "load"}, "one frame is enough"
+    assert {shape.color.a for shapes in solid.values() for shape in shapes} == {1.0}
+    assert all(0.0 < shape.color.a < 0.5 for shapes in ghost.values() for shape in shapes)
+    (ball,) = (shape for shape in solid["load"] if vector(shape.size) == pytest.approx([0.1] * 3))
+    assert vector(ball.pose.position) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert (ball.color.r, ball.color.g, ball.color.b) == pytest.approx((0.72, 0.13, 0.12))
+
+
+def test_solids_have_the_sizes_of_the_file() -> None:
+    solids = {solid.name: solid for solid in rig_solids()}
+    assert "floor" not in solids
+    assert solids["post_00"].size == pytest.approx((0.05, 0.05, 1.48))
+    assert solids["bridge_motor"].size == pytest.approx((0.06, 0.06, 0.1))
+    assert solids["bridge_motor"].position == pytest.approx((0.03, -0.07, 0.17))
+    assert {solid.kind for solid in solids.values()} == {"box", "cylinder", "sphere"}
+
+
+def test_one_plant_alone_is_solid(short: Scenario, tmp_path: Path) -> None:
+    scene = decode(write_log(tmp_path / "a.mcap", [simulate_run(short, plant="analytic")]))
+    ((_, update),) = scene["/analytic/model"]
+    assert {entity.id for entity in update.entities} == {"frame", "bridge", "trolley", "load"}
+    assert all(shape.color.a == 1.0 for entity in update.entities for shape in entity.cubes)
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_the_rope_hangs_from_trolley_to_load(scene: Messages, runs: dict[str, Run], plant: str) -> None:
+    run = runs[plant]
+    for time, update in scene[f"/{plant}/cable"][::100]:
+        k = int(np.searchsorted(run.time_ns, time))
+        (entity,) = update.entities
+        (line,) = entity.lines
+        state = run.block("state")[k]
+        assert (entity.id, entity.frame_id) == ("rope", "world")
+        assert vector(line.points[0]) == pytest.approx([state[0], state[2], 0.0])
+        assert vector(line.points[1]) == pytest.approx(run.block("load")[k, :3])
+        assert line.color.r < 0.2, "taut"
+
+
+def test_a_nearly_slack_rope_is_red(tmp_path: Path) -> None:
+    run = simulate_run(load_scenario("slack-rope"), plant="mujoco")
+    tension = run.signal("load.rope_tension")
+    assert tension.min() < 0.1 * run.scenario.rig.weight
+    reds = {}
+    for time, update in decode(write_log(tmp_path / "a.mcap", [run]))["/mujoco/cable"]:
+        reds[time] = update.entities[0].lines[0].color.r
+    lowest = int(run.time_ns[np.argmin(tension)])
+    nearest = min(reds, key=lambda time: abs(time - lowest))
+    assert reds[nearest] > 0.8
+    assert reds[0] < 0.2
+
+
+def test_trails_end_at_the_load_and_fade_with_age(scene: Messages, runs: dict[str, Run]) -> None:
+    for plant, run in runs.items():
+        trail = scene[f"/{plant}/trail"]
+        for time, update in trail[::20]:
+            k = int(np.searchsorted(run.time_ns, time))
+            (line,) = update.entities[0].lines
+            assert vector(line.points[-1]) == pytest.approx(run.block("load")[k, :3])
+            assert len(line.points) == len(line.colors) <= 52
+            assert np.all(np.diff([colour.a for colour in line.colors]) > 0.0)
+            assert line.colors[-1].a == 1.0
+        assert len(trail[-1][1].entities[0].lines[0].points) > 45, "four seconds"
+
+
+def test_arrows_show_what_acts_and_where_it_pushes(scene: Messages) -> None:
+    """Of the steps on alpha at 6 s and beta at 12 s: along y, and along x, at the load."""
+    shown = {}
+    for time, update in scene["/mujoco/push"]:
+        assert len(update.deletions) == 1, "what was shown goes, so that a message stands alone"
+        arrows = [arrow for entity in update.entities for arrow in entity.arrows]
+        shown[time // 10**9] = [rotation(arrow.pose.orientation)[:, 0] for arrow in arrows]
+        assert all(entity.frame_id == "mujoco/load" for entity in update.entities)
+    assert {time: len(arrows) for time, arrows in shown.items()} == {0: 0, 6: 1, 12: 2}
+    assert shown[6][0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
+    assert shown[12][1] == pytest.approx([1.0, 0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(("joint", "axis"), [("alpha", 1), ("beta", 0)])
+@pytest.mark.parametrize("magnitude", [2.0, -2.0])
+def test_an_arrow_points_where_the_load_goes(joint: str, axis: int, magnitude: float, tmp_path: Path) -> None:
+    steps = f"disturbances=[{{joint='{joint}', start=0.1, end=0.2, magnitude={magnitude}}}]"
+    run = simulate_run(load_scenario("fixed-position", overrides=[steps, "duration=0.3"]), plant="mujoco")
+    moved = (run.block("load")[-1] - run.block("load")[0])[axis]
+    pushes = decode(write_log(tmp_path / "a.mcap", [run]))["/mujoco/push"]
+    assert [len(update.entities) for _, update in pushes] == [0, 1, 0]
+    direction = rotation(pushes[1][1].entities[0].arrows[0].pose.orientation)[:, 0]
+    assert np.sign(direction[axis]) == np.sign(moved)
+    assert abs(direction[axis]) == pytest.approx(1.0)
+
+
+def test_path_and_workspace(scene: Messages) -> None:
+    ((_, path),) = scene["/reference/path"]
+    points = np.array([vector(p) for e in path.entities for line in e.lines for p in line.points])
+    assert points[0] == pytest.approx([0.1, 0.1, -0.15])
+    assert points[-1] == pytest.approx([1.65, 0.77, -0.7])
+    assert [entity.frame_id for entity in path.entities if entity.spheres] == ["reference"]
+    ((_, box),) = scene["/rig/workspace"]
+    corners = np.array([vector(p) for p in box.entities[0].lines[0].points])
+    assert len(corners) == 24
+    assert corners.min(axis=0) == pytest.approx([0.0, 0.0, -1.4])
+    assert corners.max(axis=0) == pytest.approx([2.0, 1.54, -0.05])
+
+
+def test_nothing_is_invisible(scene: Messages) -> None:
+    """Quaternions have a length, colours an opacity: what is not set is 0 in protobuf."""
+    for topic, messages in scene.items():
+        for _, message in messages[:: max(1, len(messages) // 10)]:
+            for element in elements(message):
+                name = element.DESCRIPTOR.name
+                if name == "Quaternion":
+                    assert np.linalg.norm([element.x, element.y, element.z, element.w]) == pytest.approx(1.0)
+                if name == "Color" and topic[-5:] != "trail":
+                    assert element.a > 0.0, topic
+
+
+def test_a_run_that_ends_first_stays_where_it_ended(short: Scenario, tmp_path: Path) -> None:
+    long = simulate_run(short, plant="mujoco")
+    whole = simulate_run(short, plant="analytic")
+    cut = replace(
+        whole, time_ns=whole.time_ns[:201], table=whole.table[:201], reference=whole.reference[:201],
+        end_ns=int(whole.time_ns[200]),
+    )  # fmt: skip
+    path = write_log(tmp_path / "a.mcap", [cut, long], every=1)
+    times = [time for time, _ in decode(path)["/tf"]]
+    assert times[-1] == long.end_ns
+    last = decode(path)["/tf"][-1][1]
+    assert placed(last, "analytic/load")[0] == pytest.approx(cut.block("load")[-1, :3], abs=1e-12)
+    assert list(read_log(path)) == ["analytic", "mujoco"]
