@@ -14,6 +14,7 @@ from cranectl.cli import exit_codes
 from cranectl.cli.compare import compare_command
 from cranectl.cli.design import design_command
 from cranectl.cli.info import info_command
+from cranectl.cli.layout import layout_command
 from cranectl.cli.list import list_command
 from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
@@ -52,6 +53,7 @@ for command in (
     design_command,
     thesis_command,
     report_command,
+    layout_command,
 ):
     cli.add_command(command)
 

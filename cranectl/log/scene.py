@@ -43,9 +43,9 @@ TRAIL_STEP = 0.08  # [s] between its points, and between its messages
 GHOST = 0.3  # opacity
 ROPE_THICKNESS = 0.008  # [m]
 SLACK = 0.15  # of the load's weight: below this tension the rope is drawn as about to go slack
-TAUT_COLOUR, SLACK_COLOUR = (0.10, 0.10, 0.12), (1.0, 0.25, 0.05)
+TAUT_COLOUR, SLACK_COLOUR = (0.55, 0.62, 0.70), (1.0, 0.20, 0.05)  # seen on light and on dark
 TRAIL_COLOURS = {"analytic": (0.10, 0.45, 0.90), "mujoco": (0.85, 0.20, 0.15)}
-PATH_COLOUR = (0.45, 0.50, 0.55)
+PATH_COLOUR = (0.60, 0.66, 0.72)
 ARROW_LENGTH = 0.25  # [m] for 1 rad/s²
 IDENTITY = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
 
@@ -153,7 +153,7 @@ def _trail(run: Run) -> Stream:
         line = LinePrimitive(
             type=LinePrimitiveLineType.LineStrip,
             pose=_origin(),
-            thickness=0.6 * ROPE_THICKNESS,
+            thickness=1.2 * ROPE_THICKNESS,
             points=points[first : k + 1],
             colors=fading[first - k - 1 :],
         )
@@ -206,7 +206,7 @@ def _acting(run: Run, time_ns: int) -> list[ArrowPrimitive]:
 
 def _path(run: Run) -> Stream:
     """The desired path as a line, the desired load as a small ball that moves with the frame `reference`."""
-    line = _line(run.reference[_rows(run, TRAIL_STEP), :3], 0.4 * ROPE_THICKNESS, _colour(PATH_COLOUR, 0.8))
+    line = _line(run.reference[_rows(run, TRAIL_STEP), :3], 0.8 * ROPE_THICKNESS, _colour(PATH_COLOUR, 0.9))
     ball = SpherePrimitive(
         pose=_origin(), size=Vector3(x=0.04, y=0.04, z=0.04), color=_colour(PATH_COLOUR, 0.6)
     )
@@ -222,7 +222,7 @@ def _workspace(run: Run) -> Stream:
     line = LinePrimitive(
         type=LinePrimitiveLineType.LineList,
         pose=_origin(),
-        thickness=1.0,
+        thickness=1.5,
         scale_invariant=True,
         points=[_point(corners[k]) for edge in edges for k in edge],
         color=_colour(PATH_COLOUR, 0.5),

@@ -5,18 +5,28 @@ column of them is a NumPy structured array: writing and reading need no per-mess
 """
 
 import functools
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from google.protobuf.message import Message
+from google.protobuf.message import DecodeError, Message
 from numpy.typing import NDArray
 
+from cranectl.log.events import Disturbed, Phase
 from cranectl.signals import SignalGroup
 from cranectl.status import RunStatus
 
 PACKAGE = "cranectl"
 Field = descriptor_pb2.FieldDescriptorProto
+
+# Fields of `cranectl.Status`; None is a bool.
+STATUS_FIELDS: dict[str, type[IntEnum] | None] = {
+    "status": RunStatus,
+    "inside_workspace": None,
+    "phase": Phase,
+    "disturbed": Disturbed,
+}
 
 _FIXED64 = 1  # protobuf wire type of a double
 
@@ -35,6 +45,21 @@ def group_schema(group: SignalGroup) -> bytes:
         )
         message.oneof_decl.add(name=f"_{name}")
     return _serialised(file)
+
+
+def signal_names(definition: bytes, name: str) -> tuple[str, ...]:
+    """Field names of a message type that is laid out as a row of signals; ValueError for any other type."""
+    try:
+        files = descriptor_pb2.FileDescriptorSet.FromString(definition)
+    except DecodeError:
+        raise ValueError(f"the definition of {name} is no protobuf") from None
+    found = [m for file in files.file for m in file.message_type if f"{file.package}.{m.name}" == name]
+    if len(found) != 1:
+        raise ValueError(f"the definition of {name} has {len(found)} such types")
+    for number, field in enumerate(found[0].field, start=1):
+        if (field.number, field.type, field.label) != (number, Field.TYPE_DOUBLE, Field.LABEL_OPTIONAL):
+            raise ValueError(f"{name} is no row of signals: its field {field.name}")
+    return tuple(field.name for field in found[0].field)
 
 
 def row_layout(n_signals: int) -> np.dtype[Any]:
@@ -58,11 +83,15 @@ def encode_rows(values: NDArray[np.float64]) -> list[bytes]:
 
 def decode_rows(messages: list[bytes], n_signals: int) -> NDArray[np.float64]:
     """Values (N, signals) of messages made by `encode_rows`; ValueError for any other bytes."""
-    layout = row_layout(n_signals)
     data = b"".join(messages)
-    if len(data) != len(messages) * layout.itemsize:
+    if len(data) != len(messages) * row_layout(n_signals).itemsize:
         raise ValueError("messages of unexpected length")
-    rows = np.frombuffer(data, dtype=layout)
+    return decode_table(np.frombuffer(data, dtype=np.uint8), n_signals)
+
+
+def decode_table(data: NDArray[np.uint8], n_signals: int) -> NDArray[np.float64]:
+    """As `decode_rows`, of messages that follow each other without a gap."""
+    rows = data.view(row_layout(n_signals)).reshape(-1)
     values = np.empty((len(rows), n_signals))
     for number in range(1, n_signals + 1):
         if (rows[f"tag{number}"] != np.frombuffer(_tag(number), dtype="u1")).any():
@@ -84,19 +113,15 @@ def _tag(number: int) -> bytes:
 
 @functools.cache
 def status_schema() -> bytes:
-    """FileDescriptorSet of `cranectl.Status`: how a run stands, as a named enumeration."""
+    """FileDescriptorSet of `cranectl.Status`: how a run stands, as named enumerations."""
     file, message = _new_file("Status")
-    message.field.add(
-        name="status",
-        number=1,
-        label=Field.LABEL_OPTIONAL,
-        type=Field.TYPE_ENUM,
-        type_name=f".{PACKAGE}.RunStatus",
-    )
-    message.field.add(name="inside_workspace", number=2, label=Field.LABEL_OPTIONAL, type=Field.TYPE_BOOL)
-    enumeration = file.enum_type.add(name="RunStatus")
-    for status in RunStatus:
-        enumeration.value.add(name=status.name, number=status.value)
+    for number, (name, enumeration) in enumerate(STATUS_FIELDS.items(), start=1):
+        field = message.field.add(name=name, number=number, label=Field.LABEL_OPTIONAL, type=Field.TYPE_BOOL)
+        if enumeration is not None:
+            field.type, field.type_name = Field.TYPE_ENUM, f".{PACKAGE}.Status.{enumeration.__name__}"
+            values = message.enum_type.add(name=enumeration.__name__).value
+            for value in enumeration:
+                values.add(name=value.name, number=value.value)
     return _serialised(file)
 
 

@@ -9,8 +9,9 @@ import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
 from numpy.typing import NDArray
 
+from cranectl.compare import compare_runs, judge
 from cranectl.log import schema, topics
-from cranectl.log.events import events, status_changes
+from cranectl.log.events import events, standings
 from cranectl.log.scene import scene_streams
 from cranectl.log.stream import Stream
 from cranectl.scenario import NANOSECONDS
@@ -55,35 +56,54 @@ def _signals(
 
 
 def _differences(a: Run, b: Run) -> list[Stream]:
+    """Sample by sample over the common times, and the verdict."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
-    return [
-        _signals(
-            topics.difference_topic(group.name),
-            group,
-            time_ns,
-            b.block(group.name)[in_b] - a.block(group.name)[in_a],
-        )
+    if not len(time_ns):
+        return []
+    blocks = {g.name: b.block(g.name)[in_b] - a.block(g.name)[in_a] for g in topics.DIFFERENCE_GROUPS}
+    distances = np.column_stack(
+        [np.linalg.norm(blocks["load"][:, :3], axis=1), np.abs(blocks["state"][:, [6, 8]]).max(axis=1)]
+    )
+    found = [
+        _signals(topics.difference_topic(group.name), group, time_ns, blocks[group.name])
         for group in topics.DIFFERENCE_GROUPS
     ]
+    found.append(_signals(topics.difference_topic(topics.DISTANCE.name), topics.DISTANCE, time_ns, distances))
+    return [*found, _text(topics.VERDICT, "Verdict", _verdict(a, b))]
+
+
+def _verdict(a: Run, b: Run) -> dict[str, str]:
+    """Whether the plants agree, and by how much every signal differs."""
+    found = judge(a, b)
+    values = {
+        "verdict": "passed" if found.passed else "FAILED",
+        "load": f"{found.max_load_error_m:.1e} m, limit {found.limit_m:g} m",
+        "angles": f"{found.max_angle_error_rad:.1e} rad, limit {found.limit_rad:g} rad",
+    }
+    for row in compare_runs(a, b).signals:
+        text = f"at most {row.max_abs:.1e} {row.unit} at {row.at_s:g} s, RMS {row.rms:.1e}"
+        values[row.signal.replace(".", "_")] = text
+    return values
 
 
 def _status(run: Run) -> Stream:
     definition = schema.status_schema()
-    changes = status_changes(run)
-    return Stream(
-        topics.status_topic(run.plant),
-        f"{schema.PACKAGE}.Status",
-        definition,
-        np.array([change.time_ns for change in changes], dtype=np.int64),
-        [
-            schema.encode(
-                definition,
-                "Status",
-                {"status": int(change.status), "inside_workspace": change.inside_workspace},
-            )
-            for change in changes
-        ],
-    )
+    found = standings(run)
+    messages = [
+        schema.encode(
+            definition,
+            "Status",
+            {
+                "status": int(standing.status),
+                "inside_workspace": standing.inside_workspace,
+                "phase": int(standing.phase),
+                "disturbed": int(standing.disturbed),
+            },
+        )
+        for standing in found
+    ]
+    time_ns = np.array([standing.time_ns for standing in found], dtype=np.int64)
+    return Stream(topics.status_topic(run.plant), f"{schema.PACKAGE}.Status", definition, time_ns, messages)
 
 
 def _events(runs: Sequence[Run]) -> Stream:

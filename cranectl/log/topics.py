@@ -19,6 +19,17 @@ DIFFERENCE_GROUPS = (
     SignalGroup("load", "LoadDifference", "mujoco minus analytic", LOAD.signals),
 )
 
+DISTANCE = SignalGroup(
+    "distance",
+    "Distance",
+    "how far the plants are apart",
+    (
+        Signal("load_distance", "|Δz|", "m", "distance of the loads"),
+        Signal("angle_distance", "max |Δα|, |Δβ|", "rad", "larger difference of the angles"),
+    ),
+)
+VERDICT = "/diff/verdict"
+
 
 def plant_topic(plant: str, group: str) -> str:
     """Topic of a plant's group; always prefixed, so that files of different plants overlay."""

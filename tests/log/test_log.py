@@ -14,12 +14,15 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from cranectl import signals
+from cranectl.compare import compare_runs
 from cranectl.errors import LogError
 from cranectl.log import check_writable, read_log, write_log
+from cranectl.log.events import Disturbed, Phase
 from cranectl.log.schema import decode_rows, encode_rows, group_schema
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
+from tests.conftest import closed_loop
 from tests.test_tracker import robust_design
 
 
@@ -116,7 +119,7 @@ def test_topics(log: Path) -> None:
     ]  # fmt: skip
     expected = {f"/{plant}/{topic}" for plant in ("analytic", "mujoco") for topic in plant_topics}
     expected |= {"/reference/load", "/diff/state", "/diff/load", "/run/info", "/controller/design", "/log"}
-    expected |= {"/tf", "/reference/path", "/rig/workspace"}
+    expected |= {"/tf", "/reference/path", "/rig/workspace", "/diff/distance", "/diff/verdict"}
     with log.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -128,6 +131,18 @@ def test_difference_is_mujoco_minus_analytic(log: Path, runs: list[Run]) -> None
         messages = [m.data for _, _, m in make_reader(stream).iter_messages("/diff/load")]
     expected = runs[1].every(4).block("load") - runs[0].every(4).block("load")
     assert np.array_equal(decode_rows(messages, 7), expected)
+
+
+def test_distance_and_verdict_are_those_of_the_comparison(log: Path, runs: list[Run]) -> None:
+    comparison = compare_runs(*(run.every(4) for run in runs))
+    distances = [(m.load_distance, m.angle_distance) for _, m in messages_of(log, "/diff/distance")]
+    largest = np.max(distances, axis=0)
+    assert largest.tolist() == [comparison.max_load_error_m, comparison.max_angle_error_rad]
+    ((_, verdict),) = messages_of(log, "/diff/verdict")
+    assert verdict.verdict == "passed"
+    assert verdict.load == f"{largest[0]:.1e} m, limit 1e-06 m"
+    for row in comparison.signals:
+        assert f"{row.max_abs:.1e} {row.unit}" in getattr(verdict, row.signal.replace(".", "_"))
 
 
 def test_messages_are_what_protobuf_itself_reads(log: Path) -> None:
@@ -164,12 +179,30 @@ def messages_of(log: Path, topic: str) -> list[tuple[int, object]]:
 
 def test_status_is_an_enumeration_that_ends_with_the_outcome(log: Path) -> None:
     changes = messages_of(log, "/mujoco/status")
-    assert [(time, change.status) for time, change in changes] == [
-        (0, RunStatus.RUNNING),
-        (500_000_000, RunStatus.COMPLETED),
+    assert [(time, change.status, change.disturbed) for time, change in changes] == [
+        (0, RunStatus.RUNNING, Disturbed.NONE),
+        (100_000_000, RunStatus.RUNNING, Disturbed.ALPHA),
+        (200_000_000, RunStatus.RUNNING, Disturbed.ALPHA_AND_BETA),
+        (500_000_000, RunStatus.COMPLETED, Disturbed.ALPHA_AND_BETA),
     ]
-    enumeration = changes[0][1].DESCRIPTOR.fields_by_name["status"].enum_type
-    assert {value.name: value.number for value in enumeration.values} == {s.name: s.value for s in RunStatus}
+    assert all(change.inside_workspace for _, change in changes)
+    fields = changes[0][1].DESCRIPTOR.fields_by_name
+    for name, enumeration in (("status", RunStatus), ("phase", Phase), ("disturbed", Disturbed)):
+        values = {value.name: value.number for value in fields[name].enum_type.values}
+        assert values == {value.name: value.value for value in enumeration}
+
+
+def test_status_follows_the_segments_and_the_workspace(tmp_path: Path) -> None:
+    """Line, arc and hold of the settled trajectory; pole placement leaves the rig and comes back."""
+    run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
+    changes = messages_of(write_log(tmp_path / "a.mcap", [run]), "/mujoco/status")
+    phases = {time: change.phase for time, change in changes}
+    assert (phases[0], phases[10 * 10**9], phases[20 * 10**9]) == (Phase.LINE, Phase.ARC, Phase.HOLD)
+    outside = [time for time, change in changes if not change.inside_workspace]
+    assert min(outside) == pytest.approx(15.75e9, abs=5e6)
+    assert changes[-1][1].inside_workspace
+    story = [event.message for _, event in messages_of(tmp_path / "a.mcap", "/log")]
+    assert {"reference: line", "reference: arc", "reference: hold"} < set(story)
 
 
 def test_log_topic_tells_the_story(log: Path) -> None:
@@ -328,6 +361,7 @@ def test_two_processes_writing_the_same_log_leave_a_whole_one(tmp_path: Path, lo
 
 FULL_DISK = """
 import resource, signal, sys
+from cranectl.compare import compare_runs
 from cranectl.errors import LogError
 from cranectl.log import read_log, write_log
 runs = list(read_log(sys.argv[1]).values())

@@ -1,0 +1,39 @@
+"""`cranectl layout`."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command("layout")
+@click.argument("name")
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option(
+    "--plant", default="mujoco", show_default=True, metavar="NAME", help="Whose run a single-run log holds."
+)
+def layout_command(name: str, out: Path, plant: str) -> None:
+    """Write the layout NAME to OUT, to be imported in Foxglove or Lichtblick.
+
+    \b
+    single        one run: crane, load, error, angles, inputs, tension
+    comparison    both plants: the crane and its ghost, signals of both, what parts them
+    controller    what the controller thought
+
+    \b
+    cranectl layout comparison comparison.json
+    cranectl layout single single.json --plant analytic
+    """
+    from cranectl.errors import InputError
+    from cranectl.files import write_text
+    from cranectl.layouts import layout_json
+
+    content = layout_json(name, plant=plant)
+    try:
+        write_text(out, content)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot write {out}: {error}",
+            allowed="a file in an existing directory",
+            remedy="choose another place",
+        ) from None
+    click.echo(f"layout: {out}; in Foxglove: Layouts, Import from file")
