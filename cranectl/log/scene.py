@@ -36,6 +36,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 
 Array = NDArray[np.float64]
+Rows = list[list[float]]
 
 RATE = 50  # [Hz] of poses and ropes
 TRAIL = 4.0  # [s] that a trail shows
@@ -48,6 +49,7 @@ TRAIL_COLOURS = {"analytic": (0.10, 0.45, 0.90), "mujoco": (0.85, 0.20, 0.15)}
 PATH_COLOUR = (0.60, 0.66, 0.72)
 ARROW_LENGTH = 0.25  # [m] for 1 rad/s²
 IDENTITY = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+ORIGIN = Pose(position=Vector3(x=0.0, y=0.0, z=0.0), orientation=IDENTITY)
 
 
 def scene_streams(runs: Sequence[Run]) -> list[Stream]:
@@ -67,27 +69,26 @@ def _transforms(runs: Sequence[Run]) -> Stream:
     """The whole tree at every time; a run that has ended stays where it ended."""
     longest = max(runs, key=lambda run: run.end_ns)
     rows = _rows(longest, 1.0 / RATE)
-    trees = [_tree(run, longest.time_ns[rows]) for run in runs]
-    target = longest.reference[rows, :3]
+    time_ns = longest.time_ns[rows]
+    target = longest.reference[rows, :3].tolist()
+    trees = [(run.plant, *_tree(run, time_ns)) for run in runs]
     messages = []
-    for k, time_ns in enumerate(longest.time_ns[rows].tolist()):
-        time = _timestamp(time_ns)
+    for k, time in enumerate(map(_timestamp, time_ns.tolist())):
         transforms = [_transform(time, "world", "reference", target[k])]
-        for run, (trolley, load, rotation) in zip(runs, trees, strict=True):
-            bridge, along = (float(trolley[k, 0]), 0.0, 0.0), (0.0, float(trolley[k, 1]), 0.0)
+        for plant, trolley, load, rotation in trees:
+            (x, y), frames = trolley[k], (f"{plant}/bridge", f"{plant}/trolley", f"{plant}/load")
             transforms += [
-                _transform(time, "world", f"{run.plant}/frame", (0.0, 0.0, 0.0)),
-                _transform(time, f"{run.plant}/frame", f"{run.plant}/bridge", bridge),
-                _transform(time, f"{run.plant}/bridge", f"{run.plant}/trolley", along),
-                _transform(time, f"{run.plant}/trolley", f"{run.plant}/load", load[k], rotation[k]),
+                _transform(time, "world", frames[0], (x, 0.0, 0.0)),
+                _transform(time, frames[0], frames[1], (0.0, y, 0.0)),
+                _transform(time, frames[1], frames[2], load[k], rotation[k]),
             ]
         messages.append(FrameTransforms(transforms=transforms).encode())
     definition = FrameTransforms.get_schema()
-    return Stream(topics.TRANSFORMS, definition.name, definition.data, longest.time_ns[rows], messages)
+    return Stream(topics.TRANSFORMS, definition.name, definition.data, time_ns, messages)
 
 
-def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Trolley (N, 2), load from the trolley (N, 3), orientation of the load (N, 4) as x, y, z, w."""
+def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
+    """Trolley (x, y), load from the trolley (x, y, z), orientation of the load (x, y, z, w) at each time."""
     rows = np.minimum(np.searchsorted(run.time_ns, time_ns), len(run.time_ns) - 1)
     state = run.block("state")[rows]
     trolley = state[:, [0, 2]]
@@ -96,7 +97,7 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Array, Array, Array]:
     # Alpha about x, then beta about -y.
     sa, ca = np.sin(0.5 * state[:, 6]), np.cos(0.5 * state[:, 6])
     sb, cb = np.sin(0.5 * state[:, 8]), np.cos(0.5 * state[:, 8])
-    return trolley, load, np.column_stack([sa * cb, -ca * sb, -sa * sb, ca * cb])
+    return trolley.tolist(), load.tolist(), np.column_stack([sa * cb, -ca * sb, -sa * sb, ca * cb]).tolist()
 
 
 def _model(run: Run, opacity: float) -> Stream:
@@ -120,7 +121,8 @@ def _model(run: Run, opacity: float) -> Stream:
                     pose=pose, size=size, color=colour, bottom_scale=1.0, top_scale=1.0
                 )
                 shapes.setdefault("cylinders", []).append(cylinder)
-        entities.append(_entity(f"{run.plant}/{body}", body, 0, **shapes))
+        frame = "world" if body == "frame" else f"{run.plant}/{body}"
+        entities.append(_entity(frame, body, 0, **shapes))
     return _scene(topics.plant_topic(run.plant, "model"), [0], [SceneUpdate(entities=entities)])
 
 
@@ -130,13 +132,12 @@ def _rope(run: Run, opacity: float) -> Stream:
     state, load = run.block("state")[rows], run.block("load")[rows]
     slackness = np.clip((2.0 * SLACK - load[:, 6] / run.scenario.rig.weight) / SLACK, 0.0, 1.0)
     colours = np.outer(1.0 - slackness, TAUT_COLOUR) + np.outer(slackness, SLACK_COLOUR)
+    ends = np.column_stack([state[:, [0, 2]], np.zeros(len(rows)), load[:, :3]]).tolist()
     updates = []
-    for k, time_ns in enumerate(run.time_ns[rows].tolist()):
-        line = _line(
-            np.array([[state[k, 0], state[k, 2], 0.0], load[k, :3]]),
-            ROPE_THICKNESS,
-            _colour(colours[k], opacity),
-        )
+    for time_ns, (*trolley, x, y, z), colour in zip(
+        run.time_ns[rows].tolist(), ends, colours.tolist(), strict=True
+    ):
+        line = _line([trolley, [x, y, z]], ROPE_THICKNESS, _colour(colour, opacity))
         updates.append(SceneUpdate(entities=[_entity("world", "rope", time_ns, lines=[line])]))
     return _scene(topics.plant_topic(run.plant, "cable"), run.time_ns[rows].tolist(), updates)
 
@@ -152,7 +153,7 @@ def _trail(run: Run) -> Stream:
         first = max(k - length, 0)
         line = LinePrimitive(
             type=LinePrimitiveLineType.LineStrip,
-            pose=_origin(),
+            pose=ORIGIN,
             thickness=1.2 * ROPE_THICKNESS,
             points=points[first : k + 1],
             colors=fading[first - k - 1 :],
@@ -206,10 +207,10 @@ def _acting(run: Run, time_ns: int) -> list[ArrowPrimitive]:
 
 def _path(run: Run) -> Stream:
     """The desired path as a line, the desired load as a small ball that moves with the frame `reference`."""
-    line = _line(run.reference[_rows(run, TRAIL_STEP), :3], 0.8 * ROPE_THICKNESS, _colour(PATH_COLOUR, 0.9))
-    ball = SpherePrimitive(
-        pose=_origin(), size=Vector3(x=0.04, y=0.04, z=0.04), color=_colour(PATH_COLOUR, 0.6)
+    line = _line(
+        run.reference[_rows(run, TRAIL_STEP), :3].tolist(), 0.8 * ROPE_THICKNESS, _colour(PATH_COLOUR, 0.9)
     )
+    ball = SpherePrimitive(pose=ORIGIN, size=Vector3(x=0.04, y=0.04, z=0.04), color=_colour(PATH_COLOUR, 0.6))
     entities = [_entity("world", "path", 0, lines=[line]), _entity("reference", "target", 0, spheres=[ball])]
     return _scene(topics.REFERENCE_PATH, [0], [SceneUpdate(entities=entities)])
 
@@ -221,10 +222,10 @@ def _workspace(run: Run) -> Stream:
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
     line = LinePrimitive(
         type=LinePrimitiveLineType.LineList,
-        pose=_origin(),
+        pose=ORIGIN,
         thickness=1.5,
         scale_invariant=True,
-        points=[_point(corners[k]) for edge in edges for k in edge],
+        points=[_point(corners[k].tolist()) for edge in edges for k in edge],
         color=_colour(PATH_COLOUR, 0.5),
     )
     return _scene(
@@ -262,8 +263,8 @@ def _transform(
     time: Timestamp,
     parent: str,
     child: str,
-    translation: Sequence[float] | Array,
-    rotation: Array | None = None,
+    translation: Sequence[float],
+    rotation: Sequence[float] | None = None,
 ) -> FrameTransform:
     return FrameTransform(
         timestamp=time,
@@ -274,10 +275,10 @@ def _transform(
     )
 
 
-def _line(points: Array, thickness: float, colour: Color) -> LinePrimitive:
+def _line(points: Rows, thickness: float, colour: Color) -> LinePrimitive:
     return LinePrimitive(
         type=LinePrimitiveLineType.LineStrip,
-        pose=_origin(),
+        pose=ORIGIN,
         thickness=thickness,
         points=[_point(point) for point in points],
         color=colour,
@@ -288,25 +289,21 @@ def _timestamp(time_ns: int) -> Timestamp:
     return Timestamp(*divmod(time_ns, NANOSECONDS))
 
 
-def _origin() -> Pose:
-    return Pose(position=Vector3(x=0.0, y=0.0, z=0.0), orientation=IDENTITY)
-
-
-def _vector(values: Sequence[float] | Array) -> Vector3:
-    x, y, z = (float(value) for value in values)
+def _vector(values: Sequence[float]) -> Vector3:
+    x, y, z = values
     return Vector3(x=x, y=y, z=z)
 
 
-def _point(values: Array) -> Point3:
-    x, y, z = values.tolist()
+def _point(values: Sequence[float]) -> Point3:
+    x, y, z = values
     return Point3(x=x, y=y, z=z)
 
 
-def _quaternion(values: Sequence[float] | Array) -> Quaternion:
-    x, y, z, w = (float(value) for value in values)
+def _quaternion(values: Sequence[float]) -> Quaternion:
+    x, y, z, w = values
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def _colour(rgb: Sequence[float] | Array, opacity: float) -> Color:
-    r, g, b = (float(value) for value in rgb)
-    return Color(r=r, g=g, b=b, a=float(opacity))
+def _colour(rgb: Sequence[float], opacity: float) -> Color:
+    r, g, b = rgb
+    return Color(r=r, g=g, b=b, a=opacity)

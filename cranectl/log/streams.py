@@ -1,5 +1,6 @@
 """Turn runs into the messages of a log: one stream for each topic."""
 
+import functools
 import importlib.metadata
 import json
 import platform
@@ -36,6 +37,7 @@ def streams(runs: Sequence[Run]) -> list[Stream]:
     return found + scene_streams(runs)
 
 
+@functools.cache
 def versions() -> dict[str, str]:
     """Versions of everything that shapes a run."""
     found = {name: importlib.metadata.version(name) for name in VERSIONED}
