@@ -69,6 +69,13 @@ def run_command(
     if result.agreement is not None:
         screen.print(agreement_table([result.agreement], [result.passed]))
     screen.print(f"log: {case.log}", soft_wrap=True)
+    layout = "comparison view.json" if len(case.plants) == 2 else f"single view.json --plant {plant}"
+    screen.print(
+        f"view: cranectl layout {layout}; open the log in Foxglove or Lichtblick and import the layout there, "
+        f"or: rerun {case.log}",
+        soft_wrap=True,
+        markup=False,
+    )
     agreements = [result.agreement] if result.agreement is not None else []
     write_json(
         json_file,
