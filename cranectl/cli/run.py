@@ -71,7 +71,7 @@ def run_command(
     screen.print(f"log: {case.log}", soft_wrap=True)
     layout = "comparison view.json" if len(case.plants) == 2 else f"single view.json --plant {plant}"
     screen.print(
-        f"view: cranectl layout {layout}; open the log in Foxglove or Lichtblick and import the layout there, "
+        f"view: cranectl layout {layout}; open the log in Foxglove or Lichtblick and import the layout, "
         f"or: rerun {case.log}",
         soft_wrap=True,
         markup=False,
