@@ -2,6 +2,7 @@
 
 import functools
 import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from cranectl import resources
 from cranectl.errors import InputError
 from cranectl.scenario import NANOSECONDS
+from cranectl.signals import Signal
 from cranectl.simulate import Run
 
 Array = NDArray[np.float64]
@@ -76,10 +78,11 @@ class Agreement:
         return asdict(self)
 
 
-def compare_runs(a: Run, b: Run) -> Comparison:
+def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Comparison:
     """Differences b - a at the times that both runs have.
 
-    Raises InputError if there is no such time.
+    `signals`: those listed, by group and name as `state.alpha`; by default all of COMPARED_GROUPS. Raises
+    InputError if there is no common time and KeyError for a signal that a run does not have.
     """
     _, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, assume_unique=True, return_indices=True)
     if not len(in_a):
@@ -89,8 +92,10 @@ def compare_runs(a: Run, b: Run) -> Comparison:
             remedy="log both with the same period",
         )
     time = a.time[in_a]
-    load = np.linalg.norm(b.block("load")[in_b, :3] - a.block("load")[in_a, :3], axis=1)
-    angles = np.abs(b.block("state")[in_b][:, [6, 8]] - a.block("state")[in_a][:, [6, 8]])
+    with np.errstate(invalid="ignore", over="ignore"):  # of runs that are not finite: NaN keeps no limit
+        load = np.linalg.norm(b.block("load")[in_b, :3] - a.block("load")[in_a, :3], axis=1)
+        angles = np.abs(b.block("state")[in_b][:, [6, 8]] - a.block("state")[in_a][:, [6, 8]])
+        differences = tuple(_differences(a, b, signals or compared_signals(a), in_a, in_b, time))
     return Comparison(
         a=_label(a),
         b=_label(b),
@@ -99,7 +104,7 @@ def compare_runs(a: Run, b: Run) -> Comparison:
         max_load_error_m=float(load.max()),
         max_load_error_at_s=float(time[np.argmax(load)]),
         max_angle_error_rad=float(angles.max()),
-        signals=tuple(_differences(a, b, in_a, in_b, time)),
+        signals=differences,
     )
 
 
@@ -135,27 +140,66 @@ def agreement_limits(drive: str) -> Limits:
     return Limits(**tolerances["closed-loop"][drive])
 
 
+def named_signals(run: Run) -> dict[str, Signal]:
+    """All signals of a run by group and name, `state.alpha`, in column order."""
+    return {f"{group.name}.{signal.name}": signal for group in run.groups for signal in group.signals}
+
+
+def compared_signals(run: Run) -> list[str]:
+    """The names of the signals of COMPARED_GROUPS."""
+    return [name for name in named_signals(run) if name.partition(".")[0] in COMPARED_GROUPS]
+
+
+def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
+    """What is not the same in the scenarios of two runs, a line each: `design.input_weight: 0.1 and 0.11`.
+
+    Of runs of the same scenario, what is not the same in their computed designs.
+    """
+    scenarios = (run.scenario.model_dump(mode="json") for run in (a, b))
+    designs = ({"controller": run.design.to_json()} for run in (a, b))
+    return tuple(_differing(*scenarios)) or tuple(_differing(*designs))
+
+
+def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
+    fields_a, fields_b = dict(_fields("", a)), dict(_fields("", b))
+    for name in dict.fromkeys((*fields_a, *fields_b)):
+        pair = (fields_a.get(name, "nothing"), fields_b.get(name, "nothing"))
+        if pair[0] != pair[1]:
+            yield f"{name}: {pair[0]} and {pair[1]}"
+
+
+def _fields(prefix: str, node: Any) -> Iterator[tuple[str, Any]]:
+    """The leaves of nested tables and lists by their path, as `--set` has it."""
+    if isinstance(node, Mapping | list):
+        items = node.items() if isinstance(node, Mapping) else enumerate(node)
+        for key, value in items:
+            yield from _fields(f"{prefix}.{key}" if prefix else str(key), value)
+    else:
+        yield prefix, node
+
+
 def _differences(
-    a: Run, b: Run, in_a: NDArray[np.intp], in_b: NDArray[np.intp], time: Array
-) -> list[SignalDifference]:
-    found = []
-    for group in a.groups:
-        if group.name not in COMPARED_GROUPS:
-            continue
-        difference = b.block(group.name)[in_b] - a.block(group.name)[in_a]
-        for signal, column in zip(group.signals, difference.T, strict=True):
-            worst = int(np.argmax(np.abs(column)))
-            found.append(
-                SignalDifference(
-                    signal=f"{group.name}.{signal.name}",
-                    unit=signal.unit,
-                    max_abs=float(np.abs(column[worst])),
-                    at_s=float(time[worst]),
-                    rms=float(np.sqrt(np.mean(column**2))),
-                    final=float(column[-1]),
-                )
-            )
-    return found
+    a: Run, b: Run, names: Sequence[str], in_a: NDArray[np.intp], in_b: NDArray[np.intp], time: Array
+) -> Iterator[SignalDifference]:
+    units = named_signals(a)
+    for name in names:
+        difference = _difference(a.signal(name)[in_a], b.signal(name)[in_b])
+        worst = int(np.argmax(np.abs(difference)))
+        yield SignalDifference(
+            signal=name,
+            unit=units[name].unit,
+            max_abs=float(np.abs(difference[worst])),
+            at_s=float(time[worst]),
+            rms=float(np.sqrt(np.mean(difference**2))),
+            final=float(difference[-1]),
+        )
+
+
+def _difference(a: Array, b: Array) -> Array:
+    """Of two signals, b - a; zero where both are infinite alike or not a number: a run equals itself."""
+    same = (a == b) | (np.isnan(a) & np.isnan(b))
+    difference: Array = np.subtract(b, a, out=np.zeros_like(a), where=~same)
+    return difference
 
 
 def _label(run: Run) -> str:

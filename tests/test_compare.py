@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from cranectl import compare as compare_module
-from cranectl.compare import agreement_limits, compare_runs, judge
+from cranectl.compare import (
+    agreement_limits,
+    compare_runs,
+    compared_signals,
+    differing_fields,
+    judge,
+    named_signals,
+)
 from cranectl.errors import InputError
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
@@ -89,3 +96,44 @@ def test_limits_come_with_reasons() -> None:
     tolerances = tomllib.loads(compare_module.resources.TOLERANCE_FILE.read_text(encoding="utf-8"))
     for table in tolerances["closed-loop"].values():
         assert len(table["reason"]) > 50
+
+
+def test_signals_are_listed_by_choice_and_by_group(run: Run) -> None:
+    names = [difference.signal for difference in compare_runs(run, run).signals]
+    assert names == compared_signals(run)
+    assert {name.partition(".")[0] for name in names} == {"state", "load", "input"}
+    assert len(names) == 10 + 7 + 6
+    chosen = compare_runs(run, shifted(run, 6, 2.0), signals=["controller.zeta", "state.alpha"]).signals
+    assert [(row.signal, row.unit, row.max_abs) for row in chosen] == [
+        ("controller.zeta", "m/s²", 0.0),
+        ("state.alpha", "rad", pytest.approx(2.0)),
+    ]
+    for name, column in zip(named_signals(run), run.table.T, strict=True):
+        assert np.shares_memory(run.signal(name), column), name
+
+
+def test_a_run_that_is_not_a_number_equals_itself(run: Run) -> None:
+    broken = shifted(shifted(run, 10, np.nan), 11, np.inf)
+    rows = {row.signal: row for row in compare_runs(broken, broken).signals}
+    assert rows["load.load_x"].max_abs == rows["load.load_y"].max_abs == 0.0
+    one = {row.signal: row for row in compare_runs(run, broken).signals}
+    assert np.isnan(one["load.load_x"].max_abs)
+    assert one["load.load_y"].max_abs == np.inf
+    assert not judge(broken, broken).passed, "not a number keeps no limit of the plants"
+
+
+def test_what_differs_in_scenarios_and_designs_is_named(short: Scenario) -> None:
+    def changed(**update: object) -> Run:
+        return replace(run, scenario=short.model_copy(update=update))
+
+    run = simulate_run(short, plant="analytic")
+    assert differing_fields(run, run) == ()
+    assert differing_fields(run, changed(duration=1.0)) == ("duration: 0.5 and 1.0",)
+    heavier = short.rig.model_copy(update={"load_mass": 2.0})
+    assert differing_fields(run, changed(rig=heavier)) == ("rig.load_mass: 1.0 and 2.0",)
+    fewer = differing_fields(run, changed(disturbances=short.disturbances[:1]))
+    assert "disturbances.1.joint: beta and nothing" in fewer
+    assert all(field.startswith("disturbances.1.") for field in fewer)
+    gain = run.design.gain * np.array([1.0, 1.0, 1.0, 2.0])
+    retuned = replace(run, design=replace(run.design, gain=gain))
+    assert differing_fields(run, retuned) == (f"controller.gain.3: {gain[3] / 2} and {gain[3]}",)

@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl.cli import exit_codes
 from cranectl.cli.options import json_option
+from cranectl.errors import InputError
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
@@ -13,18 +15,74 @@ if TYPE_CHECKING:
 
 @click.command("compare")
 @click.argument("logs", metavar="LOG [LOG]", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--tolerances",
+    metavar="NAME",
+    help="exact, rounding or a TOML file: judge the first LOG, NEW, by the second, GOLDEN; exit code 1 if a "
+    "limit is exceeded.",
+)
+@click.option(
+    "--merge",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Write two LOGs of different plants as one log of both.",
+)
+@click.option(
+    "--despite-differences",
+    is_flag=True,
+    help="With --merge: of different scenarios or versions too; the log then describes the analytic run's "
+    "scenario and the installed versions.",
+)
 @json_option
-def compare_command(logs: tuple[Path, ...], json_file: str | None) -> None:
+def compare_command(
+    logs: tuple[Path, ...],
+    tolerances: str | None,
+    merge: Path | None,
+    despite_differences: bool,
+    json_file: str | None,
+) -> int:
     """Compare the two plants of one LOG, or the same plants of two LOGs.
+
+    The difference is second minus first, but NEW minus GOLDEN with --tolerances, which judges every plant
+    that both have. docs/validation.md says what a file of tolerances holds.
 
     \b
     cranectl compare logs/fixed-position/lqr-ideal.mcap
     cranectl compare logs/fixed-position/lqr-ideal.mcap logs/fixed-position/lqr-velocity.mcap
+    cranectl compare logs/fixed-position/lqr-ideal.mcap golden.mcap --tolerances exact
+    cranectl compare analytic.mcap mujoco.mcap --merge both.mcap
     """
+    _check_usage(logs, tolerances, merge, despite_differences)
+    if tolerances is not None:
+        return _judge(logs[0], logs[1], tolerances, json_file)
+    if merge is not None:
+        _compare([_merged(logs[0], logs[1], merge, despite_differences)], json_file, merge)
+    else:
+        _compare(_pairs(logs), json_file, None)
+    return exit_codes.GOOD
+
+
+def _check_usage(
+    logs: tuple[Path, ...], tolerances: str | None, merge: Path | None, despite_differences: bool
+) -> None:
+    if len(logs) > 2:
+        raise InputError(f"{len(logs)} logs", allowed="one log or two", remedy="compare them two by two")
+    if tolerances is not None and merge is not None:
+        raise InputError("--tolerances and --merge", allowed="one of the two", remedy="leave one out")
+    if len(logs) == 1 and (tolerances is not None or merge is not None):
+        option, two = (
+            ("--tolerances", "NEW and GOLDEN") if merge is None else ("--merge", "one of each plant")
+        )
+        raise InputError(f"{option} and one log", allowed=f"two logs, {two}", remedy="name a second log")
+    if despite_differences and merge is None:
+        raise InputError("--despite-differences without --merge", remedy="leave it out, or name --merge FILE")
+
+
+def _compare(pairs: list[tuple["Run", "Run"]], json_file: str | None, merged: Path | None) -> None:
     from cranectl.cli.output import comparison_table, console, write_json
     from cranectl.compare import compare_runs
 
-    comparisons = [compare_runs(a, b) for a, b in _pairs(logs)]
+    comparisons = [compare_runs(a, b) for a, b in pairs]
     screen = console(json_file)
     for comparison in comparisons:
         screen.print(comparison_table(comparison))
@@ -36,16 +94,83 @@ def compare_command(logs: tuple[Path, ...], json_file: str | None) -> None:
         )
         if not comparison.same_length:
             screen.print("[yellow]the runs did not end at the same time[/]")
+    if merged is not None:
+        screen.print(f"log: {merged}", soft_wrap=True, markup=False)
     write_json(json_file, {"comparisons": [comparison.to_json() for comparison in comparisons]})
+
+
+def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:
+    from rich.markup import escape
+
+    from cranectl.cli.compare_output import regression_table
+    from cranectl.cli.output import FAILED, PASSED, console, write_json
+    from cranectl.compare import differing_fields
+    from cranectl.log import read_log
+    from cranectl.regression import judge_regression, load_tolerances
+
+    limits = load_tolerances(tolerances)
+    new, golden = read_log(new_log), read_log(golden_log)
+    shared = [plant for plant in new if plant in golden]
+    if not shared:
+        raise _nothing_shared()
+    verdicts = [judge_regression(new[plant], golden[plant], limits) for plant in shared]
+    differences = differing_fields(golden[shared[0]], new[shared[0]])
+    passed = all(verdict.passed for verdict in verdicts)
+    screen = console(json_file)
+    for verdict in verdicts:
+        screen.print(
+            regression_table(verdict, f"{verdict.plant}, {verdict.samples} samples: new minus golden")
+        )
+    for plant in sorted(new.keys() ^ golden.keys()):
+        only = new_log if plant in new else golden_log
+        screen.print(f"not compared: {plant}, only in {only}", soft_wrap=True, markup=False)
+    for difference in differences:
+        screen.print(f"golden and new differ in {difference}", soft_wrap=True, markup=False)
+    screen.print(f"{escape(new_log.name)}: {PASSED if passed else FAILED}", soft_wrap=True)
+    write_json(
+        json_file,
+        {
+            "passed": passed,
+            "differing_fields": differences,
+            "verdicts": [verdict.to_json() for verdict in verdicts],
+        },
+    )
+    return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED
+
+
+def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
+    """Write the merged log; the pair that is in it."""
+    from cranectl.cli.places import refuse_overwriting
+    from cranectl.compare import differing_fields
+    from cranectl.log import check_writable, describe_log, read_log, write_log
+    from cranectl.log.streams import versions
+    from cranectl.merge import merged_pair, refuse_differences, version_differences
+
+    refuse_overwriting((a_log, b_log), out, "--merge")
+    check_writable(out)
+    runs = [list(read_log(log).values()) for log in (a_log, b_log)]
+    for log, held in zip((a_log, b_log), runs, strict=True):
+        if len(held) != 1:
+            raise InputError(
+                f"{log} holds the runs of both plants",
+                allowed="logs of one plant each",
+                remedy="use it as it is",
+            )
+    pair = merged_pair(runs[0][0], runs[1][0])
+    descriptions = [describe_log(log) for log in (a_log, b_log)]
+    if not despite_differences:
+        refuse_differences("the runs of analytic and mujoco differ in", differing_fields(*pair))
+        for description in descriptions:
+            different = version_differences(description.versions, versions())
+            refuse_differences(f"{description.path} and this installation differ in", different)
+    write_log(out, pair, every=descriptions[0].every)
+    return pair
 
 
 def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:
     """The runs to compare: the plants of one log, or each plant that two logs share."""
-    from cranectl.errors import InputError
     from cranectl.log import read_log
 
-    if len(logs) > 2:
-        raise InputError(f"{len(logs)} logs", allowed="one log or two", remedy="compare them two by two")
     runs = [read_log(log) for log in logs]
     if len(runs) == 1:
         plants = list(runs[0].values())
@@ -61,4 +186,8 @@ def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:
         return [(runs[0][plant], runs[1][plant]) for plant in shared]
     if len(runs[0]) == len(runs[1]) == 1:
         return [(next(iter(runs[0].values())), next(iter(runs[1].values())))]
-    raise InputError("the logs share no plant", allowed="logs of the same plant")
+    raise _nothing_shared()
+
+
+def _nothing_shared() -> InputError:
+    return InputError("the logs share no plant", allowed="logs of the same plant")

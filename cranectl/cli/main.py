@@ -13,6 +13,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.compare import compare_command
 from cranectl.cli.design import design_command
+from cranectl.cli.export import export_command
 from cranectl.cli.info import info_command
 from cranectl.cli.layout import layout_command
 from cranectl.cli.list import list_command
@@ -54,6 +55,7 @@ for command in (
     thesis_command,
     report_command,
     layout_command,
+    export_command,
 ):
     cli.add_command(command)
 

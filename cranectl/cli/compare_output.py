@@ -1,0 +1,35 @@
+"""The table of `cranectl compare --tolerances`."""
+
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from cranectl.cli.output import FAILED, PASSED
+from cranectl.regression import RegressionVerdict
+
+
+def regression_table(verdict: RegressionVerdict, title: str) -> Table:
+    """One row a signal, then how the runs ended."""
+    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=0)
+    for heading in ("signal", "unit"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("max |diff|", "at [s]", "limit"):
+        table.add_column(escape(heading), justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for row in verdict.signals:
+        cells = (f"{row.max_abs:.1e}", f"{row.at_s:.3f}", f"{row.limit:.1e}", _verdict(row.passed))
+        table.add_row(row.signal, row.unit, *cells)
+    apart, limit = f"{verdict.ends_apart_s:.1e}", f"{verdict.ends_apart_limit_s:.1e}"
+    table.add_row("ends apart", "s", apart, "", limit, _verdict(verdict.ends_passed))
+    table.add_row(_status(verdict), "", "", "", "", _verdict(verdict.same_status))
+    return table
+
+
+def _status(verdict: RegressionVerdict) -> str:
+    if verdict.same_status:
+        return f"both {verdict.status}"
+    return f"{verdict.status}, was {verdict.golden_status}"
+
+
+def _verdict(passed: bool) -> str:
+    return PASSED if passed else FAILED

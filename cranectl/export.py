@@ -1,0 +1,220 @@
+"""Runs as one table for other tools: CSV, Parquet, MATLAB. Everything as recorded.
+
+One row a sample time, one column a signal, named PLANT.GROUP.SIGNAL, and the reference's, which both plants
+share, as reference.SIGNAL. SI units and radians, time in seconds.
+"""
+
+import csv
+import importlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.errors import InputError, unknown_name
+from cranectl.files import check_replaceable, replacing
+from cranectl.patterns import matching, unmatched
+from cranectl.scenario import NANOSECONDS
+from cranectl.signals import REFERENCE, Signal
+from cranectl.simulate import Run
+
+Array = NDArray[np.float64]
+
+# In place of scipy's, which has the date: the same run gives the same bytes. 116 bytes by the format.
+MAT_HEADER = b"MATLAB 5.0 MAT-file, written by cranectl".ljust(116)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One signal on the table's grid of times."""
+
+    name: str
+    unit: str
+    description: str
+    values: Array  # (N,), NaN where missing
+    missing: NDArray[np.bool_]  # (N,), where the run has no sample
+
+
+@dataclass(frozen=True)
+class ExportTable:
+    """What is exported, whatever the format."""
+
+    time: Array  # (N,) [s]
+    columns: tuple[Column, ...]
+    info: dict[str, str | float]
+
+
+def export_table(runs: Sequence[Run], patterns: Sequence[str] = ()) -> ExportTable:
+    """The signals that any of `patterns` matches, all by default, at every time that any run has.
+
+    Where a run has no sample, after its end above all, its signals are missing. Raises InputError for a
+    pattern that matches nothing.
+    """
+    time_ns = np.unique(np.concatenate([run.time_ns for run in runs]))
+    columns = {column.name: column for column in (*_recorded(runs, time_ns), *_reference(runs, time_ns))}
+    chosen: set[str] = set()
+    for pattern in patterns or ("*",):
+        found = matching(pattern, columns)
+        if not found:
+            raise unmatched(pattern, columns)
+        chosen.update(found)
+    return ExportTable(
+        time=time_ns / NANOSECONDS,
+        columns=tuple(column for name, column in columns.items() if name in chosen),
+        info=_info(runs),
+    )
+
+
+def chosen_format(name: str | None, out: Path | None) -> str:
+    """The format `name` or, without it, the one that the ending of `out` says; csv without either.
+
+    Raises InputError if there is no such format.
+    """
+    if name is not None:
+        if name not in FORMATS:
+            raise unknown_name("format", name, FORMATS)
+        return name
+    if out is None:
+        return "csv"
+    ending = out.suffix.removeprefix(".").lower()
+    if ending not in FORMATS:
+        raise InputError(
+            f"the ending of {out} names no format",
+            allowed=", ".join(f".{name}" for name in FORMATS),
+            remedy="choose such an ending, or say --format",
+        )
+    return ending
+
+
+def check_export(path: Path, file_format: str) -> None:
+    """Raise InputError now if `path` cannot be written or the library of the format is missing."""
+    if file_format == "parquet":
+        _pyarrow("pyarrow")
+    try:
+        check_replaceable(path)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        raise _unwritable(path, error) from None
+
+
+def write_table(table: ExportTable, path: Path, file_format: str) -> None:
+    """Write `table` to `path`, whole or not at all; raises InputError if that cannot be done."""
+    try:
+        with replacing(path) as part:
+            FORMATS[file_format](table, part)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+
+
+def _recorded(runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
+    for run in runs:
+        rows = np.searchsorted(time_ns, run.time_ns)
+        signals = [(f"{run.plant}.{group.name}", s) for group in run.groups for s in group.signals]
+        for (prefix, signal), values in zip(signals, run.table.T, strict=True):
+            yield _column(prefix, signal, len(time_ns), rows, values)
+
+
+def _reference(runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
+    times = np.concatenate([run.time_ns for run in runs])
+    values = np.concatenate([run.reference for run in runs])
+    # A log may lack the reference of the last sample of the run that stopped first: read as NaN.
+    known = np.flatnonzero(~np.isnan(values).any(axis=1))
+    rows, first = np.unique(np.searchsorted(time_ns, times[known]), return_index=True)
+    for signal, column in zip(REFERENCE.signals, values[known[first]].T, strict=True):
+        yield _column("reference", signal, len(time_ns), rows, column)
+
+
+def _column(prefix: str, signal: Signal, length: int, rows: NDArray[np.intp], values: Array) -> Column:
+    on_grid, missing = np.full(length, np.nan), np.ones(length, dtype=np.bool_)
+    on_grid[rows], missing[rows] = values, False
+    return Column(f"{prefix}.{signal.name}", signal.unit, signal.description, on_grid, missing)
+
+
+def _info(runs: Sequence[Run]) -> dict[str, str | float]:
+    first = runs[0]
+    info: dict[str, str | float] = {
+        "scenario": first.scenario.name,
+        "controller": first.design.name,
+        "drive": first.drive,
+    }
+    for run in runs:
+        info[f"{run.plant}_status"] = run.status.label
+        info[f"{run.plant}_end_s"] = run.end_ns / NANOSECONDS
+    return info
+
+
+def _write_csv(table: ExportTable, path: Path) -> None:
+    """Python writes a float as the shortest digits that give the same float again; missing is empty."""
+    cells = [table.time.tolist()]
+    for column in table.columns:
+        values: list[Any] = column.values.tolist()
+        for row in np.flatnonzero(column.missing).tolist():
+            values[row] = None
+        cells.append(values)
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(["time", *(column.name for column in table.columns)])
+        writer.writerows(zip(*cells, strict=True))
+
+
+def _write_parquet(table: ExportTable, path: Path) -> None:
+    """Units and descriptions are metadata of the columns, scenario and outcome of the table."""
+    arrow = _pyarrow("pyarrow")
+    fields = [arrow.field("time", arrow.float64(), metadata={"unit": "s", "description": "simulation time"})]
+    arrays = [arrow.array(table.time)]
+    for column in table.columns:
+        metadata = {"unit": column.unit, "description": column.description}
+        fields.append(arrow.field(column.name, arrow.float64(), metadata=metadata))
+        arrays.append(arrow.array(column.values, mask=column.missing))
+    schema = arrow.schema(fields, metadata={name: str(value) for name, value in table.info.items()})
+    _pyarrow("pyarrow.parquet").write_table(arrow.Table.from_arrays(arrays, schema=schema), path)
+
+
+def _write_mat(table: ExportTable, path: Path) -> None:
+    """A struct for each plant with one for each group, the same again with units, and `info`."""
+    from scipy.io import savemat
+
+    variables: dict[str, Any] = {"time": table.time}
+    units: dict[str, Any] = {"time": "s"}
+    for column in table.columns:
+        _put(variables, column.name, column.values)
+        _put(units, column.name, column.unit)
+    with path.open("w+b") as stream:
+        savemat(stream, {**variables, "units": units, "info": table.info}, oned_as="column")
+        stream.seek(0)
+        stream.write(MAT_HEADER)
+
+
+def _put(tree: dict[str, Any], name: str, value: Any) -> None:
+    *branches, leaf = name.split(".")
+    for branch in branches:
+        tree = tree.setdefault(branch, {})
+    tree[leaf] = value
+
+
+def _pyarrow(module: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise InputError(
+            "Parquet needs the package pyarrow, which is not installed",
+            allowed="csv and mat without it",
+            remedy="install it with pip install 'cranectl[parquet]', or choose another --format",
+        ) from None
+
+
+def _unwritable(path: Path, error: Exception) -> InputError:
+    return InputError(
+        f"cannot write {path}: {error}",
+        allowed="a file in a directory that can be written, on a disk with space",
+        remedy="choose another place with --out",
+    )
+
+
+FORMATS: dict[str, Callable[[ExportTable, Path], None]] = {
+    "csv": _write_csv,
+    "parquet": _write_parquet,
+    "mat": _write_mat,
+}

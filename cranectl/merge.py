@@ -1,0 +1,79 @@
+"""Two runs of different plants as the pair that one log holds; the caller reads and writes files."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cranectl.errors import InputError
+from cranectl.plants.interface import PLANTS
+from cranectl.simulate import Run
+
+SHOWN = 10  # differences in an error message
+
+
+class _AsLogged(Run):
+    """A run read from a log: already thinned, so that writing it again leaves no sample out."""
+
+    def every(self, n: int) -> "_AsLogged":  # noqa: ARG002
+        return self
+
+
+def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
+    """Two logged runs in the order of a log of both plants, to be written at the rate that they have.
+
+    Raises InputError if one log cannot hold both: it has one controller, drive, reference and rate.
+    """
+    if a.plant == b.plant:
+        raise InputError(
+            f"both logs hold the run of {a.plant}",
+            allowed=f"one log each of {' and '.join(PLANTS)}",
+            remedy="compare them without --merge",
+        )
+    for what, found in (
+        ("controllers", (a.design.name, b.design.name)),
+        ("drives", (a.drive, b.drive)),
+        ("numbers of robustifier states", (a.design.robustifier.order, b.design.robustifier.order)),
+    ):
+        if found[0] != found[1]:
+            raise _apart(a, b, f"different {what}, {found[0]} and {found[1]}")
+    if not np.intersect1d(a.time_ns, b.time_ns).size:
+        raise _apart(a, b, "no samples in common")
+    common = min(len(a.time_ns), len(b.time_ns)) - 1  # the last sample is logged whenever it is
+    if not np.array_equal(a.time_ns[:common], b.time_ns[:common]):
+        raise _apart(a, b, "different times of their samples")
+    if not np.array_equal(a.reference[:common], b.reference[:common]):
+        raise _apart(a, b, "different references")
+    first, second = sorted(
+        (_AsLogged(**vars(run)) for run in (a, b)), key=lambda run: PLANTS.index(run.plant)
+    )
+    return first, second
+
+
+def version_differences(written: Mapping[str, str], installed: Mapping[str, str]) -> tuple[str, ...]:
+    """What wrote a log and is not what would write the merged one: `mujoco: 4.0.0 and 4.1.0`."""
+    return tuple(
+        f"{name}: {written.get(name, 'nothing')} and {version}"
+        for name, version in installed.items()
+        if written.get(name) != version
+    )
+
+
+def refuse_differences(what: str, differences: Sequence[str]) -> None:
+    """Raise InputError if there are any: a merged log would tell them of one run only."""
+    if differences:
+        more = len(differences) - SHOWN
+        shown = [*differences[:SHOWN], *([f"and {more} more"] if more > 0 else [])]
+        raise InputError(
+            f"{what}: {'; '.join(shown)}",
+            allowed="two runs of the same scenario, by the versions that are installed",
+            remedy="run one of them again, or merge with --despite-differences: the log then describes the "
+            f"{PLANTS[0]} run's scenario and the versions that are installed",
+        )
+
+
+def _apart(a: Run, b: Run, what: str) -> InputError:
+    return InputError(
+        f"the runs of {a.plant} and {b.plant} have {what}",
+        allowed="runs of the same scenario, controller and drive, logged at the same rate",
+        remedy="run one of them again",
+    )

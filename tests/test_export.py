@@ -1,0 +1,323 @@
+"""Exports, read back by others' readers: the run bit for bit, the same bytes each time, and honest errors."""
+
+import csv
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from numpy.typing import NDArray
+from scipy.io import loadmat
+
+from cranectl.cli.main import main
+from cranectl.errors import InputError
+from cranectl.export import FORMATS, chosen_format, export_table, write_table
+from cranectl.log import read_log, write_log
+from cranectl.patterns import matching
+from cranectl.plants.interface import PLANTS
+from cranectl.scenario import Scenario
+from cranectl.signals import REFERENCE, recorded_groups
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import ROOT
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(autouse=True)
+def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def runs(short: Scenario) -> list[Run]:
+    return [simulate_run(short, plant=plant, controller="lqr+hinf") for plant in PLANTS]
+
+
+@pytest.fixture
+def log(runs: list[Run]) -> Path:
+    return write_log("pair.mcap", runs)
+
+
+def until(run: Run, samples: int) -> Run:
+    return replace(
+        run,
+        time_ns=run.time_ns[:samples],
+        table=run.table[:samples],
+        reference=run.reference[:samples],
+        end_ns=int(run.time_ns[samples - 1]),
+    )
+
+
+def read_csv(path: Path) -> dict[str, Array]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        header, *rows = csv.reader(stream)
+    return {
+        name: np.array([float(cell) if cell else np.nan for cell in column])
+        for name, column in zip(header, zip(*rows, strict=True), strict=True)
+    }
+
+
+def read_parquet(path: Path) -> dict[str, Array]:
+    table = pyarrow.parquet.read_table(path)
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def read_mat(path: Path) -> dict[str, Array]:
+    content = loadmat(path, simplify_cells=True)
+    tree = {name: content[name] for name in ("time", *PLANTS, "reference")}
+    return dict(flattened("", tree))
+
+
+def flattened(prefix: str, node: Any) -> list[tuple[str, Any]]:
+    if not isinstance(node, dict):
+        return [(prefix, node)]
+    return [
+        leaf for key, value in node.items() for leaf in flattened(f"{prefix}.{key}" if prefix else key, value)
+    ]
+
+
+READERS = {"csv": read_csv, "parquet": read_parquet, "mat": read_mat}
+
+
+def expected_columns(runs: list[Run]) -> dict[str, Array]:
+    columns = {"time": runs[0].time}
+    for run in runs:
+        for group in run.groups:
+            for name in group.names:
+                columns[f"{run.plant}.{group.name}.{name}"] = run.signal(f"{group.name}.{name}")
+    for name, values in zip(REFERENCE.names, runs[0].reference.T, strict=True):
+        columns[f"reference.{name}"] = values
+    return columns
+
+
+@pytest.mark.parametrize("file_format", FORMATS)
+def test_read_back_bit_for_bit(log: Path, file_format: str) -> None:
+    assert main(["export", str(log), "--format", file_format]) == 0
+    found = READERS[file_format](Path(f"pair.{file_format}"))
+    expected = expected_columns(list(read_log(log).values()))
+    assert list(found) == list(expected)
+    assert len(found["time"]) == 126
+    for name, values in expected.items():
+        assert found[name].dtype == np.float64
+        assert found[name].tobytes() == values.tobytes(), name
+
+
+@pytest.mark.parametrize("file_format", FORMATS)
+def test_the_same_bytes_on_another_day(
+    runs: list[Run], file_format: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = export_table(runs)
+    write_table(table, Path("a"), file_format)
+    asked = []
+    monkeypatch.setattr("time.asctime", lambda *_: asked.append(1) or "Sat Jan  1 00:00:00 2000")
+    monkeypatch.setattr("time.time", lambda: 946684800.0)
+    write_table(table, Path("b"), file_format)
+    assert Path("a").read_bytes() == Path("b").read_bytes()
+    assert bool(asked) == (file_format == "mat"), "scipy no longer asks for the date: leave its header alone"
+
+
+def test_parquet_says_what_its_columns_are(log: Path) -> None:
+    assert main(["export", str(log), "--out", "a.parquet"]) == 0
+    schema = pyarrow.parquet.read_schema("a.parquet")
+    metadata = {key.decode(): value.decode() for key, value in schema.metadata.items()}
+    assert metadata == {
+        "scenario": "fixed-position",
+        "controller": "lqr+hinf",
+        "drive": "ideal",
+        "analytic_status": "completed",
+        "analytic_end_s": "0.5",
+        "mujoco_status": "completed",
+        "mujoco_end_s": "0.5",
+    }
+    tension = schema.field("mujoco.load.rope_tension").metadata
+    assert tension == {b"unit": b"N", b"description": b"positive when the rope pulls"}
+    assert schema.field("time").metadata[b"unit"] == b"s"
+    assert schema.field("analytic.input.rope_acceleration").metadata[b"unit"].decode() == "m/s²"
+
+
+def test_mat_has_units_and_info_and_names_that_matlab_takes(log: Path, runs: list[Run]) -> None:
+    assert main(["export", str(log), "--out", "a.mat"]) == 0
+    content = loadmat("a.mat", simplify_cells=True)
+    assert content["__header__"].startswith(b"MATLAB 5.0 MAT-file")
+    units = dict(flattened("", content["units"]))
+    assert list(units) == list(expected_columns(runs))
+    assert units["mujoco.input.rope_acceleration"] == "m/s²"
+    assert units["time"] == "s"
+    assert content["info"] == {
+        "scenario": "fixed-position", "controller": "lqr+hinf", "drive": "ideal",
+        "analytic_status": "completed", "analytic_end_s": 0.5,
+        "mujoco_status": "completed", "mujoco_end_s": 0.5,
+    }  # fmt: skip
+    assert loadmat("a.mat")["time"].shape == (126, 1), "MATLAB's signals are columns"
+    for name in {part for path in (*units, *content["info"]) for part in path.split(".")}:
+        assert re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name), name
+
+
+@pytest.mark.parametrize("file_format", FORMATS)
+def test_a_plant_that_stopped_has_no_values_afterwards(runs: list[Run], file_format: str) -> None:
+    pair = [until(runs[0], 201).every(4), until(runs[1], 302).every(4)]
+    path = Path("a")
+    write_table(export_table(pair), path, file_format)
+    found = READERS[file_format](path)
+    assert np.array_equal(found["time"], pair[1].time)
+    alpha = found["analytic.state.alpha"]
+    assert alpha[:51].tobytes() == pair[0].signal("state.alpha").tobytes()
+    assert np.isnan(alpha[51:]).all()
+    assert len(alpha) == 77
+    assert found["mujoco.state.alpha"].tobytes() == pair[1].signal("state.alpha").tobytes()
+    assert found["reference.load_z"].tobytes() == pair[1].reference[:, 2].tobytes()
+
+
+def test_a_last_sample_between_the_others_has_a_row_of_its_own(runs: list[Run]) -> None:
+    pair = [until(runs[0], 203).every(4), runs[1].every(4)]
+    table = export_table(pair)
+    row = int(np.searchsorted(table.time, 0.202))
+    assert table.time[row] == 0.202
+    columns = {column.name: column for column in table.columns}
+    assert columns["analytic.load.load_x"].values[row] == pair[0].signal("load.load_x")[-1]
+    assert columns["mujoco.load.load_x"].missing[row]
+    assert not columns["mujoco.load.load_x"].missing[row + 1]
+    assert columns["reference.load_x"].values[row] == pair[0].reference[-1, 0]
+
+
+def test_a_reference_that_the_log_lacks_is_missing(runs: list[Run]) -> None:
+    pair = [until(runs[0], 203).every(4), runs[1].every(4)]
+    lacking = pair[0].reference.copy()
+    lacking[[10, -1]] = np.nan
+    (column,) = export_table([replace(pair[0], reference=lacking), pair[1]], ["reference.load_y"]).columns
+    assert np.flatnonzero(column.missing).tolist() == [51], "the other run has the other"
+    assert column.values[10] == runs[1].reference[40, 1]
+
+
+def test_missing_is_told_from_not_a_number(runs: list[Run]) -> None:
+    table = runs[0].table[:2].copy()
+    table[1, 6] = np.nan
+    pair = [replace(until(runs[0], 2), table=table), until(runs[1], 3)]
+    exported = export_table(pair, ["analytic.state.alpha"])
+    write_table(exported, Path("a.csv"), "csv")
+    assert [line.split(",")[1] for line in Path("a.csv").read_text().splitlines()[2:]] == ["nan", ""]
+    write_table(exported, Path("a.parquet"), "parquet")
+    column = pyarrow.parquet.read_table("a.parquet")["analytic.state.alpha"]
+    assert column.is_null().to_pylist() == [False, False, True]
+
+
+def test_a_run_without_samples_leaves_the_names(runs: list[Run]) -> None:
+    empty = replace(
+        runs[0], time_ns=runs[0].time_ns[:0], table=runs[0].table[:0], reference=runs[0].reference[:0]
+    )
+    for file_format in FORMATS:
+        write_table(export_table([empty]), Path(f"a.{file_format}"), file_format)
+    assert len(Path("a.csv").read_text().splitlines()) == 1
+    assert pyarrow.parquet.read_table("a.parquet").num_rows == 0
+    assert loadmat("a.mat")["time"].size == 0
+
+
+def test_signals_are_chosen_in_the_order_of_the_log(log: Path) -> None:
+    patterns = ["--signals", "reference.load_x", "--signals", "*.state.alpha", "--signals", "mujoco.state.*"]
+    assert main(["export", str(log), *patterns]) == 0
+    state = [f"mujoco.state.{name}" for name in recorded_groups(0)[0].names]
+    assert list(read_csv(Path("pair.csv"))) == ["time", "analytic.state.alpha", *state, "reference.load_x"]
+
+
+def test_a_pattern_that_matches_nothing_lists_near_names(runs: list[Run]) -> None:
+    with pytest.raises(InputError, match=r"no signal matches 'mujoco.state.alfa'") as caught:
+        export_table(runs, ["*", "mujoco.state.alfa"])
+    assert "did you mean 'mujoco.state.alpha'?" in str(caught.value)
+    with pytest.raises(InputError, match=r"did you mean 'analytic.load.\*'"):
+        export_table(runs[:1], ["analytc.load.*"])
+
+
+@pytest.mark.parametrize(
+    ("name", "out", "expected"),
+    [
+        (None, None, "csv"),
+        (None, "a.mat", "mat"),
+        (None, "a.b.PARQUET", "parquet"),
+        ("mat", None, "mat"),
+        ("csv", "a.txt", "csv"),
+    ],
+)
+def test_the_format_is_named_or_the_ending(name: str | None, out: str | None, expected: str) -> None:
+    assert chosen_format(name, Path(out) if out else None) == expected
+
+
+def test_every_unit_is_documented() -> None:
+    """The table of docs/export.md, first match as it says, against the table of signals."""
+    text = (ROOT / "docs" / "export.md").read_text(encoding="utf-8")
+    units = {}
+    for signal in REFERENCE.signals:
+        units[f"reference.{signal.name}"] = signal.unit
+    for group in recorded_groups(2):
+        units |= {f"mujoco.{group.name}.{signal.name}": signal.unit for signal in group.signals}
+    rows = re.findall(r"^\| (.*) \| (\S+) \|$", text, re.MULTILINE)
+    documented = [(re.findall(r"`(.*?)`", patterns), unit) for patterns, unit in rows]
+    documented = [(patterns, unit) for patterns, unit in documented if unit in {"1", *units.values()}]
+    assert len(documented) == 10
+    for name, unit in units.items():
+        first = next(
+            unit for patterns, unit in documented if any(matching(p, [name]) for p in patterns or "*")
+        )
+        assert first == unit, name
+
+
+def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(["export", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+    return captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--format", "parqet"], "did you mean 'parquet'?"),
+        (["--out", "a.xlsx"], "allowed: .csv, .parquet, .mat"),
+        (["--out", "noending"], "--format"),
+        (["--out", "."], "names no format"),
+        (["--format", "csv", "--out", "."], "cannot write ."),
+        (["--out", "pair.mcap/a.csv"], "cannot write pair.mcap/a.csv"),
+        (["--format", "csv", "--out", "./pair.mcap"], "is the log that is read"),
+        (["--signals", "mujoco.stat.*"], "did you mean 'mujoco.state.*'?"),
+    ],
+)
+def test_bad_input_is_explained(
+    capsys: pytest.CaptureFixture[str], log: Path, arguments: list[str], expected: str
+) -> None:
+    before = log.read_bytes()
+    assert expected in bad_input(capsys, str(log), *arguments)
+    assert [path.name for path in Path().iterdir()] == ["pair.mcap"]
+    assert log.read_bytes() == before
+
+
+def test_unreadable_logs_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "cannot read absent.mcap" in bad_input(capsys, "absent.mcap")
+    Path("empty.mcap").write_bytes(b"")
+    assert "is empty" in bad_input(capsys, "empty.mcap")
+    assert not list(Path().glob("*.csv"))
+
+
+def test_parquet_without_pyarrow_says_how_to_get_it(
+    capsys: pytest.CaptureFixture[str], log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    error = bad_input(capsys, "absent.mcap", "--out", "a.parquet")
+    assert "pip install 'cranectl[parquet]'" in error, "told before the log is read"
+    assert main(["export", str(log), "--out", "a.mat"]) == 0
+
+
+def test_a_full_disk_leaves_what_was_there(runs: list[Run], monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: object, path: Path) -> None:
+        path.write_bytes(b"half")
+        raise OSError("No space left on device")
+
+    monkeypatch.setitem(FORMATS, "csv", full)
+    Path("a.csv").write_text("old")
+    with pytest.raises(InputError, match=r"cannot write a.csv: No space left"):
+        write_table(export_table(runs), Path("a.csv"), "csv")
+    assert [path.name for path in Path().iterdir()] == ["a.csv"]
+    assert Path("a.csv").read_text() == "old"
