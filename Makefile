@@ -2,9 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup validate test lint bench mutations package clean
+.PHONY: help setup validate test test-viewer lint bench mutations package clean
 help: ## list the targets
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
 setup: .venv/ready ## create .venv and install cranectl into it
 
@@ -19,7 +19,12 @@ validate: setup ## run every scenario with every controller on both plants and j
 	$(BIN)/cranectl validate
 
 test: setup ## run the tests
+	@tests/render/install
 	$(BIN)/python -m pytest
+
+test-viewer: setup ## open logs in a real viewer, read them with other parsers
+	@viewer/install $(BIN)
+	$(BIN)/python -m pytest -n 0 viewer
 
 lint: setup ## format, style, types, import directions
 	$(BIN)/ruff format --check .
@@ -41,5 +46,5 @@ package: setup ## build the wheel, install it into an empty environment, validat
 	cd build/package/work && ../venv/bin/cranectl validate fixed-position slack-rope
 
 clean: ## remove the environment and everything generated
-	rm -rf .venv logs build dist .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv viewer/node_modules viewer/failures logs build dist .mypy_cache .ruff_cache .pytest_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

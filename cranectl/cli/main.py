@@ -17,6 +17,9 @@ from cranectl.cli.export import export_command
 from cranectl.cli.info import info_command
 from cranectl.cli.layout import layout_command
 from cranectl.cli.list import list_command
+from cranectl.cli.live import live_command
+from cranectl.cli.recover import recover_command
+from cranectl.cli.render import render_command
 from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
 from cranectl.cli.thesis import thesis_command
@@ -31,6 +34,7 @@ model and a MuJoCo model of the rig. Every run is an MCAP log that opens in Foxg
 \b
   cranectl list                              what there is to run
   cranectl run settled-trajectory            run it on both plants and compare
+  cranectl live fixed-position               watch it and steer it in Foxglove
   cranectl validate                          run everything, judge, exit 1 if a limit is exceeded
 
 \b
@@ -56,6 +60,9 @@ for command in (
     report_command,
     layout_command,
     export_command,
+    live_command,
+    render_command,
+    recover_command,
 ):
     cli.add_command(command)
 

@@ -64,12 +64,14 @@ def _finite(data: Any) -> Any:
 
 
 @contextmanager
-def progress_bar(total: float) -> Iterator[tuple[Callable[[float], None], Callable[[str], None]]]:
+def progress_bar(
+    total: float, *, done: str = "simulated"
+) -> Iterator[tuple[Callable[[float], None], Callable[[str], None]]]:
     """A bar on standard error, over simulated seconds; yields (advance, describe). Silent if no terminal."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f} s simulated"),
+        TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} s {done}"),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:

@@ -1,12 +1,13 @@
 """The registry of controllers, FEEDBACK or FEEDBACK+ROBUSTIFIER, and the one way to design them."""
 
 import functools
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cranectl.design.record import NO_ROBUSTIFIER, Design, Robustifier
-from cranectl.errors import unknown_name
+from cranectl.errors import InputError, unknown_name
 from cranectl.scenario import DesignSettings
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 FEEDBACKS = ("pole-placement", "lqr")
 ROBUSTIFIERS = ("hinf", "loop-shaping")
+BY_HAND = ", gains by hand"  # follows the name of a design whose gains were changed
 CONTROLLERS = tuple(
     f"{feedback}{suffix}" for feedback in FEEDBACKS for suffix in ("", *(f"+{r}" for r in ROBUSTIFIERS))
 )
@@ -40,6 +42,28 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
     gain = gains[feedback_name](settings)
     robustifier, gamma, achieved = _robustifier(robustifier_name, gain, settings)
     return _record(name, gain, robustifier, gamma, achieved)
+
+
+def with_gain(design: Design, gain: np.ndarray) -> Design:
+    """`design` with another state feedback (4,) and the same robustifier, its poles and margins anew.
+
+    Raises InputError if the loop of an axis is unstable.
+    """
+    import control
+
+    from cranectl.design.loop import closed_loop_poles, open_loop
+
+    r = design.robustifier
+    robustifier = control.ss(r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), r.d)
+    fastest = closed_loop_poles(open_loop(gain, robustifier)).real.max()
+    if not fastest < 0.0:
+        raise InputError(
+            f"unstable with the gains {', '.join(f'{k:g}' for k in gain)}: a pole at {fastest:.3g} 1/s",
+            allowed="gains that put all poles of the closed loop to the left",
+            remedy="change k3, k2, k1, k0 in this order when raising them, or all at once",
+        )
+    name = f"{design.name.removesuffix(BY_HAND)}{BY_HAND}"
+    return replace(_record(name, gain, robustifier, None, None), robustifier=r)
 
 
 def _robustifier(

@@ -1,135 +1,142 @@
-"""Read logs back to NumPy, bit for bit what was written."""
+"""Read logs back to NumPy, bit for bit what was written, or say what is wrong with them."""
 
-import json
-import struct
-from collections import defaultdict
+import contextlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.reader import McapReader, make_reader
 from numpy.typing import NDArray
 
-from cranectl.design import Design
-from cranectl.errors import InputError, LogError
-from cranectl.log import schema, topics
-from cranectl.plants.interface import PLANTS
-from cranectl.scenario import Scenario
-from cranectl.settings import parse_settings
-from cranectl.signals import REFERENCE, recorded_groups
-from cranectl.simulate import Run, checked_drive
-from cranectl.status import RunStatus
+from cranectl.errors import LogError, nearest_first, unknown_name
+from cranectl.log.assemble import (
+    Block,
+    assembled,
+    channels_of,
+    check_group,
+    check_samples,
+    decoded,
+    signal_names,
+)
+from cranectl.log.container import (
+    Summary,
+    open_container,
+    read_attachments,
+    read_columns,
+    read_metadata,
+)
+from cranectl.log.header import LogHeader, parse_header
+from cranectl.log.records import MAGIC, PIECE, DamageError
+from cranectl.log.schema import row_layout
+from cranectl.scenario import NANOSECONDS
+from cranectl.simulate import Run
 
-# (times [ns], messages) of a topic.
-Stream = tuple[list[int], list[bytes]]
+Array = NDArray[np.float64]
+
+NEAREST = 8  # names told of a log's 200 where one is unknown
+ALLOWED = "closed logs that cranectl wrote"
 
 
 def read_log(path: str | Path) -> dict[str, Run]:
     """The runs in a log by plant, at the logged rate.
 
-    Raises LogError if the file is missing, empty, truncated, foreign, or of another format version.
+    Raises LogError if the file is missing, empty, truncated, damaged, foreign, or of another format version.
     """
-    path = Path(path)
-    try:
-        with path.open("rb") as stream:
-            return _read(path, stream)
-    except OSError as error:
-        raise LogError(f"cannot read {path}: {error}", remedy="name a log that cranectl wrote") from None
-    except (McapError, struct.error, EOFError) as error:
-        raise _damaged(path, error) from None
-    except (KeyError, TypeError, ValueError) as error:
-        raise LogError(
-            f"{path} is not a log this version understands: {error}",
-            allowed=f"logs of cranectl, format {topics.FORMAT_VERSION}",
-            remedy="write the log again with this version",
-        ) from None
+    with opened(path) as stream:
+        summary, header = _checked(path, stream)
+        names = {topic: group.names for topic, group in header.groups().items()}
+        blocks = _blocks(stream, summary, names, all_chunks=True)
+        return {plant: assembled(header, plant, blocks, header.outcome(plant)) for plant in header.plants}
 
 
-def _read(path: Path, stream: BinaryIO) -> dict[str, Run]:
-    reader = make_reader(stream, validate_crcs=True)
-    metadata = {record.name: record.metadata for record in reader.iter_metadata()}
-    if "cranectl" not in metadata:
-        raise LogError(f"{path} is an MCAP file, but not of cranectl", allowed="logs that cranectl wrote")
-    version = metadata["cranectl"]["format"]
-    if version != topics.FORMAT_VERSION:
-        raise LogError(
-            f"{path} has log format {version}",
-            allowed=f"format {topics.FORMAT_VERSION}",
-            remedy="write the log again, or read it with the version of cranectl that wrote it",
-        )
-    attachments = {a.name: a.data for a in reader.iter_attachments()}
-    try:
-        scenario = parse_settings(Scenario, _json(attachments, "scenario.json"), str(path))
-    except InputError as error:
-        raise LogError(error.found, allowed=error.allowed, remedy="write the log again") from None
-    design = Design.from_json(_json(attachments, "design.json"))
-    streams = _streams(reader)
-    runs = {}
-    for plant in metadata["cranectl"]["plants"].split(","):
-        if plant not in PLANTS:
-            raise ValueError(f"unknown plant {plant}")
-        model = attachments.get(f"{plant}.xml", attachments.get(f"{plant}.txt", b"")).decode()
-        runs[plant] = _run(metadata, streams, scenario, design, plant, model)
-    return runs
+def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
+    """Time [s] and values of one signal of a log, each (N,), by the name that viewers give it.
+
+    `mujoco/state.alpha`, `reference/load.load_x`, `diff/load.load_x`. Only the messages of its topic are
+    taken apart. Raises InputError for a name that the log does not have, and LogError as `read_log` does.
+    """
+    topic, _, field = f"/{name.removeprefix('/')}".rpartition(".")
+    with opened(path) as stream:
+        summary, header = _checked(path, stream)
+        known = _signals(summary)
+        if field not in known.get(topic, ()):
+            names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
+            raise unknown_name("signal", name, nearest_first(name, names)[:NEAREST])
+        block = _blocks(stream, summary, {topic: known[topic]}, all_chunks=False)[topic]
+        plant = topic.split("/")[1]
+        if plant in header.plants:
+            check_samples(topic, block, header.outcome(plant))
+        return block.time_ns / NANOSECONDS, block.values[:, known[topic].index(field)].copy()
 
 
-def _json(attachments: dict[str, bytes], name: str) -> dict[str, Any]:
-    data = json.loads(attachments[name])
-    if not isinstance(data, dict):
-        raise TypeError(f"{name} is no table")
-    return data
+@contextlib.contextmanager
+def opened(path: str | Path, *, remedy: str = "") -> Iterator[BinaryIO]:
+    """The file at `path`; every mishap with it becomes a LogError."""
+    with contextlib.ExitStack() as stack:
+        try:
+            stream = stack.enter_context(Path(path).open("rb", buffering=PIECE))
+        except (OSError, ValueError) as error:  # ValueError: a null character in the name
+            raise _unreadable(path, error) from None
+        try:
+            yield stream
+        except (OSError, MemoryError) as error:
+            raise _unreadable(path, error) from None
+        except DamageError as error:
+            remedy = remedy or _recover(path)
+            raise LogError(f"{path} is damaged: {error}", allowed=ALLOWED, remedy=remedy) from None
 
 
-def _streams(reader: McapReader) -> dict[str, Stream]:
-    streams: dict[str, Stream] = defaultdict(lambda: ([], []))
-    for _, channel, message in reader.iter_messages(log_time_order=False):
-        times, data = streams[channel.topic]
-        times.append(message.log_time)
-        data.append(message.data)
-    return streams
+def check_begin(path: str | Path, stream: BinaryIO) -> None:
+    """Raise LogError for a file that does not begin as an MCAP file."""
+    begin = stream.read(len(MAGIC))
+    if not begin:
+        raise LogError(f"{path} is empty", allowed=ALLOWED, remedy="run the scenario again")
+    if not MAGIC.startswith(begin):
+        raise LogError(f"{path} is no MCAP file", allowed=ALLOWED, remedy="name a log that cranectl wrote")
 
 
-def _run(
-    metadata: dict[str, dict[str, str]],
-    streams: dict[str, Stream],
-    scenario: Scenario,
-    design: Design,
-    plant: str,
-    model: str,
-) -> Run:
-    outcome = metadata[f"run/{plant}"]
-    samples = int(outcome["samples"])
-    groups = recorded_groups(design.robustifier.sampled_order)
-    columns = []
-    time_ns: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-    for group in groups:
-        times, messages = streams[topics.plant_topic(plant, group.name)]
-        if len(messages) != samples:
-            raise ValueError(f"{len(messages)} of {samples} samples of {plant}/{group.name}")
-        time_ns = np.array(times, dtype=np.int64)
-        columns.append(schema.decode_rows(messages, len(group)))
-    times, messages = streams[topics.REFERENCE_LOAD]
-    chosen = np.isin(np.array(times, dtype=np.int64), time_ns)
-    return Run(
-        scenario=scenario,
-        design=design,
-        plant=plant,
-        drive=checked_drive(metadata["cranectl"]["drive"]),
-        model=model,
-        time_ns=time_ns,
-        table=np.hstack(columns),
-        reference=schema.decode_rows(messages, len(REFERENCE))[chosen],
-        status=RunStatus[outcome["status"].upper().replace("-", "_")],
-        end_ns=int(outcome["end_ns"]),
-    )
+def _checked(path: str | Path, stream: BinaryIO) -> tuple[Summary, LogHeader]:
+    """The summary and header of a log; all is checked but the messages."""
+    check_begin(path, stream)
+    size = stream.seek(0, 2)
+    stream.seek(max(size - len(MAGIC), 0))
+    if size == len(MAGIC) or stream.read() != MAGIC:
+        found = f"{path} is truncated: it does not end as a closed log does"
+        raise LogError(found, allowed=ALLOWED, remedy=_recover(path))
+    summary = open_container(stream)
+    attachments = {name: a.data for name, a in read_attachments(stream, summary).items()}
+    header = parse_header(str(path), read_metadata(stream, summary), attachments)
+    groups = header.groups()
+    for topic, channel in channels_of(summary.channels.values(), groups).items():
+        check_group(channel, summary.schemas[channel.schema_id], groups[topic])
+    return summary, header
 
 
-def _damaged(path: Path, error: Exception) -> LogError:
-    empty = path.stat().st_size == 0
-    what = "is empty" if empty else f"is truncated or no MCAP file ({type(error).__name__})"
-    return LogError(
-        f"{path} {what}",
-        allowed="closed logs that cranectl wrote",
-        remedy="run the scenario again",
-    )
+def _blocks(
+    stream: BinaryIO, summary: Summary, names: Mapping[str, tuple[str, ...]], *, all_chunks: bool
+) -> dict[str, Block]:
+    """The signals of the topics in `names`, by topic."""
+    channels = channels_of(summary.channels.values(), names)
+    widths = {channel.id: row_layout(len(names[topic])).itemsize for topic, channel in channels.items()}
+    columns = read_columns(stream, summary, widths, all_chunks=all_chunks)
+    found = {topic: Block.empty(len(fields)) for topic, fields in names.items()}
+    for topic, channel in channels.items():
+        found[topic] = decoded(topic, columns.pop(channel.id), len(names[topic]))
+    return found
+
+
+def _signals(summary: Summary) -> dict[str, tuple[str, ...]]:
+    """The names of all signals in a log, by topic."""
+    found = {}
+    for channel in summary.channels.values():
+        with contextlib.suppress(DamageError):  # of another kind
+            found[channel.topic] = signal_names(channel, summary.schemas[channel.schema_id])
+    return found
+
+
+def _unreadable(path: str | Path, error: Exception) -> LogError:
+    return LogError(f"cannot read {path}: {error}", allowed=ALLOWED, remedy="name a log that cranectl wrote")
+
+
+def _recover(path: str | Path) -> str:
+    return f"run the scenario again, or save what is whole with: cranectl recover {path}"

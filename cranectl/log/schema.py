@@ -31,6 +31,7 @@ STATUS_FIELDS: dict[str, type[IntEnum] | None] = {
 _FIXED64 = 1  # protobuf wire type of a double
 
 
+@functools.cache
 def group_schema(group: SignalGroup) -> bytes:
     """FileDescriptorSet of a signal group."""
     file, message = _new_file(group.schema)
@@ -59,9 +60,12 @@ def signal_names(definition: bytes, name: str) -> tuple[str, ...]:
     for number, field in enumerate(found[0].field, start=1):
         if (field.number, field.type, field.label) != (number, Field.TYPE_DOUBLE, Field.LABEL_OPTIONAL):
             raise ValueError(f"{name} is no row of signals: its field {field.name}")
+        if not isinstance(field.name, str):  # protobuf hands out what is no UTF-8 as bytes
+            raise ValueError(f"{name} has a field without a proper name")
     return tuple(field.name for field in found[0].field)
 
 
+@functools.cache
 def row_layout(n_signals: int) -> np.dtype[Any]:
     """Byte layout of one message: for each field its tag, then the double."""
     fields: list[Any] = []
@@ -136,12 +140,21 @@ def text_schema(name: str, fields: tuple[str, ...]) -> bytes:
 
 def encode(schema: bytes, name: str, values: dict[str, Any]) -> bytes:
     """One message of type `name`, the slow general way."""
+    return bytes(_message_type(schema, name)(**values).SerializeToString(deterministic=True))
+
+
+def decode(schema: bytes, name: str, data: bytes) -> dict[str, Any]:
+    """The fields of one message, as `encode` takes them."""
+    message = _message_type(schema, name).FromString(data)
+    return {field.name: value for field, value in message.ListFields()}
+
+
+def _message_type(schema: bytes, name: str) -> type[Message]:
     files = descriptor_pb2.FileDescriptorSet.FromString(schema)
     pool = descriptor_pool.DescriptorPool()
     pool.Add(files.file[0])
-    descriptor = pool.FindMessageTypeByName(f"{PACKAGE}.{name}")
-    message: Message = message_factory.GetMessageClass(descriptor)(**values)
-    return bytes(message.SerializeToString(deterministic=True))
+    found: type[Message] = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{PACKAGE}.{name}"))
+    return found
 
 
 def _new_file(

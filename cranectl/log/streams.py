@@ -4,15 +4,16 @@ import functools
 import importlib.metadata
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
 from numpy.typing import NDArray
 
 from cranectl.compare import compare_runs, judge
+from cranectl.design import Design
 from cranectl.log import schema, topics
-from cranectl.log.events import events, standings
+from cranectl.log.events import Event, Standing, events, standings
 from cranectl.log.scene import scene_streams
 from cranectl.log.stream import Stream
 from cranectl.scenario import NANOSECONDS
@@ -24,17 +25,25 @@ VERSIONED = ("cranectl", "mujoco", "numpy", "scipy", "numba", "control", "ctrlsy
 
 def streams(runs: Sequence[Run]) -> list[Stream]:
     """Every topic of a log of one run or a pair; at equal times earlier streams come first in the file."""
+    found = [run_info(runs), design_info(runs[0].design)]
+    found.append(log_lines(event for run in runs for event in events(run)))
+    found += [status(run.plant, standings(run)) for run in runs]
+    found += samples(runs)
+    if len(runs) == 2 and (differing := differences(*runs)):
+        found += [*differing, _text(topics.VERDICT, "Verdict", _verdict(*runs))]
+    return found + scene_streams(runs)
+
+
+def samples(runs: Sequence[Run]) -> list[Stream]:
+    """The reference, and all signals of the runs."""
     longest = max(runs, key=lambda run: len(run.time_ns))
-    found = [_run_info(runs), _design(runs[0]), _events(runs)]
-    found += [_status(run) for run in runs]
-    found.append(_signals(topics.REFERENCE_LOAD, REFERENCE, longest.time_ns, longest.reference))
+    found = [_signals(topics.REFERENCE_LOAD, REFERENCE, longest.time_ns, longest.reference)]
     for run in runs:
         found += [
             _signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
             for group in run.groups
         ]
-    found += _differences(*runs) if len(runs) == 2 else []
-    return found + scene_streams(runs)
+    return found
 
 
 @functools.cache
@@ -57,8 +66,8 @@ def _signals(
     )
 
 
-def _differences(a: Run, b: Run) -> list[Stream]:
-    """Sample by sample over the common times, and the verdict."""
+def differences(a: Run, b: Run) -> list[Stream]:
+    """Sample by sample over the common times; nothing where there are none."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     if not len(time_ns):
         return []
@@ -71,7 +80,7 @@ def _differences(a: Run, b: Run) -> list[Stream]:
         for group in topics.DIFFERENCE_GROUPS
     ]
     found.append(_signals(topics.difference_topic(topics.DISTANCE.name), topics.DISTANCE, time_ns, distances))
-    return [*found, _text(topics.VERDICT, "Verdict", _verdict(a, b))]
+    return found
 
 
 def _verdict(a: Run, b: Run) -> dict[str, str]:
@@ -88,9 +97,9 @@ def _verdict(a: Run, b: Run) -> dict[str, str]:
     return values
 
 
-def _status(run: Run) -> Stream:
+def status(plant: str, found: Sequence[Standing]) -> Stream:
+    """How the run of `plant` stands."""
     definition = schema.status_schema()
-    found = standings(run)
     messages = [
         schema.encode(
             definition,
@@ -105,11 +114,12 @@ def _status(run: Run) -> Stream:
         for standing in found
     ]
     time_ns = np.array([standing.time_ns for standing in found], dtype=np.int64)
-    return Stream(topics.status_topic(run.plant), f"{schema.PACKAGE}.Status", definition, time_ns, messages)
+    return Stream(topics.status_topic(plant), f"{schema.PACKAGE}.Status", definition, time_ns, messages)
 
 
-def _events(runs: Sequence[Run]) -> Stream:
-    found = sorted((event for run in runs for event in events(run)), key=lambda event: event.time_ns)
+def log_lines(unordered: Iterable[Event]) -> Stream:
+    """Events as text, in the order of time."""
+    found = sorted(unordered, key=lambda event: event.time_ns)
     messages = [
         Log(
             timestamp=Timestamp(*divmod(event.time_ns, NANOSECONDS)),
@@ -124,7 +134,8 @@ def _events(runs: Sequence[Run]) -> Stream:
     return Stream(topics.LOG, definition.name, definition.data, time_ns, messages)
 
 
-def _run_info(runs: Sequence[Run]) -> Stream:
+def run_info(runs: Sequence[Run]) -> Stream:
+    """What is run, and how the runs stand."""
     first = runs[0]
     values = {
         "scenario": first.scenario.name,
@@ -138,8 +149,9 @@ def _run_info(runs: Sequence[Run]) -> Stream:
     return _text(topics.RUN_INFO, "RunInfo", values)
 
 
-def _design(run: Run) -> Stream:
-    values = {name: json.dumps(value) for name, value in run.design.to_json().items()}
+def design_info(design: Design) -> Stream:
+    """Gains, poles, margins."""
+    values = {name: json.dumps(value) for name, value in design.to_json().items()}
     return _text(topics.DESIGN, "Design", values)
 
 

@@ -1,5 +1,7 @@
 """Which signal group goes to which topic."""
 
+import functools
+
 from cranectl.signals import LOAD, STATE, Signal, SignalGroup
 
 # Bump when topics or meanings change such that an older reader would misread.
@@ -46,6 +48,7 @@ def status_topic(plant: str) -> str:
     return f"/{plant}/status"
 
 
+@functools.cache
 def units(group: SignalGroup) -> dict[str, str]:
     """Channel metadata: what each field is and its unit."""
     return {signal.name: _unit(signal) for signal in group.signals}

@@ -5,21 +5,25 @@ simulation time, no wall clock goes in: the same runs give the same bytes.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import foxglove
 import numpy as np
 from foxglove.mcap import MCAPWriteOptions
-from mcap.reader import make_reader
+from mcap.records import Attachment
 
 from cranectl.errors import LogError
 from cranectl.files import check_replaceable, replacing
 from cranectl.log import topics
+from cranectl.log.container import open_container
+from cranectl.log.records import DamageError
 from cranectl.log.stream import Stream
 from cranectl.log.streams import streams, versions
 from cranectl.simulate import Run
+from cranectl.status import RunStatus
 
 # Small chunks: after a kill nearly everything can be salvaged, for 0.2 % more size.
 CHUNK_SIZE = 64 * 1024
@@ -42,29 +46,48 @@ def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None
     path = Path(path)
     check_writable(path)
     every = every or runs[0].scenario.log.every
-    try:
-        with replacing(path) as part:
-            _write(part, [run.every(every) for run in runs], every)
-    except (OSError, RuntimeError) as error:
-        raise _unwritable(path, error) from None
+    logged = [run.every(every) for run in runs]
+    write_container(path, _metadata(logged, every), _attachments(logged), streams(logged))
     return path
 
 
-def _write(part: Path, runs: Sequence[Run], every: int) -> None:
+def write_container(
+    path: Path,
+    metadata: Mapping[str, Mapping[str, str]],
+    attachments: Sequence[Attachment],
+    sent: Sequence[Stream],
+) -> None:
+    """Write an MCAP file, whole or not at all; raises LogError.
+
+    Metadata and attachments come first: without them the messages of a file that is cut off mean nothing.
+    """
     # The writer's channels die with the context: it must stay referenced until the file is closed.
     context = foxglove.Context()
     options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
-    with foxglove.open_mcap(part, allow_overwrite=True, context=context, writer_options=options) as file:
-        _write_header(file, runs, every)
-        sent = _send_in_order(context, streams(runs))
-    _check_complete(part, sent)
+    try:
+        with replacing(path) as part:
+            with foxglove.open_mcap(
+                part, allow_overwrite=True, context=context, writer_options=options
+            ) as file:
+                for name, values in metadata.items():
+                    file.write_metadata(name, dict(values))
+                for attachment in attachments:
+                    file.attach(**asdict(attachment))
+                count = _send_in_order(context, sent)
+            _check_complete(part, count)
+    except (OSError, RuntimeError, DamageError) as error:
+        raise _unwritable(path, error) from None
 
 
-def _write_header(file: foxglove.MCAPWriter, runs: Sequence[Run], every: int) -> None:
+def run_metadata(status: RunStatus, end_ns: int, samples: int) -> dict[str, str]:
+    """The metadata `run/PLANT`: how a run ended."""
+    return {"status": status.label, "end_ns": str(end_ns), "samples": str(samples)}
+
+
+def _metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     first = runs[0]
-    file.write_metadata(
-        "cranectl",
-        {
+    return {
+        "cranectl": {
             "format": topics.FORMAT_VERSION,
             "scenario": first.scenario.name,
             "controller": first.design.name,
@@ -72,26 +95,33 @@ def _write_header(file: foxglove.MCAPWriter, runs: Sequence[Run], every: int) ->
             "plants": ",".join(run.plant for run in runs),
             "every": str(every),
         },
-    )
-    file.write_metadata("versions", versions())
-    for run in runs:
-        status = {"status": run.status.label, "end_ns": str(run.end_ns)}
-        file.write_metadata(f"run/{run.plant}", {**status, "samples": str(len(run.time_ns))})
-    _attach_json(file, "scenario.json", first.scenario.model_dump(mode="json"))
-    _attach_json(file, "parameters.json", first.scenario.rig.model_dump(mode="json"))
-    _attach_json(file, "design.json", first.design.to_json())
-    for run in runs:
-        is_xml = run.model.startswith("<")
-        name = f"{run.plant}.{'xml' if is_xml else 'txt'}"
-        _attach(file, name, "application/xml" if is_xml else "text/plain", run.model)
+        "versions": versions(),
+        **{f"run/{run.plant}": run_metadata(run.status, run.end_ns, len(run.time_ns)) for run in runs},
+    }
 
 
-def _attach_json(file: foxglove.MCAPWriter, name: str, data: dict[str, Any]) -> None:
-    _attach(file, name, "application/json", json.dumps(data, indent=2, ensure_ascii=False))
+def _attachments(runs: Sequence[Run]) -> list[Attachment]:
+    first = runs[0]
+    return [
+        _json("scenario.json", first.scenario.model_dump(mode="json")),
+        _json("parameters.json", first.scenario.rig.model_dump(mode="json")),
+        _json("design.json", first.design.to_json()),
+        *(_model(run) for run in runs),
+    ]
 
 
-def _attach(file: foxglove.MCAPWriter, name: str, media_type: str, text: str) -> None:
-    file.attach(log_time=0, create_time=0, name=name, media_type=media_type, data=text.encode())
+def _model(run: Run) -> Attachment:
+    if run.model.startswith("<"):
+        return _text(f"{run.plant}.xml", "application/xml", run.model)
+    return _text(f"{run.plant}.txt", "text/plain", run.model)
+
+
+def _json(name: str, data: dict[str, Any]) -> Attachment:
+    return _text(name, "application/json", json.dumps(data, indent=2, ensure_ascii=False))
+
+
+def _text(name: str, media_type: str, text: str) -> Attachment:
+    return Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=text.encode())
 
 
 def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
@@ -120,9 +150,7 @@ def _channel(context: foxglove.Context, stream: Stream) -> foxglove.Channel:
 def _check_complete(path: Path, sent: int) -> None:
     """The writer drops messages rather than fail: count what has arrived."""
     with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    statistics = summary.statistics if summary is not None else None
-    written = statistics.message_count if statistics is not None else 0
+        written = open_container(stream).statistics.message_count
     if written != sent:
         raise OSError(f"only {written} of {sent} messages were written")
 

@@ -13,18 +13,8 @@ import matplotlib
 from cycler import cycler
 from matplotlib.figure import Figure
 
-# Role: (light, dark). Series are told apart by people with colour-vision deficiencies, and by lightness.
-COLOURS = {
-    "ink": ("#1b1f24", "#e8ebee"),
-    "muted": ("#5b6470", "#a3adb8"),
-    "grid": ("#dde1e6", "#363d47"),
-    "reference": ("#7b838d", "#98a2ae"),
-    "limit": ("#c02a2a", "#ff7d7d"),
-    "series-1": ("#1d63ad", "#6fb2f7"),
-    "series-2": ("#cf5d06", "#ffa15a"),
-    "series-3": ("#0c7d59", "#48d3a3"),
-    "series-4": ("#9b3586", "#e892d5"),
-}
+from cranectl.colours import COLOURS
+
 SERIES = tuple(role for role in COLOURS if role.startswith("series"))
 STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(COLOURS)}
 

@@ -3,5 +3,15 @@
 from cranectl.simulate.plan import Plan, plan_scenario
 from cranectl.simulate.run import Run
 from cranectl.simulate.runner import checked_drive, make_plant, simulate_run, tracker_of
+from cranectl.simulate.session import Session
 
-__all__ = ["Plan", "Run", "checked_drive", "make_plant", "plan_scenario", "simulate_run", "tracker_of"]
+__all__ = [
+    "Plan",
+    "Run",
+    "Session",
+    "checked_drive",
+    "make_plant",
+    "plan_scenario",
+    "simulate_run",
+    "tracker_of",
+]

@@ -50,7 +50,7 @@ def simulate_run(
     record = np.zeros((len(plan.time_ns), BASE_WIDTH + 3 * design.robustifier.sampled_order))
     memory = initial_memory(tracker, start, plan.reference[0])
     loop = (compiled_loop if compiled else python_loop)(crane)
-    sampling = _sampling(scenario, tracker, plan, crane.drive)
+    sampling = sampling_of(scenario, tracker, plan, crane.drive)
     rows, last, status = _run_blocks(loop, sampling, record, memory, plan, progress)
     return Run(
         scenario=scenario,
@@ -98,7 +98,8 @@ def checked_drive(name: str) -> Drive:
     raise unknown_name("drive", name, DRIVES)
 
 
-def _sampling(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) -> Sampling:
+def sampling_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) -> Sampling:
+    """What a loop needs to run `plan` from its first row to its last."""
     return Sampling(
         tracker=tracker,
         reference=plan.reference,

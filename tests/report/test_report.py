@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
+from cranectl.colours import COLOURS
 from cranectl.report.log_report import log_page
 from cranectl.report.page import Cell, Figure, Page, Section, Table, render
 from cranectl.report.run_figures import FAMILIES, Curve, family_svg, largest_difference
-from cranectl.report.theme import COLOURS, STAND_IN
+from cranectl.report.theme import STAND_IN
 from cranectl.report.verdicts import agreement, verdict
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run

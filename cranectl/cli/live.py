@@ -1,0 +1,109 @@
+"""`cranectl live`."""
+
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+
+import click
+
+from cranectl.cli import exit_codes
+from cranectl.cli.options import drive_option, scenario_options
+
+HERE = ("127.0.0.1", "localhost", "::1")
+
+
+@click.command("live")
+@click.argument("scenario")
+@click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+@click.option("--plant", default="both", show_default=True, metavar="NAME", help="analytic, mujoco or both.")
+@drive_option(default="ideal")
+@click.option("--speed", type=float, default=1.0, show_default=True, metavar="X", help="Times real time.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=int, default=8765, show_default=True, help="Port to listen on; 0: any free one.")
+@click.option(
+    "--record",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Log of the session. Default: logs/SCENARIO/live.mcap",
+)
+@scenario_options
+def live_command(
+    scenario: str,
+    controller: str | None,
+    plant: str,
+    drive: str,
+    speed: float,
+    host: str,
+    port: int,
+    record: Path | None,
+    rig: Path | None,
+    overrides: tuple[str, ...],
+) -> int:
+    """Run SCENARIO in real time, to be watched and steered in Foxglove, until Ctrl-C.
+
+    Its parameters and services there: pause, speed, controller, gains; kick the load, reset.
+
+    \b
+    cranectl live settled-trajectory
+    cranectl live fixed-position --controller lqr+hinf --plant mujoco --drive velocity
+    cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
+    """
+    from cranectl.cases import LOG_DIRECTORY
+    from cranectl.design import design_controller
+    from cranectl.errors import unknown_name
+    from cranectl.log.desk import Address
+    from cranectl.log.live import LiveServer
+    from cranectl.plants.interface import PLANTS
+    from cranectl.scenario import load_scenario
+    from cranectl.simulate import Session, checked_drive
+    from cranectl.simulate.controls import Controls
+
+    if plant not in (*PLANTS, "both"):
+        raise unknown_name("plant", plant, (*PLANTS, "both"))
+    loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    design = design_controller(controller or loaded.controller, loaded.design)
+    controls = Controls(loaded, design, speed=speed)
+    plants = PLANTS if plant == "both" else (plant,)
+    session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
+    place = record or LOG_DIRECTORY / loaded.name / "live.mcap"
+    with _until_ended() as stop:
+        server = LiveServer(session, controls, Address(host, port), place)
+        if host not in HERE:
+            click.echo(
+                f"cranectl: warning: listening on {host}: anyone who reaches port {server.port} there can "
+                "watch this run and steer it; nothing is encrypted, nobody is asked for a password",
+                err=True,
+            )
+        address = f"[{host}]" if ":" in host else host
+        layout = "comparison view.json" if len(plants) == 2 else f"single view.json --plant {plant}"
+        click.echo(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
+        click.echo(f"view: Foxglove, Open connection, ws://{address}:{server.port}")
+        click.echo(f"layout: cranectl layout {layout}, to be imported there")
+        click.echo("steer: panels Parameters and Service Call")
+        click.echo(f"log: {place}; Ctrl-C ends the session and closes it")
+        server.serve(stop)
+    for path in server.recorded or ("nothing recorded",):
+        click.echo(f"recorded: {path}")
+    return exit_codes.GOOD
+
+
+@contextlib.contextmanager
+def _until_ended() -> Iterator[threading.Event]:
+    """An event that Ctrl-C and SIGTERM set, instead of stopping in the middle of a block; once."""
+    stop = threading.Event()
+
+    def end(_signal: int, _frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, end) for number in signals]
+    try:
+        yield stop
+    finally:
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)

@@ -1,0 +1,64 @@
+"""`cranectl render`."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli import exit_codes
+
+
+@click.command("render")
+@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("out", metavar="OUT.mp4|.gif|.png", type=click.Path(path_type=Path))
+@click.option(
+    "--time",
+    type=float,
+    metavar="S",
+    help="Moment of a .png [s]. Default: when the load is farthest from its reference.",
+)
+@click.option(
+    "--size",
+    metavar="WxH",
+    help="Pixels. Default: 960x720, .gif 480x360; with --plots 1440x720, .gif 900x450.",
+)
+@click.option("--fps", type=float, metavar="N", help="Pictures per second. Default: 25, .gif 10.")
+@click.option("--speed", type=float, metavar="X", help="Simulated seconds per second. Default: 1, real time.")
+@click.option(
+    "--camera", default="overview", show_default=True, metavar="NAME", help="overview, side or top."
+)
+@click.option("--plots", is_flag=True, help="Error, angles, tension and distance of the plants beside it.")
+def render_command(
+    log: Path,
+    out: Path,
+    time: float | None,
+    size: str | None,
+    fps: float | None,
+    speed: float | None,
+    camera: str,
+    plots: bool,
+) -> int:
+    """Draw LOG as a video, or one moment of it as a picture; needs no screen.
+
+    Of a log of both plants, MuJoCo's crane is solid and the analytic one a blue ghost around it. The rope is
+    orange-red while it pulls with less than 15 % of the load's weight.
+
+    \b
+    cranectl render logs/fixed-position/lqr-ideal.mcap run.mp4 --plots
+    cranectl render logs/fixed-position/lqr-ideal.mcap run.gif --speed 5
+    cranectl render logs/fixed-position/lqr-ideal.mcap run.png --time 7 --camera top --size 1600x1200
+    """
+    from cranectl.cli.output import console, progress_bar
+    from cranectl.cli.places import refuse_overwriting
+    from cranectl.log import read_log
+    from cranectl.render.draw import draw_runs
+    from cranectl.render.settings import render_settings
+
+    settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
+    refuse_overwriting([log], out, "OUT")
+    runs = read_log(log)
+    with progress_bar(max(run.end_ns for run in runs.values()) / 1e9, done="drawn") as (advance, describe):
+        describe(out.name)
+        shown = draw_runs(runs, settings, progress=advance)
+    what = f"picture at {shown:g} s" if settings.still else f"video of {shown:g} s"
+    console(None).print(f"{what}: {out}", soft_wrap=True, markup=False)
+    return exit_codes.GOOD

@@ -1,0 +1,23 @@
+"""The colours of figures, reports and pictures."""
+
+# Role: (light, dark). Series are told apart by people with colour-vision deficiencies, and by lightness.
+COLOURS = {
+    "ink": ("#1b1f24", "#e8ebee"),
+    "muted": ("#5b6470", "#a3adb8"),
+    "grid": ("#dde1e6", "#363d47"),
+    "reference": ("#7b838d", "#98a2ae"),
+    "limit": ("#c02a2a", "#ff7d7d"),
+    "series-1": ("#1d63ad", "#6fb2f7"),
+    "series-2": ("#cf5d06", "#ffa15a"),
+    "series-3": ("#0c7d59", "#48d3a3"),
+    "series-4": ("#9b3586", "#e892d5"),
+}
+LIGHT = {role: pair[0] for role, pair in COLOURS.items()}
+PLANTS = {"analytic": LIGHT["series-1"], "mujoco": LIGHT["series-2"]}
+SLACK_ROPE = "#ff400d"
+
+
+def rgb(colour: str) -> tuple[float, float, float]:
+    """`#rrggbb` as parts of 0 to 1."""
+    red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
+    return red, green, blue

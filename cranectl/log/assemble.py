@@ -1,0 +1,114 @@
+"""From channels and their messages to blocks of signals, and from blocks to runs."""
+
+from collections.abc import Container, Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from mcap.records import Channel, Schema
+from numpy.typing import NDArray
+
+from cranectl.log import schema, topics
+from cranectl.log.chunks import Column
+from cranectl.log.header import LogHeader, Outcome
+from cranectl.log.records import DamageError
+from cranectl.signals import SignalGroup, recorded_groups
+from cranectl.simulate import Run
+
+MAX_DEFINITION = 2**16  # [bytes] of the type of a row of signals; the longest have about 1000
+
+
+class Block(NamedTuple):
+    """All samples of one topic of signals."""
+
+    time_ns: NDArray[np.int64]  # (N,)
+    values: NDArray[np.float64]  # (N, signals)
+
+    @classmethod
+    def empty(cls, n_signals: int) -> "Block":
+        """Of a topic that never got a message."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, n_signals)))
+
+
+def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
+    """The signals of a channel, from its type; raises DamageError if it does not carry rows of signals."""
+    if {channel.message_encoding, definition.encoding} != {"protobuf"}:
+        raise DamageError(f"{channel.topic} is not protobuf")
+    if len(definition.data) > MAX_DEFINITION:
+        raise DamageError(f"the type of {channel.topic} takes {len(definition.data)} bytes")
+    try:
+        return schema.signal_names(definition.data, definition.name)
+    except ValueError as error:
+        raise DamageError(f"the type of {channel.topic} is not what it should be: {error}") from None
+
+
+def check_group(channel: Channel, definition: Schema, group: SignalGroup) -> None:
+    """Raise DamageError unless a channel carries the signals of `group`, in their order and units."""
+    names = signal_names(channel, definition)
+    if names != group.names:
+        raise DamageError(f"{channel.topic} has the signals {', '.join(names)[:200]} instead of its own")
+    for signal in group.signals:
+        said = channel.metadata.get(signal.name, "")
+        if f"[{signal.unit}]" not in said:
+            raise DamageError(
+                f"{channel.topic} has {signal.name} as '{said[:100]}' instead of [{signal.unit}]"
+            )
+
+
+def channels_of(channels: Iterable[Channel], wanted: Container[str]) -> dict[str, Channel]:
+    """The channel of each of the topics `wanted` that has one; raises DamageError if one has several."""
+    found: dict[str, Channel] = {}
+    for channel in channels:
+        if channel.topic in wanted and found.setdefault(channel.topic, channel) is not channel:
+            raise DamageError(f"{channel.topic} has several channels")
+    return found
+
+
+def decoded(topic: str, column: Column, n_signals: int) -> Block:
+    """The signals in the messages of a topic; raises DamageError for other messages."""
+    if (np.diff(column.time_ns) <= 0).any():
+        raise DamageError(f"the times of {topic} do not increase")
+    try:
+        return Block(column.time_ns, schema.decode_table(column.messages, n_signals))
+    except ValueError as error:
+        raise DamageError(f"a message of {topic} is not what it should be: {error}") from None
+
+
+def check_samples(topic: str, block: Block, outcome: Outcome) -> None:
+    """Raise DamageError unless a topic has all samples of a run that ended so, and none beyond its end."""
+    if len(block.time_ns) != outcome.samples:
+        raise DamageError(f"{len(block.time_ns)} of {outcome.samples} samples of {topic[1:]}")
+    if outcome.samples and not 0 <= block.time_ns[0] <= block.time_ns[-1] <= outcome.end_ns:
+        raise DamageError(
+            f"the samples of {topic[1:]} do not lie between 0 and the end at {outcome.end_ns} ns"
+        )
+
+
+def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcome: Outcome) -> Run:
+    """The run of `plant` from the blocks of its topics; raises DamageError if they do not fit together."""
+    groups = recorded_groups(header.design.robustifier.sampled_order)
+    own = [blocks[topics.plant_topic(plant, group.name)] for group in groups]
+    time_ns = own[0].time_ns
+    for group, block in zip(groups, own, strict=True):
+        check_samples(topics.plant_topic(plant, group.name), block, outcome)
+        if (block.time_ns != time_ns).any():
+            raise DamageError(f"{plant}/{group.name} has other times than {plant}/{groups[0].name}")
+    return Run(
+        scenario=header.scenario,
+        design=header.design,
+        plant=plant,
+        drive=header.drive,
+        model=header.models[plant],
+        time_ns=time_ns,
+        table=np.hstack([block.values for block in own]),
+        reference=_at(blocks[topics.REFERENCE_LOAD], time_ns),
+        status=outcome.status,
+        end_ns=outcome.end_ns,
+    )
+
+
+def _at(block: Block, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The rows of `block` at `time_ns`; NaN where it has none."""
+    rows = np.full((len(time_ns), block.values.shape[1]), np.nan)
+    _, here, there = np.intersect1d(time_ns, block.time_ns, assume_unique=True, return_indices=True)
+    rows[here] = block.values[there]
+    return rows

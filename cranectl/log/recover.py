@@ -1,0 +1,200 @@
+"""Make a readable log of a file that was cut off: killed with its process, or on a disk that went full."""
+
+import os
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cranectl.errors import LogError
+from cranectl.log import schema, topics
+from cranectl.log.assemble import Block, assembled, channels_of, check_group, decoded
+from cranectl.log.header import LogHeader, Outcome, parse_header
+from cranectl.log.reader import check_begin, opened
+from cranectl.log.salvage import Salvage, salvage
+from cranectl.log.schema import row_layout
+from cranectl.log.stream import Stream
+from cranectl.log.streams import streams, versions
+from cranectl.log.writer import check_writable, run_metadata, write_container
+from cranectl.scenario import NANOSECONDS
+from cranectl.simulate import Run
+from cranectl.status import RunStatus
+
+PART = re.compile(r"(.+)\.\d+\.part")  # how `files.replacing` calls an unfinished file
+
+
+@dataclass(frozen=True)
+class RecoveredRun:
+    """What was saved of one run."""
+
+    plant: str
+    status: str
+    end_s: float
+    samples: int
+    expected: int | None  # samples that the run had, where the file says so
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was saved of a file."""
+
+    source: str
+    log: str
+    messages: int  # found whole
+    size: int  # [bytes] of the source
+    lost: int  # [bytes] at its end
+    runs: tuple[RecoveredRun, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
+    """Write what is whole in `source`, a log that was never closed, to `out`; `source` stays as it is.
+
+    `out`: by default the place that the log should have had, which must be free. A run ends at the last
+    sample of which everything is there, interrupted unless that was its last. Raises LogError if nothing can
+    be saved or written.
+    """
+    source = Path(source)
+    place = _place(source, out)
+    with opened(source, remedy="run the scenario again") as stream:
+        check_begin(source, stream)
+        found = salvage(stream)
+        if not found.chunks:
+            raise _nothing(source)
+        attachments = {name: attachment.data for name, attachment in found.attachments.items()}
+        header = parse_header(str(source), found.metadata, attachments)
+        runs = _runs(header, found)
+    if not any(len(run.time_ns) for run in runs.values()):
+        raise _nothing(source)
+    lost = 0 if found.finished else found.size - found.stop
+    metadata = {**found.metadata, **{f"run/{plant}": _metadata(run) for plant, run in runs.items()}}
+    if lost:
+        metadata["recovered"] = {"source": source.name, "lost_bytes": str(lost)}
+    check_writable(place)
+    write_container(place, metadata, list(found.attachments.values()), _streams(header, found, runs))
+    return Recovery(
+        source=str(source),
+        log=str(place),
+        messages=found.count,
+        size=found.size,
+        lost=lost,
+        runs=tuple(_recovered(run, header.outcomes.get(plant)) for plant, run in runs.items()),
+    )
+
+
+def _nothing(source: Path) -> LogError:
+    return LogError(
+        f"{source} has no whole chunk of samples: nothing can be saved",
+        allowed="logs that were cut off after their first 64 KiB of messages",
+        remedy="run the scenario again",
+    )
+
+
+def _place(source: Path, out: str | Path | None) -> Path:
+    if out is None:
+        named = PART.fullmatch(source.name)
+        place = source.with_name(named[1] if named else f"{source.stem}.recovered.mcap")
+        if place.exists():
+            raise LogError(
+                f"{place} exists and may be whole",
+                allowed="a place that is free",
+                remedy="choose another place with --out",
+            )
+    else:
+        place = Path(out)
+    # The writer's own unfinished file would be `source` where process numbers come again, as in containers.
+    if source.absolute() in (
+        place.absolute(),
+        place.absolute().with_name(f"{place.name}.{os.getpid()}.part"),
+    ):
+        raise LogError(f"{source} would be overwritten", remedy="choose another place with --out")
+    return place
+
+
+def _runs(header: LogHeader, found: Salvage) -> dict[str, Run]:
+    """The runs, each cut to the samples that all its groups have."""
+    groups = header.groups()
+    channels = channels_of(found.channels.values(), groups)
+    blocks = {topic: Block.empty(len(group)) for topic, group in groups.items()}
+    for topic, channel in channels.items():
+        check_group(channel, found.schemas[channel.schema_id], groups[topic])
+        column = found.column(channel, row_layout(len(groups[topic])).itemsize)
+        blocks[topic] = decoded(topic, column, len(groups[topic]))
+    return {plant: _run(header, plant, blocks) for plant in header.plants}
+
+
+def _run(header: LogHeader, plant: str, blocks: Mapping[str, Block]) -> Run:
+    own = {topic: block for topic, block in blocks.items() if topic.startswith(f"/{plant}/")}
+    samples = min(len(block.time_ns) for block in own.values())
+    cut = {topic: Block(block.time_ns[:samples], block.values[:samples]) for topic, block in own.items()}
+    end_ns = max((int(block.time_ns[-1]) for block in cut.values() if samples), default=0)
+    said = header.outcomes.get(plant)
+    outcome = said if said and said.samples == samples else Outcome(RunStatus.INTERRUPTED, end_ns, samples)
+    return assembled(header, plant, {**blocks, **cut}, outcome)
+
+
+def _streams(header: LogHeader, found: Salvage, runs: Mapping[str, Run]) -> list[Stream]:
+    """The messages that were saved, with what they say of the outcome put right."""
+    signals = header.groups().keys() - {topics.REFERENCE_LOAD}
+    told = {topics.LOG, *(topics.status_topic(plant) for plant in runs)}
+    made = {stream.topic: _with_versions(stream, header) for stream in streams(list(runs.values()))}
+    saved = {stream.topic: _until(stream, runs) for stream in found.streams()}
+    ends = [run.end_ns for run in runs.values()]
+    for topic, stream in made.items():
+        if topic in {topics.RUN_INFO, topics.VERDICT} | signals or topic not in saved:
+            saved[topic] = stream
+        elif topic in told:
+            saved[topic] = _ended(saved[topic], stream, ends)
+    return sorted(saved.values(), key=lambda stream: [*made, stream.topic].index(stream.topic))
+
+
+def _until(stream: Stream, runs: Mapping[str, Run]) -> Stream:
+    """A stream to the end of its plant's run, or of the longest."""
+    ends = {f"/{plant}/": run.end_ns for plant, run in runs.items()}
+    end_ns = next(
+        (end for prefix, end in ends.items() if stream.topic.startswith(prefix)), max(ends.values())
+    )
+    kept = np.flatnonzero(stream.time_ns <= end_ns).tolist()
+    return replace(stream, time_ns=stream.time_ns[kept], messages=[stream.messages[k] for k in kept])
+
+
+def _ended(saved: Stream, made: Stream, ends: Collection[int]) -> Stream:
+    """What was told during the runs, and what is to be told of their ends."""
+    known = set(zip(saved.time_ns.tolist(), saved.messages, strict=True))
+    told = zip(made.time_ns.tolist(), made.messages, strict=True)
+    new = [(time, message) for time, message in told if time in ends and (time, message) not in known]
+    times = np.array([time for time, _ in new], dtype=np.int64)
+    time_ns = np.concatenate([saved.time_ns, times])
+    order = np.argsort(time_ns, kind="stable")
+    messages = [*saved.messages, *(message for _, message in new)]
+    return replace(saved, time_ns=time_ns[order], messages=[messages[k] for k in order.tolist()])
+
+
+def _with_versions(stream: Stream, header: LogHeader) -> Stream:
+    """`/run/info` with the versions that made the runs, not those that save them."""
+    if stream.topic != topics.RUN_INFO or header.versions == versions():
+        return stream
+    name = stream.schema_name.removeprefix(f"{schema.PACKAGE}.")
+    said = schema.decode(stream.schema, name, stream.messages[0])
+    said["versions"] = ", ".join(f"{name} {version}" for name, version in header.versions.items())
+    return replace(stream, messages=[schema.encode(stream.schema, name, said)])
+
+
+def _metadata(run: Run) -> dict[str, str]:
+    return run_metadata(run.status, run.end_ns, len(run.time_ns))
+
+
+def _recovered(run: Run, said: Outcome | None) -> RecoveredRun:
+    return RecoveredRun(
+        plant=run.plant,
+        status=run.status.label,
+        end_s=run.end_ns / NANOSECONDS,
+        samples=len(run.time_ns),
+        expected=said.samples if said else None,
+    )

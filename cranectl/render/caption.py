@@ -1,0 +1,150 @@
+"""Words on the picture: what is run, the time, how far off the load is, what the lines mean."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+
+import matplotlib
+from PIL import Image, ImageDraw, ImageFont
+
+from cranectl.colours import LIGHT, PLANTS, SLACK_ROPE
+from cranectl.render.film import Actor, Film
+
+NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
+SMOOTH = 4
+_FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+
+# Draws a sign of the legend: at which height, how wide, at which scale.
+Sign = Callable[[ImageDraw.ImageDraw, float, float, float], None]
+
+
+@lru_cache
+def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """Matplotlib brings the font, so pictures look the same everywhere."""
+    return ImageFont.truetype(_FONTS / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"), size)
+
+
+class Caption:
+    """Draws itself onto pictures of one film and size."""
+
+    def __init__(self, film: Film, width: int, height: int) -> None:
+        self._film = film
+        self._width = width
+        # Letters shrink with the picture, but must stay legible.
+        self._unit = max(min(width / 960.0, height / 720.0), 0.62)
+        self._fixed = self._fixed_parts(width, height)
+
+    def draw(self, picture: Image.Image, time: float) -> None:
+        """What is fixed, and what belongs to `time` [s]."""
+        picture.paste(self._fixed, (0, 0), self._fixed)
+        pen = ImageDraw.Draw(picture)
+        right, y = self._width - self._px(24), self._px(18)
+        pen.text((right, y), f"{time:.2f} s", LIGHT["ink"], font(self._px(24), bold=True), anchor="ra")
+        y += self._px(34)
+        for text, role in readings(self._film, time):
+            pen.text((right, y), text, LIGHT[role], font(self._px(15)), anchor="ra")
+            y += self._px(21)
+
+    def _fixed_parts(self, width: int, height: int) -> Image.Image:
+        layer = Image.new("RGBA", (width, height), (255, 255, 255, 0))
+        pen = ImageDraw.Draw(layer)
+        left, run = self._px(24), self._film.lead.run
+        for y, text, role, letters in (
+            (18, run.scenario.name, "ink", font(self._px(24), bold=True)),
+            (52, f"{run.design.name}, {run.drive} drives", "muted", font(self._px(15))),
+        ):
+            pen.text((left, self._px(y)), _shortened(text, letters, 0.62 * width), LIGHT[role], letters)
+        rows = legend(self._film)
+        step, sign_width = self._px(23), self._px(30)
+        top = height - self._px(14) - step * len(rows)
+        # Pillow draws shapes with hard edges: drawn large and made small they are smooth.
+        signs = Image.new("RGBA", (sign_width * SMOOTH, step * len(rows) * SMOOTH), (255, 255, 255, 0))
+        for k, (sign, text) in enumerate(rows):
+            middle = (k + 0.5) * step
+            sign(ImageDraw.Draw(signs), middle * SMOOTH, sign_width * SMOOTH, self._unit * SMOOTH)
+            place = left + self._px(40), top + middle
+            pen.text(place, text, LIGHT["ink"], font(self._px(14)), anchor="lm")
+        layer.paste(signs.resize((sign_width, step * len(rows)), Image.Resampling.BOX), (left, top))
+        return layer
+
+    def _px(self, length: float) -> int:
+        return round(length * self._unit)
+
+
+def _shortened(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
+    if letters.getlength(text) <= width:
+        return text
+    kept = next(n for n in range(len(text), -1, -1) if letters.getlength(text[:n] + "…") <= width)
+    return text[:kept] + "…"
+
+
+def readings(film: Film, time: float) -> list[tuple[str, str]]:
+    """What is read off at `time` [s]: a line of text each, and the role of its colour."""
+    off = film.lead.error[film.lead.row(time)]
+    lines = [(f"load off by {off:.3f} m", "muted")]
+    apart = film.apart(time)
+    if apart is not None:
+        lines.append((f"plants apart by {apart:.2g} m", "muted"))
+    stops = {NAMES[actor.run.plant]: actor.run.status.label for actor in film.cast if actor.stopped(time)}
+    if len(stops) == len(film.cast) and len(set(stops.values())) == 1:
+        return [*lines, (f"stopped: {next(iter(stops.values()))}", "limit")]
+    return lines + [(f"{name} stopped: {label}", "limit") for name, label in stops.items()]
+
+
+def legend(film: Film) -> list[tuple[Sign, str]]:
+    """What is to be seen, and what it means."""
+    ghost = any(actor.ghost for actor in film.cast)
+    signs = [(_crane(actor), _role(actor, ghost)) for actor in film.cast]
+    signs.append((_ball(LIGHT["series-3"]), "where the load should be"))
+    if len(film.path_dashes):
+        signs.append((_dashed(LIGHT["ink"]), "its whole path"))
+    if any(actor.run.block("disturbance").any() for actor in film.cast):
+        signs.append((_arrow(LIGHT["series-4"]), "disturbance"))
+    if any(actor.ever_nearly_slack for actor in film.cast):
+        signs.append((_line(SLACK_ROPE, 3), "rope nearly slack"))
+    return signs
+
+
+def _role(actor: Actor, ghost: bool) -> str:
+    name = NAMES[actor.run.plant]
+    if not ghost:
+        return f"{name} plant, last 4 s"
+    return f"{name} plant: ghost" if actor.ghost else f"{name} plant: solid"
+
+
+def _crane(actor: Actor) -> Sign:
+    colour = PLANTS[actor.run.plant]
+    return _line(colour + "66", 9) if actor.ghost else _line(colour, 3)
+
+
+def _line(colour: str, width: float) -> Sign:
+    def draw(pen: ImageDraw.ImageDraw, middle: float, right: float, unit: float) -> None:
+        half = width * unit / 2
+        pen.rectangle((0, middle - half, right, middle + half), fill=colour)
+
+    return draw
+
+
+def _dashed(colour: str) -> Sign:
+    def draw(pen: ImageDraw.ImageDraw, middle: float, right: float, unit: float) -> None:
+        dash = right / 5
+        for k in (0, 2, 4):
+            pen.rectangle((k * dash, middle - unit, (k + 1) * dash, middle + unit), fill=colour)
+
+    return draw
+
+
+def _ball(colour: str) -> Sign:
+    def draw(pen: ImageDraw.ImageDraw, middle: float, right: float, unit: float) -> None:
+        pen.circle((right / 2, middle), 6 * unit, fill=colour)
+
+    return draw
+
+
+def _arrow(colour: str) -> Sign:
+    def draw(pen: ImageDraw.ImageDraw, middle: float, right: float, unit: float) -> None:
+        neck = right - 12 * unit
+        pen.rectangle((0, middle - 1.5 * unit, neck, middle + 1.5 * unit), fill=colour)
+        pen.polygon(((neck, middle - 6 * unit), (right, middle), (neck, middle + 6 * unit)), fill=colour)
+
+    return draw

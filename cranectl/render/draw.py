@@ -1,0 +1,81 @@
+"""From the runs of a log to a file of pictures."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cranectl.errors import InputError
+from cranectl.files import replacing
+from cranectl.render.backend import check_engine
+from cranectl.render.film import Array, Film, film_of
+from cranectl.render.settings import RenderSettings, unwritable
+from cranectl.render.video import check_encoder, write_gif, write_mp4, write_png
+from cranectl.simulate import Run
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+LONGEST_GIF = 3000  # pictures, which are held in memory
+PALETTE_SAMPLES = 6  # pictures from which a GIF takes its colours
+
+Progress = Callable[[float], None]
+Paint = Callable[[float], "Image.Image"]
+
+
+def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progress | None = None) -> float:
+    """Draw the runs of a log into `settings.out`; returns the time [s] of a still, or how much a video shows.
+
+    `progress` gets the simulated seconds that each picture adds. Raises InputError for a time outside the
+    run, a GIF too long, no OpenGL, no encoder, or a place that cannot be written.
+    """
+    film = film_of(runs)
+    times = _times(film, settings)
+    if settings.out.suffix.lower() == ".mp4":
+        check_encoder()
+    check_engine()
+    from cranectl.render.picture import painter
+
+    try:
+        with painter(film, settings) as paint, replacing(settings.out) as part:
+            pictures = _pictures(paint, times, progress)
+            if settings.still:
+                write_png(part, next(pictures))
+            elif settings.out.suffix.lower() == ".gif":
+                samples = [paint(film.duration * k / (PALETTE_SAMPLES - 1)) for k in range(PALETTE_SAMPLES)]
+                write_gif(part, pictures, len(times), settings.fps, samples)
+            else:
+                write_mp4(part, pictures, settings.fps, (settings.width, settings.height))
+    except OSError as error:
+        raise unwritable(settings.out, error) from None
+    return float(times[-1])
+
+
+def _times(film: Film, settings: RenderSettings) -> Array:
+    """When the pictures are [s]."""
+    if not settings.still:
+        times = film.times(settings.fps, settings.speed)
+        if settings.out.suffix.lower() == ".gif" and len(times) > LONGEST_GIF:
+            raise InputError(
+                f"a GIF of {len(times)} pictures",
+                allowed=f"up to {LONGEST_GIF}",
+                remedy="choose a higher --speed or a lower --fps, or an .mp4",
+            )
+        return times
+    time = film.worst_time if settings.time is None else settings.time
+    if not 0.0 <= time <= film.duration:
+        raise InputError(
+            f"--time {time:g} is outside the run",
+            allowed=f"0 to {film.duration:g} s",
+            remedy="leave out --time to see the load farthest from its reference",
+        )
+    return np.array([time])
+
+
+def _pictures(paint: Paint, times: Array, progress: Progress | None) -> Iterator["Image.Image"]:
+    shown = 0.0
+    for time in times.tolist():
+        yield paint(time)
+        if progress is not None:
+            progress(time - shown)
+        shown = time

@@ -1,0 +1,194 @@
+"""Key plots beside the picture: drawn once by Matplotlib, with a cursor that moves from frame to frame."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from cranectl.colours import LIGHT, PLANTS
+from cranectl.render.film import SLACK, Actor, Film
+
+Array = NDArray[np.float64]
+
+DPI = 100.0
+USUAL = (480.0, 720.0)  # [px], for which sizes are given; others are scaled
+SMALLEST = 0.8  # scale at which letters are still legible
+PADDING = 0.09  # [in]
+HEADROOM = 0.15  # of a panel's height, for the names of disturbances
+LEAST_APART = 1e-12  # [m]; less is rounding, and has no logarithm at 0
+_STYLE: dict[Any, Any] = {
+    "axes.edgecolor": LIGHT["muted"],
+    "axes.grid": True,
+    "axes.labelcolor": LIGHT["ink"],
+    "axes.linewidth": 0.6,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlecolor": LIGHT["ink"],
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9.5,
+    "figure.constrained_layout.h_pad": PADDING,
+    "figure.constrained_layout.w_pad": PADDING,
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "grid.color": LIGHT["grid"],
+    "grid.linewidth": 0.6,
+    "lines.solid_capstyle": "round",
+    "xtick.color": LIGHT["muted"],
+    "ytick.color": LIGHT["muted"],
+    "xtick.labelcolor": LIGHT["muted"],
+    "ytick.labelcolor": LIGHT["muted"],
+}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line: times [s] and values, both (N,)."""
+
+    colour: str
+    time: Array
+    values: Array
+    wide: bool = False  # pale and below the others: the ghost
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One diagram, which shows at least the range `shown`."""
+
+    title: str
+    curves: tuple[Curve, ...]
+    shown: tuple[float, float]
+    limit: float | None = None
+    logarithmic: bool = False
+
+
+class Plots:
+    """The strip of diagrams of one film; draws itself with its cursor."""
+
+    def __init__(self, film: Film, width: int, height: int) -> None:
+        scale = max(min(width / USUAL[0], height / USUAL[1]), SMALLEST)
+        self._dot, self._cursor = 4.0 * scale, max(1, round(scale))  # [px]
+        with rc_context(_STYLE):
+            figure = Figure(
+                (width / DPI / scale, height / DPI / scale), dpi=DPI * scale, layout="constrained"
+            )
+            canvas: Any = FigureCanvasAgg(figure)
+            panels = _panels(film)
+            self._drawn = list(zip(panels, figure.subplots(len(panels), 1, sharex=True), strict=True))
+            for panel, axes in self._drawn:
+                _draw(axes, panel)
+                _mark_disturbances(axes, film, named=panel is panels[0])
+                axes.set_xlim(0.0, film.duration or 1.0)
+            self._drawn[-1][1].set_xlabel("time [s]")
+            canvas.draw()
+        # Matplotlib rounds sizes its own way; the strip must have the size that was asked for.
+        self._background = Image.new("RGB", (width, height), "white")
+        self._background.paste(Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
+
+    def draw(self, picture: Image.Image, left: int, time: float) -> None:
+        """The strip into `picture`, from `left` on, at `time` [s]."""
+        strip = self._background.copy()
+        pen = ImageDraw.Draw(strip)
+        for panel, axes in self._drawn:
+            bottom, top = strip.height - axes.bbox.y0, strip.height - axes.bbox.y1
+            x = round(float(axes.transData.transform((time, panel.shown[1]))[0]))
+            pen.line((x, top, x, bottom), fill=LIGHT["ink"], width=self._cursor)
+            for curve in panel.curves:
+                if curve.wide:
+                    continue
+                row = int(np.argmin(np.abs(curve.time - time)))
+                x_value, y_value = axes.transData.transform((curve.time[row], curve.values[row]))
+                _dot(strip, (x_value, strip.height - y_value), self._dot, curve.colour)
+        picture.paste(strip, (left, 0))
+
+
+def _panels(film: Film) -> list[Panel]:
+    weight = film.lead.run.scenario.rig.weight
+    angles = (*_curves(film, _alpha), *_curves(film, _beta, dashed=True))
+    tension = _curves(film, _tension)
+    panels = [
+        Panel("load off its reference [m]", _curves(film, _error), (0.0, 1e-3)),
+        Panel("rope angles α, β (dashed) [°]", angles, (-1.0, 1.0)),
+        Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), SLACK * weight),
+    ]
+    apart = film.distances
+    if apart is not None:
+        time, distance = apart
+        curve = Curve(LIGHT["ink"], time, distance.clip(min=LEAST_APART))
+        panels.append(Panel("plants apart [m]", (curve,), (LEAST_APART, 1e-6), logarithmic=True))
+    return panels
+
+
+def _error(actor: Actor) -> Array:
+    return actor.error
+
+
+def _alpha(actor: Actor) -> Array:
+    return np.degrees(actor.run.signal("state.alpha"))
+
+
+def _beta(actor: Actor) -> Array:
+    return np.degrees(actor.run.signal("state.beta"))
+
+
+def _tension(actor: Actor) -> Array:
+    return actor.run.signal("load.rope_tension")
+
+
+def _curves(film: Film, values: Callable[[Actor], Array], *, dashed: bool = False) -> tuple[Curve, ...]:
+    """One curve of each plant, the ghost's first."""
+    cast = sorted(film.cast, key=lambda actor: not actor.ghost)
+    return tuple(
+        Curve(PLANTS[actor.run.plant], actor.run.time, values(actor), wide=actor.ghost, dashed=dashed)
+        for actor in cast
+    )
+
+
+def _draw(axes: Axes, panel: Panel) -> None:
+    if panel.logarithmic:
+        axes.set_yscale("log")
+    if panel.limit is not None:
+        axes.axhline(panel.limit, color=LIGHT["limit"], linewidth=0.9, linestyle=(0, (2, 2)))
+    for curve in panel.curves:
+        look: dict[str, Any] = {"linewidth": 4.5, "alpha": 0.35} if curve.wide else {"linewidth": 1.3}
+        style = (0, (4, 2)) if curve.dashed else "-"
+        axes.plot(curve.time, curve.values, color=curve.colour, linestyle=style, **look)
+    low, high = min(axes.get_ylim()[0], panel.shown[0]), max(axes.get_ylim()[1], panel.shown[1])
+    axes.set_ylim(low, high if panel.logarithmic else high + HEADROOM * (high - low))
+    axes.set_title(panel.title)
+
+
+def _mark_disturbances(axes: Axes, film: Film, *, named: bool) -> None:
+    look: dict[str, Any] = {"color": LIGHT["series-4"], "linewidth": 0.9}
+    for disturbance in film.lead.run.scenario.disturbances:
+        axes.axvline(disturbance.start, **look)
+        if disturbance.end is not None:
+            axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **look)
+        if named:
+            axes.annotate(
+                {"alpha": "push on α", "beta": "push on β"}[disturbance.joint],
+                (disturbance.start, 1.0),
+                xycoords=axes.get_xaxis_transform(),
+                xytext=(3.0, -9.0),
+                textcoords="offset points",
+                color=LIGHT["series-4"],
+            )
+
+
+def _dot(strip: Image.Image, centre: tuple[float, float], radius: float, colour: str) -> None:
+    """A smooth dot with a white rim: Pillow's own circles have hard edges."""
+    half = int(radius) + 2
+    large = Image.new("L", (8 * half, 8 * half))
+    x, y = (round(value) for value in centre)
+    for size, fill in ((radius + 1.5, "white"), (radius, colour)):
+        large.paste(0, (0, 0, *large.size))
+        ImageDraw.Draw(large).circle((4 * half, 4 * half), 4 * size, fill=255)
+        mask = large.resize((2 * half, 2 * half), Image.Resampling.BOX)
+        strip.paste(fill, (x - half, y - half), mask)

@@ -1,0 +1,192 @@
+"""The crane as MuJoCo's renderer draws it, with what a run adds: a ghost, trails, the path, disturbances."""
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl import resources
+from cranectl.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
+from cranectl.plants.mujoco_model import state_addresses
+from cranectl.render.backend import drawing
+from cranectl.render.film import Actor, Film
+
+Array = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+Colour = tuple[float, float, float]
+
+ASPECT = 4.0 / 3.0  # what the cameras of the model file are made for
+MAX_GEOMS = 5000
+GHOST = 0.45  # opacity
+HALO = 0.006  # [m] by which a ghost is larger, to be seen around the solid crane where they coincide
+BEHIND = 0.03  # [m] by which a ghost stands farther from the camera, so that it does not dye the solid crane
+ROPE_WIDTH = 0.006  # [m]
+TAUT_COLOUR, SLACK_COLOUR = (0.10, 0.10, 0.12), rgb(SLACK_ROPE)
+ARROW_LENGTH, ARROW_WIDTH = 0.25, 0.012  # [m] for 1 rad/s², [m]
+LONGEST_ARROW = 0.6  # [m]
+MARKER = 0.024  # [m], radius of the point where the load should be
+FLOOR = -1.399  # [m], just above it
+ALONG_Z = np.eye(3).ravel()
+LINE, SPHERE, ARROW, CYLINDER = (
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) for kind in ("LINE", "SPHERE", "ARROW", "CYLINDER")
+)
+
+
+@contextlib.contextmanager
+def stage(film: Film, camera: str, width: int, height: int) -> Iterator["Stage"]:
+    """A stage ready to draw pictures of this size; raises InputError without OpenGL."""
+    model = _model(width, height)
+    with drawing(model, width, height) as context:
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+        yield Stage(model, context, film, camera)
+
+
+class Stage:
+    """Draws moments of a film; only inside `stage`."""
+
+    def __init__(self, model: Any, context: Any, film: Film, camera: str) -> None:
+        self._model, self._context, self._film = model, context, film
+        self._size = model.vis.global_.offwidth, model.vis.global_.offheight
+        self._line = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
+        # The solid crane first: the scene begins with it and with what does not move.
+        cast = sorted(film.cast, key=lambda actor: actor.ghost)
+        self._cast = [(actor, mujoco.MjData(model)) for actor in cast]
+        self._addresses = state_addresses(model)
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = model.camera(camera).id
+        self._eye = np.array(model.camera(camera).pos)
+        self._scene = mujoco.MjvScene(model, MAX_GEOMS)
+        # They would take longer than all the rest, and clutter the floor.
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            self._scene.flags[flag] = False
+
+    def draw(self, time: float) -> Pixels:
+        """The picture at `time` [s], shape (height, width, 3)."""
+        self._compose(time)
+        width, height = self._size
+        viewport = mujoco.MjrRect(0, 0, width, height)
+        pixels = np.empty((height, width, 3), np.uint8)
+        mujoco.mjr_render(viewport, self._scene, self._context)
+        mujoco.mjr_readPixels(pixels, None, viewport, self._context)
+        return pixels[::-1]
+
+    def _compose(self, time: float) -> None:
+        for actor, data in self._cast:
+            row = actor.row(time)
+            data.qpos[self._addresses] = actor.joints(row)
+            mujoco.mj_forward(self._model, data)
+            rope = SLACK_COLOUR if actor.nearly_slack(row) else TAUT_COLOUR
+            if actor.ghost:
+                self._add_ghost(actor, data, rope)
+            else:
+                self._set_solid(data, rope)
+                self._add_disturbance(actor, data, row)
+                self._add_reference(actor, row)
+            self._add_trail(actor, row)
+
+    def _set_solid(self, data: Any, rope: Colour) -> None:
+        self._model.material("rope").rgba = (*rope, 1.0)
+        everything = mujoco.mjtCatBit.mjCAT_ALL
+        options, perturbation = mujoco.MjvOption(), mujoco.MjvPerturb()
+        mujoco.mjv_updateScene(
+            self._model, data, options, perturbation, self._camera, everything, self._scene
+        )
+
+    def _add_ghost(self, actor: Actor, data: Any, rope: Colour) -> None:
+        first = self._scene.ngeom
+        options, perturbation = mujoco.MjvOption(), mujoco.MjvPerturb()
+        moving = mujoco.mjtCatBit.mjCAT_DYNAMIC
+        mujoco.mjv_addGeoms(self._model, data, options, perturbation, moving, self._scene)
+        for geom in self._scene.geoms[first : self._scene.ngeom]:
+            is_rope = geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and rope == SLACK_COLOUR
+            geom.rgba = (*(rope if is_rope else rgb(PLANTS[actor.run.plant])), GHOST)
+            geom.matid = -1
+            geom.transparent = 1
+            geom.size = geom.size + HALO
+            geom.pos = self._behind(geom.pos)
+
+    def _add_disturbance(self, actor: Actor, data: Any, row: int) -> None:
+        load = actor.load(row)
+        for joint, magnitude in zip(("alpha", "beta"), actor.disturbance(row), strict=True):
+            if magnitude:
+                hinge = self._model.joint(joint).id
+                push = np.cross(data.xaxis[hinge], load - data.xanchor[hinge])
+                length = np.clip(ARROW_LENGTH * magnitude, -LONGEST_ARROW, LONGEST_ARROW)
+                end = load + push * length / np.linalg.norm(push)
+                self._connect(ARROW, ARROW_WIDTH, load, end, (*rgb(LIGHT["series-4"]), 1.0))
+
+    def _add_reference(self, actor: Actor, row: int) -> None:
+        load, target = actor.load(row), actor.run.reference[row, :3]
+        green = (*rgb(LIGHT["series-3"]), 1.0)
+        for start, end in self._film.path_dashes:
+            self._connect(LINE, self._line, start, end, (*rgb(LIGHT["ink"]), 0.8))
+        self._connect(LINE, self._line, load, target, green)
+        self._add(SPHERE, (MARKER, 0.0, 0.0), target, green)
+        # In the place of a shadow: where the load is above the floor.
+        self._add(CYLINDER, (0.05, 0.0005, 0.0), (load[0], load[1], FLOOR), (0.0, 0.0, 0.0, 0.3))
+
+    def _add_trail(self, actor: Actor, row: int) -> None:
+        points = actor.trail(row)
+        width, opacity = (5.0, GHOST) if actor.ghost else (1.7, 1.0)
+        if actor.ghost:
+            points = np.array([self._behind(point) for point in points])
+        for fading, start, end in zip(
+            np.linspace(0.1, 1.0, len(points))[1:], points, points[1:], strict=False
+        ):
+            self._connect(
+                LINE, width * self._line, start, end, (*rgb(PLANTS[actor.run.plant]), fading * opacity)
+            )
+
+    def _behind(self, point: Array) -> Array:
+        sight = point - self._eye
+        moved: Array = point + BEHIND * sight / np.linalg.norm(sight)
+        return moved
+
+    def _add(self, kind: int, size: Any, position: Any, rgba: Any) -> Any:
+        geom = self._scene.geoms[self._scene.ngeom]
+        self._scene.ngeom += 1
+        vectors = np.array(size, float), np.array(position, float)
+        mujoco.mjv_initGeom(geom, kind, *vectors, ALONG_Z, np.array(rgba, np.float32))
+        geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+        geom.transparent = rgba[3] < 1.0
+        return geom
+
+    def _connect(self, kind: int, width: float, start: Any, end: Any, rgba: Any) -> None:
+        geom = self._add(kind, np.zeros(3), np.zeros(3), rgba)
+        mujoco.mjv_connector(geom, kind, width, np.array(start, float), np.array(end, float))
+        if kind == ARROW:  # MuJoCo draws them at half their length
+            geom.size = geom.size * (1.0, 1.0, 2.0)
+
+
+def _model(width: int, height: int) -> Any:
+    """The filed model in a picture of this size."""
+    spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    # Of round shapes; more is not seen, and is drawn in software.
+    spec.visual.quality.numslices, spec.visual.quality.numstacks = 18, 10
+    spec.visual.quality.shadowsize = 0
+    spec.tendon("rope").width = ROPE_WIDTH
+    _light(spec)
+    model = spec.compile()
+    # Cameras have a vertical angle: a picture less wide than theirs would cut the rig off at its sides.
+    widening = max(1.0, ASPECT * height / width)
+    model.cam_fovy[:] = np.degrees(2.0 * np.arctan(np.tan(np.radians(model.cam_fovy) / 2.0) * widening))
+    return model
+
+
+def _light(spec: Any) -> None:
+    """Even light, and a wide floor and a sky so pale that lines and letters stand out."""
+    for name, direction, diffuse in (("key", (0.25, 0.35, -1.0), 0.55), ("fill", (-0.6, 0.5, -0.4), 0.25)):
+        light = spec.light(name)
+        light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        light.dir, light.diffuse, light.specular = direction, [diffuse] * 3, [0.25] * 3
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42] * 3, [0.22] * 3
+    spec.geom("floor").size, spec.material("floor").texrepeat = (9.0, 9.0, 0.1), (18, 18)
+    spec.material("floor").specular = 0.0
+    spec.material("aluminium").rgba = (0.66, 0.69, 0.73, 1.0)
+    spec.texture("floor").rgb1, spec.texture("floor").rgb2 = (0.84, 0.86, 0.88), (0.80, 0.82, 0.84)
+    spec.texture("sky").rgb1, spec.texture("sky").rgb2 = (0.97, 0.98, 0.99), (0.80, 0.85, 0.90)

@@ -1,0 +1,232 @@
+"""Thousands of damaged logs: each is refused with a LogError, or gives exactly the runs that were written."""
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.opcode import Opcode
+
+from cranectl.errors import LogError
+from cranectl.log import describe_log, read_log, read_signal
+from cranectl.simulate import Run
+from tests.log.forge import SIGNAL, small_log
+
+Place = tuple[int, int, int]  # opcode, start, stop of a record
+Case = tuple[str, bytes]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_log(tmp_path_factory.mktemp("fuzz"))
+
+
+@pytest.fixture(scope="module")
+def runs(log: Path) -> dict[str, Run]:
+    return read_log(log)
+
+
+def places(data: bytes) -> list[Place]:
+    """Every record outside chunks."""
+    found, at = [], 8
+    while at < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        found.append((opcode, at, at + 9 + length))
+        at += 9 + length
+    return found
+
+
+def same(read: dict[str, Run], runs: dict[str, Run]) -> bool:
+    return list(read) == list(runs) and all(
+        (a.table.tobytes(), a.reference.tobytes(), a.time_ns.tobytes())
+        == (b.table.tobytes(), b.reference.tobytes(), b.time_ns.tobytes())
+        and (a.scenario, a.plant, a.drive, a.model, a.status, a.end_ns)
+        == (b.scenario, b.plant, b.drive, b.model, b.status, b.end_ns)
+        and a.design.to_json() == b.design.to_json()
+        for a, b in zip(read.values(), runs.values(), strict=True)
+    )
+
+
+def check(cases: Iterator[Case], directory: Path, runs: dict[str, Run]) -> tuple[int, int]:
+    """(refused, read) of all cases; a case that is neither fails the test with its name."""
+    refused = taken = 0
+    path = directory / "case.mcap"
+    for name, data in cases:
+        path.write_bytes(data)
+        try:
+            read = read_log(path)
+            describe_log(path)
+        except LogError:
+            refused += 1
+            continue
+        except Exception as error:
+            raise AssertionError(name) from error
+        assert same(read, runs), name
+        taken += 1
+    return refused, taken
+
+
+# Accidents: the checksums are what they were.
+
+
+def flipped(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    for at, bit in zip(rng.integers(len(data), size=count), rng.integers(8, size=count), strict=True):
+        damaged = bytearray(data)
+        damaged[at] ^= 1 << bit
+        yield f"bit {bit} of byte {at}", bytes(damaged)
+
+
+def overwritten(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    for _ in range(count):
+        start, length = int(rng.integers(len(data) - 1)), int(rng.integers(1, 4096))
+        noise = rng.bytes(min(length, len(data) - start))
+        yield f"{length} bytes at {start}", data[:start] + noise + data[start + len(noise) :]
+
+
+def truncated(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    edges = [edge for _, *ends in places(data) for edge in ends]
+    near = {edge + step for edge in edges for step in (-1, 0, 1)} | set(range(40))
+    for stop in sorted({*near, *rng.integers(len(data), size=count).tolist()} - {len(data)}):
+        yield f"first {stop} bytes", data[:stop]
+
+
+def cut_out(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    for _ in range(count):
+        start, stop = sorted(rng.integers(len(data), size=2).tolist())
+        yield f"without {start} to {stop}", data[:start] + data[stop + 1 :]
+
+
+def noise(_: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    magic = b"\x89MCAP0\r\n"
+    for number in range(count):
+        inner = rng.bytes(int(rng.integers(1, 3000)))
+        yield f"noise {number}", [inner, magic + inner, magic + inner + magic][number % 3]
+
+
+def exchanged(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    """Two records of any kind change places."""
+    found = places(data)
+    for _ in range(count):
+        (_, a, b), (_, c, d) = (found[k] for k in sorted(rng.choice(len(found), size=2, replace=False)))
+        yield f"{a}-{b} and {c}-{d}", data[:a] + data[c:d] + data[b:c] + data[a:b] + data[d:]
+
+
+def repeated(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    """A record stands twice, or comes back elsewhere."""
+    found = places(data)
+    for _ in range(count):
+        (_, a, b), (_, c, _) = (found[k] for k in rng.integers(len(found), size=2))
+        yield f"{a}-{b} again at {c}", data[:c] + data[a:b] + data[c:]
+
+
+ACCIDENTS: list[tuple[Callable[[bytes, np.random.Generator, int], Iterator[Case]], int]] = [
+    (flipped, 1500),
+    (overwritten, 300),
+    (truncated, 300),
+    (cut_out, 300),
+    (noise, 600),
+    (exchanged, 300),
+    (repeated, 300),
+]
+
+
+@pytest.mark.parametrize(("damage", "count"), ACCIDENTS, ids=lambda value: getattr(value, "__name__", ""))
+def test_accidents(
+    log: Path,
+    tmp_path: Path,
+    runs: dict[str, Run],
+    damage: Callable[[bytes, np.random.Generator, int], Iterator[Case]],
+    count: int,
+) -> None:
+    data = log.read_bytes()
+    cases = ((name, case) for name, case in damage(data, np.random.default_rng(1), count) if case != data)
+    refused, taken = check(cases, tmp_path, runs)
+    assert refused >= 0.9 * count
+    assert taken == 0, "every byte of a log is under a checksum"
+
+
+# Malice: lengths and numbers are edited, and every checksum is put right again.
+
+ABSURD = [0, 1, 8, 2**16 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63, 2**64 - 1]
+
+
+def put_right(data: bytearray) -> bytes:
+    """Data and summary get the checksums of what is in them, as far as the file can still be walked."""
+    size = len(data)
+    start = struct.unpack_from("<Q", data, size - 28)[0]
+    if 21 < start <= size - 37:
+        struct.pack_into("<I", data, start - 4, zlib.crc32(data[: start - 13]))
+        struct.pack_into("<I", data, size - 12, zlib.crc32(data[start : size - 12]))
+    return bytes(data)
+
+
+def edited_lengths(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    """The length of a record becomes absurd, or a little wrong."""
+    found = places(data)
+    for _ in range(count):
+        opcode, start, stop = found[rng.integers(len(found))]
+        length = stop - start - 9
+        near = [max(length + int(step), 0) for step in rng.integers(-20, 20, size=3)]
+        new = [*ABSURD, *near][rng.integers(len(ABSURD) + 3)]
+        edited = bytearray(data)
+        struct.pack_into("<Q", edited, start + 1, new)
+        if new != length:
+            yield f"length of record {opcode} at {start}: {new}", put_right(edited)
+
+
+def edited_numbers(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    """Any 1 to 8 bytes outside the contents of chunks and attachments become an absurd number."""
+    chunk, attachment = int(Opcode.CHUNK), int(Opcode.ATTACHMENT)
+    free = [p for p in places(data) if p[0] not in (chunk, attachment)]
+    free += [(o, a, a + 49) for o, a, _ in places(data) if o in (chunk, attachment)]
+    for _ in range(count):
+        opcode, start, stop = free[rng.integers(len(free))]
+        at, width = int(rng.integers(start, stop)), int(rng.choice([1, 2, 4, 8]))
+        new = (ABSURD[rng.integers(len(ABSURD))] & (2 ** (8 * width) - 1)).to_bytes(width, "little")
+        edited = bytearray(data[:at] + new + data[at + width :])
+        yield f"{width} bytes of record {opcode}, {at - start} from {start}: {new!r}", put_right(edited)
+
+
+def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
+    """A bit anywhere, in a file without checksums but those of chunks and attachments."""
+    bare = bytearray(data)
+    start = struct.unpack_from("<Q", data, len(data) - 28)[0]
+    bare[start - 4 : start] = bare[len(data) - 12 : len(data) - 8] = bytes(4)
+    yield from flipped(bytes(bare), rng, count)
+
+
+@pytest.mark.parametrize(
+    ("damage", "count", "expected"),
+    [(edited_lengths, 500, 0.95), (edited_numbers, 500, 0.7), (no_checksums, 400, 0.5)],
+    ids=["lengths", "numbers", "no-checksums"],
+)
+def test_malice_never_gets_through_as_an_error_of_ours(
+    log: Path,
+    tmp_path: Path,
+    runs: dict[str, Run],
+    damage: Callable[[bytes, np.random.Generator, int], Iterator[Case]],
+    count: int,
+    expected: float,
+) -> None:
+    """What is read may say something else where it says so consistently; signals stay what they were."""
+    path = tmp_path / "case.mcap"
+    refused = taken = 0
+    for name, data in damage(log.read_bytes(), np.random.default_rng(2), count):
+        path.write_bytes(data)
+        try:
+            read = read_log(path)
+            describe_log(path)
+            _, values = read_signal(path, SIGNAL)
+        except LogError:
+            refused += 1
+            continue
+        except Exception as error:
+            raise AssertionError(name) from error
+        taken += 1
+        assert values.tobytes() == runs["mujoco"].signal("state.alpha").tobytes(), name
+        for plant, run in read.items():
+            assert run.table.tobytes() == runs[plant].table.tobytes(), name
+    assert refused >= expected * count
+    assert taken or damage is edited_lengths

@@ -1,0 +1,420 @@
+"""Logs are never lost: what was written before a kill comes back, and nothing half-written looks whole."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foxglove.messages import Log as LogMessage
+from mcap.reader import make_reader
+from mcap.records import Channel, Message, Metadata, Schema
+
+from cranectl.cli.info import info_command
+from cranectl.cli.recover import recover_command
+from cranectl.errors import LogError
+from cranectl.log import describe_log, read_log, recover_log, schema, write_log
+from cranectl.log.writer import CHUNK_SIZE
+from cranectl.scenario import load_scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from tests.log.forge import put_together, small_log, take_apart
+from tests.log.test_fuzz import places
+from tests.log.test_log import messages_of
+
+CHUNK = 6  # opcode
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_log(tmp_path_factory.mktemp("recover"))
+
+
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of 60 chunks."""
+    scenario = load_scenario(
+        "fixed-position", overrides=["duration=6", "disturbances.0.start=1", "disturbances.1.start=2"]
+    )
+    pair = [simulate_run(scenario, plant=plant) for plant in ("analytic", "mujoco")]
+    return write_log(tmp_path_factory.mktemp("long") / "long.mcap", pair)
+
+
+@pytest.fixture
+def part(tmp_path: Path, log: Path) -> Path:
+    """The log cut off within its third chunk."""
+    return cut(log, tmp_path / "a.mcap.4711.part", after_chunks=2)
+
+
+def cut(log: Path, part: Path, *, after_chunks: int, data: bytes = b"") -> Path:
+    """The bytes of `log`, or `data`, to the middle of the next chunk."""
+    data = data or log.read_bytes()
+    start, stop = [place[1:] for place in places(data) if place[0] == CHUNK][after_chunks]
+    part.write_bytes(data[: (start + stop) // 2])
+    return part
+
+
+def assert_beginning(saved: Run, whole: Run) -> None:
+    """`saved` is the first part of `whole`, bit for bit, and honest about it."""
+    samples = len(saved.time_ns)
+    assert saved.table.tobytes() == whole.table[:samples].tobytes()
+    assert saved.reference.tobytes() == whole.reference[:samples].tobytes()
+    assert saved.time_ns.tolist() == whole.time_ns[:samples].tolist()
+    assert (saved.scenario, saved.model, saved.drive) == (whole.scenario, whole.model, whole.drive)
+    assert saved.design.to_json() == whole.design.to_json()
+    if samples == len(whole.time_ns):
+        assert (saved.status, saved.end_ns) == (whole.status, whole.end_ns)
+    else:
+        assert saved.status == RunStatus.INTERRUPTED
+        assert saved.end_ns == (saved.time_ns[-1] if samples else 0)
+
+
+# What is saved of a file that was cut off.
+
+
+def test_every_place_to_be_cut_off(log: Path, tmp_path: Path) -> None:
+    """All samples before the last whole chunk's end come back; before the first chunk there is nothing."""
+    data, whole = log.read_bytes(), read_log(log)
+    chunks = [stop for opcode, _, stop in places(data) if opcode == CHUNK]
+    at = np.random.default_rng(3).integers(9, len(data), size=40).tolist()
+    saved = set()
+    for size in sorted({*at, *chunks, *(stop - 1 for stop in chunks), len(data) - 1}):
+        part = tmp_path / f"{size}.mcap.1.part"
+        part.write_bytes(data[:size])
+        if size < chunks[0]:
+            with pytest.raises(LogError, match="nothing can be saved"):
+                recover_log(part)
+            continue
+        recovery = recover_log(part)
+        runs = read_log(recovery.log)
+        describe_log(recovery.log)
+        for plant, run in runs.items():
+            assert_beginning(run, whole[plant])
+        assert recovery.messages == messages_before(log, sum(stop <= size for stop in chunks))
+        assert recovery.lost < size
+        saved.add(len(runs["mujoco"].time_ns))
+    assert len(saved) == len(chunks)
+    assert max(saved) == len(whole["mujoco"].time_ns)
+
+
+def messages_before(log: Path, chunks: int) -> int:
+    return sum(isinstance(r, Message) for chunk in take_apart(log).chunks[:chunks] for r in chunk)
+
+
+def test_a_file_that_only_lacks_its_name_comes_back_byte_for_byte(log: Path, tmp_path: Path) -> None:
+    part = tmp_path / "a.mcap.4711.part"
+    for data in (log.read_bytes(), log.read_bytes()[:-8], log.read_bytes()[:-3000]):
+        part.write_bytes(data)
+        recovery = recover_log(part)
+        assert Path(recovery.log).read_bytes() == log.read_bytes()
+        assert recovery.lost == 0
+        Path(recovery.log).unlink()
+
+
+def test_what_is_told_of_the_end_is_put_right(part: Path, log: Path) -> None:
+    saved = Path(recover_log(part).log)
+    end_ns = read_log(saved)["mujoco"].end_ns
+    assert messages_of(saved, "/mujoco/status")[-1][0] == end_ns
+    assert messages_of(saved, "/mujoco/status")[-1][1].status == RunStatus.INTERRUPTED
+    (_, info), *others = messages_of(saved, "/run/info")
+    assert info.status == "analytic: interrupted, mujoco: interrupted"
+    assert not others
+    story = [(time, line.message) for time, line in messages_of(saved, "/log")]
+    before = [(time, line.message) for time, line in messages_of(log, "/log") if time <= end_ns]
+    assert story[: len(before)] == before
+    assert [time for time, _ in story[len(before) :]] == [end_ns, end_ns]
+    assert all(line.startswith("interrupted at") for _, line in story[len(before) :])
+    with saved.open("rb") as stream:
+        metadata = {record.name: record.metadata for record in make_reader(stream).iter_metadata()}
+        stream.seek(0)
+        assert max(m.log_time for _, _, m in make_reader(stream).iter_messages()) == end_ns
+    assert metadata["run/mujoco"]["status"] == "interrupted"
+    assert metadata["recovered"]["source"] == part.name
+
+
+def test_the_versions_stay_those_that_made_the_runs(log: Path, tmp_path: Path) -> None:
+    parts = take_apart(log)
+    parts.meta("versions").metadata["mujoco"] = "3.99"
+    part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
+    saved = recover_log(part).log
+    assert describe_log(saved).versions["mujoco"] == "3.99"
+    assert "mujoco 3.99" in messages_of(Path(saved), "/run/info")[0][1].versions
+
+
+def test_nothing_that_is_written_at_the_end_is_needed(log: Path, tmp_path: Path) -> None:
+    """A recorder that appends as it goes does not know yet how a run will end."""
+    parts = take_apart(log)
+    parts.metadata = [metadata for metadata in parts.metadata if not metadata.name.startswith("run/")]
+    for topic in ("/run/info", "/diff/verdict"):
+        channel = parts.channel(topic).id
+        for chunk in parts.chunks:
+            chunk[:] = [r for r in chunk if not isinstance(r, Message) or r.channel_id != channel]
+    part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
+    recovery = recover_log(part)
+    assert [run.expected for run in recovery.runs] == [None, None]
+    for plant, run in read_log(recovery.log).items():
+        assert_beginning(run, read_log(log)[plant])
+    assert len(messages_of(Path(recovery.log), "/run/info")) == 1
+
+
+def test_topics_and_lines_of_others_are_kept(log: Path, tmp_path: Path) -> None:
+    parts = take_apart(log)
+    end_ns = max(m.log_time for m in parts.chunks[1] if isinstance(m, Message))
+    definition = schema.text_schema("Note", ("text",))
+    texts = [schema.encode(definition, "Note", {"text": text}) for text in ("early", "late")]
+    line = LogMessage(message="kicked", name="live").encode()
+    parts.chunks[0] += [
+        Schema(900, definition, "protobuf", "cranectl.Note"),
+        Channel(900, "/notes", "protobuf", {}, 900),
+        Message(900, 5, texts[0], 5, 0),
+        Message(900, end_ns + 1, texts[1], 0, 0),
+        Message(parts.channel("/log").id, 7, line, 7, 0),
+    ]
+    part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
+    saved = Path(recover_log(part).log)
+    assert [(time, note.text) for time, note in messages_of(saved, "/notes")] == [(5, "early")]
+    assert (7, "kicked") in [(time, entry.message) for time, entry in messages_of(saved, "/log")]
+
+
+def test_groups_are_cut_to_their_last_common_sample(log: Path, tmp_path: Path) -> None:
+    """The chunk ends in the middle of a sample: of MuJoCo some groups have it, others not."""
+    parts = take_apart(log)
+    last = [m for m in parts.chunks[1] if isinstance(m, Message)][-1].log_time
+    ids = [parts.channel(f"/mujoco/{group}").id for group in ("input", "controller")]
+    parts.chunks[1] = [
+        r
+        for r in parts.chunks[1]
+        if not (isinstance(r, Message) and r.channel_id in ids and r.log_time > last - 9_000_000)
+    ]
+    part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
+    runs = read_log(recover_log(part).log)
+    assert len(runs["mujoco"].time_ns) < len(runs["analytic"].time_ns)
+    for plant, run in runs.items():
+        assert_beginning(run, read_log(log)[plant])
+
+
+def test_damage_in_the_middle_ends_what_is_saved(log: Path, tmp_path: Path) -> None:
+    data = bytearray(log.read_bytes())
+    start, stop = [place[1:] for place in places(bytes(data)) if place[0] == CHUNK][1]
+    data[(start + stop) // 2] ^= 1
+    damaged = tmp_path / "b.mcap"
+    damaged.write_bytes(data)
+    recovery = recover_log(damaged)
+    assert Path(recovery.log) == tmp_path / "b.recovered.mcap"
+    assert recovery.lost == len(data) - start
+    assert_beginning(read_log(recovery.log)["mujoco"], read_log(log)["mujoco"])
+
+
+# Where it goes.
+
+
+def test_nothing_is_overwritten_unasked(part: Path) -> None:
+    place = part.with_name("a.mcap")
+    place.write_text("precious")
+    before = part.read_bytes()
+    with pytest.raises(LogError, match="exists and may be whole") as caught:
+        recover_log(part)
+    assert "--out" in caught.value.remedy
+    assert place.read_text() == "precious"
+    recover_log(part, place)
+    assert read_log(place)
+    assert part.read_bytes() == before, "the source stays"
+
+
+def test_the_source_is_never_overwritten(part: Path) -> None:
+    own = part.rename(part.with_name(f"a.mcap.{os.getpid()}.part"))
+    before = own.read_bytes()
+    for out in (own, None):
+        with pytest.raises(LogError, match="would be overwritten"):
+            recover_log(own, out)
+    assert own.read_bytes() == before
+
+
+def test_files_that_hold_nothing(tmp_path: Path, log: Path) -> None:
+    for name, data, text in (
+        ("empty", b"", "is empty"),
+        ("text", b"this is no log", "no MCAP file"),
+        ("begun", log.read_bytes()[:200], "nothing can be saved"),
+        ("magic", log.read_bytes()[:4], "nothing can be saved"),
+    ):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(LogError, match=text):
+            recover_log(tmp_path / name)
+    with pytest.raises(LogError, match="cannot read"):
+        recover_log(tmp_path / "absent")
+    parts = take_apart(log)
+    parts.metadata = [Metadata("other", {})]
+    (tmp_path / "foreign").write_bytes(put_together(parts))
+    with pytest.raises(LogError, match="not of cranectl"):
+        recover_log(tmp_path / "foreign")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        ["empty", "text", "begun", "magic", "foreign"]
+    )
+
+
+def test_the_command(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recover_command.main([str(part), "--json", "-"], standalone_mode=False)
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
+    assert result["log"] == str(part.with_name("a.mcap"))
+    assert [run["plant"] for run in result["runs"]] == ["analytic", "mujoco"]
+    assert f"log: {result['log']}" in captured.err
+    samples = result["runs"][1]["samples"]
+    assert f"mujoco: interrupted at {result['runs'][1]['end_s']:g} s, {samples} of 76 samples" in captured.err
+    assert f"the last {result['lost']} of {part.stat().st_size} bytes" in captured.err
+    info_command.main([result["log"]], standalone_mode=False)
+    assert "interrupted" in capsys.readouterr().out
+
+
+# Kills. Forks of one process write a long log; each is killed at another moment.
+
+WRITE = """
+import os, random, signal, sys, time
+from pathlib import Path
+from cranectl.cli.main import _terminate
+from cranectl.log import read_log, write_log, writer
+
+runs = list(read_log(sys.argv[1]).values())
+make = writer._channel
+
+class Channel:
+    sent = 0
+    def __init__(self, *arguments):
+        self.channel = make(*arguments)
+    def log(self, *arguments, **keywords):
+        self.channel.log(*arguments, **keywords)
+        Channel.sent += 1
+        if Channel.sent == moment:
+            os.kill(os.getpid(), number)
+
+def killed_before_the_new_name(*_):
+    os.kill(os.getpid(), number)
+
+def write(path):
+    signal.signal(signal.SIGTERM, _terminate)
+    if moment >= 0:
+        writer._channel = Channel
+    elif moment == -1:
+        Path.replace = killed_before_the_new_name
+    try:
+        write_log(path, runs, every=1)
+    except KeyboardInterrupt:
+        os._exit(130)
+    os._exit(0)
+
+def begun(part):
+    try:
+        return part.stat().st_size > 100_000
+    except FileNotFoundError:
+        return False
+
+for case in sys.argv[2:]:
+    number, moment = (int(word) for word in case.split(":"))
+    path = Path(f"{number}:{moment}.mcap")
+    child = os.fork()
+    if child == 0:
+        write(path)
+    if moment < -1:
+        part = Path(f"{path}.{child}.part")
+        while not begun(part) and not path.exists():
+            time.sleep(0.001)
+        time.sleep(random.Random(moment).uniform(0.0, 0.3))
+        os.kill(child, number)
+    print(child, os.waitpid(child, 0)[1])
+"""
+
+
+def kill(log: Path, directory: Path, cases: Iterable[str]) -> list[tuple[Path, Path, int]]:
+    """(log, unfinished log, exit status) of a writer for each case `signal:moment`.
+
+    A moment is the number of a message, -1 when the file is whole but has not its name, and below that any
+    time after the first chunks.
+    """
+    cases = list(cases)
+    command = [sys.executable, "-c", WRITE, str(log), *cases]
+    done = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    ends = [line.split() for line in done.stdout.splitlines()]
+    places = [
+        (directory / f"{case}.mcap", child, int(status))
+        for case, (child, status) in zip(cases, ends, strict=True)
+    ]
+    return [(path, path.with_name(f"{path.name}.{child}.part"), status) for path, child, status in places]
+
+
+def test_after_a_kill_at_most_one_chunk_is_missing(long_log: Path, tmp_path: Path) -> None:
+    whole = read_log(long_log)
+    with long_log.open("rb") as stream:
+        found = make_reader(stream).iter_messages(log_time_order=False)
+        sizes = np.array([31 + len(message.data) for _, _, message in found])
+    moments = sorted([1, len(sizes), *np.random.default_rng(4).integers(1500, len(sizes), size=8).tolist()])
+    killed = kill(long_log, tmp_path, [f"9:{moment}" for moment in moments])
+    for moment, (path, part, status) in zip(moments, killed, strict=True):
+        assert status == 9
+        assert not path.exists()
+        if moment == 1:
+            with pytest.raises(LogError, match="nothing can be saved"):
+                recover_log(part)
+            continue
+        recovery = recover_log(part)
+        missing = sizes[recovery.messages : moment]
+        assert 0 <= missing.sum() <= CHUNK_SIZE + sizes.max()
+        runs = read_log(path)
+        for plant, run in runs.items():
+            assert_beginning(run, whole[plant])
+
+
+def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Path, tmp_path: Path) -> None:
+    whole = read_log(long_log)
+    recovered = 0
+    for path, part, _ in kill(long_log, tmp_path, [f"9:{moment}" for moment in range(-1, -9, -1)]):
+        if not path.exists():
+            recovery = recover_log(part)
+            recovered += 1
+            assert recovery.lost < 1.3 * CHUNK_SIZE
+        for plant, run in read_log(path).items():
+            assert_beginning(run, whole[plant])
+    assert recovered, "not one was killed while it wrote"
+
+
+@pytest.mark.parametrize("number", [2, 15])
+def test_a_request_to_end_leaves_no_half_log(long_log: Path, tmp_path: Path, number: int) -> None:
+    moments = [1, 10_000, 25_000]
+    for _, _, status in kill(long_log, tmp_path, [f"{number}:{moment}" for moment in moments]):
+        assert os.waitstatus_to_exitcode(status) == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+FULL = """
+import resource, signal, sys
+from cranectl.errors import LogError
+from cranectl.log import read_log, write_log
+runs = list(read_log(sys.argv[1]).values())
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+for size in sys.argv[2:]:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(size), resource.RLIM_INFINITY))
+    try:
+        write_log("full.mcap", runs, every=1)
+        print("written")
+    except LogError as error:
+        print(error.found)
+"""
+
+
+def test_a_disk_that_goes_full_at_any_byte_leaves_nothing(log: Path, tmp_path: Path) -> None:
+    """A limit on the size of files stops the writer as a full disk does."""
+    size = len(write_log(tmp_path / "whole.mcap", list(read_log(log).values()), every=1).read_bytes())
+    (tmp_path / "whole.mcap").unlink()
+    sizes = [0, 1, 100, 11_000, size // 2, size - 3000, size - 100, size - 30, size - 9, size - 8, size - 1]
+    command = [sys.executable, "-c", FULL, str(log), *map(str, [*sizes, size])]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300)
+    said = done.stdout.splitlines()
+    assert len(said) == len(sizes) + 1, done.stderr
+    assert all(line.startswith("cannot write full.mcap") for line in said[:-1])
+    assert said[-1] == "written"
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["full.mcap"]
+    assert read_log(tmp_path / "full.mcap")

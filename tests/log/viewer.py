@@ -1,0 +1,176 @@
+"""A viewer: a client of the Foxglove WebSocket protocol that keeps what it is sent."""
+
+import base64
+import json
+import struct
+import time
+from collections.abc import Callable
+from typing import Any
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+TIMEOUT = 30.0  # [s] for anything to arrive
+
+
+class Viewer:
+    """Blocking and in one thread: `until` receives until something is so."""
+
+    def __init__(self, port: int) -> None:
+        self._connection = connect(
+            f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], max_size=None, max_queue=None
+        )
+        self.info: dict[str, Any] = {}
+        self.channels: dict[str, dict[str, Any]] = {}
+        self.services: dict[str, dict[str, Any]] = {}
+        self.parameters: dict[str, Any] = {}
+        self.messages: list[tuple[str, int, bytes]] = []
+        self.answers: dict[int, bytes] = {}
+        self.clock_ns: list[int] = []
+        self._topics: dict[int, str] = {}  # by subscription
+        self._wanted: set[str] = set()
+        self._calls = 0
+
+    def __enter__(self) -> "Viewer":
+        self._socket = self._connection.__enter__()
+        self.until(lambda: self.info and self.services)
+        return self
+
+    def __exit__(self, *details: Any) -> None:
+        self._connection.__exit__(*details)
+
+    def until(self, happened: Callable[[], object]) -> None:
+        """Receive until `happened()`."""
+        end = time.monotonic() + TIMEOUT
+        while not happened():
+            assert time.monotonic() < end, "it never happened"
+            self._receive(0.2)
+
+    def rest(self, seconds: float) -> None:
+        """Receive for some time."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._receive(left)
+
+    def until_closed(self) -> None:
+        try:
+            while True:
+                self._take(self._socket.recv(TIMEOUT))
+        except ConnectionClosed:
+            pass
+
+    def subscribe(self, *topics: str) -> None:
+        """To topics, also when they are advertised anew; all that there are by default."""
+        for topic in topics or self.channels:
+            self._wanted.add(topic)
+            self._subscribe(topic)
+
+    def set(self, **changes: object) -> None:
+        """Set parameters; returns once all values have come back."""
+        self.parameters = {}
+        self._send(
+            op="setParameters",
+            id="set",
+            parameters=[{"name": name, "value": value} for name, value in changes.items()],
+        )
+        self.until(lambda: self.parameters)
+
+    def get(self, *names: str) -> dict[str, Any]:
+        self.parameters = {}
+        self._send(op="getParameters", id="get", parameterNames=list(names))
+        self.until(lambda: self.parameters)
+        return self.parameters
+
+    def watch(self, *names: str) -> None:
+        """Be told when parameters change."""
+        self._send(op="subscribeParameterUpdates", parameterNames=list(names))
+
+    def call(self, service: str, request: object = None) -> dict[str, Any]:
+        self._calls += 1
+        call, encoding, data = self._calls, b"json", json.dumps(request or {}).encode()
+        head = struct.pack("<BIII", 2, self.services[service]["id"], call, len(encoding))
+        self._socket.send(head + encoding + data)
+        self.until(lambda: call in self.answers)
+        answer: dict[str, Any] = json.loads(self.answers[call])
+        return answer
+
+    def of(self, topic: str) -> list[tuple[int, bytes]]:
+        """Times and messages of a topic."""
+        return [(time_ns, data) for name, time_ns, data in self.messages if name == topic]
+
+    def decoded(self, topic: str) -> list[Any]:
+        """The messages of a topic by its own schema."""
+        kind = message_type(
+            self.channels[topic]["schemaName"], base64.b64decode(self.channels[topic]["schema"])
+        )
+        return [kind.FromString(data) for _, data in self.of(topic)]
+
+    def wait_for(self, topic: str, right: Callable[[Any], object] = lambda _: True) -> Any:
+        """The newest message of `topic`, once it is right."""
+        self.until(lambda: self.of(topic) and right(self.decoded(topic)[-1]))
+        return self.decoded(topic)[-1]
+
+    def said(self) -> list[str]:
+        """The lines of `/log`."""
+        return [line.message for line in self.decoded("/log")]
+
+    def wait_to_hear(self, text: str) -> None:
+        self.until(lambda: any(text in line for line in self.said()))
+
+    def forget(self) -> None:
+        self.messages.clear()
+
+    def _subscribe(self, topic: str) -> None:
+        number = len(self._topics) + 1
+        self._topics[number] = topic
+        self._send(op="subscribe", subscriptions=[{"id": number, "channelId": self.channels[topic]["id"]}])
+
+    def _send(self, **message: object) -> None:
+        self._socket.send(json.dumps(message))
+
+    def _receive(self, timeout: float) -> None:
+        try:
+            self._take(self._socket.recv(timeout))
+        except TimeoutError:
+            return
+
+    def _take(self, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            self._take_binary(message)
+            return
+        data = json.loads(message)
+        if data["op"] == "serverInfo":
+            self.info = data
+        elif data["op"] == "advertise":
+            for channel in data["channels"]:
+                assert channel["topic"] not in self.channels, "viewers refuse a second channel of a topic"
+                self.channels[channel["topic"]] = channel
+                if channel["topic"] in self._wanted:
+                    self._subscribe(channel["topic"])
+        elif data["op"] == "unadvertise":
+            gone = set(data["channelIds"])
+            self.channels = {topic: c for topic, c in self.channels.items() if c["id"] not in gone}
+        elif data["op"] == "advertiseServices":
+            self.services = {service["name"]: service for service in data["services"]}
+        elif data["op"] == "parameterValues":
+            self.parameters |= {p["name"]: p["value"] for p in data["parameters"]}
+
+    def _take_binary(self, message: bytes) -> None:
+        kind = message[0]
+        if kind == 1:
+            number, time_ns = struct.unpack_from("<IQ", message, 1)
+            self.messages.append((self._topics[number], time_ns, message[13:]))
+        elif kind == 2:
+            self.clock_ns.append(struct.unpack_from("<Q", message, 1)[0])
+        elif kind == 3:
+            _, call, length = struct.unpack_from("<III", message, 1)
+            self.answers[call] = message[13 + length :]
+
+
+def message_type(name: str, definition: bytes) -> Any:
+    """The class of a protobuf message, from a FileDescriptorSet."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(definition).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))

@@ -1,0 +1,76 @@
+"""Pictures to look at in tests: drawn small, and where in them a point of space is."""
+
+import functools
+from collections.abc import Mapping
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from cranectl import resources
+from cranectl.render.film import film_of
+from cranectl.render.scene import stage
+from cranectl.scenario import load_scenario
+from cranectl.signals import LOAD_COLUMN
+from cranectl.simulate import Run, simulate_run
+
+WIDTH, HEIGHT = 480, 360
+
+
+@functools.cache
+def moving_run(plant: str) -> Run:
+    """The first 14 s of the thesis's trajectory: under way, pushed from 6 s and from 12 s on."""
+    shorter = ["duration=14", "reference.segments.1.duration=4"]
+    return simulate_run(
+        load_scenario("settled-trajectory", overrides=shorter), plant=plant, controller="lqr"
+    ).every(4)
+
+
+def draw(
+    runs: Mapping[str, Run], time: float, camera: str = "overview", size: tuple[int, int] = (WIDTH, HEIGHT)
+) -> np.ndarray:
+    """What the scene shows, without words and plots, as signed numbers (height, width, 3)."""
+    with stage(film_of(runs), camera, *size) as scene:
+        return scene.draw(time).astype(int)
+
+
+def pixel(point: np.ndarray, camera: str = "overview", scale: int = 1) -> tuple[int, int]:
+    """Row and column of a point of space, by the camera of the model file; `scale` is of the picture."""
+    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    eye = model.camera(camera)
+    turned = np.zeros(9)
+    mujoco.mju_quat2Mat(turned, eye.quat)
+    x, y, z = turned.reshape(3, 3).T @ (point - eye.pos)
+    length = HEIGHT / 2.0 / np.tan(np.radians(eye.fovy[0]) / 2.0)
+    row, column = HEIGHT / 2.0 + length * y / z, WIDTH / 2.0 - length * x / z
+    return int(row * scale), int(column * scale)
+
+
+def patch(picture: np.ndarray, point: np.ndarray, camera: str = "overview") -> np.ndarray:
+    """Mean colour of the nine pixels around a point of space."""
+    row, column = pixel(point, camera)
+    return picture[row - 1 : row + 2, column - 1 : column + 2].mean(axis=(0, 1))
+
+
+def is_load(picture: np.ndarray) -> np.ndarray:
+    """Which pixels are of the red load."""
+    red, green, blue = np.moveaxis(picture, -1, 0)
+    return (red > 110) & (green < 70) & (blue < 70)
+
+
+def is_pushed(picture: np.ndarray) -> np.ndarray:
+    """Which pixels are of the purple arrow of a disturbance."""
+    red, green, blue = np.moveaxis(picture, -1, 0)
+    return (red > green + 40) & (blue > green + 40)
+
+
+def moved(run: Run, x: float) -> Run:
+    """The run with bridge and load shifted along x."""
+    table = run.table.copy()
+    table[:, [0, LOAD_COLUMN]] += x
+    return replace(run, table=table)
+
+
+def at(run: Run, time: float) -> int:
+    """The sample at `time`."""
+    return int(np.searchsorted(run.time, time))

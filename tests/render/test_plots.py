@@ -1,0 +1,68 @@
+"""The strip of plots: its curves are the runs', its cursor is at the time."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cranectl.colours import LIGHT, PLANTS, rgb
+from cranectl.render.film import film_of
+from cranectl.render.plots import Plots
+from tests.render.pictures import moving_run
+
+SIZE = (480, 720)
+
+
+def strip(plots: Plots, time: float) -> np.ndarray:
+    picture = Image.new("RGB", SIZE)
+    plots.draw(picture, 0, time)
+    return np.asarray(picture).astype(int)
+
+
+def has(picture: np.ndarray, colour: str) -> np.ndarray:
+    """Which pixels are of a colour."""
+    return (np.abs(picture - np.array(rgb(colour)) * 255.0) < 12).all(axis=2)
+
+
+def cursor(picture: np.ndarray) -> int:
+    """The one column with a dark line through all panels."""
+    return int(np.argmax(has(picture, LIGHT["ink"]).sum(axis=0)))
+
+
+def test_the_cursor_moves_evenly_with_time() -> None:
+    plots = Plots(film_of({plant: moving_run(plant) for plant in ("analytic", "mujoco")}), *SIZE)
+    pictures = [strip(plots, time) for time in (0.5, 3.5, 6.5, 13.5)]
+    columns = [cursor(picture) for picture in pictures]
+    per_second = (columns[3] - columns[0]) / 13.0
+    assert per_second > 20
+    assert [c - columns[0] for c in columns] == pytest.approx(
+        [0, 3 * per_second, 6 * per_second, 13 * per_second], abs=1.5
+    )
+    changed = np.nonzero((pictures[0] != pictures[1]).any(axis=(0, 2)))[0]
+    assert set(changed) <= {c + k for c in columns[:2] for k in range(-9, 10)}
+
+
+def test_each_plant_has_its_colour_and_the_pair_a_panel_of_its_distance() -> None:
+    pair = strip(Plots(film_of({plant: moving_run(plant) for plant in ("analytic", "mujoco")}), *SIZE), 1.0)
+    alone = strip(Plots(film_of({"analytic": moving_run("analytic")}), *SIZE), 1.0)
+    assert has(pair, PLANTS["mujoco"]).sum() > 500
+    assert has(alone, PLANTS["mujoco"]).sum() == 0
+    assert has(alone, PLANTS["analytic"]).sum() > 500
+    # A row in the middle between two panels is white, but for ticks; a pair has one panel more.
+    blank = [(picture[:, 100:] > 200).all(axis=(1, 2)) for picture in (pair, alone)]
+    gaps = [np.sum(rows[1:] & ~rows[:-1]) for rows in blank]
+    assert gaps[0] > gaps[1]
+
+
+def test_the_dot_is_on_the_curve() -> None:
+    run = moving_run("mujoco")
+    plots = Plots(film_of({"mujoco": run}), *SIZE)
+    heights = []
+    for time in (1.0, 13.0):
+        picture = strip(plots, time)[:220]
+        column = cursor(picture)
+        dot = has(picture, PLANTS["mujoco"])[:, column - 1 : column + 2].all(axis=1)
+        heights.append(np.nonzero(dot)[0].mean())
+    error = np.linalg.norm(run.reference[:, :3] - run.block("load")[:, :3], axis=1)
+    early, late = (error[np.searchsorted(run.time, time)] for time in (1.0, 13.0))
+    assert late > 1000 * early
+    assert heights[0] - heights[1] > 100  # towards the top

@@ -1,0 +1,165 @@
+"""Pictures show what the log says: the load where it is, the ghost of another plant, the rope, the path."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from cranectl import resources
+from cranectl.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
+from cranectl.render.film import film_of
+from cranectl.render.settings import CAMERAS
+from cranectl.signals import TENSION_COLUMN
+from tests.render.pictures import (
+    HEIGHT,
+    WIDTH,
+    at,
+    draw,
+    is_load,
+    is_pushed,
+    moved,
+    moving_run,
+    patch,
+    pixel,
+)
+
+
+def nearness(colour: np.ndarray, hue: str) -> float:
+    """How far a pixel's tint agrees with that of a colour: 1 the same, 0 none, negative the opposite."""
+    a, b = (np.asarray(c) - np.mean(c) for c in (colour, np.array(rgb(hue)) * 255.0))
+    return float(a @ b / (b @ b))
+
+
+def test_the_cameras_are_those_of_the_model() -> None:
+    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    assert {model.camera(k).name for k in range(model.ncam)} == set(CAMERAS)
+
+
+@pytest.mark.parametrize(
+    ("camera", "time", "seen"),
+    [("overview", 2.0, 40), ("overview", 5.0, 40), ("side", 5.0, 30), ("side", 9.0, 30)],
+)
+def test_the_load_is_drawn_where_the_log_says(camera: str, time: float, seen: int) -> None:
+    run = moving_run("mujoco")
+    red = is_load(draw({"mujoco": run}, time, camera))
+    row, column = pixel(run.block("load")[at(run, time), :3], camera)
+    rows, columns = np.nonzero(red)
+    assert len(rows) > seen
+    assert np.hypot(np.median(rows) - row, np.median(columns) - column) < 2.5
+    assert not red[pixel(run.block("load")[at(run, 7.0), :3], camera)]
+
+
+def test_from_above_the_trolley_is_over_the_load() -> None:
+    run = moving_run("mujoco")
+    picture = draw({"mujoco": run}, 5.0, "top")
+    row = at(run, 5.0)
+    trolley = np.array([*run.block("state")[row, [0, 2]], 0.153])
+    assert nearness(patch(picture, trolley, "top"), "#26599e") > 0.5
+    assert nearness(patch(picture, trolley + np.array([0.3, 0.0, 0.0]), "top"), "#26599e") < 0.2
+
+
+def test_moving_the_load_moves_its_pixels_and_nothing_of_the_frame() -> None:
+    run = moving_run("mujoco")
+    before, after = (draw({"mujoco": r}, 5.0, "side") for r in (run, moved(run, 0.3)))
+    columns = [np.nonzero(is_load(picture))[1].mean() for picture in (before, after)]
+    row = at(run, 5.0)
+    places = [pixel(r.block("load")[row, :3], "side")[1] for r in (run, moved(run, 0.3))]
+    assert columns[1] - columns[0] == pytest.approx(places[1] - places[0], abs=1.5)
+    post = np.array([-0.10, -0.145, -0.9])
+    assert (patch(before, post, "side") == patch(after, post, "side")).all()
+
+
+def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
+    solid, other = moving_run("mujoco"), moved(moving_run("analytic"), -0.35)
+    place = other.block("load")[at(other, 5.0), :3]
+    pair = draw({"analytic": other, "mujoco": solid}, 5.0)
+    alone = draw({"mujoco": solid}, 5.0)
+    assert nearness(patch(pair, place), PLANTS["analytic"]) > 0.25
+    assert nearness(patch(alone, place), PLANTS["analytic"]) < 0.1
+    # What is behind it shines through, and the solid load is as red as ever.
+    assert nearness(patch(pair, place), PLANTS["analytic"]) < 0.9
+    assert is_load(pair).sum() == is_load(alone).sum()
+
+
+def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> None:
+    runs = {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
+    load = runs["mujoco"].block("load")[at(runs["mujoco"], 5.0), :3]
+    pair, alone = (draw(r, 5.0, "side", (3 * WIDTH, 3 * HEIGHT)) for r in (runs, {"mujoco": runs["mujoco"]}))
+    for picture, rim in ((pair, True), (alone, False)):
+        centre, edge = (picture[pixel(load - (0.0, 0.0, offset), "side", 3)] for offset in (0.0, 0.054))
+        assert nearness(centre, "#ff0000") > 0.5
+        assert (nearness(edge, PLANTS["analytic"]) > 0.2) == rim
+    assert is_load(pair).sum() == pytest.approx(is_load(alone).sum(), rel=0.1)
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_one_plant_alone_is_solid(plant: str) -> None:
+    assert not film_of({plant: moving_run(plant)}).lead.ghost
+    assert is_load(draw({plant: moving_run(plant)}, 2.0)).sum() > 30
+
+
+@pytest.mark.parametrize(("tension", "slack"), [(9.81, False), (0.16 * 9.81, False), (0.14 * 9.81, True)])
+def test_the_rope_turns_red_before_it_is_slack(tension: float, slack: bool) -> None:
+    run = moving_run("mujoco")
+    table = run.table.copy()
+    table[:, TENSION_COLUMN] = tension
+    picture = draw({"mujoco": replace(run, table=table)}, 5.0, "side")
+    row = at(run, 5.0)
+    x, y = run.signal("state.bridge_position")[row], run.signal("state.trolley_position")[row]
+    middle = (np.array([x, y, 0.0]) + run.block("load")[row, :3]) / 2.0
+    line, column = pixel(middle, "side")
+    rope = min(picture[line, column - 2 : column + 3], key=lambda colour: colour[2])  # the least blue
+    assert (nearness(rope, SLACK_ROPE) > 0.4) == slack
+    if not slack:
+        assert rope.max() < 120
+
+
+def test_arrows_are_drawn_while_a_disturbance_acts() -> None:
+    run = moving_run("mujoco")
+    counts = [int(is_pushed(draw({"mujoco": run}, time)).sum()) for time in (5.9, 6.5, 13.0)]
+    assert counts[0] == 0
+    assert 15 < counts[1] < counts[2]
+
+
+def test_the_marker_is_where_the_load_should_be() -> None:
+    run = moving_run("mujoco")
+    picture = draw({"mujoco": run}, 9.0)
+    row = at(run, 9.0)
+    assert nearness(patch(picture, run.reference[row, :3]), LIGHT["series-3"]) > 0.5
+    assert nearness(patch(picture, run.block("load")[row, :3]), LIGHT["series-3"]) < 0.0
+
+
+def test_the_path_is_dashed_and_the_trail_is_behind_the_load() -> None:
+    run = moving_run("mujoco")
+    picture = draw({"mujoco": run}, 4.9)
+    ahead = run.reference[at(run, 6.2) : at(run, 9.0) : 10, :3]
+    dark = [min(picture[row - 1 : row + 2, column].max(axis=1)) < 165 for row, column in map(pixel, ahead)]
+    assert 0.3 < np.mean(dark) < 0.9
+    off_path = [picture[row + 12, column].max() < 165 for row, column in map(pixel, ahead)]
+    assert np.mean(off_path) < 0.1  # a post of the frame
+    trail = run.block("load")[at(run, 4.0) : at(run, 4.5) : 10, :3]
+    tints = [nearness(patch(picture, point), PLANTS["mujoco"]) for point in trail]
+    assert np.median(tints) > 0.25
+    old = run.block("load")[at(run, 0.1) : at(run, 0.6) : 10, :3]
+    assert np.median([nearness(patch(picture, point), PLANTS["mujoco"]) for point in old]) < 0.1
+
+
+def test_narrow_pictures_show_the_whole_rig() -> None:
+    run = moving_run("mujoco")
+    wide, narrow = draw({"mujoco": run}, 2.0, "side"), draw({"mujoco": run}, 2.0, "side", (200, HEIGHT))
+    # The rig's outer posts, the darkest of what stands on the floor, are at the same share of the width.
+    shares = []
+    for picture in (wide, narrow):
+        columns = np.nonzero(picture[HEIGHT // 2].max(axis=1) < 200)[0]
+        shares.append((columns.min() / picture.shape[1], columns.max() / picture.shape[1]))
+    assert np.allclose(*shares, atol=0.02)
+    assert 0.1 < shares[0][0] < 0.3
+    assert wide.shape == (HEIGHT, WIDTH, 3)
+
+
+def test_the_same_moment_is_the_same_picture() -> None:
+    runs = {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
+    first, again, later = (draw(runs, time) for time in (5.0, 5.0, 5.2))
+    assert (first == again).all()
+    assert (first != later).any()
