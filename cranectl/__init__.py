@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cranectl.compare import Agreement, Comparison, compare_runs, judge
     from cranectl.design import CONTROLLERS, Design, design_controller
     from cranectl.errors import CranectlError, InputError, LogError
-    from cranectl.log import read_log, write_log
+    from cranectl.log import read_log, read_signal, write_log
     from cranectl.metrics import RunMetrics, run_metrics
     from cranectl.parameters import RigParameters
     from cranectl.scenario import Scenario, load_scenario, scenario_names
@@ -42,6 +42,7 @@ _HOME = {
     "judge": "compare",
     "load_scenario": "scenario",
     "read_log": "log",
+    "read_signal": "log",
     "run_metrics": "metrics",
     "scenario_names": "scenario",
     "simulate_run": "simulate",
@@ -66,6 +67,7 @@ __all__ = [
     "judge",
     "load_scenario",
     "read_log",
+    "read_signal",
     "run_metrics",
     "scenario_names",
     "simulate_run",

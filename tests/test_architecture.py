@@ -9,7 +9,8 @@ import pytest
 import cranectl
 from tests.conftest import ROOT
 
-HEAVY = ("mujoco", "numba", "control", "matplotlib", "scipy", "pydantic", "foxglove", "mcap", "pyarrow", "PIL", "av")
+HEAVY = ("mujoco", "numba", "control", "matplotlib", "scipy", "pydantic")
+HEAVY += ("foxglove", "mcap", "pyarrow", "PIL", "av")
 
 
 def run_lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.log import topics
 from cranectl.log.stream import Stream
-from cranectl.log.writer import _channel
+from cranectl.log.writer import open_channel
 
 
 class Outlet:
@@ -61,4 +61,4 @@ class Outlet:
             channel.close()
             channel = None
         if channel is None:
-            self._channels[stream.topic] = _channel(self._context, stream)
+            self._channels[stream.topic] = open_channel(self._context, stream)

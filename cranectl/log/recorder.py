@@ -19,7 +19,7 @@ from cranectl.files import check_replaceable, replacing
 from cranectl.log import topics
 from cranectl.log.outlet import Outlet
 from cranectl.log.records import DamageError
-from cranectl.log.writer import CHUNK_SIZE, _attachments, _check_complete, _metadata, run_metadata
+from cranectl.log.writer import CHUNK_SIZE, check_complete, file_attachments, file_metadata, run_metadata
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 
@@ -59,12 +59,12 @@ class Recorder:
                 self._part, allow_overwrite=True, context=self._context, writer_options=options
             )
             outcomes = {f"run/{run.plant}" for run in runs}
-            for name, values in _metadata(runs, runs[0].scenario.log.every).items():
+            for name, values in file_metadata(runs, runs[0].scenario.log.every).items():
                 if name not in outcomes:
                     self._file.write_metadata(name, values)
             take = {"take": str(len(self.files) + 1), "from_ns": str(from_ns), "reason": reason}
             self._file.write_metadata("live", take)
-            for attachment in _attachments(runs):
+            for attachment in file_attachments(runs):
                 self._file.attach(**asdict(attachment))
         except (OSError, RuntimeError) as error:
             raise _unwritable(path, error) from None
@@ -90,7 +90,7 @@ class Recorder:
                 file.close()
                 if max(samples.values()) <= 1 and not any(run.status.stopped for run in runs):
                     raise _DiscardedError
-                _check_complete(self._part, sent.total())
+                check_complete(self._part, sent.total())
                 self.files.append(path)
         except (OSError, RuntimeError, DamageError) as error:
             raise _unwritable(path, error) from None

@@ -35,9 +35,10 @@ def streams(runs: Sequence[Run]) -> list[Stream]:
 
 
 def samples(runs: Sequence[Run]) -> list[Stream]:
-    """The reference, and all signals of the runs."""
-    longest = max(runs, key=lambda run: len(run.time_ns))
-    found = [_signals(topics.REFERENCE_LOAD, REFERENCE, longest.time_ns, longest.reference)]
+    """The reference at the times of any run, and all signals of the runs."""
+    time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
+    reference = np.concatenate([run.reference for run in runs])[rows]
+    found = [_signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
     for run in runs:
         found += [
             _signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))

@@ -47,7 +47,7 @@ def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None
     check_writable(path)
     every = every or runs[0].scenario.log.every
     logged = [run.every(every) for run in runs]
-    write_container(path, _metadata(logged, every), _attachments(logged), streams(logged))
+    write_container(path, file_metadata(logged, every), file_attachments(logged), streams(logged))
     return path
 
 
@@ -74,7 +74,7 @@ def write_container(
                 for attachment in attachments:
                     file.attach(**asdict(attachment))
                 count = _send_in_order(context, sent)
-            _check_complete(part, count)
+            check_complete(part, count)
     except (OSError, RuntimeError, DamageError) as error:
         raise _unwritable(path, error) from None
 
@@ -84,7 +84,8 @@ def run_metadata(status: RunStatus, end_ns: int, samples: int) -> dict[str, str]
     return {"status": status.label, "end_ns": str(end_ns), "samples": str(samples)}
 
 
-def _metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
+def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
+    """The metadata records of a log of these runs."""
     first = runs[0]
     return {
         "cranectl": {
@@ -100,7 +101,8 @@ def _metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     }
 
 
-def _attachments(runs: Sequence[Run]) -> list[Attachment]:
+def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
+    """Everything needed to repeat the runs."""
     first = runs[0]
     return [
         _json("scenario.json", first.scenario.model_dump(mode="json")),
@@ -126,7 +128,7 @@ def _text(name: str, media_type: str, text: str) -> Attachment:
 
 def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
     """Send all messages in the order of time; returns their number."""
-    channels = [_channel(context, stream) for stream in sent]
+    channels = [open_channel(context, stream) for stream in sent]
     time = np.concatenate([stream.time_ns for stream in sent])
     index = np.concatenate([np.full(len(stream.messages), k) for k, stream in enumerate(sent)])
     order = np.lexsort((index, time))
@@ -137,7 +139,8 @@ def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
     return len(time)
 
 
-def _channel(context: foxglove.Context, stream: Stream) -> foxglove.Channel:
+def open_channel(context: foxglove.Context, stream: Stream) -> foxglove.Channel:
+    """The channel that `stream` goes to."""
     return foxglove.Channel(
         stream.topic,
         message_encoding="protobuf",
@@ -147,7 +150,7 @@ def _channel(context: foxglove.Context, stream: Stream) -> foxglove.Channel:
     )
 
 
-def _check_complete(path: Path, sent: int) -> None:
+def check_complete(path: Path, sent: int) -> None:
     """The writer drops messages rather than fail: count what has arrived."""
     with path.open("rb") as stream:
         written = open_container(stream).statistics.message_count

@@ -278,7 +278,7 @@ from cranectl.cli.main import _terminate
 from cranectl.log import read_log, write_log, writer
 
 runs = list(read_log(sys.argv[1]).values())
-make = writer._channel
+make = writer.open_channel
 
 class Channel:
     sent = 0
@@ -296,7 +296,7 @@ def killed_before_the_new_name(*_):
 def write(path):
     signal.signal(signal.SIGTERM, _terminate)
     if moment >= 0:
-        writer._channel = Channel
+        writer.open_channel = Channel
     elif moment == -1:
         Path.replace = killed_before_the_new_name
     try:
