@@ -270,8 +270,9 @@ def test_a_kick_moves_the_load_and_a_reset_takes_it_back(tmp_path: Path) -> None
         assert states(viewer)[-1] == pytest.approx([1.0, 0, 0.77, 0, 0.7, 0, 0, 0, 0, 0], abs=1e-12)
         times = [time_ns for _, time_ns, _ in viewer.messages]
         assert (np.diff(times) >= 0).all(), "viewers lose their plots when time goes back"
+        viewer.forget()
         viewer.set(pause=False)
-        viewer.rest(0.1)
+        viewer.until(lambda: len(viewer.of("/mujoco/state")) > 5)
         files = running.end()
     first, second = (read_log(file)["mujoco"] for file in files)
     assert first.time_ns[0] == 0

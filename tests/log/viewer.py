@@ -12,6 +12,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 TIMEOUT = 30.0  # [s] for anything to arrive
+PATIENCE = 3.0  # [s] until topics are subscribed to again
 
 
 class Viewer:
@@ -43,9 +44,15 @@ class Viewer:
     def until(self, happened: Callable[[], object]) -> None:
         """Receive until `happened()`."""
         end = time.monotonic() + TIMEOUT
+        again = time.monotonic() + PATIENCE
         while not happened():
             assert time.monotonic() < end, "it never happened"
             self._receive(0.2)
+            if time.monotonic() > again:
+                # A channel may go between its advertisement and our subscription.
+                again = time.monotonic() + PATIENCE
+                for topic in self._wanted & set(self.channels):
+                    self._subscribe(topic)
 
     def rest(self, seconds: float) -> None:
         """Receive for some time."""
