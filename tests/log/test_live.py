@@ -117,7 +117,7 @@ def test_everything_is_advertised(tmp_path: Path, short: Scenario) -> None:
 def test_a_late_viewer_sees_the_whole_scene(tmp_path: Path) -> None:
     with live(tmp_path / "live.mcap") as (running, early):
         early.subscribe("/tf")
-        early.rest(0.3)
+        early.wait_for("/tf")
         early.call("/pause")
         early.until(lambda: early.get("pause")["pause"])
         early.rest(0.2)
@@ -424,7 +424,7 @@ sys.exit(main.main(sys.argv[1:]))
         received = list(viewer.messages)
         process.send_signal(sent)
         viewer.until_closed()
-    out, err = process.communicate(timeout=10)
+    out, err = process.communicate(timeout=60)
     assert process.returncode == 0
     record = tmp_path / "logs/fixed-position/live.mcap"
     assert "recorded: logs/fixed-position/live.mcap" in out
