@@ -1,0 +1,1 @@
+"""Tests that open logs in a viewer; see README.md."""

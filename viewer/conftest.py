@@ -1,0 +1,70 @@
+"""Logs as users make them, a server, a browser with the viewer."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+from cranectl.cli import exit_codes
+from cranectl.cli.main import main
+from viewer.logs import CUT_OFF, KINDS, truncated
+from viewer.serving import HERE, STUDIO, serve
+from viewer.studio import Studio
+
+# 3-D without a graphics card, and nothing that looks for the browser's own services.
+FLAGS = (
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+FAILURES = HERE / "failures"
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The directory that is served under /files/."""
+    return tmp_path_factory.mktemp("files")
+
+
+@pytest.fixture(scope="session")
+def logs(files: Path) -> dict[str, Path]:
+    """A log of every kind, made by the commands that users give."""
+    paths = {kind: files / f"{kind}.mcap" for kind in (*KINDS, CUT_OFF)}
+    for kind, arguments in KINDS.items():
+        if CUT_OFF in arguments:
+            truncated(paths["one-plant"], paths[CUT_OFF])
+        code = main([argument.format_map(paths) for argument in arguments.split()])
+        assert code == (exit_codes.RUN_STOPPED if kind == "stopped-early" else exit_codes.GOOD), kind
+    return paths
+
+
+@pytest.fixture(scope="session")
+def studio(files: Path) -> Iterator[Studio]:
+    """The viewer in a browser."""
+    browser = shutil.which("chromium")
+    if browser is None or not STUDIO.is_dir():
+        pytest.exit("Chromium or the viewer is not installed; run `make test-viewer`", returncode=2)
+    with serve(files) as origin, sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=browser, args=FLAGS)
+        yield Studio(chromium.new_page(viewport={"width": 1280, "height": 800}), origin)
+        chromium.close()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Keep what the viewer showed when a test failed."""
+    report: Any = yield
+    studio = getattr(item, "funcargs", {}).get("studio")
+    if report.failed and studio is not None:
+        FAILURES.mkdir(exist_ok=True)
+        name = re.sub(r"\W+", "-", item.name).strip("-")
+        studio.page.screenshot(path=FAILURES / f"{name}.png")
+    return report

@@ -1,0 +1,86 @@
+"""Which logs are opened: one of every kind, and some with parts missing or broken."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+# What `cranectl` is called with for a log of every kind; a name in braces is that log's file.
+KINDS = {
+    "one-plant": "run fixed-position --plant mujoco --out {one-plant}",
+    "comparison": "run fixed-position --plant both --every 10 --out {comparison}",
+    "robustified": "run settled-trajectory --plant mujoco --controller lqr+hinf --drive velocity --every 20"
+    " --out {robustified}",
+    "stopped-early": "run slack-rope --plant both --every 20 --out {stopped-early}",
+    "analytic": "run near-slack --plant analytic --every 20 --out {analytic}",
+    "mujoco": "run near-slack --plant mujoco --every 20 --out {mujoco}",
+    "merged": "compare {analytic} {mujoco} --merge {merged}",
+    "recovered": "recover {cut-off} --out {recovered}",
+}
+CUT_OFF = "cut-off"  # half of the log of one plant, as a process that is killed leaves it
+
+
+def rewrite(
+    source: Path,
+    target: Path,
+    *,
+    keep: Callable[[str], bool] = lambda _: True,
+    edit: Callable[[str, bytes], bytes] = lambda _, data: data,
+) -> Path:
+    """Copy the messages of the topics to `keep`, their bytes edited."""
+    with source.open("rb") as read, target.open("wb") as write:
+        writer = Writer(write)
+        writer.start()
+        channels: dict[int, int] = {}
+        for schema, channel, message in make_reader(read).iter_messages():
+            if not keep(channel.topic):
+                continue
+            if channel.id not in channels:
+                assert schema is not None
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, known)
+            data = edit(channel.topic, message.data)
+            writer.add_message(channels[channel.id], message.log_time, data, message.publish_time)
+        writer.finish()
+    return target
+
+
+def truncated(source: Path, target: Path) -> Path:
+    """The first half of a file, as after a copy that broke off."""
+    data = source.read_bytes()
+    target.write_bytes(data[: len(data) // 2])
+    return target
+
+
+def damaged(source: Path, target: Path) -> Path:
+    """Some bytes of the chunk in the middle inverted."""
+    with source.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[len(summary.chunk_indexes) // 2]
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+    data = bytearray(source.read_bytes())
+    data[middle : middle + 64] = bytes(byte ^ 0xFF for byte in data[middle : middle + 64])
+    target.write_bytes(data)
+    return target
+
+
+def garbled(source: Path, target: Path) -> Path:
+    """A sound file, in which the messages of one topic are no protobuf."""
+    return rewrite(source, target, edit=lambda topic, data: b"\xff" * 3 if topic == "/mujoco/load" else data)
+
+
+def foreign(_: Path, target: Path) -> Path:
+    """Another kind of file."""
+    target.write_bytes(b"time,alpha\n0.0,0.1\n" * 100)
+    return target
+
+
+def empty(_: Path, target: Path) -> Path:
+    """Nothing."""
+    target.touch()
+    return target
+
+
+BROKEN = {make.__name__: make for make in (truncated, damaged, garbled, foreign, empty)}

@@ -1,0 +1,90 @@
+"""`cranectl live` in the viewer: what runs is seen, and can be steered, and was recorded."""
+
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import cranectl
+from viewer import panels, pictures
+from viewer.panels import Layout
+from viewer.studio import Studio, eventually
+
+COMMAND = "-m cranectl live settled-trajectory --plant mujoco --port 0 --record"
+PARAMETERS = "Parameters!1"
+# 1.48 expects the schemas of services where the protocol of its time had them.
+SERVICES = r'could not find datatype "cranectl\.\w+_Request"'
+
+
+@dataclass(frozen=True)
+class Live:
+    """A running session."""
+
+    process: subprocess.Popen[str]
+    url: str
+    record: Path
+
+
+@pytest.fixture
+def live(tmp_path: Path) -> Iterator[Live]:
+    """The command, as a user starts it."""
+    record = tmp_path / "live.mcap"
+    command = [sys.executable, *COMMAND.split(), str(record)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        urls = (re.search(r"ws://\S+", line) for line in process.stdout)
+        url = next((found[0] for found in urls if found), None)
+        assert url is not None, "ended without saying where to connect"
+        yield Live(process, url, record)
+        process.kill()
+
+
+@pytest.fixture
+def layout(files: Path) -> Layout:
+    """The shipped layout for one run with a panel of parameters below."""
+    shipped = panels.with_values(panels.shipped("single", files))
+    configurations = {**shipped["configById"], PARAMETERS: {"title": "Parameters"}}
+    split = {"direction": "column", "first": shipped["layout"], "second": PARAMETERS, "splitPercentage": 75}
+    return {**shipped, "configById": configurations, "layout": split}
+
+
+def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
+    studio.open_live(live.url, layout)
+    (scene,) = panels.of_type(layout, "3D")
+    picture = eventually(lambda: studio.picture(scene), lambda seen: pictures.bridge(seen).sum() > 300)
+    # A viewer takes a step back as a seek and throws away what it has not shown yet.
+    assert studio.clock == sorted(studio.clock)
+    assert pictures.bridge(picture).sum() > 300
+    assert pictures.load(picture).any()
+    assert studio.start() < 60.0  # the run's clock, not this machine's
+    for name in panels.of_type(layout, "Plot"):
+        values = eventually(lambda name=name: studio.legend(name), lambda seen: bool(seen) and all(seen))
+        assert all(values), layout["configById"][name]["foxglovePanelTitle"]
+
+    # Steering: a stop, another controller with other messages on the same topic, and on again.
+    before = eventually(lambda: studio.parameters(PARAMETERS), bool)
+    assert before["pause"] == "false"
+    studio.set_parameter(PARAMETERS, "pause", "true")
+    assert eventually(lambda: studio.parameters(PARAMETERS)["pause"], lambda seen: seen == "true") == "true"
+    stopped = studio.duration()
+    studio.set_parameter(PARAMETERS, "controller", '"lqr+hinf"')
+    after = eventually(lambda: studio.parameters(PARAMETERS), lambda seen: seen["k0"] != before["k0"])
+    assert after["controller"] == '"lqr+hinf"'
+    assert after["k0"] != before["k0"]
+    assert studio.duration() - stopped < 1.0
+    studio.set_parameter(PARAMETERS, "pause", "false")
+    assert eventually(studio.duration, lambda seconds: seconds > stopped + 2.0) > stopped + 2.0
+    assert studio.problems() == []
+    assert [text for text in studio.exceptions if not re.search(SERVICES, text)] == []
+
+    assert studio.clock == sorted(studio.clock)
+
+    live.process.send_signal(signal.SIGINT)
+    assert live.process.wait(timeout=30) == 0
+    first, second = cranectl.read_log(live.record), cranectl.read_log(live.record.with_suffix(".take2.mcap"))
+    assert first["mujoco"].design.name != second["mujoco"].design.name == "lqr+hinf"

@@ -1,0 +1,56 @@
+"""Parsers that know nothing of cranectl read every kind of log, and refuse broken ones."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import cranectl
+from viewer.logs import BROKEN, KINDS
+from viewer.serving import HERE
+
+
+def node(log: Path) -> subprocess.CompletedProcess[str]:
+    """Decode every message in JavaScript."""
+    command = [str(Path(sys.executable).with_name("node")), str(HERE / "decode.mjs"), str(log)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def doctor(log: Path) -> subprocess.CompletedProcess[str]:
+    """Check the structure of the file."""
+    command = [str(Path(sys.executable).with_name("pymcap-cli")), "doctor", str(log)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_message_decodes_to_what_read_log_says(kind: str, logs: dict[str, Path]) -> None:
+    done = node(logs[kind])
+    assert done.returncode == 0, done.stderr
+    topics = json.loads(done.stdout)
+    for plant, run in cranectl.read_log(logs[kind]).items():
+        for group in run.groups:
+            read = topics[f"/{plant}/{group.name}"]
+            assert read["count"] == len(run.time_ns)
+            assert list(read["last"].values()) == run.block(group.name)[-1].tolist()
+            assert tuple(read["last"]) == group.names
+        assert topics[f"/{plant}/status"]["last"]["status"] == run.status.name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_structure_is_sound(kind: str, logs: dict[str, Path]) -> None:
+    done = doctor(logs[kind])
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("reader", [node, doctor])
+@pytest.mark.parametrize("how", BROKEN)
+def test_broken_files_are_refused(
+    how: str,
+    reader: Callable[[Path], subprocess.CompletedProcess[str]],
+    tmp_path: Path,
+    logs: dict[str, Path],
+) -> None:
+    assert reader(BROKEN[how](logs["stopped-early"], tmp_path / "broken.mcap")).returncode != 0

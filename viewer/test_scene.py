@@ -1,0 +1,136 @@
+"""The 3-D scene, large: every topic draws something, and the load is where the log says, after a seek too."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cranectl
+from viewer import panels, pictures
+from viewer.logs import rewrite
+from viewer.panels import Layout
+from viewer.pictures import Picture
+from viewer.studio import Studio, eventually
+
+NEAR = 4.0  # pixels: 20 ms between poses at 0.3 m/s, 400 pixels to the metre, and the ball's shading
+GONE = 50  # pixels at least of what a topic draws
+COLOURFUL = ("/trail", "/push")  # topics that draw in the colours of load and bridge
+
+
+@pytest.fixture(scope="module")
+def scene(files: Path) -> Layout:
+    """The 3-D panel of the layout for comparisons alone."""
+    layout = panels.shipped("comparison", files)
+    (name,) = panels.of_type(layout, "3D")
+    return panels.alone(layout, name)
+
+
+@pytest.fixture(scope="module")
+def plain(scene: Layout) -> Layout:
+    """The same with nothing that could be taken for load or bridge."""
+    layout = copy.deepcopy(scene)
+    for panel in layout["configById"].values():
+        for topic, settings in panel["topics"].items():
+            settings["visible"] = not topic.endswith(COLOURFUL)
+    return layout
+
+
+def differing(a: Picture, b: Picture) -> int:
+    """Number of pixels that are not the same."""
+    return int((a != b).any(axis=2).sum())
+
+
+def open_scene(studio: Studio, log: Path, scene: Layout) -> str:
+    """Open a log; gives the panel's name."""
+    studio.open_log(f"/files/{log.name}", scene)
+    (name,) = scene["configById"]
+    return str(name)
+
+
+def crane(studio: Studio, name: str) -> Picture:
+    """The panel as soon as it shows a crane."""
+    picture = eventually(
+        lambda: studio.picture(name), lambda seen: pictures.bridge(seen).any() and pictures.load(seen).any()
+    )
+    assert pictures.bridge(picture).any(), "no bridge to be seen"
+    assert pictures.load(picture).any(), "no load to be seen"
+    return picture
+
+
+@pytest.mark.parametrize("kind", ["comparison", "robustified"])
+def test_the_load_is_where_the_log_says(
+    kind: str, studio: Studio, logs: dict[str, Path], plain: Layout
+) -> None:
+    name = open_scene(studio, logs[kind], plain)
+    camera = plain["configById"][name]["cameraState"]
+    run = cranectl.read_log(logs[kind])["mujoco"]
+
+    def miss() -> float:
+        picture = crane(studio, name)
+        load = run.block("load")[np.searchsorted(run.time, studio.time(), side="right") - 1, :3]
+        return float(
+            np.linalg.norm(pictures.centre(pictures.load(picture)) - pictures.project(camera, picture, load))
+        )
+
+    assert eventually(miss, lambda pixels: pixels < NEAR) < NEAR
+    at_start = pictures.centre(pictures.load(crane(studio, name)))
+    studio.seek(0.5)
+    assert eventually(miss, lambda pixels: pixels < NEAR) < NEAR
+    moved = crane(studio, name)
+    assert np.linalg.norm(pictures.centre(pictures.load(moved)) - at_start) > 5.0 * NEAR
+    assert pictures.bridge(moved).sum() > 1000
+    studio.open_settings(name)
+    assert studio.marked_wrong() == []
+
+
+def test_every_topic_draws_something(studio: Studio, logs: dict[str, Path], scene: Layout) -> None:
+    """In the middle of a disturbed run: what is hidden goes, topic by topic, until nothing is left."""
+    scene = copy.deepcopy(scene)
+    ((name, panel),) = scene["configById"].items()
+    panel["layers"] = {}
+    open_scene(studio, logs["robustified"], scene)
+    studio.seek(0.55)
+    crane(studio, name)
+    studio.open_settings(name)
+    topics = [topic for topic in panel["topics"] if not topic.startswith("/analytic/")]
+    assert len(topics) == 6
+    for topic in sorted(topics, key="/mujoco/model".__ne__):  # what it covers can be seen to go after it
+        before = studio.picture(name)
+        studio.hide(topic)
+        gone = eventually(lambda before=before: differing(before, studio.picture(name)), lambda n: n > GONE)
+        assert gone > GONE, topic
+    assert eventually(lambda: pictures.foreground(studio.picture(name)), lambda n: n == 0) == 0
+
+
+def test_no_model_no_crane(studio: Studio, files: Path, logs: dict[str, Path], plain: Layout) -> None:
+    """What the other tests take for the crane comes from /PLANT/model and nothing else."""
+    log = rewrite(logs["one-plant"], files / "no-model.mcap", keep=lambda topic: topic != "/mujoco/model")
+    name = open_scene(studio, log, plain)
+    picture = eventually(lambda: studio.picture(name), lambda seen: pictures.foreground(seen) > 5000)
+    assert pictures.foreground(picture) > 5000
+    assert not pictures.bridge(picture).any()
+    assert not pictures.load(picture).any()
+
+
+def test_without_transforms_the_panel_says_so(
+    studio: Studio, files: Path, logs: dict[str, Path], plain: Layout
+) -> None:
+    log = rewrite(logs["one-plant"], files / "no-tf.mcap", keep=lambda topic: topic != "/tf")
+    name = open_scene(studio, log, plain)
+    studio.open_settings(name)
+    assert "/mujoco/model" in eventually(studio.marked_wrong, bool)
+
+
+def test_the_analytic_crane_is_a_ghost(
+    studio: Studio, files: Path, logs: dict[str, Path], plain: Layout
+) -> None:
+    """Without the solid crane in the same place there is a paler one."""
+    brightness = {}
+    for log in (
+        logs["comparison"],
+        rewrite(logs["comparison"], files / "ghost.mcap", keep=lambda topic: topic != "/mujoco/model"),
+    ):
+        picture = crane(studio, open_scene(studio, log, plain))
+        brightness[log.stem] = picture[pictures.bridge(picture)].max(axis=1).mean()
+    assert brightness["ghost"] < 0.6 * brightness["comparison"]
