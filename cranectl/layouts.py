@@ -178,11 +178,11 @@ def _plot(panels: Panels, title: str, paths: Sequence[dict[str, Any]], **limits:
             "showXAxisLabels": True,
             "showYAxisLabels": True,
             "showLegend": True,
-            "legendDisplay": "floating",
+            "legendDisplay": "left",
             "showPlotValuesInLegend": False,
             "isSynced": True,
             "xAxisVal": "timestamp",
-            "sidebarDimension": 240,
+            "sidebarDimension": 72,
             **limits,
         },
     )

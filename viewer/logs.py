@@ -9,7 +9,7 @@ from mcap.writer import Writer
 # What `cranectl` is called with for a log of every kind; a name in braces is that log's file.
 KINDS = {
     "one-plant": "run fixed-position --plant mujoco --out {one-plant}",
-    "comparison": "run fixed-position --plant both --every 10 --out {comparison}",
+    "comparison": "run fixed-position --plant both --every 20 --out {comparison}",
     "robustified": "run settled-trajectory --plant mujoco --controller lqr+hinf --drive velocity --every 20"
     " --out {robustified}",
     "stopped-early": "run slack-rope --plant both --every 20 --out {stopped-early}",

@@ -73,7 +73,7 @@ class LiveServer:
                 self._server.publish_parameter_values(as_parameters(values))
             missed = self._desk.asked()
             if missed:
-                self._server.broadcast_time(self._outlet.time_ns)
+                self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
                 self._outlet.resend(missed)
             if self._controls.paused or not self._session.moving:
                 idle = True
