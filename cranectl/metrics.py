@@ -11,6 +11,8 @@ from cranectl.simulate import Run
 
 Array = NDArray[np.float64]
 
+NEARLY_SLACK = 0.15  # of the load's weight: below this tension the rope is drawn as about to go slack
+
 
 @dataclass(frozen=True)
 class WorkspaceViolation:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-import lz4.frame  # type: ignore[import-untyped]
+import lz4.frame
 import numpy as np
 import zstandard
 from mcap.opcode import Opcode

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from cranectl.log import shapes, topics
 from cranectl.log.stream import Stream
+from cranectl.metrics import NEARLY_SLACK
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 
@@ -40,7 +41,6 @@ TRAIL_STEP = 0.08  # [s] between its points, and between its messages
 TRAIL_POINTS = round(TRAIL / TRAIL_STEP)  # before the newest
 GHOST = 0.3  # opacity
 ROPE_THICKNESS = 0.008  # [m]
-SLACK = 0.15  # of the load's weight: below this tension the rope is drawn as about to go slack
 TAUT_COLOUR, SLACK_COLOUR = (0.55, 0.62, 0.70), (1.0, 0.20, 0.05)  # seen on light and on dark
 TRAIL_COLOURS = {"analytic": (0.10, 0.45, 0.90), "mujoco": (0.85, 0.20, 0.15)}
 PATH_COLOUR = (0.60, 0.66, 0.72)
@@ -132,7 +132,7 @@ def model(plant: str, opacity: float) -> Stream:
 def cable(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     """The rope from trolley to load at `rows`; coloured where it is nearly slack."""
     state, load = run.block("state")[rows], run.block("load")[rows]
-    slackness = np.clip((2.0 * SLACK - load[:, 6] / run.scenario.rig.weight) / SLACK, 0.0, 1.0)
+    slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
     colours = np.outer(1.0 - slackness, TAUT_COLOUR) + np.outer(slackness, SLACK_COLOUR)
     ends = np.column_stack([state[:, [0, 2]], np.zeros(len(rows)), load[:, :3]]).tolist()
     updates = []

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.errors import InputError
+from cranectl.metrics import NEARLY_SLACK
 from cranectl.simulate import Run
 
 Array = NDArray[np.float64]
@@ -17,7 +18,6 @@ TRAIL_POINTS = 60
 DASH, PERIOD = 0.035, 0.065  # [m] of the reference path
 MOST_DASHES = 1000
 FARTHEST = 1e6  # [m or rad] that is drawn
-SLACK = 0.15  # of the load's weight: below this tension the rope is drawn as about to go slack
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class Actor:
         return position
 
     def nearly_slack(self, row: int) -> bool:
-        """Whether the rope pulls with less than SLACK of the load's weight."""
-        return bool(self.run.signal("load.rope_tension")[row] < SLACK * self.run.scenario.rig.weight)
+        """Whether the rope pulls with less than NEARLY_SLACK of the load's weight."""
+        return bool(self.run.signal("load.rope_tension")[row] < NEARLY_SLACK * self.run.scenario.rig.weight)
 
     @cached_property
     def ever_nearly_slack(self) -> bool:
         """Whether that is so at any sample."""
-        return bool(self.run.signal("load.rope_tension").min() < SLACK * self.run.scenario.rig.weight)
+        return bool(self.run.signal("load.rope_tension").min() < NEARLY_SLACK * self.run.scenario.rig.weight)
 
     def stopped(self, time: float) -> bool:
         """Whether the run has ended before its scenario did, by `time` [s]."""

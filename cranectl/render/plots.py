@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from cranectl.colours import LIGHT, PLANTS
-from cranectl.render.film import SLACK, Actor, Film
+from cranectl.metrics import NEARLY_SLACK
+from cranectl.render.film import Actor, Film
 
 Array = NDArray[np.float64]
 
@@ -116,7 +117,7 @@ def _panels(film: Film) -> list[Panel]:
     panels = [
         Panel("load off its reference [m]", _curves(film, _error), (0.0, 1e-3)),
         Panel("rope angles α, β (dashed) [°]", angles, (-1.0, 1.0)),
-        Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), SLACK * weight),
+        Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight),
     ]
     apart = film.distances
     if apart is not None:
