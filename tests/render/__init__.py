@@ -1,4 +1,4 @@
-"""Drawn on one thread: with several, Mesa's software renderer was once seen to give one picture in two ways."""
+"""Drawn on one thread: with several, Mesa was once seen to draw one moment in two ways."""
 
 import os
 
