@@ -2,6 +2,8 @@
 
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
+from typing import Self
 
 
 class CranectlError(Exception):
@@ -16,13 +18,22 @@ class InputError(CranectlError):
         labelled = (("found", found), ("allowed", allowed), ("remedy", remedy))
         super().__init__("\n".join(f"{label + ':':9}{text}" for label, text in labelled if text))
 
+    @classmethod
+    def unwritable(cls, path: Path, error: Exception, *, remedy: str = "choose another place") -> Self:
+        """The error for a file that cannot be written; `remedy` names the option, if any."""
+        return cls(
+            f"cannot write {path}: {error}",
+            allowed="a file in a directory that can be written, on a disk with space",
+            remedy=remedy,
+        )
+
     def __reduce__(self) -> tuple[object, ...]:
         # Errors travel from worker processes to their parent.
         return _rebuilt, (type(self), self.found, self.allowed, self.remedy)
 
 
 class LogError(InputError):
-    """A log file that is missing, damaged, foreign or cannot be written."""
+    """A log file that is missing, damaged, foreign or unfinished."""
 
 
 def _rebuilt(kind: type[InputError], found: str, allowed: str, remedy: str) -> InputError:

@@ -96,7 +96,7 @@ def check_export(path: Path, file_format: str) -> None:
     try:
         check_replaceable(path)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise _unwritable(path, error) from None
+        raise InputError.unwritable(path, error, remedy="choose another place with --out") from None
 
 
 def write_table(table: ExportTable, path: Path, file_format: str) -> None:
@@ -105,7 +105,7 @@ def write_table(table: ExportTable, path: Path, file_format: str) -> None:
         with replacing(path) as part:
             FORMATS[file_format](table, part)
     except OSError as error:
-        raise _unwritable(path, error) from None
+        raise InputError.unwritable(path, error, remedy="choose another place with --out") from None
 
 
 def _recorded(runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
@@ -203,14 +203,6 @@ def _pyarrow(module: str) -> Any:
             allowed="csv and mat without it",
             remedy="install it with pip install 'cranectl[parquet]', or choose another --format",
         ) from None
-
-
-def _unwritable(path: Path, error: Exception) -> InputError:
-    return InputError(
-        f"cannot write {path}: {error}",
-        allowed="a file in a directory that can be written, on a disk with space",
-        remedy="choose another place with --out",
-    )
 
 
 FORMATS: dict[str, Callable[[ExportTable, Path], None]] = {

@@ -3,31 +3,36 @@
 import contextlib
 import os
 from collections.abc import Iterator
+from itertools import chain, count
 from pathlib import Path
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, keep_after: tuple[type[Exception], ...] = ()) -> Iterator[Path]:
     """A place beside `path` to write to; renamed to `path` if the block ends well, removed if not.
 
-    Raises OSError if `path` cannot be replaced. Of two processes that write the same file, the last to
-    finish wins, whole.
+    After an error of a class in `keep_after` it stays under its own name. Raises OSError if `path` cannot be
+    replaced. Of two processes that write the same file, the last to finish wins, whole.
     """
+    _refuse_devices(path)
     part = _part(path)
-    _refuse_devices(path, part)
     try:
         yield part
+        _put_on_disk(part)
         part.replace(path)
-    finally:
+    except keep_after:
+        raise
+    except BaseException:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+        raise
 
 
 def check_replaceable(path: Path) -> None:
     """Raise OSError or ValueError now if `replacing(path)` would fail; makes missing directories."""
-    part = _part(path)
-    _refuse_devices(path, part)
+    _refuse_devices(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    part = _part(path)
     part.touch()
     part.unlink()
 
@@ -41,13 +46,19 @@ def write_text(path: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8")
 
 
-def _refuse_devices(*places: Path) -> None:
+def _refuse_devices(path: Path) -> None:
     """Renaming a file over a device or a pipe would destroy it."""
-    for place in places:
-        if place.exists() and not place.is_file():
-            raise OSError(f"{place} exists and is no regular file")
+    if path.exists() and not path.is_file():
+        raise OSError(f"{path} exists and is no regular file")
 
 
 def _part(path: Path) -> Path:
-    """Of each process its own."""
-    return path.parent / f"{path.name}.{os.getpid()}.part"
+    """Of each process its own, and never one that is there: process numbers come again."""
+    names = (f"{path.name}.{os.getpid()}{again}.part" for again in chain([""], (f"-{k}" for k in count(2))))
+    return next(part for part in map(path.parent.joinpath, names) if not os.path.lexists(part))
+
+
+def _put_on_disk(part: Path) -> None:
+    """Without it a power cut after the renaming could leave an empty file under the good name."""
+    with part.open("rb") as file:
+        os.fsync(file.fileno())

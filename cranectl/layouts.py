@@ -21,7 +21,6 @@ NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
 GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(0)}
 CAMERA = {  # looks at the middle of the rig from outside a corner
     "perspective": True,
-    "distance": 5.0,
     "phi": 68.0,
     "thetaOffset": 28.0,
     "target": [0.0, 0.0, 0.0],
@@ -73,7 +72,7 @@ def _comparison(panels: Panels, _plant: str) -> Layout:
     angles = [_plot(panels, name, _of_both("state", name)) for name in ("alpha", "beta")]
     apart = [_distance(signal, k) for k, signal in enumerate(topics.DISTANCE.signals)]
     differences = [_plot(panels, f"log₁₀ of {path['label']}", [path], minYValue=-13.0) for path in apart]
-    left = _column([_scene(panels, PLANTS), _timeline(panels, PLANTS)], (70, 30))
+    left = _column([_scene(panels, PLANTS), _timeline(panels, PLANTS)], (62, 38))
     right = _row([_column([*both]), _column([*angles, *differences])])
     return _row([left, right], (42, 58))
 
@@ -90,7 +89,7 @@ def _controller(panels: Panels, plant: str) -> Layout:
         _axes_plot(panels, plant, "flat_output", "load", "acceleration of the load", "_ddot"),
         _joint_plot(panels, plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
-    left = _column([_scene(panels, [plant]), _timeline(panels, [plant])], (66, 34))
+    left = _column([_scene(panels, [plant], distance=6.2), _timeline(panels, [plant])], (66, 34))
     return _row([left, _row([_column(plots[:4]), _column(plots[4:])])], (34, 66))
 
 
@@ -188,7 +187,8 @@ def _plot(panels: Panels, title: str, paths: Sequence[dict[str, Any]], **limits:
     )
 
 
-def _scene(panels: Panels, plants: Sequence[str]) -> str:
+def _scene(panels: Panels, plants: Sequence[str], *, distance: float = 5.0) -> str:
+    """The crane in space, seen from `distance` [m]: from further away in a narrow panel."""
     shown = [topics.REFERENCE_PATH, topics.WORKSPACE]
     for plant in plants:
         shown += [topics.plant_topic(plant, name) for name in ("model", "cable", "trail", "push")]
@@ -202,7 +202,7 @@ def _scene(panels: Panels, plants: Sequence[str]) -> str:
         "3D",
         "crane",
         {
-            "cameraState": CAMERA,
+            "cameraState": {**CAMERA, "distance": distance},
             "followMode": "follow-none",
             "followTf": "world",
             # Without axes of the frames, which would cover the crane.

@@ -20,11 +20,7 @@ def pair(short: Scenario) -> tuple[Run, Run]:
 def test_analytic_comes_first_and_nothing_is_left_out(pair: tuple[Run, Run]) -> None:
     for a, b in (pair, pair[::-1]):
         merged = merged_pair(a, b)
-        assert [run.plant for run in merged] == ["analytic", "mujoco"]
-        for run, before in zip(merged, pair, strict=True):
-            again = run.every(4)
-            assert again.table is before.table
-            assert again.time_ns is before.time_ns
+        assert all(run is before for run, before in zip(merged, pair, strict=True))
 
 
 def test_ends_may_differ(pair: tuple[Run, Run]) -> None:

@@ -142,8 +142,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     """Write the merged log; the pair that is in it."""
     from cranectl.cli.places import refuse_overwriting
     from cranectl.compare import differing_fields
-    from cranectl.log import check_writable, describe_log, read_log, write_log
-    from cranectl.log.streams import versions
+    from cranectl.log import check_writable, describe_log, read_log, versions, write_logged
     from cranectl.merge import merged_pair, refuse_differences, version_differences
 
     refuse_overwriting((a_log, b_log), out, "--merge")
@@ -163,7 +162,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
         for description in descriptions:
             different = version_differences(description.versions, versions())
             refuse_differences(f"{description.path} and this installation differ in", different)
-    write_log(out, pair, every=descriptions[0].every)
+    write_logged(out, pair, descriptions[0].every)
     return pair
 
 

@@ -31,9 +31,5 @@ def layout_command(name: str, out: Path, plant: str) -> None:
     try:
         write_text(out, content)
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot write {out}: {error}",
-            allowed="a file in an existing directory",
-            remedy="choose another place",
-        ) from None
+        raise InputError.unwritable(out, error) from None
     click.echo(f"layout: {out}; in Foxglove: Layouts, Import from file")

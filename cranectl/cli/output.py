@@ -49,8 +49,8 @@ def write_json(json_file: str | None, data: dict[str, Any]) -> None:
     try:
         write_text(Path(json_file), text + "\n")
     except OSError as error:
-        raise InputError(
-            f"cannot write {json_file}: {error}", remedy="choose another place with --json"
+        raise InputError.unwritable(
+            Path(json_file), error, remedy="choose another place with --json"
         ) from None
 
 

@@ -3,7 +3,8 @@
 from cranectl.log.describe import LogDescription, describe_log
 from cranectl.log.reader import read_log, read_signal
 from cranectl.log.recover import Recovery, recover_log
-from cranectl.log.writer import check_writable, write_log
+from cranectl.log.streams import versions
+from cranectl.log.writer import check_writable, write_log, write_logged
 
 __all__ = [
     "LogDescription",
@@ -13,5 +14,7 @@ __all__ = [
     "read_log",
     "read_signal",
     "recover_log",
+    "versions",
     "write_log",
+    "write_logged",
 ]

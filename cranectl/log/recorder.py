@@ -16,12 +16,22 @@ from foxglove.mcap import MCAPWriteOptions
 
 from cranectl.errors import LogError
 from cranectl.files import check_replaceable, replacing
+from cranectl.interrupts import interrupts_wait
 from cranectl.log import topics
 from cranectl.log.outlet import Outlet
-from cranectl.log.records import DamageError
-from cranectl.log.writer import CHUNK_SIZE, check_complete, file_attachments, file_metadata, run_metadata
+from cranectl.log.writer import (
+    CHUNK_SIZE,
+    FAILURES,
+    check_complete,
+    file_attachments,
+    file_metadata,
+    run_metadata,
+    unfinished,
+)
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+
+REMEDY = "choose another place with --record"
 
 
 class _DiscardedError(Exception):
@@ -36,13 +46,14 @@ class Recorder:
         try:
             check_replaceable(path)
         except (OSError, ValueError) as error:
-            raise _unwritable(path, error) from None
+            raise LogError.unwritable(path, error, remedy=REMEDY) from None
         for old in path.parent.iterdir():
             if re.fullmatch(rf"{re.escape(path.stem)}\.take\d+{re.escape(path.suffix)}", old.name):
                 old.unlink()
         self.files: list[Path] = []  # that are closed
         self._path, self._context, self._outlet = path, context, outlet
         self._place = contextlib.ExitStack()
+        self._part: Path | None = None
         self._file: foxglove.MCAPWriter | None = None
         self._before: Counter[str] = Counter()
 
@@ -53,7 +64,7 @@ class Recorder:
         """
         path = self._next_path()
         try:
-            self._part = self._place.enter_context(replacing(path))
+            self._part = self._place.enter_context(replacing(path, keep_after=FAILURES))
             options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
             self._file = foxglove.open_mcap(
                 self._part, allow_overwrite=True, context=self._context, writer_options=options
@@ -66,8 +77,8 @@ class Recorder:
             self._file.write_metadata("live", take)
             for attachment in file_attachments(runs):
                 self._file.attach(**asdict(attachment))
-        except (OSError, RuntimeError) as error:
-            raise _unwritable(path, error) from None
+        except FAILURES as error:
+            raise unfinished(path, self._part, error, remedy=REMEDY) from None
         self._before = self._outlet.sent.copy()
 
     def finish(self, runs: Sequence[Run], completed: bool) -> None:
@@ -77,11 +88,13 @@ class Recorder:
         """
         if self._file is None:
             return
-        path, file, self._file = self._next_path(), self._file, None
+        path, part, file = self._next_path(), self._part, self._file
+        assert part is not None
+        self._file = None
         sent = self._outlet.sent - self._before
         running = RunStatus.COMPLETED if completed else RunStatus.INTERRUPTED
         try:
-            with contextlib.suppress(_DiscardedError), self._place:
+            with interrupts_wait(), contextlib.suppress(_DiscardedError), self._place:
                 samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
                 for run in runs:
                     status = run.status if run.status.stopped else running
@@ -90,19 +103,11 @@ class Recorder:
                 file.close()
                 if max(samples.values()) <= 1 and not any(run.status.stopped for run in runs):
                     raise _DiscardedError
-                check_complete(self._part, sent.total())
+                check_complete(part, sent.total())
                 self.files.append(path)
-        except (OSError, RuntimeError, DamageError) as error:
-            raise _unwritable(path, error) from None
+        except FAILURES as error:
+            raise unfinished(path, self._part, error, remedy=REMEDY) from None
 
     def _next_path(self) -> Path:
         take = len(self.files) + 1
         return self._path if take == 1 else self._path.with_suffix(f".take{take}{self._path.suffix}")
-
-
-def _unwritable(path: Path, error: Exception) -> LogError:
-    return LogError(
-        f"cannot write {path}: {error}",
-        allowed="a file in a directory that can be written, on a disk with space",
-        remedy="choose another place with --record",
-    )

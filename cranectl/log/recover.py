@@ -1,6 +1,5 @@
 """Make a readable log of a file that was cut off: killed with its process, or on a disk that went full."""
 
-import os
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -23,7 +22,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 
-PART = re.compile(r"(.+)\.\d+\.part")  # how `files.replacing` calls an unfinished file
+PART = re.compile(r"(.+)\.\d+(-\d+)?\.part")  # how `files.replacing` calls an unfinished file
 
 
 @dataclass(frozen=True)
@@ -108,11 +107,7 @@ def _place(source: Path, out: str | Path | None) -> Path:
             )
     else:
         place = Path(out)
-    # The writer's own unfinished file would be `source` where process numbers come again, as in containers.
-    if source.absolute() in (
-        place.absolute(),
-        place.absolute().with_name(f"{place.name}.{os.getpid()}.part"),
-    ):
+    if source.absolute() == place.absolute():
         raise LogError(f"{source} would be overwritten", remedy="choose another place with --out")
     return place
 

@@ -1,7 +1,8 @@
 """Write runs to MCAP: protobuf messages, everything needed to understand and repeat the run inside.
 
 The file is written beside its place as `.PID.part` and renamed once it is closed and checked. Time is
-simulation time, no wall clock goes in: the same runs give the same bytes.
+simulation time, no wall clock goes in: the same runs give the same bytes. Ctrl-C waits until
+the file is whole.
 """
 
 import json
@@ -17,6 +18,7 @@ from mcap.records import Attachment
 
 from cranectl.errors import LogError
 from cranectl.files import check_replaceable, replacing
+from cranectl.interrupts import interrupts_wait
 from cranectl.log import topics
 from cranectl.log.container import open_container
 from cranectl.log.records import DamageError
@@ -27,6 +29,8 @@ from cranectl.status import RunStatus
 
 # Small chunks: after a kill nearly everything can be salvaged, for 0.2 % more size.
 CHUNK_SIZE = 64 * 1024
+REMEDY = "choose another place with --out"
+FAILURES = (OSError, RuntimeError, DamageError)  # of writing; of a full disk the library tells as it likes
 
 
 def check_writable(path: Path) -> None:
@@ -34,7 +38,7 @@ def check_writable(path: Path) -> None:
     try:
         check_replaceable(path)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise _unwritable(path, error) from None
+        raise LogError.unwritable(path, error, remedy=REMEDY) from None
 
 
 def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None) -> Path:
@@ -46,9 +50,13 @@ def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None
     path = Path(path)
     check_writable(path)
     every = every or runs[0].scenario.log.every
-    logged = [run.every(every) for run in runs]
-    write_container(path, file_metadata(logged, every), file_attachments(logged), streams(logged))
+    write_logged(path, [run.every(every) for run in runs], every)
     return path
+
+
+def write_logged(path: Path, runs: Sequence[Run], every: int) -> None:
+    """Write runs that hold every n-th sample already, as those read from a log do; raises LogError."""
+    write_container(path, file_metadata(runs, every), file_attachments(runs), streams(runs))
 
 
 def write_container(
@@ -64,8 +72,9 @@ def write_container(
     # The writer's channels die with the context: it must stay referenced until the file is closed.
     context = foxglove.Context()
     options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
+    part = None
     try:
-        with replacing(path) as part:
+        with interrupts_wait(), replacing(path, keep_after=FAILURES) as part:
             with foxglove.open_mcap(
                 part, allow_overwrite=True, context=context, writer_options=options
             ) as file:
@@ -75,8 +84,18 @@ def write_container(
                     file.attach(**asdict(attachment))
                 count = _send_in_order(context, sent)
             check_complete(part, count)
-    except (OSError, RuntimeError, DamageError) as error:
-        raise _unwritable(path, error) from None
+    except FAILURES as error:
+        raise unfinished(path, part, error, remedy=REMEDY) from None
+
+
+def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) -> LogError:
+    """The error for a log that could not be written to its end: what is in `part` stays if it can be used."""
+    if part is not None and part.exists():
+        if part.stat().st_size > CHUNK_SIZE:
+            found = f"cannot write {path} to its end: {error}"
+            return LogError(found, remedy=f"make room, then cranectl recover {part}")
+        part.unlink()
+    return LogError.unwritable(path, error, remedy=remedy)
 
 
 def run_metadata(status: RunStatus, end_ns: int, samples: int) -> dict[str, str]:
@@ -156,11 +175,3 @@ def check_complete(path: Path, sent: int) -> None:
         written = open_container(stream).statistics.message_count
     if written != sent:
         raise OSError(f"only {written} of {sent} messages were written")
-
-
-def _unwritable(path: Path, error: Exception) -> LogError:
-    return LogError(
-        f"cannot write {path}: {error}",
-        allowed="a file in a directory that can be written, on a disk with space",
-        remedy="choose another place with --out",
-    )

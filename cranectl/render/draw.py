@@ -9,7 +9,7 @@ from cranectl.errors import InputError
 from cranectl.files import replacing
 from cranectl.render.backend import check_engine
 from cranectl.render.film import Array, Film, film_of
-from cranectl.render.settings import RenderSettings, unwritable
+from cranectl.render.settings import RenderSettings
 from cranectl.render.video import check_encoder, write_gif, write_mp4, write_png
 from cranectl.simulate import Run
 
@@ -47,7 +47,7 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
             else:
                 write_mp4(part, pictures, settings.fps, (settings.width, settings.height))
     except OSError as error:
-        raise unwritable(settings.out, error) from None
+        raise InputError.unwritable(settings.out, error) from None
     return float(times[-1])
 
 

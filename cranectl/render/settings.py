@@ -109,13 +109,4 @@ def _check_place(path: Path) -> None:
             raise OSError("it is a directory")
         check_replaceable(path)
     except (OSError, ValueError) as error:
-        raise unwritable(path, error) from None
-
-
-def unwritable(path: Path, error: Exception) -> InputError:
-    """The error for a place that cannot be written."""
-    return InputError(
-        f"cannot write {path}: {error}",
-        allowed="a file in a directory that can be written",
-        remedy="choose another place",
-    )
+        raise InputError.unwritable(path, error) from None

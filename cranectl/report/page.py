@@ -89,7 +89,7 @@ def check_place(path: Path) -> None:
         elif path.is_dir():
             raise OSError("it is a directory")
     except (OSError, ValueError) as error:
-        raise _unwritable(path, error) from None
+        raise InputError.unwritable(path, error) from None
 
 
 def write_page(page: Page, path: Path) -> None:
@@ -97,12 +97,4 @@ def write_page(page: Page, path: Path) -> None:
     try:
         write_text(path, render(page))
     except OSError as error:
-        raise _unwritable(path, error) from None
-
-
-def _unwritable(path: Path, error: Exception) -> InputError:
-    return InputError(
-        f"cannot write the report to {path}: {error}",
-        allowed="a file in a directory that can be written",
-        remedy="choose another place",
-    )
+        raise InputError.unwritable(path, error) from None

@@ -329,14 +329,21 @@ def test_a_log_never_replaces_what_is_no_file(tmp_path: Path, runs: list[Run]) -
     """Renamed over a pipe or a device, a log would destroy it."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    occupied = tmp_path / "b.mcap"
-    part = tmp_path / f"b.mcap.{os.getpid()}.part"
-    os.mkfifo(part)
-    for path in (pipe, occupied):
-        with pytest.raises(LogError, match="no regular file"):
-            write_log(path, runs)
+    with pytest.raises(LogError, match="no regular file"):
+        write_log(pipe, runs)
     assert pipe.is_fifo()
-    assert part.is_fifo()
+
+
+def test_what_another_process_left_is_not_overwritten(tmp_path: Path, runs: list[Run]) -> None:
+    """Process numbers come again: the unfinished file of an older run may be all that is left of it."""
+    path = tmp_path / "a.mcap"
+    left = [tmp_path / f"a.mcap.{os.getpid()}{again}.part" for again in ("", "-2")]
+    for part in left:
+        part.write_bytes(b"of another process")
+    write_log(path, runs)
+    assert read_log(path)
+    assert [part.read_bytes() for part in left] == [b"of another process"] * 2
+    assert sorted(tmp_path.iterdir()) == sorted([path, *left])
 
 
 WRITE = """

@@ -225,12 +225,18 @@ def test_nothing_is_overwritten_unasked(part: Path) -> None:
 
 
 def test_the_source_is_never_overwritten(part: Path) -> None:
-    own = part.rename(part.with_name(f"a.mcap.{os.getpid()}.part"))
-    before = own.read_bytes()
-    for out in (own, None):
+    """Nor where it is called as this process calls its own unfinished files."""
+    for again in ("", "-2"):
+        own = part.rename(part.with_name(f"a.mcap.{os.getpid()}{again}.part"))
+        before = own.read_bytes()
         with pytest.raises(LogError, match="would be overwritten"):
-            recover_log(own, out)
-    assert own.read_bytes() == before
+            recover_log(own, own)
+        recovered = own.with_name("a.mcap")
+        recover_log(own)
+        assert read_log(recovered)
+        assert own.read_bytes() == before
+        recovered.unlink()
+        part = own
 
 
 def test_files_that_hold_nothing(tmp_path: Path, log: Path) -> None:
@@ -381,11 +387,14 @@ def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Pat
 
 
 @pytest.mark.parametrize("number", [2, 15])
-def test_a_request_to_end_leaves_no_half_log(long_log: Path, tmp_path: Path, number: int) -> None:
+def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path, number: int) -> None:
+    """A run that is finished is not thrown away because Ctrl-C comes while it is written."""
     moments = [1, 10_000, 25_000]
-    for _, _, status in kill(long_log, tmp_path, [f"{number}:{moment}" for moment in moments]):
+    whole = write_log(tmp_path / "whole.mcap", list(read_log(long_log).values()), every=1).read_bytes()
+    for path, part, status in kill(long_log, tmp_path, [f"{number}:{moment}" for moment in moments]):
         assert os.waitstatus_to_exitcode(status) == 130
-    assert list(tmp_path.iterdir()) == []
+        assert path.read_bytes() == whole
+        assert not part.exists()
 
 
 FULL = """
@@ -404,10 +413,12 @@ for size in sys.argv[2:]:
 """
 
 
-def test_a_disk_that_goes_full_at_any_byte_leaves_nothing(log: Path, tmp_path: Path) -> None:
-    """A limit on the size of files stops the writer as a full disk does."""
-    size = len(write_log(tmp_path / "whole.mcap", list(read_log(log).values()), every=1).read_bytes())
-    (tmp_path / "whole.mcap").unlink()
+def test_a_disk_that_goes_full_leaves_what_can_be_recovered(log: Path, tmp_path: Path) -> None:
+    """A limit on the size of files stops the writer as a full disk does, at any byte."""
+    whole = write_log(tmp_path / "whole.mcap", list(read_log(log).values()), every=1).rename(
+        tmp_path.parent / "whole.mcap"
+    )
+    size = whole.stat().st_size
     sizes = [0, 1, 100, 11_000, size // 2, size - 3000, size - 100, size - 30, size - 9, size - 8, size - 1]
     command = [sys.executable, "-c", FULL, str(log), *map(str, [*sizes, size])]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300)
@@ -416,5 +427,14 @@ def test_a_disk_that_goes_full_at_any_byte_leaves_nothing(log: Path, tmp_path: P
     assert all(line.startswith("cannot write full.mcap") for line in said[:-1])
     assert said[-1] == "written"
     assert "Traceback" not in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["full.mcap"]
-    assert read_log(tmp_path / "full.mcap")
+    written = tmp_path / "full.mcap"
+    assert written.read_bytes() == whole.read_bytes()
+    written.unlink()
+    parts = sorted(tmp_path.iterdir())
+    assert sorted(part.stat().st_size for part in parts) == [place for place in sizes if place > CHUNK_SIZE]
+    expected = read_log(whole)
+    for part in parts:
+        assert recover_log(part).lost <= 1.3 * CHUNK_SIZE
+        for plant, run in read_log(written).items():
+            assert_beginning(run, expected[plant])
+        written.unlink()
