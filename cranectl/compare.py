@@ -95,7 +95,9 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     with np.errstate(invalid="ignore", over="ignore"):  # of runs that are not finite: NaN keeps no limit
         load = np.linalg.norm(b.block("load")[in_b, :3] - a.block("load")[in_a, :3], axis=1)
         angles = np.abs(b.block("state")[in_b][:, [6, 8]] - a.block("state")[in_a][:, [6, 8]])
-        differences = tuple(_differences(a, b, signals or compared_signals(a), in_a, in_b, time))
+        differences = tuple(
+            _differences(a, b, compared_signals(a) if signals is None else signals, in_a, in_b, time)
+        )
     return Comparison(
         a=_label(a),
         b=_label(b),
@@ -114,7 +116,7 @@ def judge(a: Run, b: Run) -> Agreement:
     Plants that ended with different status, or further apart in time than the limit, do not agree, whatever
     their difference.
     """
-    comparison = compare_runs(a, b)
+    comparison = compare_runs(a, b, signals=())
     limits = agreement_limits(a.drive)
     within = (
         comparison.max_load_error_m <= limits.load_m

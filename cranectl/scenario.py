@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from cranectl import resources
+from cranectl.effects.settings import NO_EFFECTS, EffectSettings
 from cranectl.errors import unknown_name
 from cranectl.parameters import Position, RigParameters
 from cranectl.settings import Settings, Table, override, parse_settings, read_toml
@@ -178,6 +179,7 @@ class Scenario(Settings):
     rig: RigParameters = RigParameters()
     control: ControlSettings = ControlSettings()
     design: DesignSettings = DesignSettings()
+    effects: EffectSettings = NO_EFFECTS
     workspace: WorkspaceSettings = WorkspaceSettings()
     log: LogSettings = LogSettings()
 

@@ -13,6 +13,7 @@ from cranectl.simulate import Run, simulate_run
 ROOT = Path(__file__).parent.parent
 ALL_SCENARIOS = scenario_names()
 ALL_CONTROLLERS = CONTROLLERS
+STILL = np.zeros(3)  # air
 
 
 def random_states(n: int, seed: int = 0) -> np.ndarray:

@@ -25,7 +25,7 @@ from foxglove.mcap import MCAPWriteOptions
 
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.jit import jit
-from cranectl.log import read_log, write_log
+from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.streams import streams
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order
 from cranectl.parallel import available_cores
@@ -116,11 +116,13 @@ def log_against_library(repeats: int) -> list[Figure]:
         path = Path(folder) / "ours.mcap"
         size = path.stat().st_size / 1e6
         everything = [seconds(lambda: read_log(path)) for _ in range(repeats + 1)]
+        one = [seconds(lambda: read_signal(path, "mujoco/state.alpha")) for _ in range(repeats + 1)]
     return [
         figure("message rate of a log / of the writer library alone", ratios[1:], "", 0.7, at_least=True),
         figure("messages logged", rates[1:], "1/s"),
         figure("log of both plants, 25 s, default rate", [size], "MB", 12.0),
         figure("reading all signals of it", everything[1:], "s", 0.3),
+        figure("reading one signal of it", one[1:], "s", 0.05),
     ]
 
 

@@ -81,8 +81,8 @@ def encode_rows(values: NDArray[np.float64]) -> list[bytes]:
     for number in range(1, values.shape[1] + 1):
         rows[f"tag{number}"] = np.frombuffer(_tag(number), dtype="u1")
         rows[f"value{number}"] = values[:, number - 1]
-    data, size = rows.tobytes(), layout.itemsize
-    return [data[start : start + size] for start in range(0, len(data), size)]
+    messages: list[bytes] = rows.view(f"V{layout.itemsize}").tolist()
+    return messages
 
 
 def decode_rows(messages: list[bytes], n_signals: int) -> NDArray[np.float64]:

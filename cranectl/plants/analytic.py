@@ -1,5 +1,6 @@
 """The analytic plant: the Lagrange model, integrated with fixed DOP853 steps between samples."""
 
+from math import cos, sin, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,9 @@ from cranectl.dynamics import (
     rope_direction_rate,
     specific_rope_force,
 )
+from cranectl.effects.friction import STICTION_RATE
+from cranectl.effects.settings import NO_EFFECTS, EffectSettings
+from cranectl.effects.wind import air_drag
 from cranectl.jit import jit
 from cranectl.parameters import RigParameters
 from cranectl.plants.dop853 import STAGES, A, B
@@ -26,6 +30,9 @@ class AnalyticRig(NamedTuple):
     drive_damping: Array  # (3,) [1/s]
     gravity: float
     load_mass: float
+    drag: float  # force over the square of the load's speed through the air [kg/m]
+    pivot_viscous: float  # [N m s/rad]
+    pivot_coulomb: float  # [N m]
     substeps: int
     step: float  # [s]
 
@@ -41,12 +48,46 @@ def drive_accelerations(rig, state, command):
 
 
 @jit
-def derivative(rig, state, command, disturbance, rate):
+def drag_force(rig, state, wind):
+    """Force of the air on the load (x, y, z) [N]; `wind` (3,) is the velocity of the air."""
+    n = rope_direction(state[6], state[8])
+    n_dot = rope_direction_rate(state[6], state[7], state[8], state[9])
+    v_x = wind[0] - state[1] - state[5] * n[0] - state[4] * n_dot[0]
+    v_y = wind[1] - state[3] - state[5] * n[1] - state[4] * n_dot[1]
+    v_z = wind[2] - state[5] * n[2] - state[4] * n_dot[2]
+    factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
+    return factor * v_x, factor * v_y, factor * v_z
+
+
+@jit
+def passive_accelerations(rig, state, wind):
+    """What drag and friction of the joint add to (alpha'', beta'') [rad/s²]."""
+    sa, ca, sb, cb = sin(state[6]), cos(state[6]), sin(state[8]), cos(state[8])
+    f_x, f_y, f_z = drag_force(rig, state, wind)
+    arm = 1.0 / (rig.load_mass * state[4])
+    alpha = arm * (ca * f_y + sa * f_z) / cb
+    beta = arm * (cb * f_x - sb * sa * f_y + ca * sb * f_z)
+    friction_alpha = pivot_torque(rig, state[7]) * arm / (state[4] * cb * cb)
+    friction_beta = pivot_torque(rig, state[9]) * arm / state[4]
+    return alpha + friction_alpha, beta + friction_beta
+
+
+@jit
+def pivot_torque(rig, rate):
+    """Friction of one cardan axis [N m] turning with `rate`; Coulomb's is smoothed about rest."""
+    return -rig.pivot_viscous * rate - rig.pivot_coulomb * tanh(rate / STICTION_RATE)
+
+
+@jit
+def derivative(rig, state, command, disturbance, wind, rate):
     """State derivative (10,) into `rate`; the thesis's (3.22) with drives and disturbances."""
     u_x, u_y, u_l = drive_accelerations(rig, state, command)
     alpha_ddot, beta_ddot = angular_accelerations(
         state[4], state[5], state[6], state[7], state[8], state[9], u_x, u_y, rig.gravity
     )
+    if rig.drag > 0.0 or rig.pivot_viscous > 0.0 or rig.pivot_coulomb > 0.0:
+        passive = passive_accelerations(rig, state, wind)
+        alpha_ddot, beta_ddot = alpha_ddot + passive[0], beta_ddot + passive[1]
     rate[0], rate[1] = state[1], u_x
     rate[2], rate[3] = state[3], u_y
     rate[4], rate[5] = state[5], u_l
@@ -55,7 +96,7 @@ def derivative(rig, state, command, disturbance, rate):
 
 
 @jit
-def integrate(rig, state, command, disturbance, stages, stage_state):
+def integrate(rig, state, command, disturbance, wind, stages, stage_state):
     """One DOP853 step of `state` in place; `stages` (12, 10) and `stage_state` (10,) are work space."""
     for s in range(STAGES):
         for i in range(10):
@@ -63,7 +104,7 @@ def integrate(rig, state, command, disturbance, stages, stage_state):
             for j in range(s):
                 increment += A[s, j] * stages[j, i]
             stage_state[i] = state[i] + rig.step * increment
-        derivative(rig, stage_state, command, disturbance, stages[s])
+        derivative(rig, stage_state, command, disturbance, wind, stages[s])
     for i in range(10):
         increment = 0.0
         for s in range(STAGES):
@@ -72,7 +113,7 @@ def integrate(rig, state, command, disturbance, stages, stage_state):
 
 
 @jit
-def observe_load(rig, state, command, load):
+def observe_load(rig, state, command, wind, load):
     """Load position, velocity and rope tension (7,) into `load`."""
     length, length_rate = state[4], state[5]
     n = rope_direction(state[6], state[8])
@@ -86,14 +127,17 @@ def observe_load(rig, state, command, load):
     u_x, u_y, u_l = drive_accelerations(rig, state, command)
     force = specific_rope_force(length, state[6], state[7], state[8], state[9], u_x, u_y, u_l, rig.gravity)
     load[6] = -rig.load_mass * force
+    if rig.drag > 0.0:
+        f_x, f_y, f_z = drag_force(rig, state, wind)
+        load[6] += f_x * n[0] + f_y * n[1] + f_z * n[2]
 
 
 @jit
-def advance_analytic(rig, state, command, disturbance, load, stages, stage_state):
+def advance_analytic(rig, state, command, disturbance, wind, load, stages, stage_state):
     """One control period; see `Plant.advance`."""
-    observe_load(rig, state, command, load)
+    observe_load(rig, state, command, wind, load)
     for _ in range(rig.substeps):
-        integrate(rig, state, command, disturbance, stages, stage_state)
+        integrate(rig, state, command, disturbance, wind, stages, stage_state)
 
 
 class AnalyticPlant:
@@ -102,7 +146,15 @@ class AnalyticPlant:
     name = "analytic"
     description = "cranectl.dynamics, fixed-step DOP853"
 
-    def __init__(self, rig: RigParameters, *, drive: Drive, step: float, substeps: int) -> None:
+    def __init__(
+        self,
+        rig: RigParameters,
+        *,
+        drive: Drive,
+        step: float,
+        substeps: int,
+        effects: EffectSettings = NO_EFFECTS,
+    ) -> None:
         """`step`: integration step [s]; `substeps`: steps per control period."""
         self.drive = drive
         rates = 1.0 / rig.time_constants
@@ -112,6 +164,9 @@ class AnalyticPlant:
             drive_damping=np.zeros(3) if ideal else rates,
             gravity=rig.gravity,
             load_mass=rig.load_mass,
+            drag=air_drag(effects),
+            pivot_viscous=effects.friction.pivot_viscous if effects.friction else 0.0,
+            pivot_coulomb=effects.friction.pivot_coulomb if effects.friction else 0.0,
             substeps=substeps,
             step=step,
         )
@@ -124,8 +179,10 @@ class AnalyticPlant:
     def measure(self, state: Array) -> None:
         state[:] = self.state
 
-    def advance(self, command: Array, disturbance: Array, load: Array) -> None:
-        advance_analytic(self.rig, self.state, command, disturbance, load, self.stages, self.stage_state)
+    def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
+        advance_analytic(
+            self.rig, self.state, command, disturbance, wind, load, self.stages, self.stage_state
+        )
 
     def warnings(self) -> int:
         return 0

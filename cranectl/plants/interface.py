@@ -16,7 +16,8 @@ class Plant(Protocol):
     """A crane. All arrays in SI units; states in the order of `signals.STATE`.
 
     The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives and a velocity set-point
-    [m/s] with velocity drives; it is held over the period, and so is the disturbance [rad/s²].
+    [m/s] with velocity drives; it is held over the period, and so are the disturbance [rad/s²] and the wind,
+    the velocity of the air (x, y, z) [m/s].
     """
 
     name: str
@@ -29,8 +30,8 @@ class Plant(Protocol):
     def measure(self, state: Array) -> None:
         """Write the joint positions and velocities (10,) into `state`."""
 
-    def advance(self, command: Array, disturbance: Array, load: Array) -> None:
-        """Advance by one control period under `command` (3,) and `disturbance` (2,).
+    def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
+        """Advance by one control period under `command` (3,), `disturbance` (2,) and `wind` (3,).
 
         Writes what the plant says of its load at the start of the period, with the new command acting, into
         `load` (7,): world position, velocity, rope tension.

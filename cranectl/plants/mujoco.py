@@ -1,12 +1,14 @@
 """The MuJoCo plant: `models/crane.xml` behind the plant interface. Knows nothing of our equations."""
 
-from math import cos
+from math import cos, sqrt
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.effects.settings import NO_EFFECTS, EffectSettings
+from cranectl.effects.wind import air_drag
 from cranectl.jit import jit
 from cranectl.parameters import RigParameters
 from cranectl.plants.interface import Drive
@@ -36,6 +38,8 @@ class MujocoRig(NamedTuple):
     load_sensors: NDArray[np.int64]  # (7,)
     warnings: NDArray[np.int32]  # counts of the engine's numerical warnings
     load_mass: float
+    wrench: Array  # (6,) xfrc_applied of the load: force, torque
+    drag: float  # force over the square of the load's speed through the air [kg/m]
     substeps: int
     step: float  # [s]
 
@@ -64,6 +68,18 @@ def apply_disturbance(rig, disturbance):
 
 
 @jit
+def apply_drag(rig, wind):
+    """Drag on the load in air that moves with `wind` (3,); held over the step."""
+    if rig.drag == 0.0:
+        return
+    v_x = wind[0] - rig.sensors[rig.load_sensors[3]]
+    v_y = wind[1] - rig.sensors[rig.load_sensors[4]]
+    v_z = wind[2] - rig.sensors[rig.load_sensors[5]]
+    factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
+    rig.wrench[0], rig.wrench[1], rig.wrench[2] = factor * v_x, factor * v_y, factor * v_z
+
+
+@jit
 def set_command(rig, command):
     """Hold `command` (3,) on the drives."""
     for i in range(3):
@@ -78,11 +94,12 @@ def read_load(rig, load):
 
 
 @jit
-def advance_mujoco(rig, command, disturbance, load):
+def advance_mujoco(rig, command, disturbance, wind, load):
     """One control period; see `Plant.advance`."""
     set_command(rig, command)
     for k in range(rig.substeps):
         apply_disturbance(rig, disturbance)
+        apply_drag(rig, wind)
         mj_step(rig.model, rig.data)
         if k == 0:
             read_load(rig, load)
@@ -96,7 +113,15 @@ class MujocoPlant:
 
     name = "mujoco"
 
-    def __init__(self, rig: RigParameters, *, drive: Drive, step: float, substeps: int) -> None:
+    def __init__(
+        self,
+        rig: RigParameters,
+        *,
+        drive: Drive,
+        step: float,
+        substeps: int,
+        effects: EffectSettings = NO_EFFECTS,
+    ) -> None:
         """`step`: physics step [s]; `substeps`: steps per control period."""
         self.drive = drive
         self.model, self.description = compiled_model(rig, drive, step)
@@ -114,6 +139,8 @@ class MujocoPlant:
             load_sensors=sensor_addresses(self.model),
             warnings=self.data.warning.number,
             load_mass=rig.load_mass,
+            wrench=self.data.xfrc_applied[self.model.body("load").id],
+            drag=air_drag(effects),
             substeps=substeps,
             step=step,
         )
@@ -132,10 +159,11 @@ class MujocoPlant:
     def measure(self, state: Array) -> None:
         measure_joints(self.rig, state)
 
-    def advance(self, command: Array, disturbance: Array, load: Array) -> None:
+    def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
         set_command(self.rig, command)
         for k in range(self.rig.substeps):
             apply_disturbance(self.rig, disturbance)
+            apply_drag(self.rig, wind)
             mujoco.mj_step(self.model, self.data)
             if k == 0:
                 read_load(self.rig, load)

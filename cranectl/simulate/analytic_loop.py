@@ -18,7 +18,7 @@ def advance_block(rig, state, stages, stage_state, sampling, record, memory, fir
         command = row[sampling.command_column : sampling.command_column + 3]
         disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
         load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
-        advance_analytic(rig, state, command, disturbance, load, stages, stage_state)
+        advance_analytic(rig, state, command, disturbance, sampling.wind[k], load, stages, stage_state)
         status = judge_sample(sampling, row)
         if status != RUNNING:
             return complete_rows(k, status), k, status

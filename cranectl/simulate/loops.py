@@ -58,7 +58,7 @@ def python_loop(plant: Plant) -> AdvanceBlock:
                 return k, k, status
             command = row[sampling.command_column : sampling.command_column + 3]
             disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
-            plant.advance(command, disturbance, row[LOAD_COLUMN : LOAD_COLUMN + 7])
+            plant.advance(command, disturbance, sampling.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
             status = judge_sample(sampling, row)
             if status == RUNNING and plant.warnings():
                 status = int(RunStatus.ENGINE_WARNING)

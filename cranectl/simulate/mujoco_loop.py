@@ -21,7 +21,7 @@ def advance_block(rig, sampling, record, memory, first, last):
         command = row[sampling.command_column : sampling.command_column + 3]
         disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
         load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
-        advance_mujoco(rig, command, disturbance, load)
+        advance_mujoco(rig, command, disturbance, sampling.wind[k], load)
         status = judge_sample(sampling, row)
         if status == RUNNING and rig.warnings.any():
             status = ENGINE_WARNING

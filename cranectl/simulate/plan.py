@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.effects.wind import air_velocity
 from cranectl.errors import InputError
 from cranectl.flatness import states_and_inputs
 from cranectl.reference import build_trajectory
@@ -23,6 +24,7 @@ class Plan:
     reference_state: Array  # (N, 10) what the crane does on the reference
     initial_state: Array  # (10,) where the crane starts, on its reference unless the scenario says otherwise
     disturbance: Array  # (N, 2) [rad/s²]
+    wind: Array  # (N, 3) velocity of the air [m/s]
 
 
 def plan_scenario(scenario: Scenario) -> Plan:
@@ -37,7 +39,8 @@ def plan_scenario(scenario: Scenario) -> Plan:
     states, _ = states_and_inputs(reference, scenario.rig.gravity)
     _check_workspace(scenario, time_ns, states)
     initial = _initial_state(scenario, reference[0])
-    return Plan(time_ns, reference, states, initial, _disturbances(scenario, time_ns))
+    wind = air_velocity(scenario.effects.wind, len(time_ns), scenario.period_ns / NANOSECONDS)
+    return Plan(time_ns, reference, states, initial, _disturbances(scenario, time_ns), wind)
 
 
 def _initial_state(scenario: Scenario, reference: Array) -> Array:

@@ -82,11 +82,15 @@ def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
     if name == "analytic":
         from cranectl.plants.analytic import AnalyticPlant
 
-        return AnalyticPlant(scenario.rig, drive=drive, step=step, substeps=scenario.substeps)
+        return AnalyticPlant(
+            scenario.rig, drive=drive, step=step, substeps=scenario.substeps, effects=scenario.effects
+        )
     if name == "mujoco":
         from cranectl.plants.mujoco import MujocoPlant
 
-        return MujocoPlant(scenario.rig, drive=drive, step=step, substeps=scenario.substeps)
+        return MujocoPlant(
+            scenario.rig, drive=drive, step=step, substeps=scenario.substeps, effects=scenario.effects
+        )
     raise unknown_name("plant", name, PLANTS)
 
 
@@ -104,6 +108,7 @@ def sampling_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) 
         tracker=tracker,
         reference=plan.reference,
         disturbance=plan.disturbance,
+        wind=plan.wind,
         workspace=scenario.rig.workspace,
         stop_outside=scenario.workspace.on_exit == "stop",
         command_column=INPUT_COLUMN + (0 if drive == "ideal" else 3),

@@ -25,6 +25,7 @@ class Sampling(NamedTuple):
     tracker: Tracker
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
+    wind: Array  # (N, 3) velocity of the air [m/s]
     workspace: Array  # (3, 2) [m]
     stop_outside: bool
     command_column: int  # where the record holds what the drives take

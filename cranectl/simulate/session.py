@@ -87,7 +87,8 @@ class Session:
         time_ns = self.origin_ns + index * self.scenario.period_ns
         reference = self.plan.reference[np.minimum(index, self.scenario.steps)]
         disturbance = self._disturbance(index)
-        found = [self._piece(lane, time_ns, reference, disturbance) for lane in self._lanes]
+        wind = self.plan.wind[np.minimum(index, self.scenario.steps)]
+        found = [self._piece(lane, time_ns, reference, disturbance, wind) for lane in self._lanes]
         self._samples += samples
         self._kicks = [kick for kick in self._kicks if kick.end > self._samples]
         return found
@@ -131,11 +132,13 @@ class Session:
             rows[(index >= kick.first) & (index < kick.end)] += kick.acceleration
         return rows
 
-    def _piece(self, lane: _Lane, time_ns: NDArray[np.int64], reference: Array, disturbance: Array) -> Run:
+    def _piece(
+        self, lane: _Lane, time_ns: NDArray[np.int64], reference: Array, disturbance: Array, wind: Array
+    ) -> Run:
         record = np.zeros((len(time_ns), BASE_WIDTH + 3 * self.design.robustifier.sampled_order))
         rows = 0
         if not lane.status.stopped and len(time_ns):
-            sampling = lane.sampling._replace(reference=reference, disturbance=disturbance)
+            sampling = lane.sampling._replace(reference=reference, disturbance=disturbance, wind=wind)
             rows, end, code = lane.loop(sampling, record, lane.memory, 0, len(time_ns))
             lane.status = RunStatus(code)
             lane.end_ns = int(time_ns[end if lane.status.stopped else -1])

@@ -13,7 +13,7 @@ from cranectl.plants.mujoco_model import JOINTS, model_spec, state_addresses
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, closed_loop, random_states, split
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, STILL, closed_loop, random_states, split
 
 STEP = 1e-3
 RIG = RigParameters()
@@ -74,7 +74,7 @@ def test_disturbances_add_to_the_cardan_accelerations_on_both_plants() -> None:
             rates = []
             for disturbance in (np.zeros(2), np.array([0.7, -0.4])):
                 plant.reset(state)
-                plant.advance(np.zeros(3), disturbance, np.zeros(7))
+                plant.advance(np.zeros(3), disturbance, STILL, np.zeros(7))
                 after = np.zeros(10)
                 plant.measure(after)
                 rates.append(after[[7, 9]])
@@ -97,7 +97,7 @@ def test_level_1_open_loop(seed: int) -> None:
     for k in range(20_000):
         command = amplitude * np.cos(omega * k * STEP + phase)
         for name, plant in plants.items():
-            plant.advance(command, np.zeros(2), loads[name][k])
+            plant.advance(command, np.zeros(2), STILL, loads[name][k])
     difference = np.linalg.norm(loads["analytic"][:, :3] - loads["mujoco"][:, :3], axis=1)
     assert difference.max() < 1e-6
 

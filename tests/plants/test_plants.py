@@ -10,7 +10,7 @@ from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations
 from cranectl.plants.interface import DRIVES, PLANTS, Plant
 from cranectl.plants.mujoco import MujocoPlant, apply_disturbance
-from tests.conftest import ROOT, random_states, split
+from tests.conftest import ROOT, STILL, random_states, split
 
 KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}
 RIG = RigParameters()
@@ -24,7 +24,7 @@ def swing(plant: Plant, start: np.ndarray, command: np.ndarray, periods: int) ->
     plant.reset(start)
     load = np.zeros(7)
     for _ in range(periods):
-        plant.advance(command, np.zeros(2), load)
+        plant.advance(command, np.zeros(2), STILL, load)
     state = np.zeros(10)
     plant.measure(state)
     return state
@@ -45,7 +45,7 @@ def test_load_energy_minus_drive_work_is_conserved(name: str) -> None:
             plant.measure(state)
             load = np.zeros(7)
             if k < block:
-                plant.advance(command, np.zeros(2), load)
+                plant.advance(command, np.zeros(2), STILL, load)
             else:
                 _observe(plant, command, load)
             power[k] = _drive_power(state, load[6])
@@ -70,7 +70,7 @@ def _observe(plant: Plant, command: np.ndarray, load: np.ndarray) -> None:
     """The load under `command` without moving on: advance, then go back."""
     state = np.zeros(10)
     plant.measure(state)
-    plant.advance(command, np.zeros(2), load)
+    plant.advance(command, np.zeros(2), STILL, load)
     plant.reset(state)
 
 
@@ -128,7 +128,7 @@ def test_derivative_of_the_analytic_plant_is_made_of_its_parts(drive: str) -> No
     rng = np.random.default_rng(5)
     for state in random_states(50):
         command, disturbance = rng.normal(size=3), rng.normal(size=2)
-        derivative(plant.rig, state, command, disturbance, rate)
+        derivative(plant.rig, state, command, disturbance, STILL, rate)
         accelerations = np.array(drive_accelerations(plant.rig, state, command))
         cardan = dynamics.angular_accelerations(*state[4:], *accelerations[:2], RIG.gravity)
         assert rate[0::2].tolist() == state[1::2].tolist()
@@ -166,7 +166,7 @@ def test_load_is_reported_for_the_start_of_the_period_under_the_new_command(name
     command = np.array([0.5, -0.4, 0.3])
     plant, load = make(name), np.zeros(7)
     plant.reset(start)
-    plant.advance(command, np.zeros(2), load)
+    plant.advance(command, np.zeros(2), STILL, load)
     q, qd = split(start)
     assert load[:3] == pytest.approx(dynamics.load_position(q), abs=1e-12)
     assert load[3:6] == pytest.approx(dynamics.load_velocity(q, qd), abs=1e-12)

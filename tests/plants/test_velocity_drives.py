@@ -9,7 +9,7 @@ from cranectl.plants.interface import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, closed_loop
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, STILL, closed_loop
 
 
 def undisturbed(scenario: str, plant: str, *overrides: str, controller: str = "lqr") -> Run:
@@ -103,7 +103,7 @@ def test_the_servo_yields_to_the_load_by_force_over_gain() -> None:
     plant, state, load = MujocoPlant(rig, drive="velocity", step=1e-4, substeps=1), np.zeros(10), np.zeros(7)
     plant.reset(np.array([1.0, 0, 0.7, 0, 1.0, 0, 0.2, 0, 0, 0]))
     for _ in range(200):
-        plant.advance(np.zeros(3), np.zeros(2), load)
+        plant.advance(np.zeros(3), np.zeros(2), STILL, load)
     plant.measure(state)
     pull = load[6] * np.sin(state[6])
     assert state[3] == pytest.approx(pull / rig.velocity_gains[1], rel=0.03)

@@ -173,7 +173,7 @@ def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStat
     row = np.zeros(signals.BASE_WIDTH)
     row[signals.TENSION_COLUMN] = tension
     none = np.zeros((0, 2))
-    sampling = Sampling(None, none, none, np.zeros((3, 2)), False, signals.INPUT_COLUMN)
+    sampling = Sampling(None, none, none, none, np.zeros((3, 2)), False, signals.INPUT_COLUMN)
     assert RunStatus(judge_sample.py_func(sampling, row)) == status
 
 
@@ -186,9 +186,9 @@ def test_run_stops_when_a_state_is_no_number(
     crane = make_plant(plant, load_scenario("fixed-position"), "ideal")
     advance, calls = crane.advance, iter(range(10**6))
 
-    def break_down(command: np.ndarray, disturbance: np.ndarray, load: np.ndarray) -> None:
+    def break_down(command: np.ndarray, disturbance: np.ndarray, wind: np.ndarray, load: np.ndarray) -> None:
         broken = np.full(2, np.nan) if next(calls) == 250 else disturbance
-        advance(command, broken, load)
+        advance(command, broken, wind, load)
 
     monkeypatch.setattr(crane, "advance", break_down)
     monkeypatch.setattr(crane, "warnings", lambda: 0)
