@@ -203,6 +203,8 @@ class Scenario(Settings):
                 raise ValueError(f"{name} must be a multiple of control.period")
             if time > self.duration or (name.endswith("start") and time >= self.duration):
                 raise ValueError(f"{name} must lie before the end of the run, {self.duration} s")
+        if self.effects.delay and not _divides(self.control.period, self.effects.delay.seconds):
+            raise ValueError("effects.delay.seconds must be a multiple of control.period")
         length = sum(segment.duration for segment in self.reference.segments)
         if length > self.duration * (1.0 + 1e-12):
             raise ValueError(f"the segments last {length} s, longer than duration {self.duration} s")

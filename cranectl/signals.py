@@ -159,10 +159,48 @@ def controller_group(robustifier_order: int) -> SignalGroup:
     return SignalGroup("controller", schema, "states of the controller", extension + robustifier)
 
 
-def recorded_groups(robustifier_order: int) -> tuple[SignalGroup, ...]:
-    """Everything a run records at every sample, in column order."""
+MEASUREMENT = SignalGroup(
+    "measurement",
+    "Measurement",
+    "what the tracker is told of the joints, and what the observer makes of disturbances",
+    (
+        *STATE.signals,
+        Signal("alpha_disturbance_estimate", "d̂_α", "rad/s²", "unexplained angular acceleration of alpha"),
+        Signal("beta_disturbance_estimate", "d̂_β", "rad/s²", "unexplained angular acceleration of beta"),
+    ),
+)
+
+
+def command_group(drive: str) -> SignalGroup:
+    """What arrives at the drives after limits and transport, and which set-points were cut off."""
+    velocity = drive == "velocity"
+    symbol, unit, what = ("w", "m/s", "velocity") if velocity else ("u", "m/s²", "acceleration")
+    axes = (("bridge", "x"), ("trolley", "y"), ("rope", "l"))
+    return SignalGroup(
+        "command",
+        f"{what.capitalize()}Command",
+        "what arrives at the drives, and whether a limit has cut it off",
+        (
+            *(
+                Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{what} given to the {n} drive")
+                for n, a in axes
+            ),
+            *(
+                Signal(f"{n}_limited", f"sat_{a}", "1", f"1 while the {n} drive's limits act")
+                for n, a in axes
+            ),
+        ),
+    )
+
+
+def recorded_groups(robustifier_order: int, *, staged: str = "") -> tuple[SignalGroup, ...]:
+    """Everything a run records at every sample, in column order.
+
+    `staged`: the drive of a run with stages between tracker and plant, which records them too.
+    """
     controller = controller_group(robustifier_order)
-    return (STATE, LOAD, FLAT_OUTPUT, ERROR, INPUT, VIRTUAL_INPUT, DISTURBANCE, controller)
+    stages = (MEASUREMENT, command_group(staged)) if staged else ()
+    return (STATE, LOAD, FLAT_OUTPUT, ERROR, INPUT, VIRTUAL_INPUT, DISTURBANCE, controller, *stages)
 
 
 # First column of each recorded group; the compiled loops write blocks at these offsets.
@@ -179,6 +217,8 @@ _STARTS = (0, *accumulate(len(group) for group in recorded_groups(0)))
 ) = _STARTS[:-1]
 TENSION_COLUMN = LOAD_COLUMN + LOAD.names.index("rope_tension")
 BASE_WIDTH = _STARTS[-1]  # columns without robustifier states
+COMMAND_COLUMN = len(MEASUREMENT)  # in the stages' own part of the record
+STAGE_WIDTH = len(MEASUREMENT) + len(command_group(""))
 
 # Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.
 WORKSPACE_SIGNALS = ("bridge_position", "trolley_position", "rope_length")

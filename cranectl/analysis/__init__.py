@@ -1,1 +1,1 @@
-"""What sets a rig apart from its design model: measured, predicted, and whether the controller survives it."""
+"""What sets a rig apart from its design model: measured, predicted, certified."""

@@ -58,7 +58,7 @@ class Sensing(Settings):
 
 
 class Delay(Settings):
-    """Between measurement and drive: computing and transport, a whole number of physics steps."""
+    """Between measurement and drive: computing and transport, a whole number of control periods."""
 
     seconds: Seconds = Field(0.004, description="[s]; assumed: a fieldbus cycle each way and computing")
 
@@ -141,6 +141,11 @@ class EffectSettings(Settings):
     body: Body | None = None
     wind: Wind | None = None
     frame: Frame | None = None
+
+    @property
+    def staged(self) -> bool:
+        """Whether anything lies between plant and tracker, or between tracker and plant."""
+        return self.sensing is not None or self.limits is not None or self.delay is not None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,8 +11,8 @@ from cranectl.log import schema, topics
 from cranectl.log.chunks import Column
 from cranectl.log.header import LogHeader, Outcome
 from cranectl.log.records import DamageError
-from cranectl.signals import SignalGroup, recorded_groups
-from cranectl.simulate import Run
+from cranectl.signals import SignalGroup
+from cranectl.simulate import Run, groups_of
 
 MAX_DEFINITION = 2**16  # [bytes] of the type of a row of signals; the longest have about 1000
 
@@ -85,7 +85,7 @@ def check_samples(topic: str, block: Block, outcome: Outcome) -> None:
 
 def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcome: Outcome) -> Run:
     """The run of `plant` from the blocks of its topics; raises DamageError if they do not fit together."""
-    groups = recorded_groups(header.design.robustifier.sampled_order)
+    groups = groups_of(header.scenario, header.design, header.drive)
     own = [blocks[topics.plant_topic(plant, group.name)] for group in groups]
     time_ns = own[0].time_ns
     for group, block in zip(groups, own, strict=True):

@@ -13,8 +13,8 @@ from cranectl.log.records import DamageError
 from cranectl.plants.interface import PLANTS, Drive
 from cranectl.scenario import Scenario
 from cranectl.settings import parse_settings
-from cranectl.signals import REFERENCE, SignalGroup, recorded_groups
-from cranectl.simulate import checked_drive
+from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.simulate import checked_drive, groups_of
 from cranectl.status import RunStatus
 
 MAX_JSON = 2**20  # [bytes]; scenarios and designs have a few thousand
@@ -54,7 +54,7 @@ class LogHeader:
 
     def groups(self) -> dict[str, SignalGroup]:
         """The groups of signals that make up the runs, by topic."""
-        recorded = recorded_groups(self.design.robustifier.sampled_order)
+        recorded = groups_of(self.scenario, self.design, self.drive)
         found = {topics.plant_topic(plant, group.name): group for plant in self.plants for group in recorded}
         return {**found, topics.REFERENCE_LOAD: REFERENCE}
 

@@ -1,7 +1,7 @@
 """Simulate scenarios on plants and keep everything that happened."""
 
 from cranectl.simulate.plan import Plan, plan_scenario
-from cranectl.simulate.run import Run
+from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.runner import checked_drive, make_plant, simulate_run, tracker_of
 from cranectl.simulate.session import Session
 
@@ -10,6 +10,7 @@ __all__ = [
     "Run",
     "Session",
     "checked_drive",
+    "groups_of",
     "make_plant",
     "plan_scenario",
     "simulate_run",

@@ -11,13 +11,21 @@ from numpy.typing import NDArray
 
 from cranectl.plants.interface import Plant
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.sample import RUNNING, Sampling, complete_rows, control_sample, judge_sample
+from cranectl.simulate.sample import (
+    RUNNING,
+    Sampling,
+    command_of,
+    complete_rows,
+    control_sample,
+    judge_sample,
+)
+from cranectl.simulate.stages import Stages
 from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
 
-# (sampling, record, memory, first, last) → (complete rows, sample it ended at, status)
-AdvanceBlock = Callable[[Sampling, Array, Array, int, int], tuple[int, int, int]]
+# (sampling, stages, record, memory, first, last) → (complete rows, sample it ended at, status)
+AdvanceBlock = Callable[[Sampling, Stages | None, Array, Array, int, int], tuple[int, int, int]]
 
 
 def compiled_loop(plant: Plant) -> AdvanceBlock:
@@ -48,15 +56,15 @@ def python_loop(plant: Plant) -> AdvanceBlock:
     """The same loop in plain Python, for any plant; slower, and easy to step through."""
 
     def advance_block(
-        sampling: Sampling, record: Array, memory: Array, first: int, last: int
+        sampling: Sampling, stages: Stages | None, record: Array, memory: Array, first: int, last: int
     ) -> tuple[int, int, int]:
         for k in range(first, last):
             row = record[k]
             plant.measure(row[STATE_COLUMN : STATE_COLUMN + 10])
-            status = control_sample(sampling, k, row, memory)
+            status = control_sample(sampling, stages, k, row, memory)
             if status != RUNNING:
                 return k, k, status
-            command = row[sampling.command_column : sampling.command_column + 3]
+            command = command_of(sampling, stages, k, row)
             disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
             plant.advance(command, disturbance, sampling.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
             status = judge_sample(sampling, row)

@@ -3,22 +3,22 @@
 from cranectl.jit import jit
 from cranectl.plants.mujoco import advance_mujoco, measure_joints
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.sample import RUNNING, complete_rows, control_sample, judge_sample
+from cranectl.simulate.sample import RUNNING, command_of, complete_rows, control_sample, judge_sample
 from cranectl.status import RunStatus
 
 ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 
 
 @jit
-def advance_block(rig, sampling, record, memory, first, last):
+def advance_block(rig, sampling, stages, record, memory, first, last):
     """Samples `first` to `last` - 1; returns (complete rows, sample it ended at, status)."""
     for k in range(first, last):
         row = record[k]
         measure_joints(rig, row[STATE_COLUMN : STATE_COLUMN + 10])
-        status = control_sample(sampling, k, row, memory)
+        status = control_sample(sampling, stages, k, row, memory)
         if status != RUNNING:
             return k, k, status
-        command = row[sampling.command_column : sampling.command_column + 3]
+        command = command_of(sampling, stages, k, row)
         disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
         load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
         advance_mujoco(rig, command, disturbance, sampling.wind[k], load)

@@ -14,6 +14,12 @@ from cranectl.status import RunStatus
 Array = NDArray[np.float64]
 
 
+def groups_of(scenario: Scenario, design: Design, drive: Drive) -> tuple[SignalGroup, ...]:
+    """What a run records, in column order."""
+    staged = drive if scenario.effects.staged else ""
+    return recorded_groups(design.robustifier.sampled_order, staged=staged)
+
+
 @dataclass(frozen=True)
 class Run:
     """A run in memory, as simulated or as read from a log."""
@@ -38,7 +44,7 @@ class Run:
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
         """The recorded groups, in column order."""
-        return recorded_groups(self.design.robustifier.sampled_order)
+        return groups_of(self.scenario, self.design, self.drive)
 
     def block(self, group: str) -> Array:
         """All signals of one group, e.g. `run.block("state")`: shape (N, signals). A view."""

@@ -14,6 +14,7 @@ from cranectl.simulate.loops import AdvanceBlock, compiled_loop, python_loop
 from cranectl.simulate.plan import Plan, plan_scenario
 from cranectl.simulate.run import Run
 from cranectl.simulate.sample import Sampling
+from cranectl.simulate.stages import Stages, make_stages, whole_record
 from cranectl.status import RunStatus
 from cranectl.tracker import Tracker, initial_memory, make_tracker
 
@@ -51,7 +52,8 @@ def simulate_run(
     memory = initial_memory(tracker, start, plan.reference[0])
     loop = (compiled_loop if compiled else python_loop)(crane)
     sampling = sampling_of(scenario, tracker, plan, crane.drive)
-    rows, last, status = _run_blocks(loop, sampling, record, memory, plan, progress)
+    stages = make_stages(scenario, start, drive=crane.drive, samples=len(record))
+    rows, last, status = _run_blocks(loop, sampling, stages, record, memory, plan, progress)
     return Run(
         scenario=scenario,
         design=design,
@@ -59,7 +61,7 @@ def simulate_run(
         drive=crane.drive,
         model=crane.description,
         time_ns=plan.time_ns[:rows],
-        table=record[:rows],
+        table=whole_record(record, stages)[:rows],
         reference=plan.reference[:rows],
         status=status,
         end_ns=int(plan.time_ns[last]),
@@ -118,6 +120,7 @@ def sampling_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) 
 def _run_blocks(
     loop: AdvanceBlock,
     sampling: Sampling,
+    stages: Stages | None,
     record: Array,
     memory: Array,
     plan: Plan,
@@ -128,7 +131,7 @@ def _run_blocks(
     try:
         while rows < total and status == RunStatus.RUNNING:
             done = rows
-            rows, end, code = loop(sampling, record, memory, rows, min(rows + BLOCK, total))
+            rows, end, code = loop(sampling, stages, record, memory, rows, min(rows + BLOCK, total))
             status = RunStatus(code)
             if progress is not None:
                 progress((rows - done) * sampling.tracker.period)

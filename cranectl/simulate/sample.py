@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.jit import jit
-from cranectl.signals import DISTURBANCE_COLUMN, STATE_COLUMN, TENSION_COLUMN
+from cranectl.signals import COMMAND_COLUMN, DISTURBANCE_COLUMN, STATE_COLUMN, TENSION_COLUMN
+from cranectl.simulate.stages import act, sense
 from cranectl.status import RunStatus
 from cranectl.tracker import Tracker, control_step
 
@@ -32,13 +33,29 @@ class Sampling(NamedTuple):
 
 
 @jit
-def control_sample(sampling, k, row, memory):
+def control_sample(sampling, stages, k, row, memory):
     """Run the tracker on the state in record row `k`; writes the rest of the row except the load."""
-    state = row[STATE_COLUMN : STATE_COLUMN + 10]
-    status = control_step(sampling.tracker, state, sampling.reference[k], memory, row)
+    if stages is None:
+        state = row[STATE_COLUMN : STATE_COLUMN + 10]
+        status = control_step(sampling.tracker, state, sampling.reference[k], memory, row)
+    else:
+        told = stages.record[k]
+        sense(stages, row, told)
+        status = control_step(sampling.tracker, told[:10], sampling.reference[k], memory, row)
+        if status == RUNNING:
+            act(stages, sampling.command_column, row, memory, told)
     row[DISTURBANCE_COLUMN] = sampling.disturbance[k, 0]
     row[DISTURBANCE_COLUMN + 1] = sampling.disturbance[k, 1]
     return status
+
+
+@jit
+def command_of(sampling, stages, k, row):
+    """What the drives get at sample `k`, (3,)."""
+    if stages is None:
+        return row[sampling.command_column : sampling.command_column + 3]
+    else:  # noqa: RET505  only then is the other branch left out by the compiler
+        return stages.record[k, COMMAND_COLUMN : COMMAND_COLUMN + 3]
 
 
 @jit

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from cranectl.design import Design
 from cranectl.plants.interface import PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import BASE_WIDTH
+from cranectl.signals import BASE_WIDTH, STAGE_WIDTH
 from cranectl.simulate.loops import AdvanceBlock, compiled_loop
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run
 from cranectl.simulate.runner import make_plant, sampling_of, tracker_of
 from cranectl.simulate.sample import Sampling
+from cranectl.simulate.stages import Stages, make_stages, whole_record
 from cranectl.status import RunStatus
 from cranectl.tracker import ROBUSTIFIER, initial_memory
 
@@ -33,6 +34,7 @@ class _Lane:
     loop: AdvanceBlock
     sampling: Sampling
     memory: Array
+    stages: Stages | None = None
     status: RunStatus = RunStatus.RUNNING
     end_ns: int = 0  # of the last sample, or where it stopped
 
@@ -123,6 +125,7 @@ class Session:
         for lane in self._lanes:
             lane.plant.reset(start)
             lane.memory = initial_memory(lane.sampling.tracker, start, self.plan.reference[0])
+            lane.stages = make_stages(self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns))
             lane.status, lane.end_ns = RunStatus.RUNNING, self.origin_ns
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
@@ -136,10 +139,12 @@ class Session:
         self, lane: _Lane, time_ns: NDArray[np.int64], reference: Array, disturbance: Array, wind: Array
     ) -> Run:
         record = np.zeros((len(time_ns), BASE_WIDTH + 3 * self.design.robustifier.sampled_order))
-        rows = 0
+        stages, rows = lane.stages, 0
+        if stages is not None:
+            stages = stages._replace(record=np.zeros((len(time_ns), STAGE_WIDTH)))
         if not lane.status.stopped and len(time_ns):
             sampling = lane.sampling._replace(reference=reference, disturbance=disturbance, wind=wind)
-            rows, end, code = lane.loop(sampling, record, lane.memory, 0, len(time_ns))
+            rows, end, code = lane.loop(sampling, stages, record, lane.memory, 0, len(time_ns))
             lane.status = RunStatus(code)
             lane.end_ns = int(time_ns[end if lane.status.stopped else -1])
         return Run(
@@ -149,7 +154,7 @@ class Session:
             drive=self.drive,
             model=lane.plant.description,
             time_ns=time_ns[:rows],
-            table=record[:rows],
+            table=whole_record(record, stages)[:rows],
             reference=reference[:rows],
             status=lane.status,
             end_ns=lane.end_ns,
