@@ -70,8 +70,10 @@ def _comparison(panels: Panels, _plant: str) -> Layout:
     """Both plants: the crane and its ghost, the same signals of both, what parts them."""
     both = [_plot(panels, f"load {axis}", _of_both("load", f"load_{axis}", reference=True)) for axis in "xyz"]
     angles = [_plot(panels, name, _of_both("state", name)) for name in ("alpha", "beta")]
-    apart = [_distance(signal, k) for k, signal in enumerate(topics.DISTANCE.signals)]
-    differences = [_plot(panels, f"log₁₀ of {path['label']}", [path], minYValue=-13.0) for path in apart]
+    differences = [
+        _plot(panels, f"log₁₀ of {signal.description}", [_distance(signal, k)], minYValue=-13.0)
+        for k, signal in enumerate(topics.DISTANCE.signals)
+    ]
     left = _column([_scene(panels, PLANTS), _timeline(panels, PLANTS)], (62, 38))
     right = _row([_column([*both]), _column([*angles, *differences])])
     return _row([left, right], (42, 58))
@@ -141,7 +143,7 @@ def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
 def _distance(signal: Signal, k: int) -> dict[str, Any]:
     """How far the plants are apart: on a linear axis nanometres beside millimetres would be a flat line."""
     value = f"{topics.difference_topic(topics.DISTANCE.name)}.{signal.name}.@log10"
-    return _line(value, signal, signal.description, AXIS_COLOURS[k])
+    return _line(value, signal, signal.symbol, AXIS_COLOURS[k])
 
 
 def _reference(axis: str) -> dict[str, Any]:
@@ -181,7 +183,7 @@ def _plot(panels: Panels, title: str, paths: Sequence[dict[str, Any]], **limits:
             "showPlotValuesInLegend": False,
             "isSynced": True,
             "xAxisVal": "timestamp",
-            "sidebarDimension": 72,
+            "sidebarDimension": 40 + 8 * max(4, *(len(path["label"]) for path in paths)),
             **limits,
         },
     )
@@ -219,7 +221,7 @@ def _scene(panels: Panels, plants: Sequence[str], *, distance: float = 5.0) -> s
 def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
     """How the runs stand, and the events in words; reference and disturbances are the same for both."""
     standings: dict[str, tuple[str, ...]] = dict.fromkeys(plants, ("status",))
-    standings[plants[-1]] = ("status", "phase", "disturbed")
+    standings[plants[-1]] = ("status", "phase", "disturbed", "saturated")
     paths = [
         {
             "value": f"{topics.status_topic(plant)}.{field}",

@@ -34,7 +34,9 @@ class RunMetrics:
     final_load_m: tuple[float, float, float]
     max_acceleration_m_s2: tuple[float, float, float]  # bridge, trolley, rope
     min_acceleration_m_s2: tuple[float, float, float]
+    rms_acceleration_m_s2: tuple[float, float, float]  # commanded: the effort
     max_abs_angle_rad: tuple[float, float]  # alpha, beta
+    rms_sway_rad: float  # of the angle between rope and plumb line
     min_rope_tension_n: float
     workspace_violations: tuple[WorkspaceViolation, ...]
 
@@ -59,7 +61,9 @@ def run_metrics(run: Run) -> RunMetrics | None:
         final_load_m=_triple(load[-1]),
         max_acceleration_m_s2=_triple(inputs.max(axis=0)),
         min_acceleration_m_s2=_triple(inputs.min(axis=0)),
+        rms_acceleration_m_s2=_triple(np.sqrt(np.mean(inputs**2, axis=0))),
         max_abs_angle_rad=(float(np.abs(angles[:, 0]).max()), float(np.abs(angles[:, 1]).max())),
+        rms_sway_rad=float(np.sqrt(np.mean(np.arccos(np.cos(angles).prod(axis=1)) ** 2))),
         min_rope_tension_n=float(run.signal("load.rope_tension").min()),
         workspace_violations=workspace_violations(run),
     )

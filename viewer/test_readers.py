@@ -25,6 +25,14 @@ def doctor(log: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+def rerun(log: Path) -> subprocess.CompletedProcess[str]:
+    """Decode all messages and check their order in time; what it cannot decode it only warns of."""
+    command = [str(Path(sys.executable).with_name("rerun")), "mcap", "check", "--full", str(log)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done.returncode = done.returncode or bool(done.stderr)
+    return done
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_message_decodes_to_what_read_log_says(kind: str, logs: dict[str, Path]) -> None:
     done = node(logs[kind])
@@ -45,7 +53,16 @@ def test_the_structure_is_sound(kind: str, logs: dict[str, Path]) -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("reader", [node, doctor])
+@pytest.mark.parametrize("kind", KINDS)
+def test_rerun_finds_no_issue(kind: str, logs: dict[str, Path]) -> None:
+    done = rerun(logs[kind])
+    assert done.returncode == 0, done.stderr
+    rows = [line.split() for line in done.stdout.splitlines() if " /" in line]
+    assert len(rows) > 15
+    assert {(row[0], row[-1]) for row in rows} == {("ok", "—")}, done.stdout
+
+
+@pytest.mark.parametrize("reader", [node, doctor, rerun])
 @pytest.mark.parametrize("how", BROKEN)
 def test_broken_files_are_refused(
     how: str,

@@ -15,6 +15,7 @@ from cranectl.cli.compare import compare_command
 from cranectl.cli.design import design_command
 from cranectl.cli.export import export_command
 from cranectl.cli.info import info_command
+from cranectl.cli.ladder import ladder_command
 from cranectl.cli.layout import layout_command
 from cranectl.cli.list import list_command
 from cranectl.cli.live import live_command
@@ -58,6 +59,7 @@ for command in (
     design_command,
     thesis_command,
     report_command,
+    ladder_command,
     layout_command,
     export_command,
     live_command,

@@ -18,6 +18,7 @@ Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
 Component = Annotated[float, Field(ge=-100.0, le=100.0)]
 Vector = Annotated[tuple[Component, Component, Component], Field(strict=False)]
 Seed = Annotated[int, Field(ge=0, lt=2**32)]
+NO_LIMIT = 1e9  # the largest value of a Limit: as good as none
 
 
 class DriveLimits(Settings):
@@ -31,7 +32,8 @@ class DriveLimits(Settings):
     )
     force: Limits = Field(
         (60.0, 40.0, 30.0),
-        description="[N]; assumed: about seven times the load's weight on the bridge, three on the winch",
+        description="[N]; assumed: six times the load's weight on the bridge, three on the winch, the load's "
+        "weight included; 1e9 is no limit",
     )
 
 
@@ -154,3 +156,13 @@ class EffectSettings(Settings):
 
 
 NO_EFFECTS = EffectSettings()
+ALL_EFFECTS = EffectSettings(
+    limits=DriveLimits(),
+    sensing=Sensing(),
+    delay=Delay(),
+    friction=Friction(),
+    rope=Rope(),
+    body=Body(),
+    wind=Wind(),
+    frame=Frame(),
+)

@@ -40,6 +40,22 @@ class Disturbed(IntEnum):
     ALPHA_AND_BETA = 3
 
 
+class Saturated(IntEnum):
+    """Which drives' limits act, as the sum of 1 for the bridge, 2 for the trolley and 4 for the rope.
+
+    Protobuf wants names that no other enumeration of a message has.
+    """
+
+    UNSATURATED = 0
+    BRIDGE = 1
+    TROLLEY = 2
+    BRIDGE_AND_TROLLEY = 3
+    ROPE = 4
+    BRIDGE_AND_ROPE = 5
+    TROLLEY_AND_ROPE = 6
+    ALL = 7
+
+
 @dataclass(frozen=True)
 class Standing:
     """How a run stands from a time on."""
@@ -49,12 +65,22 @@ class Standing:
     inside_workspace: bool
     phase: Phase
     disturbed: Disturbed
+    saturated: Saturated
+
+
+def saturation(run: Run) -> NDArray[np.int64]:
+    """`Saturated` at every sample, shape (N,)."""
+    if "command" not in (group.name for group in run.groups):
+        return np.zeros(len(run.time_ns), dtype=np.int64)
+    acting: NDArray[np.int64] = (run.block("command")[:, 3:] > 0.0) @ np.array([1, 2, 4])
+    return acting
 
 
 def standings(run: Run) -> list[Standing]:
     """At the start, at every change, and at the end."""
     inside: NDArray[np.bool_] = workspace_excess(run).max(axis=1) <= 0.0
-    crossings = run.time_ns[1:][np.diff(inside)] if len(inside) else run.time_ns
+    limited = saturation(run)
+    crossings = run.time_ns[1:][np.diff(inside) | (np.diff(limited) != 0)] if len(inside) else run.time_ns
     edges = {
         0,
         *(time for time, _ in segments(run.scenario)),
@@ -62,18 +88,21 @@ def standings(run: Run) -> list[Standing]:
     }
     times = sorted(edges | {int(time) for time in crossings})
     before_end = [time for time in times if time < run.end_ns]
-    found = [_standing(run, time, RunStatus.RUNNING, inside) for time in before_end]
-    return [*found, _standing(run, run.end_ns, run.status, inside)]
+    found = [_standing(run, time, RunStatus.RUNNING, inside, limited) for time in before_end]
+    return [*found, _standing(run, run.end_ns, run.status, inside, limited)]
 
 
-def _standing(run: Run, time_ns: int, status: RunStatus, inside: NDArray[np.bool_]) -> Standing:
+def _standing(
+    run: Run, time_ns: int, status: RunStatus, inside: NDArray[np.bool_], limited: NDArray[np.int64]
+) -> Standing:
     row = min(int(np.searchsorted(run.time_ns, time_ns)), len(inside) - 1)
     phase = [kind for start, kind in segments(run.scenario) if start <= time_ns][-1]
     acting = {"alpha": 0, "beta": 0}
     for time, joint, change in disturbance_edges(run.scenario):
         acting[joint] += change if time <= time_ns else 0
     disturbed = Disturbed((1 if acting["alpha"] else 0) + (2 if acting["beta"] else 0))
-    return Standing(time_ns, status, bool(inside[row]) if len(inside) else False, phase, disturbed)
+    within, cut = (bool(inside[row]), int(limited[row])) if len(inside) else (False, 0)
+    return Standing(time_ns, status, within, phase, disturbed, Saturated(cut))
 
 
 def segments(scenario: Scenario) -> list[tuple[int, Phase]]:
@@ -102,6 +131,7 @@ def events(run: Run) -> list[Event]:
         Event(0, run.plant, f"{run.scenario.name} with {run.design.name}, {run.drive} drives"),
         *planned,
         *workspace_events(run, np.zeros(3, dtype=bool)),
+        *limit_events(run, 0),
     ]
     return [*sorted(found, key=lambda event: event.time_ns), end_event(run)]
 
@@ -123,6 +153,20 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
         for time, verb in ((step.start, "begins"), (step.end, "ends")):
             if time is not None:
                 found.append(Event(round(time * NANOSECONDS), plant, f"{name} {verb}"))
+    return found
+
+
+def limit_events(run: Run, before: int) -> list[Event]:
+    """When each drive reaches its limits for the first time; `before` says as `Saturated` which had already.
+
+    Later times are in the status: they can be as many as samples.
+    """
+    found, limited = [], saturation(run)
+    for bit, drive in enumerate(("bridge", "trolley", "rope")):
+        acting = np.flatnonzero(limited & (1 << bit))
+        if len(acting) and not before & (1 << bit):
+            time_ns = int(run.time_ns[acting[0]])
+            found.append(Event(time_ns, run.plant, f"the {drive} drive reaches its limits", warning=True))
     return found
 
 

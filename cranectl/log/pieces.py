@@ -14,8 +14,11 @@ from cranectl.log import scene
 from cranectl.log.events import (
     Disturbed,
     Event,
+    Saturated,
     Standing,
     end_event,
+    limit_events,
+    saturation,
     scenario_events,
     segments,
     workspace_events,
@@ -31,7 +34,7 @@ Array = NDArray[np.float64]
 JOINTS = ("alpha", "beta")
 
 
-Key = tuple[bool, int, int]  # inside the workspace, number of the segment, `Disturbed`
+Key = tuple[bool, int, int, int]  # inside the workspace, number of the segment, Disturbed, Saturated
 
 
 @dataclass
@@ -39,6 +42,7 @@ class _Seen:
     """What has been shown of one plant since its start."""
 
     trail: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    limited: int = 0  # drives that have been at their limits, as `Saturated`
     outside: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(3, dtype=bool))
     key: Key | None = None
     acting: tuple[float, ...] | None = None
@@ -124,6 +128,8 @@ class Pieces:
             found += [event for event in planned if before < event.time_ns <= run.time_ns[-1]]
             found += workspace_events(run, seen.outside)
             seen.outside = workspace_excess(run)[-1] > 0.0
+            found += limit_events(run, seen.limited)
+            seen.limited |= int(np.bitwise_or.reduce(saturation(run)))
         if run.status.stopped and not seen.stopped:
             found.append(end_event(run))
         return found
@@ -140,7 +146,7 @@ class Pieces:
         if keys:
             seen.key, seen.acting = keys[-1], acting[-1]
         if run.status.stopped and not seen.stopped:
-            standings.append(self._standing(run.end_ns, run.status, seen.key or (False, 0, 0)))
+            standings.append(self._standing(run.end_ns, run.status, seen.key or (False, 0, 0, 0)))
         found = [status(run.plant, standings)] if standings else []
         if pushes:
             arrows = [[(j, a) for j, a in zip(JOINTS, now, strict=True) if a] for _, now, _ in pushes]
@@ -152,11 +158,13 @@ class Pieces:
         inside = workspace_excess(run).max(axis=1) <= 0.0
         segment = np.searchsorted(self._starts, run.time_ns - origin_ns, side="right") - 1
         disturbed = (run.block("disturbance") != 0.0) @ np.array([1, 2])
-        return list(zip(inside.tolist(), segment.tolist(), disturbed.tolist(), strict=True))
+        limited = saturation(run)
+        return list(zip(inside.tolist(), segment.tolist(), disturbed.tolist(), limited.tolist(), strict=True))
 
     def _standing(self, time_ns: int, status: RunStatus, key: Key) -> Standing:
-        inside, segment, disturbed = key
-        return Standing(time_ns, status, inside, self._segments[segment][1], Disturbed(disturbed))
+        inside, segment, disturbed, limited = key
+        phase = self._segments[segment][1]
+        return Standing(time_ns, status, inside, phase, Disturbed(disturbed), Saturated(limited))
 
     def _scene(self, logged: Sequence[Run], origin_ns: int) -> list[Stream]:
         """Poses, ropes and trails."""

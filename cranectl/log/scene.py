@@ -54,9 +54,9 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
         return []
     longest = max(drawn, key=lambda run: run.end_ns)
     shown = opacities([run.plant for run in drawn])
-    found = [transforms(drawn, longest, _rows(longest, 1.0 / RATE)), path(drawn[0]), workspace(drawn[0])]
+    found = [transforms(drawn, longest, rows_apart(longest, 1.0 / RATE)), path(drawn[0]), workspace(drawn[0])]
     for run in drawn:
-        rope = cable(run, shown[run.plant], _rows(run, 1.0 / RATE))
+        rope = cable(run, shown[run.plant], rows_apart(run, 1.0 / RATE))
         found += [model(run.plant, shown[run.plant]), rope, _whole_trail(run), _arrows(run)]
     return found
 
@@ -145,17 +145,21 @@ def cable(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
 
 
 def _whole_trail(run: Run) -> Stream:
-    rows = _rows(run, TRAIL_STEP)
+    rows = rows_apart(run, TRAIL_STEP)
     return trail(run.plant, run.time_ns[rows], run.block("load")[rows, :3])
 
 
-def trail(plant: str, time_ns: NDArray[np.int64], load: Array) -> Stream:
+def trail(
+    plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: Sequence[float] | None = None
+) -> Stream:
     """Where the load has been, fading: a message for each time.
 
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows are the past of the first message.
     """
     points = [Point3(x=x, y=y, z=z) for x, y, z in load.tolist()]
-    fading = [shapes.colour(TRAIL_COLOURS[plant], k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
+    fading = [
+        shapes.colour(colour or TRAIL_COLOURS[plant], k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)
+    ]
     updates = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):
         first = max(k - TRAIL_POINTS, 0)
@@ -224,7 +228,7 @@ def _arrow(joint: str, magnitude: float) -> ArrowPrimitive:
 
 def path(run: Run) -> Stream:
     """The desired path as a line, the desired load as a small ball that moves with the frame `reference`."""
-    points = run.reference[_rows(run, TRAIL_STEP), :3].tolist()
+    points = run.reference[rows_apart(run, TRAIL_STEP), :3].tolist()
     line = shapes.line(points, 0.8 * ROPE_THICKNESS, shapes.colour(PATH_COLOUR, 0.9))
     size, colour = Vector3(x=0.04, y=0.04, z=0.04), shapes.colour(PATH_COLOUR, 0.6)
     ball = SpherePrimitive(pose=shapes.ORIGIN, size=size, color=colour)
@@ -253,7 +257,7 @@ def workspace(run: Run) -> Stream:
     )
 
 
-def _rows(run: Run, period: float) -> NDArray[np.intp]:
+def rows_apart(run: Run, period: float) -> NDArray[np.intp]:
     """Samples about `period` [s] apart, the first and the last always."""
     if len(run.time_ns) < 2:
         return np.arange(len(run.time_ns))

@@ -13,7 +13,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError, Message
 from numpy.typing import NDArray
 
-from cranectl.log.events import Disturbed, Phase
+from cranectl.log.events import Disturbed, Phase, Saturated
 from cranectl.signals import SignalGroup
 from cranectl.status import RunStatus
 
@@ -26,6 +26,7 @@ STATUS_FIELDS: dict[str, type[IntEnum] | None] = {
     "inside_workspace": None,
     "phase": Phase,
     "disturbed": Disturbed,
+    "saturated": Saturated,
 }
 
 _FIXED64 = 1  # protobuf wire type of a double

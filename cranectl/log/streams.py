@@ -4,7 +4,7 @@ import functools
 import importlib.metadata
 import json
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 
 import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
@@ -34,15 +34,16 @@ def streams(runs: Sequence[Run]) -> list[Stream]:
     return found + scene_streams(runs)
 
 
-def samples(runs: Sequence[Run]) -> list[Stream]:
-    """The reference at the times of any run, and all signals of the runs."""
+def samples(runs: Sequence[Run], *, groups: Container[str] | None = None) -> list[Stream]:
+    """The reference at the times of any run, and the signals of the runs: all, or those of some groups."""
     time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
     reference = np.concatenate([run.reference for run in runs])[rows]
-    found = [_signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
+    found = [signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
     for run in runs:
         found += [
-            _signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
+            signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
             for group in run.groups
+            if groups is None or group.name in groups
         ]
     return found
 
@@ -54,9 +55,10 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **found}
 
 
-def _signals(
+def signals(
     topic: str, group: SignalGroup, time_ns: NDArray[np.int64], values: NDArray[np.float64]
 ) -> Stream:
+    """All signals of a group at each time, `values` (N, signals)."""
     return Stream(
         topic,
         f"{schema.PACKAGE}.{group.schema}",
@@ -77,10 +79,10 @@ def differences(a: Run, b: Run) -> list[Stream]:
         [np.linalg.norm(blocks["load"][:, :3], axis=1), np.abs(blocks["state"][:, [6, 8]]).max(axis=1)]
     )
     found = [
-        _signals(topics.difference_topic(group.name), group, time_ns, blocks[group.name])
+        signals(topics.difference_topic(group.name), group, time_ns, blocks[group.name])
         for group in topics.DIFFERENCE_GROUPS
     ]
-    found.append(_signals(topics.difference_topic(topics.DISTANCE.name), topics.DISTANCE, time_ns, distances))
+    found.append(signals(topics.difference_topic(topics.DISTANCE.name), topics.DISTANCE, time_ns, distances))
     return found
 
 
@@ -110,6 +112,7 @@ def status(plant: str, found: Sequence[Standing]) -> Stream:
                 "inside_workspace": standing.inside_workspace,
                 "phase": int(standing.phase),
                 "disturbed": int(standing.disturbed),
+                "saturated": int(standing.saturated),
             },
         )
         for standing in found

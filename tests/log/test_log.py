@@ -15,9 +15,10 @@ from mcap.writer import Writer
 
 from cranectl import signals
 from cranectl.compare import compare_runs
+from cranectl.effects.settings import DriveLimits, EffectSettings
 from cranectl.errors import LogError
 from cranectl.log import check_writable, read_log, write_log
-from cranectl.log.events import Disturbed, Phase
+from cranectl.log.events import Disturbed, Phase, Saturated
 from cranectl.log.schema import decode_rows, encode_rows, group_schema
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -187,9 +188,32 @@ def test_status_is_an_enumeration_that_ends_with_the_outcome(log: Path) -> None:
     ]
     assert all(change.inside_workspace for _, change in changes)
     fields = changes[0][1].DESCRIPTOR.fields_by_name
-    for name, enumeration in (("status", RunStatus), ("phase", Phase), ("disturbed", Disturbed)):
+    for name, enumeration in (
+        ("status", RunStatus),
+        ("phase", Phase),
+        ("disturbed", Disturbed),
+        ("saturated", Saturated),
+    ):
         values = {value.name: value.number for value in fields[name].enum_type.values}
         assert values == {value.name: value.value for value in enumeration}
+
+
+def test_limits_of_the_drives_are_states_and_lines(tmp_path: Path, short: Scenario) -> None:
+    limits = {"velocity": (0.02, 10.0, 10.0), "acceleration": (100.0, 100.0, 100.0)}
+    limited = short.model_copy(update={"effects": EffectSettings(limits=DriveLimits(**limits))})
+    run = simulate_run(limited, plant="mujoco", drive="velocity")
+    path = write_log(tmp_path / "a.mcap", [run], every=1)
+    acting = run.signal("command.bridge_limited") > 0.0
+    edges = run.time_ns[1:][np.diff(acting)].tolist()
+    changes = dict(messages_of(path, "/mujoco/status"))
+    assert edges
+    assert [changes[time].saturated for time in edges] == [
+        Saturated.BRIDGE if acting[time // 10**6] else Saturated.UNSATURATED for time in edges
+    ]
+    lines = [(time, message.message) for time, message in messages_of(path, "/log")]
+    assert [line for line in lines if "limits" in line[1]] == [
+        (edges[0], "the bridge drive reaches its limits")
+    ]
 
 
 def test_status_follows_the_segments_and_the_workspace(tmp_path: Path) -> None:

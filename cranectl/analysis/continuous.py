@@ -1,0 +1,251 @@
+"""The continuous-time ideal: plant and tracker as one differential equation, nothing sampled, nothing held.
+
+It is the top of the fidelity ladder that `analysis.budget` climbs down. State: joints (10), zeta, zeta', then
+the robustifier states of the axes x, y, z. Fixed DOP853 steps that end at every sample, reference joint and
+disturbance edge, so that no step straddles a jump; with steps of 1 ms the error is that of rounding.
+"""
+
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from cranectl.design import Design, design_controller
+from cranectl.dynamics import angular_accelerations
+from cranectl.flatness import flat_output, linearising_input
+from cranectl.jit import jit
+from cranectl.plants.analytic import AnalyticPlant, observe_load
+from cranectl.plants.dop853 import STAGES, A, B
+from cranectl.reference import Trajectory, build_trajectory
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import (
+    BASE_WIDTH,
+    CONTROLLER_COLUMN,
+    DISTURBANCE_COLUMN,
+    ERROR_COLUMN,
+    FLAT_OUTPUT_COLUMN,
+    INPUT_COLUMN,
+    LOAD_COLUMN,
+    STATE_COLUMN,
+    VIRTUAL_INPUT_COLUMN,
+)
+from cranectl.simulate import Plan, Run, plan_scenario
+from cranectl.status import RunStatus
+from cranectl.tracker import RUNNING, regularity
+
+Array = NDArray[np.float64]
+
+NODES: Array = np.ascontiguousarray(DOP853.C[:STAGES])  # of the stages, in steps
+SLACK_ROPE = int(RunStatus.SLACK_ROPE)
+EXTENSION, ROBUSTIFIER = 10, 12  # places in the state
+STEP = 1e-3  # [s], longest step
+STIFFNESS = 2.0  # largest |pole| times step
+CHUNK = 2000  # steps whose reference is sampled at once
+
+
+class ContinuousLoop(NamedTuple):
+    """What the differential equation needs besides reference and disturbance."""
+
+    gain: Array  # (4,)
+    a: Array  # (n, n) robustifier of one axis
+    b: Array  # (n,)
+    c: Array  # (n,)
+    d: float
+    gravity: float
+
+
+@jit
+def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outputs):
+    """State derivative into `rate`; also flat output (15,) and `outputs` = (u, v, v-bar), three each.
+
+    `reference` (15,), `disturbance` (2,) [rad/s²].
+    """
+    zeta, zeta_dot = state[EXTENSION], state[EXTENSION + 1]
+    flat_output(state, zeta, zeta_dot, loop.gravity, flat)
+    order = loop.b.shape[0]
+    for axis in range(3):
+        error = reference[axis] - flat[axis]
+        v_bar = loop.d * error
+        first = ROBUSTIFIER + axis * order
+        for i in range(order):
+            v_bar += loop.c[i] * state[first + i]
+            xi_dot = loop.b[i] * error
+            for j in range(order):
+                xi_dot += loop.a[i, j] * state[first + j]
+            rate[first + i] = xi_dot
+        v = reference[12 + axis] + v_bar
+        for derivative in range(4):
+            v += loop.gain[derivative] * (reference[3 * derivative + axis] - flat[3 * derivative + axis])
+        flat[12 + axis] = v
+        outputs[3 + axis], outputs[6 + axis] = v, v_bar
+    u = linearising_input(state, zeta, zeta_dot, flat[12], flat[13], flat[14], loop.gravity)
+    outputs[0], outputs[1], outputs[2] = u
+    alpha_ddot, beta_ddot = angular_accelerations(
+        state[4], state[5], state[6], state[7], state[8], state[9], u[0], u[1], loop.gravity
+    )
+    for i in range(3):
+        rate[2 * i], rate[2 * i + 1] = state[2 * i + 1], u[i]
+    rate[6], rate[7] = state[7], alpha_ddot + disturbance[0]
+    rate[8], rate[9] = state[9], beta_ddot + disturbance[1]
+    rate[EXTENSION], rate[EXTENSION + 1] = zeta_dot, flat[14]
+
+
+@jit
+def record_row(loop, rig, state, reference, disturbance, row, rate, flat, outputs):
+    """Write record `row` at this state; returns (whether written, RUNNING or why the run ends here)."""
+    status = regularity(state[:10], state[EXTENSION], loop.gravity)
+    if status != RUNNING:
+        return False, status
+    closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outputs)
+    row[STATE_COLUMN : STATE_COLUMN + 10] = state[:10]
+    row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15] = flat
+    row[ERROR_COLUMN : ERROR_COLUMN + 12] = reference[:12] - flat[:12]
+    row[INPUT_COLUMN : INPUT_COLUMN + 3] = outputs[:3]
+    row[INPUT_COLUMN + 3 : INPUT_COLUMN + 6] = state[1:6:2]
+    row[VIRTUAL_INPUT_COLUMN : VIRTUAL_INPUT_COLUMN + 6] = outputs[3:]
+    row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = disturbance
+    row[CONTROLLER_COLUMN : CONTROLLER_COLUMN + 2] = state[EXTENSION:ROBUSTIFIER]
+    n, width = loop.b.shape[0], (row.shape[0] - CONTROLLER_COLUMN - 2) // 3
+    for axis in range(3):
+        for i in range(n):
+            row[CONTROLLER_COLUMN + 2 + axis * width + i] = state[ROBUSTIFIER + axis * n + i]
+    load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
+    observe_load(rig, state[:10], outputs[:3], np.zeros(3), load)
+    return True, SLACK_ROPE if load[6] <= 0.0 else RUNNING
+
+
+@jit
+def advance_steps(loop, rig, state, steps, reference, disturbance, row_of, row_reference, record):
+    """Steps of lengths `steps` (n,); `reference` (n, stages, 15), `row_of` (n,): row recorded first, or -1.
+
+    Returns (complete rows, status); no rows are counted while running.
+    """
+    size = len(state)
+    rates, stage_state = np.zeros((STAGES, size)), np.zeros(size)
+    flat, outputs = np.zeros(15), np.zeros(9)
+    for k in range(len(steps)):
+        if row_of[k] >= 0:
+            row = record[row_of[k]]
+            written, status = record_row(
+                loop, rig, state, row_reference[k], disturbance[k], row, rates[0], flat, outputs
+            )
+            if status != RUNNING:
+                return row_of[k] + (1 if written else 0), status
+        for s in range(STAGES):
+            for i in range(size):
+                increment = 0.0
+                for j in range(s):
+                    increment += A[s, j] * rates[j, i]
+                stage_state[i] = state[i] + steps[k] * increment
+            closed_loop_derivative(
+                loop, stage_state, reference[k, s], disturbance[k], rates[s], flat, outputs
+            )
+        for i in range(size):
+            increment = 0.0
+            for s in range(STAGES):
+                increment += B[s] * rates[s, i]
+            state[i] += steps[k] * increment
+    return 0, RUNNING
+
+
+def simulate_continuous(
+    scenario: Scenario,
+    *,
+    controller: str | None = None,
+    design: Design | None = None,
+    plan: Plan | None = None,
+    longest_step: float = STEP,
+) -> Run:
+    """`scenario` on the analytic plant under the continuous-time tracker, recorded at the control samples.
+
+    Ideal drives, none of the scenario's effects; set-point columns hold the velocities themselves. Stops as
+    `simulate_run` does where the law or the rope ends, but not at the workspace's limits.
+    """
+    design = design or design_controller(controller or scenario.controller, scenario.design)
+    plan = plan or plan_scenario(scenario)
+    r, gravity = design.robustifier, scenario.rig.gravity
+    loop = ContinuousLoop(
+        *(np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c)), float(r.d), gravity
+    )
+    rig = AnalyticPlant(scenario.rig, drive="ideal", step=STEP, substeps=1).rig
+    grid = _Grid.of(scenario, design, plan, longest_step)
+    state = np.concatenate([plan.initial_state, plan.reference[0, [8, 11]], np.zeros(3 * r.order)])
+    record = np.zeros((len(plan.time_ns), BASE_WIDTH + 3 * r.sampled_order))
+    rows, status = _advance_all(loop, rig, state, grid, plan, record)
+    return Run(
+        scenario=_without_effects(scenario),
+        design=design,
+        plant="analytic",
+        drive="ideal",
+        model="plant and tracker in continuous time, fixed-step DOP853",
+        time_ns=plan.time_ns[:rows],
+        table=record[:rows],
+        reference=plan.reference[:rows],
+        status=RunStatus(status),
+        end_ns=int(plan.time_ns[min(rows, len(plan.time_ns)) - 1]),
+    )
+
+
+def _without_effects(scenario: Scenario) -> Scenario:
+    from cranectl.effects.settings import NO_EFFECTS
+
+    return scenario.model_copy(update={"effects": NO_EFFECTS})
+
+
+class _Grid(NamedTuple):
+    """Where steps begin and end."""
+
+    edges: Array  # (n + 1,) [s]
+    joints: Array  # [s] where the reference may jump
+    sample: NDArray[np.intp]  # (n,) control sample during which a step lies
+    row_of: NDArray[np.intp]  # (n,) the sample at which it begins, or -1
+    trajectory: Trajectory
+
+    @classmethod
+    def of(cls, scenario: Scenario, design: Design, plan: Plan, longest: float) -> "_Grid":
+        """Control samples and reference joints, subdivided as the fastest mode needs."""
+        samples = plan.time_ns / NANOSECONDS
+        trajectory = build_trajectory(scenario.reference)
+        joints = trajectory.joints[(trajectory.joints > 0.0) & (trajectory.joints < samples[-1])]
+        fastest = abs(design.robustifier.fastest_mode[0]) if design.robustifier.order else 0.0
+        period = scenario.period_ns / NANOSECONDS
+        parts = max(ceil(period / longest - 1e-9), ceil(period * fastest / STIFFNESS), 1)
+        fine = (samples[:-1, None] + period * np.arange(parts) / parts).ravel()
+        extra = [t for t in joints if np.abs(fine - t).min() > 1e-9]
+        edges = np.sort(np.concatenate([fine, samples[-1:], extra]))
+        sample = np.searchsorted(samples - 1e-9, edges[:-1], side="right") - 1
+        row_of = np.where(np.abs(samples[sample] - edges[:-1]) < 1e-9, sample, -1)
+        return cls(edges, joints, sample, row_of, trajectory)
+
+    def stage_times(self, first: int, last: int) -> Array:
+        """Times of the stages of steps `first` to `last` - 1; the end of a step before a joint is left of it."""
+        left, right = self.edges[first:last, None], self.edges[first + 1 : last + 1, None]
+        times: Array = left + NODES * (right - left)
+        if len(self.joints):
+            ends_at_joint = np.abs(right - self.joints).min(axis=1, keepdims=True) < 1e-9
+            times = np.where(ends_at_joint, np.minimum(times, right - 2e-9), times)
+        return times
+
+
+def _advance_all(
+    loop: ContinuousLoop, rig: object, state: Array, grid: _Grid, plan: Plan, record: Array
+) -> tuple[int, int]:
+    """Returns (complete rows, status)."""
+    steps = np.diff(grid.edges)
+    for first in range(0, len(steps), CHUNK):
+        last = min(first + CHUNK, len(steps))
+        times = grid.stage_times(first, last)
+        reference = grid.trajectory.sample(times.ravel()).reshape(last - first, STAGES, 15)
+        rows, status = advance_steps(
+            loop, rig, state, steps[first:last], reference, plan.disturbance[grid.sample[first:last]],
+            grid.row_of[first:last], plan.reference[grid.sample[first:last]], record,
+        )  # fmt: skip
+        if status != RUNNING:
+            return rows, status
+    work = np.zeros(len(state)), np.zeros(15), np.zeros(9)
+    written, status = record_row(
+        loop, rig, state, plan.reference[-1], plan.disturbance[-1], record[-1], *work
+    )
+    return len(record) - (not written), int(RunStatus.COMPLETED) if status == RUNNING else status

@@ -1,0 +1,96 @@
+"""`cranectl ladder`."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli import exit_codes
+from cranectl.cli.options import json_option, scenario_options
+
+EVERY = 10  # samples: a dozen runs in one file for viewers
+
+
+@click.command("ladder")
+@click.argument("scenario")
+@click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+@click.option("--top", default="frame", show_default=True, metavar="RUNG", help="Where to stop climbing.")
+@scenario_options
+@click.option(
+    "--out",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Log that overlays all rungs. Default: logs/SCENARIO/CONTROLLER-ladder.mcap",
+)
+@click.option("--report", metavar="FILE", type=click.Path(path_type=Path), help="HTML page of it.")
+@json_option
+def ladder_command(
+    scenario: str,
+    controller: str | None,
+    top: str,
+    rig: Path | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    report: Path | None,
+    json_file: str | None,
+) -> int:
+    """Climb from the ideal of theory to the rig, one effect a rung, and say what each costs.
+
+    \b
+    continuous  theory: nothing sampled, ideal drives
+    sampled     control at the control period, inputs held
+    engine      the physics engine in place of the equations
+    servos      velocity servos of finite bandwidth that feel the load
+    limits      limits of velocity, acceleration and force
+    sensing     encoders and an observer in place of the state
+    delay       computing and transport
+    friction    friction of axes and joint
+    rope        a rope that has mass, gives and goes slack
+    body        a load that swings under its hook
+    wind        drag and gusts
+    frame       a frame that gives way
+
+    An effect that the scenario has settings for, in a table under [effects], is added with those.
+
+    \b
+    cranectl ladder settled-trajectory
+    cranectl ladder settled-trajectory --controller lqr+loop-shaping --top delay
+    cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
+    """
+    from cranectl.analysis.ladder import climb, simulated_seconds
+    from cranectl.cases import LOG_DIRECTORY
+    from cranectl.cli.ladder_output import ladder_table
+    from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.log import check_writable
+    from cranectl.log.overlay import write_overlay
+    from cranectl.scenario import load_scenario
+
+    loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    name = controller or loaded.controller
+    log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
+    check_writable(log)
+    if report is not None:
+        from cranectl.report.page import check_place
+
+        check_place(report)
+    steps = []
+    with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
+        for step in climb(loaded, name, top=top, progress=advance):
+            describe(f"{loaded.name}, {step.rung.name}")
+            steps.append(step)
+    write_overlay(log, {step.rung.name: step.run for step in steps}, every=EVERY)
+    screen = console(json_file)
+    screen.print(ladder_table(loaded.name, name, steps))
+    screen.print(f"log: {log}", soft_wrap=True, markup=False)
+    screen.print("view: cranectl layout ladder view.json", soft_wrap=True, markup=False)
+    if report is not None:
+        from cranectl.report.ladder_report import ladder_page
+        from cranectl.report.page import write_page
+
+        command = f"cranectl ladder {scenario} --controller {name} --top {top}"
+        write_page(ladder_page(loaded, name, steps, command), report)
+        screen.print(f"report: {report}", soft_wrap=True, markup=False)
+    write_json(
+        json_file,
+        {"scenario": loaded.name, "controller": name, "rungs": [step.to_json() for step in steps]},
+    )
+    return exit_codes.RUN_STOPPED if any(step.run.status.stopped for step in steps) else exit_codes.GOOD

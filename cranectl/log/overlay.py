@@ -1,0 +1,79 @@
+"""Several runs of one scenario in one log, to be looked at on top of each other.
+
+Topics are those of a log, with a label in place of the plant: `/LABEL/load`. The last run is drawn as a
+crane, of the others the trails. Such a file is for viewers; `read_log` reads logs of one or two plants.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cranectl.colours import LIGHT, rgb
+from cranectl.log import scene
+from cranectl.log.events import events, standings
+from cranectl.log.stream import Stream
+from cranectl.log.streams import log_lines, samples, signals, status, versions
+from cranectl.log.writer import check_writable, file_attachments, write_container
+from cranectl.signals import Signal, SignalGroup
+from cranectl.simulate import Run
+
+GROUPS = ("state", "load", "error", "input")
+COLOURS = tuple(rgb(LIGHT[f"series-{k}"]) for k in (1, 2, 3, 4))
+DISTANCE = "/overlay/distance"
+
+
+def write_overlay(path: Path, runs: Mapping[str, Run], *, every: int) -> None:
+    """Write the runs by their labels, every n-th sample; raises LogError if that cannot be done.
+
+    Distances of the loads are from the first run's.
+    """
+    check_writable(path)
+    labelled = [replace(run.every(every), plant=label) for label, run in runs.items()]
+    metadata = {
+        "overlay": {"labels": ",".join(runs), "scenario": labelled[-1].scenario.name},
+        "versions": versions(),
+    }
+    write_container(path, metadata, file_attachments(labelled[-1:]), _streams(labelled))
+
+
+def distance_group(labels: list[str]) -> SignalGroup:
+    """How far the load of each run is from that of the first."""
+    found = tuple(
+        Signal(label, f"|Δz| {label}", "m", f"distance of the load of {label} from that of {labels[0]}")
+        for label in labels[1:]
+    )
+    return SignalGroup("distance", f"Distance{len(found)}", "distances of the loads", found)
+
+
+def _streams(runs: list[Run]) -> list[Stream]:
+    found = [log_lines(event for run in runs for event in events(run))]
+    found += [status(run.plant, standings(run)) for run in runs]
+    found += samples(runs, groups=GROUPS)
+    drawn = [run for run in runs if len(run.time_ns)]
+    if not drawn:
+        return found
+    longest = max(drawn, key=lambda run: len(run.time_ns))
+    if len(drawn) > 1:
+        found.append(_distances(drawn, longest))
+    top = drawn[-1]
+    rows = scene.rows_apart(top, 1.0 / scene.RATE)
+    found += [scene.path(longest), scene.workspace(top), scene.transforms([top], top, rows)]
+    found += [scene.model(top.plant, 1.0), scene.cable(top, 1.0, rows)]
+    for k, run in enumerate(drawn):
+        rows = scene.rows_apart(run, scene.TRAIL_STEP)
+        colour = COLOURS[k % len(COLOURS)]
+        found.append(scene.trail(run.plant, run.time_ns[rows], run.block("load")[rows, :3], colour=colour))
+    return found
+
+
+def _distances(runs: list[Run], longest: Run) -> Stream:
+    """On the times of the longest run; NaN after the end of a shorter one."""
+    first, *others = (run.block("load")[:, :3] for run in runs)
+    table = np.full((len(longest.time_ns), len(others)), np.nan)
+    for k, load in enumerate(others):
+        common = min(len(first), len(load))
+        table[:common, k] = np.linalg.norm(load[:common] - first[:common], axis=1)
+    group = distance_group([run.plant for run in runs])
+    return signals(DISTANCE, group, longest.time_ns, table)

@@ -1,0 +1,122 @@
+"""The ladder: every rung is what it says, and its log overlays them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from mcap.reader import make_reader
+from numpy.testing import assert_array_equal
+
+from cranectl.analysis.ladder import BASE, EFFECTS, NAMES, RUNGS, climb, deviation, with_effects
+from cranectl.cli.main import cli
+from cranectl.effects.settings import ALL_EFFECTS
+from cranectl.errors import InputError
+from cranectl.log.overlay import DISTANCE, write_overlay
+from cranectl.scenario import Scenario
+from cranectl.simulate import simulate_run
+
+
+def test_there_is_a_rung_for_every_effect_and_in_the_same_order() -> None:
+    assert tuple(name for name in NAMES if name in EFFECTS) == EFFECTS
+    assert ALL_EFFECTS.names == EFFECTS
+    assert NAMES.index(BASE) == NAMES.index(EFFECTS[0]) - 1
+
+
+def test_rungs_add_one_effect_each(short: Scenario) -> None:
+    steps = list(climb(short, "lqr", top="delay"))
+    assert [step.rung for step in steps] == list(RUNGS[: len(steps)])
+    effects = [step.run.scenario.effects.names for step in steps]
+    assert effects == [(), (), (), (), ("limits",), ("limits", "sensing"), ("limits", "sensing", "delay")]
+    assert [(step.run.plant, step.run.drive) for step in steps[:4]] == [
+        ("analytic", "ideal"),
+        ("analytic", "ideal"),
+        ("mujoco", "ideal"),
+        ("mujoco", "velocity"),
+    ]
+    assert [step.alone is not None for step in steps] == [False] * 4 + [True] * 3
+
+
+def test_a_rung_is_the_run_that_a_person_would_make(short: Scenario) -> None:
+    step = list(climb(short, "lqr", top="delay"))[-1]
+    scenario = with_effects(short, ["limits", "sensing", "delay"])
+    run = simulate_run(scenario, plant="mujoco", drive="velocity", controller="lqr")
+    assert_array_equal(step.run.table, run.table)
+    alone = simulate_run(with_effects(short, ["delay"]), plant="mujoco", drive="velocity", controller="lqr")
+    base = simulate_run(short, plant="mujoco", drive="velocity", controller="lqr")
+    assert step.alone == deviation(base, alone)
+    assert step.alone.max > 1e-6
+
+
+def test_the_scenario_s_own_settings_are_taken(short: Scenario) -> None:
+    own = ALL_EFFECTS.model_copy(update={"delay": ALL_EFFECTS.delay.model_copy(update={"seconds": 0.011})})
+    scenario = short.model_copy(update={"effects": own})
+    assert with_effects(scenario, ["delay", "wind"]).effects.delay.seconds == 0.011
+    assert with_effects(scenario, ["delay", "wind"]).effects.wind == ALL_EFFECTS.wind
+    assert with_effects(scenario, []).effects.names == ()
+
+
+def test_deviations_are_norms_of_the_difference(short: Scenario) -> None:
+    run = simulate_run(short, plant="analytic")
+    moved = replace(run, table=run.table.copy())
+    moved.block("load")[:, 0] += 3e-3
+    moved.block("load")[-1, 1] += 4e-3
+    found = deviation(run, moved)
+    assert found.max == pytest.approx(5e-3)
+    assert found.final == pytest.approx(5e-3)
+    assert found.rms == pytest.approx(np.sqrt(np.mean([*[9e-6] * (len(run.time_ns) - 1), 25e-6])))
+    assert deviation(run, run).max == 0.0
+
+
+def test_a_rung_that_there_is_not(short: Scenario) -> None:
+    with pytest.raises(InputError, match="unknown rung 'dealy'") as caught:
+        list(climb(short, top="dealy"))
+    assert "delay" in caught.value.remedy
+
+
+def test_the_overlay_has_every_run(tmp_path: Path, short: Scenario) -> None:
+    steps = list(climb(short, "lqr", top="servos"))
+    path = tmp_path / "ladder.mcap"
+    runs = {step.rung.name: step.run for step in steps}
+    write_overlay(path, runs, every=10)
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    counts = {c.topic: summary.statistics.channel_message_counts[c.id] for c in summary.channels.values()}
+    for name in runs:
+        for group in ("state", "load", "error", "input"):
+            assert counts[f"/{name}/{group}"] == 51
+        assert counts[f"/{name}/trail"] > 3
+    assert counts[DISTANCE] == 51
+    before = path.read_bytes()
+    write_overlay(path, runs, every=10)
+    assert path.read_bytes() == before
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    short = [
+        "--set",
+        "duration=0.5",
+        "--set",
+        "disturbances.0.start=0.1",
+        "--set",
+        "disturbances.1.start=0.2",
+    ]
+    arguments = ["ladder", "fixed-position", "--top", "sensing", "--json", "ladder.json", *short]
+    done = CliRunner().invoke(cli, arguments, catch_exceptions=False, standalone_mode=False)
+    assert done.return_value == 0
+    assert "sensing" in done.output
+    said = json.loads(Path("ladder.json").read_text())
+    assert [rung["rung"] for rung in said["rungs"]] == list(NAMES[:6])
+    assert said["rungs"][5]["cumulative"]["max"] > 0.0
+    assert Path("logs/fixed-position/pole-placement-ladder.mcap").exists()
+
+
+def test_a_rung_that_stops_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = ["ladder", "fixed-position", "--top", "delay", "--set", "effects.delay.seconds=0.5"]
+    done = CliRunner().invoke(cli, arguments, catch_exceptions=False, standalone_mode=False)
+    assert done.return_value == 3
+    assert Path("logs/fixed-position/pole-placement-ladder.mcap").exists()
