@@ -7,8 +7,9 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from cranectl.analysis.rungs import NAMES as RUNG_NAMES
 from cranectl.errors import unknown_name
-from cranectl.log import topics
+from cranectl.log import overlay, topics
 from cranectl.plants.interface import PLANTS
 from cranectl.signals import REFERENCE, Signal, SignalGroup, recorded_groups
 
@@ -17,6 +18,18 @@ Layout = str | dict[str, Any]  # a panel id, or two layouts side by side
 
 COLOURS = {"analytic": "#4e98e2", "mujoco": "#f5774d", "reference": "#9aa3ad"}
 AXIS_COLOURS = ("#4e98e2", "#f5774d", "#5cd6a9")
+RUNG_COLOURS = (
+    *AXIS_COLOURS,
+    "#f7df71",
+    "#c792ea",
+    "#ff7d7d",
+    "#4ed8da",
+    "#b5bd68",
+    "#e88fbf",
+    "#9a8bff",
+    "#c9a27e",
+    "#e8ebee",
+)
 NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
 GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(0)}
 CAMERA = {  # looks at the middle of the rig from outside a corner
@@ -62,7 +75,7 @@ def _single(panels: Panels, plant: str) -> Layout:
         _drive_plot(panels, plant),
         _plot(panels, "rope tension", [_path(plant, "load", "rope_tension")]),
     ]
-    left = _column([_scene(panels, [plant]), _timeline(panels, [plant])], (72, 28))
+    left = _column([_scene(panels, _cranes([plant])), _timeline(panels, [plant])], (72, 28))
     return _row([left, _column(plots)], (54, 46))
 
 
@@ -74,7 +87,7 @@ def _comparison(panels: Panels, _plant: str) -> Layout:
         _plot(panels, f"log₁₀ of {signal.description}", [_distance(signal, k)], minYValue=-13.0)
         for k, signal in enumerate(topics.DISTANCE.signals)
     ]
-    left = _column([_scene(panels, PLANTS), _timeline(panels, PLANTS)], (62, 38))
+    left = _column([_scene(panels, _cranes(PLANTS)), _timeline(panels, PLANTS)], (62, 38))
     right = _row([_column([*both]), _column([*angles, *differences])])
     return _row([left, right], (42, 58))
 
@@ -91,14 +104,36 @@ def _controller(panels: Panels, plant: str) -> Layout:
         _axes_plot(panels, plant, "flat_output", "load", "acceleration of the load", "_ddot"),
         _joint_plot(panels, plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
-    left = _column([_scene(panels, [plant], distance=6.2), _timeline(panels, [plant])], (66, 34))
+    left = _column([_scene(panels, _cranes([plant]), distance=6.2), _timeline(panels, [plant])], (66, 34))
     return _row([left, _row([_column(plots[:4]), _column(plots[4:])])], (34, 66))
+
+
+def _ladder(panels: Panels, _plant: str) -> Layout:
+    """All rungs of a ladder on top of each other, and how far each is from theory."""
+    labels = list(RUNG_NAMES)
+    colours = dict(zip(labels, RUNG_COLOURS, strict=True))
+    apart = [
+        {**_line(f"{overlay.DISTANCE}.{s.name}.@log10", s, s.name, colours[s.name])}
+        for s in overlay.distance_group(labels).signals
+    ]
+    plots = [_plot(panels, f"log₁₀ of distance from {labels[0]}", apart, minYValue=-9.0)]
+    for group, name in (("error", "error_x"), ("error", "error_y"), ("error", "error_z"), ("state", "alpha")):
+        paths = [
+            {**_path(label, group, name), "label": label, "color": colours[label]}
+            for label in reversed(labels)
+        ]
+        plots.append(_plot(panels, _signal(GROUPS[group], name).description, paths))
+    shown = [topics.plant_topic(label, "trail") for label in labels]
+    shown += [topics.plant_topic(overlay.CRANE, name) for name in ("model", "cable")]
+    left = [_scene(panels, shown, distance=5.6), plots[0], _timeline(panels, [overlay.CRANE])]
+    return _row([_column(left, (45, 30, 25)), _column(plots[1:])], (45, 55))
 
 
 LAYOUTS: Mapping[str, Callable[[Panels, str], Layout]] = {
     "single": _single,
     "comparison": _comparison,
     "controller": _controller,
+    "ladder": _ladder,
 }
 
 
@@ -189,11 +224,15 @@ def _plot(panels: Panels, title: str, paths: Sequence[dict[str, Any]], **limits:
     )
 
 
-def _scene(panels: Panels, plants: Sequence[str], *, distance: float = 5.0) -> str:
-    """The crane in space, seen from `distance` [m]: from further away in a narrow panel."""
-    shown = [topics.REFERENCE_PATH, topics.WORKSPACE]
-    for plant in plants:
-        shown += [topics.plant_topic(plant, name) for name in ("model", "cable", "trail", "push")]
+def _cranes(plants: Sequence[str]) -> list[str]:
+    """Topics of everything that is drawn of these plants."""
+    kinds = ("model", "cable", "trail", "push")
+    return [topics.plant_topic(plant, name) for plant in plants for name in kinds]
+
+
+def _scene(panels: Panels, drawn: Sequence[str], *, distance: float = 5.0) -> str:
+    """What is `drawn` in space, seen from `distance` [m]: from further away in a narrow panel."""
+    shown = [topics.REFERENCE_PATH, topics.WORKSPACE, *drawn]
     grid = {
         "layerId": "foxglove.Grid", "instanceId": "floor", "label": "floor", "visible": True,
         "frameId": "world", "size": 4.0, "divisions": 16, "lineWidth": 1, "color": "#8f99a5a0",
@@ -225,7 +264,7 @@ def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
     paths = [
         {
             "value": f"{topics.status_topic(plant)}.{field}",
-            "label": f"{NAMES[plant]} {field.replace('_', ' ')}",
+            "label": f"{NAMES.get(plant, plant)} {field.replace('_', ' ')}",
             "timestampMethod": "receiveTime",
         }
         for plant, fields in standings.items()

@@ -34,6 +34,8 @@ NON_FINITE = int(RunStatus.NON_FINITE)
 
 # Places in the memory vector; the robustifier states of the axes x, y, z follow one another.
 ZETA, ZETA_DOT, SETPOINT, ROBUSTIFIER = 0, 1, 2, 5
+LEAST_TENSION = 0.05  # of the load's weight, asked for by a tracker that is to recover; assumed
+BRAKING = 0.1  # [s], time constant with which the drives come to rest while the rope is slack; assumed
 
 
 class Tracker(NamedTuple):
@@ -116,6 +118,22 @@ def robustify(tracker, axis, error, memory):
 
 
 @jit
+def inner_law(tracker, state, memory, v, command):
+    """The exactly linearising law: (10,) joints and v (3,) in, accelerations and set-points out.
+
+    Writes `command` (6,) and advances zeta, its rate and the set-points in `memory` by one period.
+    """
+    zeta, zeta_dot, period = memory[ZETA], memory[ZETA_DOT], tracker.period
+    u = linearising_input(state, zeta, zeta_dot, v[0], v[1], v[2], tracker.gravity)
+    for i in range(3):
+        command[i] = u[i]
+        command[3 + i] = memory[SETPOINT + i] + tracker.drive_lag[i] * u[i]
+        memory[SETPOINT + i] += period * u[i]
+    memory[ZETA] += period * (zeta_dot + 0.5 * period * v[2])
+    memory[ZETA_DOT] += period * v[2]
+
+
+@jit
 def control_step(tracker, state, reference, memory, row):
     """One sample: measured joints and reference in, accelerations and velocity set-points out.
 
@@ -123,7 +141,7 @@ def control_step(tracker, state, reference, memory, row):
     flat output, error, input, virtual input and controller blocks of the record `row`. Returns RUNNING, or
     the status that forbids the law at this state, in which case nothing is written.
     """
-    zeta, zeta_dot, period = memory[ZETA], memory[ZETA_DOT], tracker.period
+    zeta, zeta_dot = memory[ZETA], memory[ZETA_DOT]
     status = regularity(state, zeta, tracker.gravity)
     if status != RUNNING:
         return status
@@ -145,12 +163,34 @@ def control_step(tracker, state, reference, memory, row):
         row[VIRTUAL_INPUT_COLUMN + axis] = v
         row[VIRTUAL_INPUT_COLUMN + 3 + axis] = v_bar
 
-    v_z = flat[14]
-    u = linearising_input(state, zeta, zeta_dot, flat[12], flat[13], v_z, tracker.gravity)
+    inner_law(tracker, state, memory, flat[12:15], row[INPUT_COLUMN : INPUT_COLUMN + 6])
+    return RUNNING
+
+
+@jit
+def keep_taut(tracker, memory):
+    """Keep the dynamic extension from asking for less tension than LEAST_TENSION of the load's weight."""
+    least = (LEAST_TENSION - 1.0) * tracker.gravity
+    if memory[ZETA] < least:
+        memory[ZETA], memory[ZETA_DOT] = least, max(memory[ZETA_DOT], 0.0)
+
+
+@jit
+def brake_step(tracker, state, reference, memory, row):
+    """As `control_step`, while the rope is slack: no law holds, so bring the drives to rest.
+
+    The load falls freely, z'' = (0, 0, -g), and position and velocity are those of a rope that is taut. The
+    dynamic extension and the robustifiers wait.
+    """
+    row[CONTROLLER_COLUMN], row[CONTROLLER_COLUMN + 1] = memory[ZETA], memory[ZETA_DOT]
+    row[CONTROLLER_COLUMN + 2 :] = memory[ROBUSTIFIER:]
+    flat = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15]
+    flat_output(state, -tracker.gravity, 0.0, tracker.gravity, flat)
+    for i in range(12):
+        row[ERROR_COLUMN + i] = reference[i] - flat[i]
     for i in range(3):
-        row[INPUT_COLUMN + i] = u[i]
-        row[INPUT_COLUMN + 3 + i] = memory[SETPOINT + i] + tracker.drive_lag[i] * u[i]
-        memory[SETPOINT + i] += period * u[i]
-    memory[ZETA] += period * (zeta_dot + 0.5 * period * v_z)
-    memory[ZETA_DOT] += period * v_z
+        u = -memory[SETPOINT + i] / BRAKING
+        row[INPUT_COLUMN + i] = u
+        row[INPUT_COLUMN + 3 + i] = memory[SETPOINT + i] + tracker.drive_lag[i] * u
+        memory[SETPOINT + i] += tracker.period * u
     return RUNNING

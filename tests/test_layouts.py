@@ -8,10 +8,12 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from cranectl.analysis.rungs import NAMES as RUNGS
 from cranectl.cli.main import main
 from cranectl.errors import InputError
 from cranectl.layouts import LAYOUTS, layout_json
 from cranectl.log import write_log
+from cranectl.log.overlay import write_overlay
 from cranectl.plants.interface import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
@@ -30,13 +32,19 @@ def leaves(layout: Any) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
-    """Topics of a log of both plants with the units of their fields."""
+    """Topics of a log of both plants, and of a ladder, with the units of their fields."""
     scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]"])
     runs = [simulate_run(scenario, plant=plant) for plant in PLANTS]
-    with write_log(tmp_path_factory.mktemp("log") / "a.mcap", runs).open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    return {channel.topic: channel.metadata for channel in summary.channels.values()}
+    folder = tmp_path_factory.mktemp("log")
+    write_log(folder / "a.mcap", runs)
+    write_overlay(folder / "b.mcap", dict.fromkeys(RUNGS, runs[0]), every=4)
+    found = {}
+    for path in folder.iterdir():
+        with path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary is not None
+        found |= {channel.topic: channel.metadata for channel in summary.channels.values()}
+    return found
 
 
 @pytest.mark.parametrize("plant", PLANTS)

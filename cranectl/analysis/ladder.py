@@ -8,46 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.analysis.continuous import simulate_continuous
+from cranectl.analysis.rungs import BASE, EFFECTS, NAMES, RUNGS, Rung
 from cranectl.design import Design, design_controller
-from cranectl.effects.settings import ALL_EFFECTS, EffectSettings
+from cranectl.effects.settings import ALL_EFFECTS
 from cranectl.errors import unknown_name
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants.interface import Drive
 from cranectl.scenario import Scenario
 from cranectl.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]  # called with simulated seconds
-
-
-@dataclass(frozen=True)
-class Rung:
-    """One effect more than the rung before."""
-
-    name: str
-    adds: str
-    plant: str = "mujoco"
-    drive: Drive = "velocity"
-
-
-RUNGS = (
-    Rung("continuous", "theory: nothing sampled, ideal drives", "analytic", "ideal"),
-    Rung("sampled", "control at the control period, inputs held", "analytic", "ideal"),
-    Rung("engine", "the physics engine in place of the equations", "mujoco", "ideal"),
-    Rung("servos", "velocity servos of finite bandwidth that feel the load"),
-    Rung("limits", "limits of velocity, acceleration and force"),
-    Rung("sensing", "encoders and an observer in place of the state"),
-    Rung("delay", "computing and transport"),
-    Rung("friction", "friction of axes and joint"),
-    Rung("rope", "a rope that has mass, gives and goes slack"),
-    Rung("body", "a load that swings under its hook"),
-    Rung("wind", "drag and gusts"),
-    Rung("frame", "a frame that gives way"),
-)
-NAMES = tuple(rung.name for rung in RUNGS)
-EFFECTS = tuple(EffectSettings.model_fields)
-BASE = "servos"  # what an effect alone is added to
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from cranectl.analysis.ladder import BASE, Deviation, Step
+from cranectl.analysis.ladder import Deviation, Step
+from cranectl.analysis.rungs import BASE
 
 
 def ladder_table(scenario: str, controller: str, steps: Sequence[Step]) -> Table:

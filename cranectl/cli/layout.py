@@ -18,6 +18,7 @@ def layout_command(name: str, out: Path, plant: str) -> None:
     single        one run: crane, load, error, angles, inputs, tension
     comparison    both plants: the crane and its ghost, signals of both, what parts them
     controller    what the controller thought
+    ladder        all rungs of `cranectl ladder` on top of each other
 
     \b
     cranectl layout comparison comparison.json

@@ -132,6 +132,7 @@ def events(run: Run) -> list[Event]:
         *planned,
         *workspace_events(run, np.zeros(3, dtype=bool)),
         *limit_events(run, 0),
+        *rope_events(run, slack=False),
     ]
     return [*sorted(found, key=lambda event: event.time_ns), end_event(run)]
 
@@ -167,6 +168,16 @@ def limit_events(run: Run, before: int) -> list[Event]:
         if len(acting) and not before & (1 << bit):
             time_ns = int(run.time_ns[acting[0]])
             found.append(Event(time_ns, run.plant, f"the {drive} drive reaches its limits", warning=True))
+    return found
+
+
+def rope_events(run: Run, *, slack: bool) -> list[Event]:
+    """When the rope goes slack and when it pulls again; `slack` says whether it was before."""
+    now = run.signal("load.rope_tension") <= 0.0
+    found = []
+    for k in np.flatnonzero(np.diff(now.astype(np.int8), prepend=np.int8(slack))):
+        text = "the rope goes slack" if now[k] else "the rope pulls again"
+        found.append(Event(int(run.time_ns[k]), run.plant, text, warning=bool(now[k])))
     return found
 
 

@@ -21,7 +21,8 @@ from cranectl.simulate import Run
 
 GROUPS = ("state", "load", "error", "input")
 COLOURS = tuple(rgb(LIGHT[f"series-{k}"]) for k in (1, 2, 3, 4))
-DISTANCE = "/overlay/distance"
+CRANE = "overlay"  # label of the crane that is drawn
+DISTANCE = f"/{CRANE}/distance"
 
 
 def write_overlay(path: Path, runs: Mapping[str, Run], *, every: int) -> None:
@@ -57,7 +58,8 @@ def _streams(runs: list[Run]) -> list[Stream]:
     longest = max(drawn, key=lambda run: len(run.time_ns))
     if len(drawn) > 1:
         found.append(_distances(drawn, longest))
-    top = drawn[-1]
+    top = replace(drawn[-1], plant=CRANE)
+    found.append(status(CRANE, standings(top)))
     rows = scene.rows_apart(top, 1.0 / scene.RATE)
     found += [scene.path(longest), scene.workspace(top), scene.transforms([top], top, rows)]
     found += [scene.model(top.plant, 1.0), scene.cable(top, 1.0, rows)]

@@ -18,6 +18,7 @@ from cranectl.log.events import (
     Standing,
     end_event,
     limit_events,
+    rope_events,
     saturation,
     scenario_events,
     segments,
@@ -42,6 +43,7 @@ class _Seen:
     """What has been shown of one plant since its start."""
 
     trail: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    slack: bool = False
     limited: int = 0  # drives that have been at their limits, as `Saturated`
     outside: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(3, dtype=bool))
     key: Key | None = None
@@ -129,6 +131,8 @@ class Pieces:
             found += workspace_events(run, seen.outside)
             seen.outside = workspace_excess(run)[-1] > 0.0
             found += limit_events(run, seen.limited)
+            found += rope_events(run, slack=seen.slack)
+            seen.slack = bool(run.signal("load.rope_tension")[-1] <= 0.0)
             seen.limited |= int(np.bitwise_or.reduce(saturation(run)))
         if run.status.stopped and not seen.stopped:
             found.append(end_event(run))

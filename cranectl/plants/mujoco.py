@@ -1,5 +1,6 @@
 """The MuJoCo plant: `models/crane.xml` behind the plant interface. Knows nothing of our equations."""
 
+import copy
 from math import cos, sqrt
 from typing import NamedTuple
 
@@ -9,12 +10,25 @@ from numpy.typing import NDArray
 
 from cranectl.effects.settings import NO_EFFECTS, EffectSettings
 from cranectl.effects.wind import air_drag
+from cranectl.errors import InputError
 from cranectl.jit import jit
 from cranectl.parameters import RigParameters
 from cranectl.plants.interface import Drive
+from cranectl.plants.mujoco_effects.body import push_body
+from cranectl.plants.mujoco_effects.rope import (
+    DISTANCE,
+    ElasticRope,
+    elastic_rope,
+    no_rope,
+    pay_out,
+    set_damping,
+    start_taut,
+)
+from cranectl.plants.mujoco_effects.stability import check_step
 from cranectl.plants.mujoco_model import (
     compiled_model,
     drive_addresses,
+    rate_addresses,
     sensor_addresses,
     state_addresses,
 )
@@ -33,12 +47,17 @@ class MujocoRig(NamedTuple):
     ctrl: Array
     applied: Array  # qfrc_applied
     sensors: Array  # sensordata
-    joints: NDArray[np.int64]  # (5,) x_c, y_c, l, alpha, beta
+    joints: NDArray[np.int64]  # (5,) x_c, y_c, l, alpha, beta in qpos
+    rates: NDArray[np.int64]  # (5,) and in qvel
+    distance: NDArray[np.int64]  # (2,) from pivot to rope end, in qpos and qvel; l of a rigid rope
     drives: NDArray[np.int64]  # (3,)
     load_sensors: NDArray[np.int64]  # (7,)
     warnings: NDArray[np.int32]  # counts of the engine's numerical warnings
     load_mass: float
     wrench: Array  # (6,) xfrc_applied of the load: force, torque
+    reaction: Array  # (6,) of the trolley
+    swings: bool  # whether the load is a body that swings under its hook
+    rope: ElasticRope
     drag: float  # force over the square of the load's speed through the air [kg/m]
     substeps: int
     step: float  # [s]
@@ -49,7 +68,7 @@ def measure_joints(rig, state):
     """Joint positions and velocities (10,) into `state`, order of `signals.STATE`."""
     for i in range(5):
         state[2 * i] = rig.qpos[rig.joints[i]]
-        state[2 * i + 1] = rig.qvel[rig.joints[i]]
+        state[2 * i + 1] = rig.qvel[rig.rates[i]]
 
 
 @jit
@@ -58,25 +77,36 @@ def apply_disturbance(rig, disturbance):
 
     The torque is held over the step while rope and angle move, so it is computed for the middle of the step.
     """
-    length_joint, alpha_joint, beta_joint = rig.joints[2], rig.joints[3], rig.joints[4]
     half = 0.5 * rig.step
-    length = rig.qpos[length_joint] + half * rig.qvel[length_joint]
-    cos_beta = cos(rig.qpos[beta_joint] + half * rig.qvel[beta_joint])
+    length = rig.qpos[rig.distance[0]] + half * rig.qvel[rig.distance[1]]
+    cos_beta = cos(rig.qpos[rig.joints[4]] + half * rig.qvel[rig.rates[4]])
     inertia = rig.load_mass * length * length
-    rig.applied[alpha_joint] = inertia * cos_beta * cos_beta * disturbance[0]
-    rig.applied[beta_joint] = inertia * disturbance[1]
+    rig.applied[rig.rates[3]] = inertia * cos_beta * cos_beta * disturbance[0]
+    rig.applied[rig.rates[4]] = inertia * disturbance[1]
 
 
 @jit
 def apply_drag(rig, wind):
     """Drag on the load in air that moves with `wind` (3,); held over the step."""
-    if rig.drag == 0.0:
+    if rig.drag == 0.0 and not rig.swings:
         return
     v_x = wind[0] - rig.sensors[rig.load_sensors[3]]
     v_y = wind[1] - rig.sensors[rig.load_sensors[4]]
     v_z = wind[2] - rig.sensors[rig.load_sensors[5]]
     factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
     rig.wrench[0], rig.wrench[1], rig.wrench[2] = factor * v_x, factor * v_y, factor * v_z
+
+
+@jit
+def prepare_step(rig, disturbance, wind):
+    """Everything that is held over one physics step besides the command."""
+    apply_drag(rig, wind)
+    if rig.swings:
+        push_body(rig, disturbance)
+    else:
+        apply_disturbance(rig, disturbance)
+    if rig.rope.active:
+        pay_out(rig.rope, rig.qpos, rig.qvel, 0.5 * rig.step)
 
 
 @jit
@@ -98,8 +128,7 @@ def advance_mujoco(rig, command, disturbance, wind, load):
     """One control period; see `Plant.advance`."""
     set_command(rig, command)
     for k in range(rig.substeps):
-        apply_disturbance(rig, disturbance)
-        apply_drag(rig, wind)
+        prepare_step(rig, disturbance, wind)
         mj_step(rig.model, rig.data)
         if k == 0:
             read_load(rig, load)
@@ -124,7 +153,10 @@ class MujocoPlant:
     ) -> None:
         """`step`: physics step [s]; `substeps`: steps per control period."""
         self.drive = drive
-        self.model, self.description = compiled_model(rig, drive, step)
+        self.effects = _physical(effects)
+        self.model, self.description = compiled_model(rig, drive, step, self.effects)
+        if effects.rope:
+            self.model = copy.copy(self.model)  # changes with the rope's length
         self.data = mujoco.MjData(self.model)
         self.rig = MujocoRig(
             model=self.model._address,
@@ -135,26 +167,57 @@ class MujocoPlant:
             applied=self.data.qfrc_applied,
             sensors=self.data.sensordata,
             joints=state_addresses(self.model),
+            rates=rate_addresses(self.model),
+            distance=_distance_addresses(self.model, DISTANCE if effects.rope else "rope_length"),
             drives=drive_addresses(self.model),
             load_sensors=sensor_addresses(self.model),
             warnings=self.data.warning.number,
             load_mass=rig.load_mass,
             wrench=self.data.xfrc_applied[self.model.body("load").id],
+            reaction=self.data.xfrc_applied[self.model.body("trolley").id],
+            swings=effects.body is not None,
+            rope=_rope(self.model, effects),
             drag=air_drag(effects),
             substeps=substeps,
             step=step,
         )
 
     def reset(self, state: Array) -> None:
+        if self.effects.rope:
+            set_damping(self.rig.rope, self.effects.rope, self.rig.load_mass, state[4])
+        self.check_length(state[4])
         # A first step through the binding: were the model broken, the compiled loop would end the process.
         self._set_state(state)
         mujoco.mj_step(self.model, self.data)
         self._set_state(state)
 
+    def check_length(self, length: float) -> None:
+        """Raise InputError where effects need a longer rope, or shorter steps with a rope of `length` [m]."""
+        if self.effects == NO_EFFECTS:
+            return
+        if self.effects.body and length <= self.effects.body.hook_offset:
+            raise InputError(
+                f"a rope length of {length:g} m, to the load, with effects.body.hook_offset = "
+                f"{self.effects.body.hook_offset:g}",
+                allowed="rope lengths beyond hook_offset",
+                remedy="lower the path or reduce hook_offset",
+            )
+        trial, state = mujoco.MjData(self.model), np.zeros(10)
+        state[4] = length
+        self._place(trial, state)
+        check_step(
+            self.model, trial, f"a crane with {', '.join(self.effects.names)} and {length:g} m of rope"
+        )
+
     def _set_state(self, state: Array) -> None:
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[self.rig.joints] = state[0::2]
-        self.data.qvel[self.rig.joints] = state[1::2]
+        self._place(self.data, state)
+
+    def _place(self, data: mujoco.MjData, state: Array) -> None:
+        data.qpos[self.rig.joints] = state[0::2]
+        data.qvel[self.rig.rates] = state[1::2]
+        if self.rig.rope.active:
+            start_taut(self.model, data, self.rig.rope)
 
     def measure(self, state: Array) -> None:
         measure_joints(self.rig, state)
@@ -162,11 +225,26 @@ class MujocoPlant:
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
         set_command(self.rig, command)
         for k in range(self.rig.substeps):
-            apply_disturbance(self.rig, disturbance)
-            apply_drag(self.rig, wind)
+            prepare_step(self.rig, disturbance, wind)
             mujoco.mj_step(self.model, self.data)
             if k == 0:
                 read_load(self.rig, load)
 
     def warnings(self) -> int:
         return int(self.rig.warnings.sum())
+
+
+def _physical(effects: EffectSettings) -> EffectSettings:
+    """Those that change the model; what others say must not compile it anew."""
+    names = ("limits", "friction", "rope", "body", "frame")
+    return NO_EFFECTS.model_copy(update={name: getattr(effects, name) for name in names})
+
+
+def _distance_addresses(model: mujoco.MjModel, joint: str) -> NDArray[np.int64]:
+    return np.array([model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]], dtype=np.int64)
+
+
+def _rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
+    if effects.rope is None:
+        return no_rope()
+    return elastic_rope(model, effects.rope, effects.body.hook_offset if effects.body else 0.0)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design import Design, design_controller
+from cranectl.effects.applicable import check_effects
 from cranectl.errors import unknown_name
 from cranectl.plants.interface import DRIVES, PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -79,7 +80,8 @@ def tracker_of(scenario: Scenario, design: Design) -> Tracker:
 
 
 def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
-    """The plant `name` for a scenario; raises InputError for an unknown name."""
+    """The plant `name` for a scenario; raises InputError for an unknown one and effects it cannot show."""
+    check_effects(scenario.effects, plant=name, drive=drive)
     step = scenario.period_ns / NANOSECONDS / scenario.substeps
     if name == "analytic":
         from cranectl.plants.analytic import AnalyticPlant
@@ -114,6 +116,8 @@ def sampling_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) 
         workspace=scenario.rig.workspace,
         stop_outside=scenario.workspace.on_exit == "stop",
         command_column=INPUT_COLUMN + (0 if drive == "ideal" else 3),
+        recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",
+        slack=np.zeros(1),
     )
 
 

@@ -10,7 +10,7 @@ from cranectl.jit import jit
 from cranectl.signals import COMMAND_COLUMN, DISTURBANCE_COLUMN, STATE_COLUMN, TENSION_COLUMN
 from cranectl.simulate.stages import act, sense
 from cranectl.status import RunStatus
-from cranectl.tracker import Tracker, control_step
+from cranectl.tracker import Tracker, brake_step, control_step, keep_taut
 
 Array = NDArray[np.float64]
 
@@ -30,18 +30,29 @@ class Sampling(NamedTuple):
     workspace: Array  # (3, 2) [m]
     stop_outside: bool
     command_column: int  # where the record holds what the drives take
+    recover: bool  # from a slack rope, instead of ending the run
+    slack: Array  # (1,) 1 while the rope is slack, as the last sample told
+
+
+@jit
+def _control(sampling, state, k, memory, row):
+    """The law, or what takes its place while the rope is slack."""
+    if sampling.recover:
+        keep_taut(sampling.tracker, memory)
+    if sampling.slack[0] > 0.0:
+        return brake_step(sampling.tracker, state, sampling.reference[k], memory, row)
+    return control_step(sampling.tracker, state, sampling.reference[k], memory, row)
 
 
 @jit
 def control_sample(sampling, stages, k, row, memory):
     """Run the tracker on the state in record row `k`; writes the rest of the row except the load."""
     if stages is None:
-        state = row[STATE_COLUMN : STATE_COLUMN + 10]
-        status = control_step(sampling.tracker, state, sampling.reference[k], memory, row)
+        status = _control(sampling, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
     else:
         told = stages.record[k]
         sense(stages, row, told)
-        status = control_step(sampling.tracker, told[:10], sampling.reference[k], memory, row)
+        status = _control(sampling, told[:10], k, memory, row)
         if status == RUNNING:
             act(stages, sampling.command_column, row, memory, told)
     row[DISTURBANCE_COLUMN] = sampling.disturbance[k, 0]
@@ -64,7 +75,8 @@ def judge_sample(sampling, row):
     tension = row[TENSION_COLUMN]
     if not isfinite(tension):
         return NON_FINITE
-    if tension <= 0.0:
+    sampling.slack[0] = 1.0 if tension <= 0.0 and sampling.recover else 0.0
+    if tension <= 0.0 and not sampling.recover:
         return SLACK_ROPE
     if sampling.stop_outside:
         for axis in range(3):

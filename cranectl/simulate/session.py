@@ -124,6 +124,7 @@ class Session:
         start = self.plan.initial_state
         for lane in self._lanes:
             lane.plant.reset(start)
+            lane.sampling.slack[:] = 0.0
             lane.memory = initial_memory(lane.sampling.tracker, start, self.plan.reference[0])
             lane.stages = make_stages(self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns))
             lane.status, lane.end_ns = RunStatus.RUNNING, self.origin_ns

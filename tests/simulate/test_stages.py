@@ -12,7 +12,13 @@ from cranectl.simulate import Run, Session, simulate_run
 from cranectl.status import RunStatus
 
 SHORT = ["duration=0.6", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
-ALL = ["effects.delay.seconds=0.003", "effects.sensing.seed=3", "effects.limits.velocity=[0.2,0.2,0.2]"]
+NO_FORCE_LIMIT = "effects.limits.force=[1e9,1e9,1e9]"
+ALL = [
+    NO_FORCE_LIMIT,
+    "effects.delay.seconds=0.003",
+    "effects.sensing.seed=3",
+    "effects.limits.velocity=[0.2,0.2,0.2]",
+]
 
 
 def run(*overrides: str, plant: str = "analytic", drive: str = "velocity", compiled: bool = True) -> Run:
@@ -61,7 +67,11 @@ def test_set_points_keep_the_limits_of_the_drives() -> None:
     free = run()
     allowed = 0.5 * np.abs(free.block("input")[:, 3:]).max(axis=0)
     slope = 0.5 * np.abs(np.diff(free.block("input")[:, 3:], axis=0)).max(axis=0) / 1e-3
-    limits = [f"effects.limits.velocity={allowed.tolist()}", f"effects.limits.acceleration={slope.tolist()}"]
+    limits = [
+        NO_FORCE_LIMIT,
+        f"effects.limits.velocity={allowed.tolist()}",
+        f"effects.limits.acceleration={slope.tolist()}",
+    ]
     held = run(*limits)
     command, cut = held.block("command")[:, :3], held.block("command")[:, 3:]
     assert (np.abs(command).max(axis=0) <= allowed).all()
@@ -74,6 +84,7 @@ def test_set_points_keep_the_limits_of_the_drives() -> None:
 def test_a_set_point_that_was_cut_off_does_not_run_away() -> None:
     """Once the limit no longer acts, command and wish are one again."""
     held = run(
+        NO_FORCE_LIMIT,
         "effects.limits.velocity=[0.01,0.01,0.6]",
         "duration=3.0",
         "disturbances.0.end=0.2",

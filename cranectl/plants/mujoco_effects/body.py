@@ -1,0 +1,69 @@
+"""The load as a rigid body that swings under its hook."""
+
+from math import cos, sin
+
+import mujoco
+
+from cranectl.effects.settings import Body
+from cranectl.jit import jit
+
+# The hook has next to no mass of its own; MuJoCo wants some of every body that moves.
+HOOK_MASS = 1e-12  # of the load's mass
+HOOK_INERTIA = 1e-15  # [kg m²]
+
+
+def hang_body(spec: mujoco.MjSpec, body: Body, load_mass: float) -> None:
+    """Part the filed point load in hook and load, joined by a ball joint `hook_offset` above the load.
+
+    The measured rope length counts to the load's centre of mass, hanging still: the same reference leaves the
+    load in the same place.
+    """
+    hook = spec.body("load")
+    geoms = [(g.name, g.type, g.size.copy(), g.fromto.copy(), g.material) for g in hook.geoms]
+    hook.name = "hook"
+    hook.mass, hook.inertia = HOOK_MASS * load_mass, (HOOK_INERTIA,) * 3
+    spec.joint("rope_length").ref += body.hook_offset
+    spec.site("load").name = "hook"
+    spec.sensor("rope_force").objname = "hook"
+    load = hook.add_body(name="load", pos=(0.0, 0.0, -body.hook_offset))
+    load.explicitinertial, load.ipos = True, (0.0, 0.0, 0.0)
+    load.mass, load.inertia = load_mass, (body.inertia,) * 3
+    ball = load.add_joint(name="swing", type=mujoco.mjtJoint.mjJNT_BALL, pos=(0.0, 0.0, body.hook_offset))
+    ball.damping[0] = body.swing_damping
+    for geom in list(hook.geoms):
+        spec.delete(geom)
+    for name, kind, size, fromto, material in geoms:
+        load.add_geom(name=name, type=kind, size=size, fromto=fromto, material=material)
+    load.add_site(name="load")
+    _draw_rope_to_hook(spec)
+
+
+def _draw_rope_to_hook(spec: mujoco.MjSpec) -> None:
+    filed = spec.tendon("rope")
+    width, material = filed.width, filed.material
+    spec.delete(filed)
+    rope = spec.add_tendon(name="rope", width=width, material=material)
+    rope.wrap_site("pivot")
+    rope.wrap_site("hook")
+
+
+@jit
+def push_body(rig, disturbance):
+    """The thesis's disturbance (2,) [rad/s²] on a load that swings: added to the force at its centre of mass.
+
+    Torques at the cardan hinges would act on the hook, which has no mass. The trolley takes the opposite
+    force, as it does from a torque, so that a load without extent moves the same. Length and angles are those
+    of the middle of the step, over which the force is held.
+    """
+    half = 0.5 * rig.step
+    length = rig.qpos[rig.joints[2]] + half * rig.qvel[rig.rates[2]]
+    alpha = rig.qpos[rig.joints[3]] + half * rig.qvel[rig.rates[3]]
+    beta = rig.qpos[rig.joints[4]] + half * rig.qvel[rig.rates[4]]
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    along_alpha = rig.load_mass * length * cb * disturbance[0]
+    along_beta = rig.load_mass * length * disturbance[1]
+    rig.reaction[0] = -cb * along_beta
+    rig.reaction[1] = -(ca * along_alpha - sb * sa * along_beta)
+    rig.reaction[2] = -(sa * along_alpha + ca * sb * along_beta)
+    for i in range(3):
+        rig.wrench[i] -= rig.reaction[i]
