@@ -1,0 +1,250 @@
+"""Which controller to take for given drives and sensors, and what of them to improve first.
+
+A controller is guaranteed if the certificate holds at every operating point that the scenario visits: the
+linear loop frozen there is stable. It has survived if its run completed. Costs are measured: the distance of
+the load from where the continuous-time ideal has it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from cranectl.analysis.certificate import Certificate, certify, make_judge
+from cranectl.analysis.continuous import simulate_continuous
+from cranectl.analysis.ladder import Deviation, deviation, with_effects
+from cranectl.analysis.operating_points import OperatingPoint, grid_of
+from cranectl.design import CONTROLLERS, design_controller
+from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.settings import parse_settings
+from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.status import RunStatus
+
+IMPROVEMENTS = 5  # that are tried
+GIVEN = ("limits", "sensing", "delay")  # the effects that drives and sensors have
+STILL = 0.02  # [m/s], below which the rope counts as still
+Progress = Callable[[float], None]  # called with one for each controller and improvement
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """One controller on the rig as it is."""
+
+    controller: str
+    certificate: Certificate
+    status: RunStatus
+    metrics: RunMetrics | None
+    cost: Deviation | None  # from the continuous-time ideal; None for a run without samples
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether every operating point is certified."""
+        return self.certificate.certified
+
+    @property
+    def survived(self) -> bool:
+        """Whether the run completed."""
+        return self.status == RunStatus.COMPLETED
+
+    @property
+    def least_margin(self) -> float:
+        """B(G, K) minus the largest nu-gap."""
+        return self.certificate.margin - self.certificate.worst.gap
+
+    @property
+    def grade(self) -> str:
+        """What to call it."""
+        if not self.survived:
+            return "failed"
+        return "guaranteed" if self.guaranteed else "survived"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "controller": self.controller,
+            "grade": self.grade,
+            "status": self.status.label,
+            "least_margin": self.least_margin,
+            "margin": self.certificate.margin,
+            "worst": str(self.certificate.worst.point),
+            "metrics": self.metrics.to_json() if self.metrics else None,
+            "cost": asdict(self.cost) if self.cost else None,
+        }
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """A rig that is better in one respect, under the recommended controller."""
+
+    name: str
+    change: str
+    assessment: Assessment
+    gain: float  # part of the RMS cost that it takes away; negative if it adds to it
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "name": self.name,
+            "change": self.change,
+            "gain": self.gain,
+            "assessment": self.assessment.to_json(),
+        }
+
+
+@dataclass(frozen=True)
+class Advice:
+    """All controllers on one rig, the best first, and what would help the best one most."""
+
+    scenario: Scenario
+    points: tuple[OperatingPoint, ...]
+    assessments: tuple[Assessment, ...]
+    improvements: tuple[Improvement, ...]
+
+    @property
+    def best(self) -> Assessment | None:
+        """The recommendation; None if no controller survives."""
+        return self.assessments[0] if self.assessments[0].survived else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "scenario": self.scenario.name,
+            "effects": list(self.scenario.effects.names),
+            "recommended": self.best.controller if self.best else None,
+            "points": [str(point) for point in self.points],
+            "assessments": [assessment.to_json() for assessment in self.assessments],
+            "improvements": [improvement.to_json() for improvement in self.improvements],
+        }
+
+
+def advise(
+    scenario: Scenario, controllers: Sequence[str] = CONTROLLERS, *, progress: Progress | None = None
+) -> Advice:
+    """Assess the controllers with velocity drives and the effects GIVEN, the scenario's or the defaults."""
+    rig = with_effects(scenario, [*GIVEN, *(n for n in scenario.effects.names if n not in GIVEN)])
+    points = tuple(visited_points(rig))
+    found = []
+    for name in controllers:
+        found.append(assess(rig, name, points))
+        if progress is not None:
+            progress(1.0)
+    found.sort(key=_rank)
+    best = found[0]
+    improvements = []
+    for name, change, better in improved(rig) if best.survived else []:
+        after = assess(better, best.controller, points)
+        improvements.append(Improvement(name, change, after, _saved(best, after)))
+        if progress is not None:
+            progress(1.0)
+    improvements.sort(key=lambda improvement: -improvement.gain)
+    return Advice(rig, points, tuple(found), tuple(improvements))
+
+
+def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]) -> Assessment:
+    """Certify `controller` at `points` and run it on the engine's rig."""
+    design = design_controller(controller, scenario.design)
+    certificate = certify(make_judge(scenario, design), scenario, points, drive="velocity")
+    run = simulate_run(scenario, plant="mujoco", drive="velocity", design=design)
+    ideal = simulate_continuous(scenario, design=design)
+    common = np.isin(run.time_ns, ideal.time_ns)
+    cost = deviation(ideal, run) if common.any() else None
+    return Assessment(controller, certificate, run.status, run_metrics(run), cost)
+
+
+def visited_points(scenario: Scenario) -> list[OperatingPoint]:
+    """Corners of what the scenario visits: rope lengths, hoisting speeds, constant disturbances."""
+    plan = plan_scenario(scenario)
+    length, rate = plan.reference_state[:, 4], plan.reference_state[:, 5]
+    lengths = sorted({round(float(value), 3) for value in (length.min(), length.max())})
+    low, high = scenario.rig.rope_range
+    speeds = {round(float(value), 3) for value in (rate.min(), rate.max()) if abs(value) > STILL}
+    edges = np.flatnonzero(np.any(np.diff(plan.disturbance, axis=0), axis=1)) + 1
+    rows = plan.disturbance[[0, *edges]]
+    tilts = [(float(alpha), float(beta)) for alpha, beta in rows]
+    return grid_of(
+        scenario,
+        rope_lengths=[min(max(value, low), high) for value in lengths],
+        tilts=_held(scenario, sorted(set(tilts)), lengths[-1]),
+        hoisting_speeds=sorted({0.0, *speeds}),
+    )
+
+
+def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
+    """(name, what is changed, the scenario with it): each hardware figure twice as good."""
+    effects, rig, control = scenario.effects, scenario.rig, scenario.control
+    assert effects.sensing is not None
+    assert effects.delay is not None
+    lags = [f"{axis}_time_constant" for axis in ("bridge", "trolley", "winch")]
+    half = round(0.5 * scenario.period_ns) / NANOSECONDS
+    delay = round(0.5 * effects.delay.seconds / control.period) * control.period
+    sensing = effects.sensing
+    found: list[tuple[str, str, dict[str, Any]]] = [
+        (
+            "servos",
+            f"time constants {_list(1e3 * rig.time_constants)} to {_list(5e2 * rig.time_constants)} ms",
+            {"rig": {name: 0.5 * getattr(rig, name) for name in lags}},
+        ),
+        (
+            "sampling",
+            f"period {1e3 * control.period:g} to {1e3 * half:g} ms",
+            {"control": {"period": half, "physics_step": min(half, control.physics_step)}},
+        ),
+        (
+            "delay",
+            f"{1e3 * effects.delay.seconds:g} to {1e3 * delay:g} ms",
+            {"effects": {"delay": {"seconds": delay}}},
+        ),
+        (
+            "encoders",
+            "half the resolution and the noise",
+            {"effects": {"sensing": {
+                "position_resolution": [0.5 * value for value in sensing.position_resolution],
+                "angle_resolution": 0.5 * sensing.angle_resolution,
+                "position_noise": [0.5 * value for value in sensing.position_noise],
+                "angle_noise": 0.5 * sensing.angle_noise,
+            }}},
+        ),
+        (
+            "observer",
+            f"bandwidth {sensing.observer_bandwidth:g} to {2.0 * sensing.observer_bandwidth:g} rad/s",
+            {"effects": {"sensing": {"observer_bandwidth": min(2.0 * sensing.observer_bandwidth, 1000.0)}}},
+        ),
+    ]  # fmt: skip
+    table = scenario.model_dump(mode="json", exclude_none=True)
+    return [
+        (name, change, parse_settings(Scenario, _merged(table, new), f"{scenario.name}, better {name}"))
+        for name, change, new in found
+    ]
+
+
+def _merged(table: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(table)
+    for key, value in changes.items():
+        merged[key] = _merged(table.get(key, {}), value) if isinstance(value, dict) else value
+    return merged
+
+
+def _held(scenario: Scenario, tilts: list[tuple[float, float]], length: float) -> list[tuple[float, float]]:
+    """The disturbances that gravity can hold against on the longest rope; others pass too fast to be held."""
+    limit = 0.7 * scenario.rig.gravity / length
+    return [tilt for tilt in tilts if float(np.hypot(*tilt)) < limit]
+
+
+def _rank(found: Assessment) -> tuple[bool, bool, float]:
+    error = found.metrics.rms_error_m if found.metrics else np.inf
+    return not found.survived, not found.guaranteed, error
+
+
+def _saved(before: Assessment, after: Assessment) -> float:
+    if before.cost is None or after.cost is None or not after.survived or not before.cost.rms:
+        return -np.inf
+    return 1.0 - after.cost.rms / before.cost.rms
+
+
+def _list(values: Sequence[float] | np.ndarray) -> str:
+    """`20`, or `20, 20, 30` where they differ."""
+    texts = [f"{value:g}" for value in values]
+    return texts[0] if all(a == b for a, b in pairwise(texts)) else ", ".join(texts)
