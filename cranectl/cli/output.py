@@ -257,6 +257,7 @@ def info_lines(
     ]
     facts += [
         ("rig", ", ".join(f"{name} = {value}" for name, value in changed.items()) or "default parameters"),
+        ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
     ]
     if agreement is not None:
