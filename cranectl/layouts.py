@@ -28,7 +28,7 @@ RUNG_COLOURS = (
     "#e88fbf",
     "#9a8bff",
     "#c9a27e",
-    "#e8ebee",
+    "#a6e22e",
 )
 NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
 GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(0)}
@@ -117,7 +117,8 @@ def _ladder(panels: Panels, _plant: str) -> Layout:
         for s in overlay.distance_group(labels).signals
     ]
     plots = [_plot(panels, f"log₁₀ of distance from {labels[0]}", apart, minYValue=-9.0)]
-    for group, name in (("error", "error_x"), ("error", "error_y"), ("error", "error_z"), ("state", "alpha")):
+    shown_signals = [("error", f"error_{axis}") for axis in "xyz"]
+    for group, name in (*shown_signals, ("state", "alpha"), ("load", "rope_tension")):
         paths = [
             {**_path(label, group, name), "label": label, "color": colours[label]}
             for label in reversed(labels)
@@ -125,8 +126,8 @@ def _ladder(panels: Panels, _plant: str) -> Layout:
         plots.append(_plot(panels, _signal(GROUPS[group], name).description, paths))
     shown = [topics.plant_topic(label, "trail") for label in labels]
     shown += [topics.plant_topic(overlay.CRANE, name) for name in ("model", "cable")]
-    left = [_scene(panels, shown, distance=5.6), plots[0], _timeline(panels, [overlay.CRANE])]
-    return _row([_column(left, (45, 30, 25)), _column(plots[1:])], (45, 55))
+    left = _column([_scene(panels, shown), _timeline(panels, [overlay.CRANE])], (60, 40))
+    return _row([left, _row([_column(plots[:3]), _column(plots[3:])])], (42, 58))
 
 
 LAYOUTS: Mapping[str, Callable[[Panels, str], Layout]] = {

@@ -119,7 +119,7 @@ def robustify(tracker, axis, error, memory):
 
 @jit
 def inner_law(tracker, state, memory, v, command):
-    """The exactly linearising law: (10,) joints and v (3,) in, accelerations and set-points out.
+    """The exactly linearising law: (10,) joints and v (3,) [m/s⁴] in, accelerations and set-points out.
 
     Writes `command` (6,) and advances zeta, its rate and the set-points in `memory` by one period.
     """

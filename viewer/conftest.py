@@ -11,7 +11,7 @@ from playwright.sync_api import sync_playwright
 
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
-from viewer.logs import CUT_OFF, KINDS, truncated
+from viewer.logs import CUT_OFF, KINDS, OVERLAYS, truncated
 from viewer.serving import HERE, STUDIO, serve
 from viewer.studio import Studio
 
@@ -37,8 +37,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def logs(files: Path) -> dict[str, Path]:
     """A log of every kind, made by the commands that users give."""
-    paths = {kind: files / f"{kind}.mcap" for kind in (*KINDS, CUT_OFF)}
-    for kind, arguments in KINDS.items():
+    paths = {kind: files / f"{kind}.mcap" for kind in (*KINDS, *OVERLAYS, CUT_OFF)}
+    for kind, arguments in {**KINDS, **OVERLAYS}.items():
         if CUT_OFF in arguments:
             truncated(paths["one-plant"], paths[CUT_OFF])
         code = main([argument.format_map(paths) for argument in arguments.split()])

@@ -18,6 +18,8 @@ KINDS = {
     "merged": "compare {analytic} {mujoco} --merge {merged}",
     "recovered": "recover {cut-off} --out {recovered}",
 }
+# Logs for viewers only.
+OVERLAYS = {"ladder": "ladder fixed-position --out {ladder}"}
 CUT_OFF = "cut-off"  # half of the log of one plant, as a process that is killed leaves it
 
 

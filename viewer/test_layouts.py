@@ -12,7 +12,12 @@ from viewer.logs import rewrite
 from viewer.panels import Layout
 from viewer.studio import Studio, eventually
 
-CASES = [("single", "one-plant"), ("comparison", "comparison"), ("controller", "robustified")]
+CASES = [
+    ("single", "one-plant"),
+    ("comparison", "comparison"),
+    ("controller", "robustified"),
+    ("ladder", "ladder"),
+]
 CURVE = 100  # pixels at least of a curve that crosses a plot
 BAR = 6.0  # pixels of a bar's ten that must be seen: a low panel cuts the last one off
 EVENT = "[ INFO]"

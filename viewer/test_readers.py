@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import cranectl
-from viewer.logs import BROKEN, KINDS
+from viewer.logs import BROKEN, KINDS, OVERLAYS
 from viewer.serving import HERE
 
 
@@ -47,13 +47,13 @@ def test_every_message_decodes_to_what_read_log_says(kind: str, logs: dict[str, 
         assert topics[f"/{plant}/status"]["last"]["status"] == run.status.name
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *OVERLAYS])
 def test_the_structure_is_sound(kind: str, logs: dict[str, Path]) -> None:
     done = doctor(logs[kind])
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *OVERLAYS])
 def test_rerun_finds_no_issue(kind: str, logs: dict[str, Path]) -> None:
     done = rerun(logs[kind])
     assert done.returncode == 0, done.stderr

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.analysis.certificate import Certificate, certify, make_judge
+from cranectl.analysis.certificate.certify import Certificate, certify, make_judge
+from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.ladder import Deviation, deviation, with_effects
-from cranectl.analysis.operating_points import OperatingPoint, grid_of
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS, Scenario

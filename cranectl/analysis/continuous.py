@@ -165,10 +165,9 @@ def simulate_continuous(
     """
     design = design or design_controller(controller or scenario.controller, scenario.design)
     plan = plan or plan_scenario(scenario)
-    r, gravity = design.robustifier, scenario.rig.gravity
-    loop = ContinuousLoop(
-        *(np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c)), float(r.d), gravity
-    )
+    r = design.robustifier
+    gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
+    loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)
     rig = AnalyticPlant(scenario.rig, drive="ideal", step=STEP, substeps=1).rig
     grid = _Grid.of(scenario, design, plan, longest_step)
     state = np.concatenate([plan.initial_state, plan.reference[0, [8, 11]], np.zeros(3 * r.order)])
@@ -220,7 +219,7 @@ class _Grid(NamedTuple):
         return cls(edges, joints, sample, row_of, trajectory)
 
     def stage_times(self, first: int, last: int) -> Array:
-        """Times of the stages of steps `first` to `last` - 1; the end of a step before a joint is left of it."""
+        """Times of the stages of steps `first` to `last` - 1; a step before a joint ends left of it."""
         left, right = self.edges[first:last, None], self.edges[first + 1 : last + 1, None]
         times: Array = left + NODES * (right - left)
         if len(self.joints):

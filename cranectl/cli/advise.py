@@ -78,8 +78,9 @@ def _controllers(found: "Advice") -> "Table":
     for row in found.assessments:
         grade = row.grade if row.survived else row.status.label
         cells = [f"[{colours[row.grade]}]{grade}[/]", f"{row.least_margin:+.3f}"]
-        numbers = (row.metrics.rms_error_m, row.metrics.max_error_m) if row.metrics else (None, None)
-        numbers += (row.cost.rms, row.cost.max) if row.cost else (None, None)
+        numbers: list[float | None] = [None] * 4
+        if row.metrics is not None and row.cost is not None:
+            numbers = [row.metrics.rms_error_m, row.metrics.max_error_m, row.cost.rms, row.cost.max]
         cells += ["-" if number is None else f"{1e3 * number:.3g}" for number in numbers]
         table.add_row(row.controller, *cells)
     return table

@@ -11,6 +11,9 @@ from types import FrameType
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.advise import advise_command
+from cranectl.cli.budget import budget_command
+from cranectl.cli.certify import certify_command
 from cranectl.cli.compare import compare_command
 from cranectl.cli.design import design_command
 from cranectl.cli.export import export_command
@@ -57,14 +60,17 @@ for command in (
     compare_command,
     info_command,
     design_command,
+    certify_command,
     thesis_command,
     report_command,
     ladder_command,
+    budget_command,
     layout_command,
     export_command,
     live_command,
     render_command,
     recover_command,
+    advise_command,
 ):
     cli.add_command(command)
 

@@ -24,6 +24,9 @@ class Plant(Protocol):
     drive: Drive
     description: str  # the model as run: MJCF, or where the equations are
 
+    def check_length(self, length: float) -> None:
+        """Raise InputError if the plant's effects or steps do not suit a rope as short as `length` [m]."""
+
     def reset(self, state: Array) -> None:
         """Start from `state` (10,) at time zero."""
 

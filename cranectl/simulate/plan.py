@@ -26,6 +26,11 @@ class Plan:
     disturbance: Array  # (N, 2) [rad/s²]
     wind: Array  # (N, 3) velocity of the air [m/s]
 
+    @property
+    def shortest_rope(self) -> float:
+        """Of the reference and the start [m]."""
+        return float(min(self.reference_state[:, 4].min(), self.initial_state[4]))
+
 
 def plan_scenario(scenario: Scenario) -> Plan:
     """Sample reference and disturbances.

@@ -46,6 +46,7 @@ def simulate_run(
     design = design or design_controller(controller or scenario.controller, scenario.design)
     plan = plan or plan_scenario(scenario)
     crane = make_plant(plant, scenario, checked_drive(drive))
+    crane.check_length(plan.shortest_rope)
     tracker = tracker_of(scenario, design)
     start = plan.initial_state
     crane.reset(start)

@@ -65,6 +65,8 @@ class Session:
             _Lane(plant, compiled_loop(plant), sampling_of(scenario, tracker, self.plan, drive), np.zeros(0))
             for plant in (make_plant(name, scenario, drive) for name in plants)
         ]
+        for lane in self._lanes:
+            lane.plant.check_length(self.plan.shortest_rope)
         self._start()
 
     @property

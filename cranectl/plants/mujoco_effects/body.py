@@ -8,7 +8,7 @@ from cranectl.effects.settings import Body
 from cranectl.jit import jit
 
 # The hook has next to no mass of its own; MuJoCo wants some of every body that moves.
-HOOK_MASS = 1e-12  # of the load's mass
+HOOK_MASS = 1e-9  # of the load's mass
 HOOK_INERTIA = 1e-15  # [kg m²]
 
 

@@ -22,7 +22,7 @@ MASS = "rope_mass"  # body
 WINCH_MASS = 1e-9  # [kg] of the winch's body; the rotor's inertia is the joint's armature
 SHORTEST = 1e-3  # [m], so that a rope wound in completely gives no infinite stiffness
 LARGEST_FORCE = 1e12  # [N]
-SLENDER = 1e-15  # [kg m²], inertia of a rope about itself
+SLENDER = 1e-6  # inertia of the rope about itself, of that across
 
 
 class ElasticRope(NamedTuple):
@@ -87,7 +87,8 @@ def _add_mass(end: mujoco.MjsBody, density: float, length: float) -> None:
     rod.explicitinertial = True
     rod.mass = density * length
     rod.ipos = (0.0, 0.0, 0.5 * length)
-    rod.inertia = (density * length**3 / 12.0,) * 2 + (SLENDER,)
+    across = density * length**3 / 12.0
+    rod.inertia = (across, across, SLENDER * across)
 
 
 def no_rope() -> ElasticRope:

@@ -1,0 +1,152 @@
+"""Effects as equivalent disturbances along a nominal run: what each adds at the ports of the loop.
+
+Each follows from the effect's own law and the nominal run alone, sampled with the period T:
+
+    hold         command minus what a continuous law would apply: -(T/2) u' on average over a sample, and the
+                 same for v_z and for the error that the robustifier is told
+    integrator   one RK4 step less the exact one, by the classical scheme on the same equations
+
+What the drives make of a command is in `analysis.budget.drive_errors`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from cranectl.analysis.budget.propagation import Deviation, DriveOperator, Ports, ideal_operator, no_errors
+from cranectl.analysis.budget.trajectory_loop import (
+    EXTENSION,
+    ROBUSTIFIER,
+    TrajectoryLoop,
+    analytic_rig,
+)
+from cranectl.jit import jit
+from cranectl.plants.analytic import derivative
+from cranectl.plants.mujoco_model import IDEAL_INERTIA
+from cranectl.reference import build_trajectory
+from cranectl.scenario import NANOSECONDS
+from cranectl.simulate import Run
+
+Array = NDArray[np.float64]
+
+
+class Equivalent(NamedTuple):
+    """An effect: its signals at the ports, and what it does to deviations on their way to the plant."""
+
+    ports: Ports
+    operator: DriveOperator
+
+
+def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Equivalent:
+    """The sampled run less the continuous-time ideal.
+
+    What a hold does is a matter of the continuous law's own signals: those of the sampled run, or better
+    those less a deviation `predicted` from them.
+    """
+    ports, period = no_errors(loop), loop.period
+    u, v, error = (run.block(n)[:, :3].copy() for n in ("input", "virtual_input", "error"))
+    if predicted is not None:
+        u[:-1] -= predicted.commanded
+        v -= np.einsum("kij,kj->ki", loop.virtual, predicted.state)
+        error += predicted.load
+    jumps = _jumps(run)
+    ports.drive[:] = -_rise(u, period, jumps)
+    v_z = -_rise(v[:, 2:], period, jumps)[:, 0]
+    ports.local[:, EXTENSION] = 0.5 * period**2 * v_z
+    ports.local[:, EXTENSION + 1] = period * v_z
+    ramp = _ramp_response(run, period)
+    error_rate = _rate(error, period, jumps)
+    m = len(ramp)
+    for axis in range(3):
+        first = ROBUSTIFIER + axis * m
+        ports.local[:, first : first + m] = -error_rate[:, axis : axis + 1] * ramp
+    return Equivalent(ports, ideal_operator())
+
+
+def _ramp_response(run: Run, period: float) -> Array:
+    """Robustifier states (m,) of one axis after a period of an error that grows by 1 m/s."""
+    r = run.design.robustifier
+    augmented = np.zeros((r.order + 2, r.order + 2))
+    augmented[:-2, :-2], augmented[:-2, -2], augmented[-2, -1] = r.a, r.b, 1.0
+    states = np.zeros(r.sampled_order)
+    states[: r.order] = expm(augmented * period)[:-2, -1]
+    return states
+
+
+def _rate(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
+    """Slope over each sample, (N - 1, m); where the signal jumps at its end, that of the sample before."""
+    slope: Array = np.diff(signal, axis=0) / period
+    for k in jumps:
+        if 2 <= k <= len(slope):
+            slope[k - 1] = slope[k - 2]
+    return slope
+
+
+def _rise(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
+    """Mean over each sample less the value at its start, (N - 1, m), of a parabola through three samples."""
+    slope = _rate(signal, period, jumps)
+    bend = np.zeros_like(slope)
+    bend[:-1] = np.diff(slope, axis=0)
+    for k in jumps:
+        if 1 <= k <= len(bend):
+            bend[k - 1] = 0.0
+    rise: Array = 0.5 * period * slope - period / 12.0 * bend
+    return rise
+
+
+def _jumps(run: Run) -> NDArray[np.intp]:
+    """Samples at which the reference's segments meet."""
+    joints = build_trajectory(run.scenario.reference).joints[1:]
+    return np.ceil(joints * NANOSECONDS / run.scenario.period_ns - 1e-6).astype(np.intp)
+
+
+def integrator_error(run: Run, loop: TrajectoryLoop) -> Equivalent:
+    """RK4 with the disturbance torque of mid-step held, less the nominal run's exact steps.
+
+    The engine's ideal drives are inert by `IDEAL_INERTIA` per kg of load: the rope moves them by that much.
+    """
+    ports = no_errors(loop)
+    states, inputs, disturbances = (
+        np.ascontiguousarray(run.block(name)) for name in ("state", "input", "disturbance")
+    )
+    runge_kutta_defect(analytic_rig(run), states, inputs[:, :3], disturbances, ports.local)
+    load, joints = run.block("load")[:-1, 6:7], states[:-1]
+    alpha, beta = joints[:, 6], joints[:, 8]
+    direction = np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), np.ones(len(joints))])
+    ports.drive[:] = load * direction / (IDEAL_INERTIA * run.scenario.rig.load_mass)
+    return Equivalent(ports, ideal_operator())
+
+
+@jit
+def held_torque_rate(rig, state, command, disturbance, middle, still, held, rate):
+    """`derivative` under hinge torques that give `disturbance` at rope length and beta of `middle`."""
+    length, cos_beta = middle[4] / state[4], np.cos(middle[8]) / np.cos(state[8])
+    held[0] = disturbance[0] * (length * cos_beta) ** 2
+    held[1] = disturbance[1] * length**2
+    derivative(rig, state, command, held, still, rate)
+
+
+@jit
+def runge_kutta_defect(rig, states, commands, disturbances, defect):
+    """The classical fourth-order step from each of `states` less the next, into `defect` (N - 1, >= 10)."""
+    rates, work, middle, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10), np.zeros(10)
+    held, still = np.zeros(2), np.zeros(3)
+    step = rig.step
+    for k in range(len(defect)):
+        state[:] = states[k]
+        for _ in range(rig.substeps):
+            middle[:] = state
+            middle[4] += 0.5 * step * state[5]
+            middle[8] += 0.5 * step * state[9]
+            for stage in range(4):
+                reach = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+                for i in range(10):
+                    work[i] = state[i] + (reach * step * rates[stage - 1, i] if stage else 0.0)
+                held_torque_rate(rig, work, commands[k], disturbances[k], middle, still, held, rates[stage])
+            for i in range(10):
+                increment = rates[0, i] + 2.0 * rates[1, i] + 2.0 * rates[2, i] + rates[3, i]
+                state[i] += step / 6.0 * increment
+        for i in range(10):
+            defect[k, i] = state[i] - states[k + 1, i]

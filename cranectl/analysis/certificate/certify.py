@@ -1,0 +1,186 @@
+"""The robustness certificate: nu-gap of the plant as it is run to the design model, against b(G, K).
+
+A point is certified if its nu-gap lies below the margin b by more than the grid resolves or, which asks less,
+if at each frequency the chordal distance lies below the margin of the loop at that frequency. The linear loop
+frozen at that point is then stable. It says nothing of the motion between points.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from cranectl.analysis.certificate.coprime_margin import CoprimeMargin, coprime_margin, largest_excess
+from cranectl.analysis.certificate.grid import RESOLUTION
+from cranectl.analysis.certificate.linear_plant import linear_plant
+from cranectl.analysis.certificate.loop import (
+    Cut,
+    InnerLoop,
+    closed_loop_radius,
+    design_inner_loop,
+    inner_loop_of,
+)
+from cranectl.analysis.certificate.nu_gap import Graph, NuGap, nu_gap
+from cranectl.analysis.certificate.operating_points import OperatingPoint
+from cranectl.analysis.certificate.scaling import choose_cut
+from cranectl.design import Design
+from cranectl.plants.interface import Drive
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.simulate import tracker_of
+
+CAUTION = 2.0 * RESOLUTION  # gap and margin are each found to within the resolution of the grid
+
+# gap: nu-gap below b; by frequency: distance below margin at each frequency.
+Grade = Literal["gap", "by frequency", "refused"]
+
+
+@dataclass(frozen=True)
+class Judge:
+    """What a controller's plants are compared with; the same at every point."""
+
+    design: Design
+    cut: Cut
+    period: float  # [s]
+    graph: Graph  # of the design model
+    margin: CoprimeMargin
+
+    def judge(self, inner: InnerLoop, point: OperatingPoint) -> "PointVerdict":
+        """Compare the plant frozen at `point`."""
+        graph = self.cut.graph(inner)
+        gap = nu_gap(graph, self.graph)
+        return PointVerdict(
+            point=point,
+            gap=gap.gap,
+            frequency=gap.angle / self.period,
+            grade=self.grade(graph, gap),
+            radius=closed_loop_radius(inner, self.cut.robustifier),
+        )
+
+    def certifies(self, inner: InnerLoop) -> bool:
+        """Whether the loop around `inner` is known to be stable."""
+        graph = self.cut.graph(inner)
+        return self.grade(graph, nu_gap(graph, self.graph)) != "refused"
+
+    def grade(self, graph: Graph, gap: NuGap) -> Grade:
+        """What the plant of this `graph` and `gap` to the design model deserves."""
+        if gap.gap + CAUTION < self.margin.margin:
+            return "gap"
+        if gap.winding != 0 or self.margin.margin <= 0.0:
+            return "refused"
+        excess = largest_excess(graph, self.graph, self.cut.controller, self.cut.robustifier.poles())
+        return "by frequency" if excess + CAUTION < 0.0 else "refused"
+
+
+@dataclass(frozen=True)
+class PointVerdict:
+    """One operating point."""
+
+    point: OperatingPoint
+    gap: float
+    frequency: float  # of the largest chordal distance [rad/s]
+    grade: Grade
+    radius: float  # largest modulus of the poles of the true linear loop
+
+    @property
+    def certified(self) -> bool:
+        """Whether the linear loop is known to be stable from gap and margin alone."""
+        return self.grade != "refused"
+
+    @property
+    def stable(self) -> bool:
+        """Whether the linear loop is stable; not what the certificate is made from."""
+        return self.radius < 1.0
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """All points of one controller."""
+
+    controller: str
+    drive: Drive
+    delay: float  # [s]
+    time_constants: tuple[float, float, float]  # of the drives [s]
+    cut: Cut
+    margin: float  # b(G, K)
+    margin_frequency: float  # [rad/s]
+    points: tuple[PointVerdict, ...]
+
+    @property
+    def worst(self) -> PointVerdict:
+        """The point of the largest nu-gap."""
+        return max(self.points, key=lambda verdict: verdict.gap)
+
+    @property
+    def certified(self) -> bool:
+        """Whether every point is."""
+        return all(verdict.certified for verdict in self.points)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, SI units and rad/s."""
+        return {
+            "controller": self.controller,
+            "drive": self.drive,
+            "delay": self.delay,
+            "time_constants": list(self.time_constants),
+            "cut": self.cut.name,
+            "scales": self.cut.scales.tolist(),
+            "margin": self.margin,
+            "margin_frequency": self.margin_frequency,
+            "certified": self.certified,
+            "least_margin": self.margin - self.worst.gap,
+            "worst": _point_json(self.worst),
+            "points": [_point_json(verdict) for verdict in self.points],
+        }
+
+
+def make_judge(scenario: Scenario, design: Design, cut_name: str | None = None) -> Judge:
+    """Design model and margin of `design`; raises InputError for a cut that it does not have.
+
+    The default cut is the one that the robustifier was designed for, else "v".
+    """
+    tracker_of(scenario, design)  # raises if the design's own loop is unstable when sampled
+    period = scenario.period_ns / NANOSECONDS
+    cut = choose_cut(design, scenario.design, period, cut_name)
+    graph = cut.graph(design_inner_loop(design.gain, period))
+    margin = coprime_margin(graph, cut.controller, cut.robustifier.poles())
+    return Judge(design, cut, period, graph, margin)
+
+
+def certify(
+    judge: Judge,
+    scenario: Scenario,
+    points: Sequence[OperatingPoint],
+    *,
+    drive: Drive,
+    progress: Callable[[float], None] | None = None,
+) -> Certificate:
+    """Judge a controller at every point; drives, delay and observer are those of `scenario`."""
+    verdicts = []
+    for point in points:
+        inner = inner_loop_of(linear_plant(scenario, point, drive), judge.design.gain)
+        verdicts.append(judge.judge(inner, point))
+        if progress is not None:
+            progress(1.0)
+    lag_x, lag_y, lag_l = (float(lag) for lag in scenario.rig.time_constants)
+    delay = scenario.effects.delay
+    return Certificate(
+        controller=judge.design.name,
+        drive=drive,
+        delay=delay.seconds if delay else 0.0,
+        time_constants=(lag_x, lag_y, lag_l),
+        cut=judge.cut,
+        margin=judge.margin.margin,
+        margin_frequency=judge.margin.angle / judge.period,
+        points=tuple(verdicts),
+    )
+
+
+def _point_json(verdict: PointVerdict) -> dict[str, Any]:
+    return {
+        "rope_length": verdict.point.rope_length,
+        "tilt": list(verdict.point.tilt),
+        "hoisting_speed": verdict.point.hoisting_speed,
+        "gap": verdict.gap,
+        "frequency": verdict.frequency,
+        "grade": verdict.grade,
+        "closed_loop_radius": verdict.radius,
+    }

@@ -1,0 +1,136 @@
+"""The nu-gap of two sampled linear systems, from their graphs.
+
+Vinnicombe, Frequency domain uncertainty and the graph topology, IEEE TAC 38 (1993) 1371; Uncertainty and
+Feedback, Imperial College Press, 2001. The graph of P is the span of [N; M], P = N M^-1, at each frequency.
+The chordal distance of two graphs is the sine of the largest angle between them; its largest value is the
+nu-gap if the winding condition holds, else the nu-gap is 1.
+
+Any right factorisation [P; I] M serves: angles do not depend on it, and poles of [N; M] outside the unit
+circle are counted in the winding condition. One chooses M such that no pole lies on the circle, so there is
+nothing to indent around, also not at integrators.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
+from cranectl.analysis.certificate.grid import Samples, sample, starting_grid
+from cranectl.analysis.certificate.systems import Array, Complex, SampledSystem
+from cranectl.errors import InputError
+
+ON_CIRCLE = 1e-9  # poles this near to the circle are taken as on it
+HIDDEN = 1e-9  # of the norm of A: what a mode's Hautus matrix must exceed to be reached or seen
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The symbol [N; M] of a plant's graph: its output above its input."""
+
+    response: Callable[[Complex], Complex]  # z (k,) on the unit circle → (k, p + m, m)
+    poles: Complex  # of [N; M]; all of them, so that the grid meets each resonance
+
+    @property
+    def unstable(self) -> int:
+        """Number of poles outside the unit circle."""
+        return int((np.abs(self.poles) > 1.0).sum())
+
+
+@dataclass(frozen=True)
+class NuGap:
+    """The nu-gap and where it comes from."""
+
+    gap: float  # 0 … 1; 1 where the winding condition fails
+    angle: float  # frequency of the largest chordal distance [rad/sample]
+    winding: int | None  # 0 where the winding condition holds; None: not found
+    angles: Array  # grid [rad/sample]
+    distances: Array  # chordal distance there
+
+
+def graph_of(system: SampledSystem) -> Graph:
+    """Graph of a system without hidden modes on or outside the circle: [N; M] under stabilising feedback.
+
+    Raises InputError if no state feedback stabilises it or a mode outside cannot be seen.
+    """
+    feedback = _stabilising_feedback(system)
+    a = system.a - system.b @ feedback
+    m = system.b.shape[1]
+    symbol = SampledSystem(
+        a,
+        system.b,
+        np.vstack([system.c - system.d @ feedback, -feedback]),
+        np.vstack([system.d, np.eye(m)]),
+    )
+    return Graph(symbol.response, symbol.poles())
+
+
+def nu_gap(first: Graph, second: Graph) -> NuGap:
+    """The nu-gap of two plants of as many inputs and outputs, by their graphs.
+
+    1 also where it cannot be found: poles on the circle, or a grid that cannot resolve the graphs.
+    """
+    poles = np.concatenate([first.poles, second.poles])
+    if (np.abs(np.abs(poles) - 1.0) < ON_CIRCLE).any():
+        return NuGap(1.0, 0.0, None, np.zeros(1), np.ones(1))
+
+    def compare(angles: Array) -> Samples:
+        z = np.exp(1j * angles)
+        g_1, g_2 = first.response(z), second.response(z)
+        q_1, q_2 = orthonormal(g_1), orthonormal(g_2)
+        determinant = np.linalg.det(_hermitian(g_2) @ g_1)
+        return Samples(distance(q_1, q_2), np.stack([q_1, q_2], axis=1), determinant)
+
+    angles, samples, resolved = sample(starting_grid(poles), compare)
+    turn = np.angle(samples.determinant[1:] * np.conj(samples.determinant[:-1])).sum()
+    # Half the circle is sampled; the other half turns as much. Each pole of a symbol outside adds a turn.
+    winding = round(turn / np.pi) - first.unstable + second.unstable
+    peak = int(samples.level.argmax())
+    return NuGap(
+        gap=float(samples.level[peak]) if resolved and winding == 0 else 1.0,
+        angle=float(angles[peak]),
+        winding=winding if resolved else None,
+        angles=angles,
+        distances=samples.level,
+    )
+
+
+def distance(q_1: Complex, q_2: Complex) -> Array:
+    """Chordal distance of two graphs by their orthonormal bases, (k, p + m, m): sine of the largest angle."""
+    outside = q_1 - q_2 @ (_hermitian(q_2) @ q_1)
+    sine: Array = np.linalg.norm(outside, 2, axis=(1, 2))
+    return np.minimum(sine, 1.0)
+
+
+def orthonormal(graph: Complex) -> Complex:
+    """An orthonormal basis of the span of each (p + m, m) matrix."""
+    basis: Complex = np.linalg.qr(graph)[0]
+    return basis
+
+
+def _hermitian(matrices: Complex) -> Complex:
+    return np.conj(np.swapaxes(matrices, 1, 2))
+
+
+def _stabilising_feedback(system: SampledSystem) -> Array:
+    """A gain (m, n) with which u = -gain x stabilises; zero for a stable system."""
+    n, m = system.b.shape
+    poles = system.poles()
+    if n == 0 or np.abs(poles).max() < 1.0 - ON_CIRCLE:
+        return np.zeros((m, n))
+    scale = max(1.0, float(np.linalg.norm(system.a, 2)))
+    for pole in poles[np.abs(poles) >= 1.0 - ON_CIRCLE]:
+        shifted = system.a - pole * np.eye(n)
+        for matrix, verb in (
+            (np.hstack([shifted, system.b]), "reached"),
+            (np.vstack([shifted, system.c]), "seen"),
+        ):
+            if np.linalg.svd(matrix, compute_uv=False)[n - 1] < HIDDEN * scale:
+                raise InputError(
+                    f"a mode at {pole:.4g}, on or outside the unit circle, that cannot be {verb}",
+                    allowed="systems whose modes there can be reached and seen",
+                    remedy="remove the mode from the model",
+                )
+    x = solve_discrete_are(system.a, system.b, np.eye(n), np.eye(m))
+    gain: Array = np.linalg.solve(np.eye(m) + system.b.T @ x @ system.b, system.b.T @ x @ system.a)
+    return gain

@@ -1,0 +1,110 @@
+"""Operating points: the load held, tilted by a constant disturbance, the rope still or running.
+
+Held means: no drive accelerates and the angles rest, while d_alpha, d_beta [rad/s²] push them,
+
+    sin(alpha) = l cos(beta) d_alpha / g        cos(alpha) sin(beta) = l d_beta / g
+
+The tracker takes the tilt for an acceleration of the load, so its states are not those of a load at rest:
+zeta = g (cos² alpha cos² beta - 1), and v_x, v_y are what keeps the slopes.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import asin, cos, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.errors import InputError
+from cranectl.flatness import slopes_from_angles
+from cranectl.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+LARGEST_SINE = 0.9999  # of alpha; where it would be 1 the law is singular
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where the loop is frozen."""
+
+    rope_length: float  # [m]
+    tilt: tuple[float, float] = (0.0, 0.0)  # d_alpha, d_beta [rad/s²]
+    hoisting_speed: float = 0.0  # rope length rate [m/s], positive when paying out
+
+    def __str__(self) -> str:
+        tilt = (
+            "hanging" if self.tilt == (0.0, 0.0) else f"tilted by {self.tilt[0]:g}, {self.tilt[1]:g} rad/s²"
+        )
+        return f"rope {self.rope_length:g} m at {self.hoisting_speed:+g} m/s, {tilt}"
+
+
+@dataclass(frozen=True)
+class HeldState:
+    """Signals at an operating point."""
+
+    joints: Array  # (10,), order of signals.STATE
+    zeta: float  # [m/s²]
+    virtual_input: Array  # (3,) [m/s⁴]
+
+
+def held_state(point: OperatingPoint, gravity: float) -> HeldState:
+    """The state at which the tracker keeps the load at `point`.
+
+    Raises InputError where the disturbance is too strong for any angle to hold against.
+    """
+    alpha, beta = tilt_angles(point, gravity)
+    drop = cos(alpha) * cos(beta)  # of one metre of rope
+    zeta = gravity * (drop * drop - 1.0)
+    p_x, p_y, _, _ = slopes_from_angles(alpha, 0.0, beta, 0.0)
+    # Drives that rest: g p + h p'' = 0, with h the height of the pivot above the load.
+    fall = gravity / (point.rope_length * drop)
+    virtual_input = np.array([fall * p_x * (zeta + gravity), fall * p_y * (zeta + gravity), 0.0])
+    joints = np.zeros(10)
+    joints[4:6], joints[6], joints[8] = (point.rope_length, point.hoisting_speed), alpha, beta
+    return HeldState(joints, zeta, virtual_input)
+
+
+def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
+    """Alpha and beta [rad] at rest under the disturbance; of the two solutions the one that hangs."""
+    a, b = (point.rope_length * d / gravity for d in point.tilt)
+    total = 1.0 + a * a
+    root = total * total - 4.0 * a * a * (1.0 - b * b)
+    if abs(b) >= 1.0 or root < 0.0:
+        raise _too_strong(point, gravity)
+    cos_beta = sqrt(2.0 * (1.0 - b * b) / (total + sqrt(root)))
+    if abs(a * cos_beta) > LARGEST_SINE:
+        raise _too_strong(point, gravity)
+    alpha = asin(a * cos_beta)
+    return alpha, asin(b / cos(alpha))
+
+
+def grid_of(
+    scenario: Scenario,
+    *,
+    rope_lengths: Sequence[float],
+    tilts: Sequence[tuple[float, float]],
+    hoisting_speeds: Sequence[float],
+) -> list[OperatingPoint]:
+    """Every combination; raises InputError for ropes out of the rig's range."""
+    low, high = scenario.rig.rope_range
+    for length in rope_lengths:
+        if not low <= length <= high:
+            raise InputError(
+                f"a rope of {length:g} m",
+                allowed=f"{low:g} to {high:g} m, rig.rope_range",
+                remedy="choose other rope lengths, or set rig.rope_range",
+            )
+    return [
+        OperatingPoint(length, tilt, speed)
+        for length, tilt, speed in itertools.product(rope_lengths, tilts, hoisting_speeds)
+    ]
+
+
+def _too_strong(point: OperatingPoint, gravity: float) -> InputError:
+    return InputError(
+        f"a disturbance of {point.tilt[0]:g}, {point.tilt[1]:g} rad/s² on {point.rope_length:g} m of rope",
+        allowed=f"what gravity holds, well below g/l = {gravity / point.rope_length:.3g} rad/s²",
+        remedy="choose a smaller tilt or a shorter rope",
+    )

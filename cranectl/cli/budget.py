@@ -1,0 +1,69 @@
+"""`cranectl budget`."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli import exit_codes
+from cranectl.cli.options import json_option, scenario_options
+
+
+@click.command("budget")
+@click.argument("scenario")
+@click.argument("controller_name", metavar="[CONTROLLER]", required=False)
+@click.option("--controller", metavar="NAME", help="The same as CONTROLLER. Default: the scenario's own.")
+@click.option("--top", default="friction", show_default=True, metavar="RUNG", help="Where to stop climbing.")
+@scenario_options
+@json_option
+def budget_command(
+    scenario: str,
+    controller_name: str | None,
+    controller: str | None,
+    top: str,
+    rig: Path | None,
+    overrides: tuple[str, ...],
+    json_file: str | None,
+) -> int:
+    """Predict what each rung of the fidelity ladder does to the load, then run it and compare.
+
+    \b
+    sampled       control at the control period against control in continuous time
+    engine        the physics engine's integrator against the exact equations
+    servos        velocity servos that lag and feel the load
+    limits        of set-points and forces
+    observer      velocities and disturbances from exact positions
+    noise         of the encoders
+    quantisation  steps of the encoders
+    delay         computing and transport
+    friction      of axes and joint
+
+    An effect that the scenario has settings for is taken with those, else with the defaults. Exit code 1 if
+    a measurement exceeds its bound.
+
+    \b
+    cranectl budget settled-trajectory
+    cranectl budget fast-diagonal lqr+hinf --set effects.delay.seconds=0.01
+    cranectl budget near-slack --controller lqr --top servos --json -
+    """
+    from cranectl.analysis.budget.error_budget import error_budget, simulated_seconds
+    from cranectl.cli.budget_output import budget_table, remarks
+    from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.errors import InputError
+    from cranectl.scenario import load_scenario
+
+    if controller is not None and controller_name is not None and controller != controller_name:
+        raise InputError(
+            f"two controllers, {controller_name} and {controller}",
+            allowed="one controller",
+            remedy="leave out --controller",
+        )
+    loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
+        describe(f"{loaded.name}, budget")
+        budget = error_budget(loaded, controller or controller_name, top=top, progress=advance)
+    screen = console(json_file)
+    screen.print(budget_table(budget))
+    for remark in remarks(budget.entries):
+        screen.print(f"  {remark}", soft_wrap=True)
+    write_json(json_file, budget.to_json())
+    return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED

@@ -1,0 +1,224 @@
+"""`cranectl certify`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cranectl.cli.options import drive_option, json_option, scenario_options
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from cranectl.analysis.certificate.certify import Certificate, PointVerdict
+    from cranectl.analysis.certificate.conservatism import Limits
+    from cranectl.analysis.certificate.structured import DriveMargins
+
+ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
+TILTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
+HOISTING_SPEEDS = (-0.3, 0.0, 0.3)
+DRIVES = ("bridge", "trolley", "winch")
+
+
+@click.command("certify")
+@click.argument("controller")
+@click.option(
+    "--scenario",
+    metavar="NAME",
+    help="Whose [design], [control], [rig] and [effects] to take. Default: the defaults.",
+)
+@drive_option(default="velocity")
+@click.option("--time-constant", type=float, metavar="S", help="Lag of all three velocity drives [s].")
+@click.option(
+    "--delay", type=float, metavar="S", help="From measurement to drive [s]; effects.delay.seconds."
+)
+@click.option(
+    "--rope-length", "rope_lengths", type=float, multiple=True, metavar="M", help="[m]; repeatable."
+)
+@click.option(
+    "--tilt",
+    "tilts",
+    type=(float, float),
+    multiple=True,
+    metavar="A B",
+    help="Constant disturbance of alpha and beta [rad/s²] that tilts the rope; repeatable.",
+)
+@click.option(
+    "--hoisting-speed",
+    "hoisting_speeds",
+    type=float,
+    multiple=True,
+    metavar="V",
+    help="Rope length rate [m/s], positive when paying out; repeatable.",
+)
+@click.option("--cut", metavar="NAME", help="Where the loop is cut: v or v-bar. Default: as it was designed.")
+@click.option("--limits", is_flag=True, help="Also the largest delay and lag certified and survived.")
+@scenario_options
+@click.option(
+    "--plot",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Draw the map, and distance and margin over frequency (.svg, .pdf, .png).",
+)
+@json_option
+def certify_command(
+    controller: str,
+    scenario: str | None,
+    drive: str,
+    time_constant: float | None,
+    delay: float | None,
+    rope_lengths: tuple[float, ...],
+    tilts: tuple[tuple[float, float], ...],
+    hoisting_speeds: tuple[float, ...],
+    cut: str | None,
+    limits: bool,
+    rig: Path | None,
+    overrides: tuple[str, ...],
+    plot: Path | None,
+    json_file: str | None,
+) -> int:
+    """Compare the plant as it is run with the design model of CONTROLLER, by the nu-gap, point by point.
+
+    A gap below the margin b(G, K) guarantees that the linear loop frozen at that point is stable. Exit code 1
+    if a point is refused; refused does not mean unstable.
+
+    \b
+    cranectl certify lqr+loop-shaping --delay 0.01
+    cranectl certify pole-placement --tilt 0 0 --time-constant 0.05 --delay 0.02 --limits
+    """
+    from cranectl.analysis.certificate.certify import certify, make_judge
+    from cranectl.analysis.certificate.conservatism import find_limits
+    from cranectl.analysis.certificate.linear_plant import linear_plant
+    from cranectl.analysis.certificate.loop import inner_loop_of
+    from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
+    from cranectl.analysis.certificate.structured import drive_margins
+    from cranectl.cli import exit_codes
+    from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.design import design_controller
+    from cranectl.scenario import default_scenario, load_scenario
+    from cranectl.simulate import checked_drive
+
+    overrides += tuple(
+        f"rig.{name}_time_constant={time_constant!r}" for name in DRIVES if time_constant is not None
+    )
+    overrides += () if delay is None else (f"effects.delay.seconds={delay!r}",)
+    if scenario is None:
+        loaded = default_scenario(rig=rig, overrides=overrides)
+    else:
+        loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    checked = checked_drive(drive)
+    design = design_controller(controller, loaded.design)
+    points = grid_of(
+        loaded,
+        rope_lengths=rope_lengths or ROPE_LENGTHS,
+        tilts=tilts or TILTS,
+        hoisting_speeds=hoisting_speeds or HOISTING_SPEEDS,
+    )
+    judge = make_judge(loaded, design, cut)
+    with progress_bar(len(points), done="points") as (advance, describe):
+        describe(design.name)
+        found = certify(judge, loaded, points, drive=checked, progress=advance)
+    worst = linear_plant(loaded, found.worst.point, checked)
+    margins = drive_margins(inner_loop_of(worst, design.gain), judge.cut.robustifier, judge.period)
+    lengths = sorted({point.rope_length for point in points})
+    ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
+    limit_list = [find_limits(judge, loaded, point, checked) for point in ends]
+    screen = console(json_file)
+    screen.print(_map_table(found))
+    for line in _summary(found):
+        screen.print(line, soft_wrap=True)
+    screen.print(_drive_table(margins, found.worst))
+    if limit_list:
+        screen.print(_limit_table(limit_list))
+    left_out = [name for name in loaded.effects.names if name not in ("delay", "sensing")]
+    if left_out:
+        screen.print(f"not linear, left out: {', '.join(left_out)}", soft_wrap=True)
+    if plot is not None:
+        from cranectl.analysis.certificate.figure import plot_certificate  # matplotlib, only where asked for
+
+        plot_certificate(found, judge, inner_loop_of(worst, design.gain), plot)
+        screen.print(f"picture: {plot}", soft_wrap=True)
+    data = found.to_json() | {"drive_margins_at_worst": margins.to_json(), "left_out": left_out}
+    if limit_list:
+        data["limits"] = [found_limits.to_json() for found_limits in limit_list]
+    write_json(json_file, data)
+    return exit_codes.GOOD if found.certified else exit_codes.LIMIT_EXCEEDED
+
+
+def _map_table(found: "Certificate") -> "Table":
+    table = _table(
+        f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}\n"
+        "columns: tilting disturbance \\[rad/s²], hoisting speed \\[m/s]"
+    )
+    columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in found.points))
+    table.add_column("rope\n[m]", justify="right", no_wrap=True)
+    for (d_alpha, d_beta), speed in columns:
+        table.add_column(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}", justify="right", no_wrap=True)
+    at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in found.points}
+    for length in dict.fromkeys(verdict.point.rope_length for verdict in found.points):
+        table.add_row(f"{length:g}", *(_cell(at[length, *column]) for column in columns))
+    return table
+
+
+def _cell(verdict: "PointVerdict") -> str:
+    if not verdict.stable:
+        return f"[bold red]{verdict.gap:.3f} u[/]"
+    mark = {"gap": "[green]{}  [/]", "by frequency": "[green]{} f[/]", "refused": "[yellow]{} r[/]"}
+    return mark[verdict.grade].format(f"{verdict.gap:.3f}")
+
+
+def _summary(found: "Certificate") -> list[str]:
+    worst, total = found.worst, len(found.points)
+    counts = {
+        grade: sum(v.grade == grade for v in found.points) for grade in ("gap", "by frequency", "refused")
+    }
+    unstable = sum(not verdict.stable for verdict in found.points)
+    return [
+        f"loop cut at {found.cut.name}; b(G, K) = {found.margin:.4f} at {found.margin_frequency:.3g} rad/s; "
+        f"delay {found.delay:g} s",
+        f"least margin {found.margin - worst.gap:+.4f}: gap {worst.gap:.4f} at {worst.frequency:.3g} rad/s, "
+        f"{worst.point}",
+        f"of {total} points certified: {counts['gap']} by the gap, {counts['by frequency']} frequency by "
+        f"frequency (f); refused (r): {counts['refused']}; truly unstable (u): {unstable}",
+        "A statement on the linear loop frozen at each point, not on a motion through them.",
+    ]
+
+
+def _drive_table(margins: "DriveMargins", worst: "PointVerdict") -> "Table":
+    table = _table(f"The three drives at once, each on its own: {worst.point}")
+    table.add_column("what changes")
+    table.add_column("tolerated", justify="right")
+    low, high = margins.gain_range
+    table.add_row("gain and phase, disk margin", f"{margins.disk_margin:.3f}")
+    table.add_row("gains alone", f"{low:.2f} … {high:.2f}")
+    table.add_row("phases alone", f"± {57.29577951308232 * margins.phase:.0f}°")
+    for spread, delay in margins.delays:
+        tolerated = f"{1e3 * delay:.1f} ms" if delay > 0.0 else "not known"
+        table.add_row(f"gains ± {100 * spread:.0f} % and further delay up to", tolerated)
+    return table
+
+
+def _limit_table(limits: list["Limits"]) -> "Table":
+    table = _table("How conservative: largest certified, largest survived by the linear loop")
+    for heading in (
+        "rope\n[m]",
+        "delay certified\n[ms]",
+        "survived\n[ms]",
+        "lag certified\n[ms]",
+        "survived\n[ms]",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for limit in limits:
+        values = (limit.delay_certified, limit.delay_stable, limit.lag_certified, limit.lag_stable)
+        cells = ("-" if value is None else f"{1e3 * value:.0f}" for value in values)
+        table.add_row(f"{limit.point.rope_length:g}", *cells)
+    return table
+
+
+def _table(title: str) -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    width = max(len(line) for line in title.splitlines())
+    padding = (0, 1, 0, 0)
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=padding, min_width=width)

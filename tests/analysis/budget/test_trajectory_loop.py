@@ -1,0 +1,161 @@
+"""The linearised loop against small real deviations, and the tools that carry signals through it."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from cranectl.analysis.budget.estimator import (
+    Estimator,
+    joined_matrices,
+    linear_estimator,
+    load_variance,
+    observed_error,
+    worst_load_error,
+)
+from cranectl.analysis.budget.propagation import ideal_operator, no_errors, propagate
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, loop_matrix
+from cranectl.effects.sensing import Encoders
+from cranectl.observer import make_observer
+from cranectl.scenario import load_scenario
+from cranectl.simulate import Run, simulate_run
+
+HOISTING = [
+    "duration=3.0",
+    "disturbances.0.magnitude=2.0",
+    "disturbances.0.start=0.5",
+    "disturbances.0.end=0.8",
+]
+
+
+@functools.cache
+def nominal(controller: str) -> tuple[Run, TrajectoryLoop]:
+    run = simulate_run(
+        load_scenario("fast-diagonal", overrides=HOISTING), plant="analytic", controller=controller
+    )
+    return run, linearise_run(run)
+
+
+@pytest.mark.parametrize("controller", ["lqr", "pole-placement+loop-shaping", "lqr+hinf"])
+@pytest.mark.parametrize("offset", ["alpha_offset=1e-6", "beta_offset=1e-6", "load_offset=[1e-6,2e-6,-1e-6]"])
+def test_a_small_start_error_develops_as_predicted(controller: str, offset: str) -> None:
+    run, loop = nominal(controller)
+    moved = simulate_run(
+        load_scenario("fast-diagonal", overrides=[*HOISTING, f"initial.{offset}"]),
+        plant="analytic",
+        controller=controller,
+    )
+    size = loop.virtual.shape[2]
+    x, matrix = np.zeros(size), np.zeros((size, size))
+    x[:10] = moved.block("state")[0] - run.block("state")[0]
+    for k in range(len(run.time_ns) - 1):
+        loop_matrix(loop, k, matrix)
+        x = matrix @ x
+    found = moved.block("state")[-1] - run.block("state")[-1]
+    assert np.abs(found).max() > 1e-9
+    assert np.abs(x[:10] - found).max() < 1e-3 * np.abs(found).max()
+    memory = moved.block("controller")[-1] - run.block("controller")[-1]
+    assert np.abs(x[10:] - memory).max() < 1e-3 * np.abs(memory).max()
+
+
+def test_a_small_disturbance_develops_as_predicted() -> None:
+    run, loop = nominal("lqr+hinf")
+    push = ["disturbances.0.magnitude=2.00001"]
+    pushed = simulate_run(
+        load_scenario("fast-diagonal", overrides=[*HOISTING, *push]), plant="analytic", controller="lqr+hinf"
+    )
+    ports = no_errors(loop)
+    ports.disturbance[:] = (pushed.block("disturbance") - run.block("disturbance"))[:-1]
+    found = pushed.block("load")[:, :3] - run.block("load")[:, :3]
+    assert np.abs(propagate(loop, ports).load - found).max() < 1e-3 * np.abs(found).max()
+
+
+def test_propagation_is_the_loop_matrix() -> None:
+    """An error of what is told acts through the tracker's part of the matrix alone."""
+    _, loop = nominal("lqr+hinf")
+    rng = np.random.default_rng(1)
+    ports = no_errors(loop)
+    ports.local[:] = 1e-6 * rng.standard_normal(ports.local.shape)
+    ports.measured[:] = 1e-6 * rng.standard_normal(ports.measured.shape)
+    state = propagate(loop, ports).state
+    matrix = np.zeros((state.shape[1], state.shape[1]))
+    for k in (10, 700, 1500):
+        loop_matrix(loop, k, matrix)
+        tracker = matrix[:, :10].copy()
+        tracker[:10] -= loop.plant_state[k]
+        expected = matrix @ state[k] + tracker @ ports.measured[k] + ports.local[k]
+        assert np.abs(state[k + 1] - expected).max() < 1e-15
+
+
+def test_a_delay_is_a_delay() -> None:
+    """A command error of one sample reaches the plant so many samples later."""
+    _, loop = nominal("lqr")
+    ports = no_errors(loop)
+    ports.law[100, 1] = 1.0
+    late = propagate(loop, ports, ideal_operator(7))
+    assert np.flatnonzero(late.realised[:, 1])[0] == 107
+    assert late.realised[107, 1] == 1.0
+
+
+def estimator(run: Run) -> Estimator:
+    return linear_estimator(make_observer(60.0, period=1e-3, gravity=run.scenario.rig.gravity))
+
+
+def test_linear_estimator_is_the_observer() -> None:
+    """Of the load at rest, where the equations of motion hardly couple the joints."""
+    run = simulate_run(
+        load_scenario("fixed-position", overrides=["duration=0.3", "disturbances=[]"]),
+        plant="analytic",
+        controller="lqr",
+    )
+    noise = 1e-6 * np.random.default_rng(3).standard_normal((len(run.time_ns), 5))
+    observer = make_observer(60.0, period=1e-3, gravity=9.81)
+    error = observed_error(
+        observer, Encoders(np.zeros(5), noise), run.block("state"), run.block("input")[:-1, :3]
+    )
+    linear, state = estimator(run), np.zeros(3)
+    for k in range(len(noise)):
+        told = linear.told_by_state @ state + linear.told_by_noise * noise[k, 0]
+        assert np.abs(told - error[k, :2]).max() < 1e-12
+        state = linear.next_by_state @ state + linear.next_by_noise * noise[k, 0]
+    largest = np.abs(error).max(axis=0)
+    assert largest[6:] == pytest.approx(largest[[0, 1, 0, 1]], rel=0.6)
+
+
+def test_variance_is_that_of_many_seeds() -> None:
+    run, loop = nominal("lqr")
+    deviations = np.array([1e-5, 2e-5, 1e-5, 1e-4, 1e-4])
+    predicted = load_variance(loop, estimator(run), deviations)
+    linear, total = estimator(run), np.zeros_like(predicted)
+    for seed in range(30):
+        noise = deviations * np.random.default_rng(seed).standard_normal((len(predicted), 5))
+        ports, state = no_errors(loop), np.zeros((3, 5))
+        for k, row in enumerate(noise):
+            told = linear.told_by_state @ state + np.outer(linear.told_by_noise, row)
+            ports.measured[k, 0::2], ports.measured[k, 1::2] = told
+            state = linear.next_by_state @ state + np.outer(linear.next_by_noise, row)
+        total += np.square(propagate(loop, ports).load) / 30
+    later = slice(500, None)
+    assert total[later].mean(axis=0) == pytest.approx(predicted[later].mean(axis=0), rel=0.3)
+
+
+def test_worst_case_is_the_sum_of_all_impulse_responses() -> None:
+    run = simulate_run(
+        load_scenario("off-reference", overrides=["duration=0.06", "reference.segments=[]"]),
+        plant="analytic",
+        controller="lqr",
+    )
+    loop, linear = linearise_run(run), estimator(run)
+    size = loop.virtual.shape[2]
+    total = size + 15
+    amplitudes = np.array([1.0, 0.5, 2.0, 1.0, 3.0])
+    expected = np.zeros(3)
+    matrix, noise = np.zeros((total, total)), np.zeros((total, 5))
+    for start in range(60):
+        for joint in range(5):
+            state = np.zeros(total)
+            for k in range(start, 60):
+                joined_matrices(loop, linear, k, matrix, noise)
+                state = matrix @ state + (noise[:, joint] if k == start else 0.0)
+            expected += amplitudes[joint] * np.abs(loop.load[60] @ state[:10])
+    assert worst_load_error(loop, linear, amplitudes) == pytest.approx(expected, rel=1e-9)

@@ -1,0 +1,158 @@
+"""The nu-gap against published values, closed forms and the axioms of a metric."""
+
+import control
+import numpy as np
+import pytest
+
+from cranectl.analysis.certificate.nu_gap import Graph, distance, graph_of, nu_gap, orthonormal
+from cranectl.analysis.certificate.systems import SampledSystem
+from cranectl.errors import InputError
+
+
+def sampled(system: control.StateSpace, period: float = 1.0) -> SampledSystem:
+    """By the bilinear transform, which maps the imaginary axis to the circle and keeps every nu-gap."""
+    discrete = control.sample_system(control.ss(system), period, "bilinear")
+    return SampledSystem(discrete.A, discrete.B, discrete.C, discrete.D)
+
+
+def tf(numerator: list[float], denominator: list[float]) -> Graph:
+    return graph_of(sampled(control.tf(numerator, denominator)))
+
+
+def random_system(seed: int, n: int = 3, m: int = 2, p: int = 2) -> SampledSystem:
+    """Some of them unstable."""
+    rng = np.random.default_rng(seed)
+    a = rng.normal(size=(n, n)) * 0.6
+    return SampledSystem(a, rng.normal(size=(n, m)), rng.normal(size=(p, n)), 0.3 * rng.normal(size=(p, m)))
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "gap", "digits"),
+    [
+        # Documentation of MATLAB's gapmetric: an unstable and a stable lag; two damped plants.
+        (([1], [1, -0.001]), ([1], [1, 0.001]), 0.0020, 4),
+        (([1, 2], [1, 5, 10]), ([1, 1], [1, 3, 10]), 0.1390, 4),
+        # Two integrators, poles on the circle: |k1 - k2| / (k1 + k2).
+        (([1], [1, 0]), ([3], [1, 0]), 0.5, 6),
+        # 1/s² and 1/s, largest at omega = 1: |1 + j| / 2.
+        (([1], [1, 0, 0]), ([1], [1, 0]), 1 / np.sqrt(2), 6),
+        # High gain hides an unstable pole: at zero frequency 2 k / (1 + k²), k = 100.
+        (([100], [1, -1]), ([100], [1, 1]), 200 / 10001, 6),
+        # Low gain does not: the distances stay below 1, but the graphs wind apart.
+        (([0.5], [1, -1]), ([0.5], [1, 1]), 1.0, 12),
+    ],
+)
+def test_known_values(first: tuple, second: tuple, gap: float, digits: int) -> None:
+    assert nu_gap(tf(*first), tf(*second)).gap == pytest.approx(gap, abs=0.51 * 10.0**-digits)
+
+
+def test_winding_condition_decides_where_distances_are_small() -> None:
+    apart = nu_gap(tf([0.5], [1, -1]), tf([0.5], [1, 1]))
+    assert apart.distances.max() < 0.9
+    assert apart.winding != 0
+    assert apart.gap == 1.0
+    near = nu_gap(tf([100], [1, -1]), tf([100], [1, 1]))
+    assert near.winding == 0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_metric(seed: int) -> None:
+    """Zero to itself, symmetric, triangle inequality; random plants, many of them unstable."""
+    a, b, c = (graph_of(random_system(3 * seed + k)) for k in range(3))
+    ab, ba, bc, ac = nu_gap(a, b).gap, nu_gap(b, a).gap, nu_gap(b, c).gap, nu_gap(a, c).gap
+    assert nu_gap(a, a).gap == pytest.approx(0.0, abs=1e-7)
+    assert ab == pytest.approx(ba, abs=1e-6)
+    assert ac <= ab + bc + 1e-6
+    assert 0.0 < ab <= 1.0
+
+
+def test_random_systems_are_of_every_kind() -> None:
+    radii = [np.abs(random_system(seed).poles()).max() for seed in range(24)]
+    assert sum(radius > 1.0 for radius in radii) >= 4
+    assert sum(radius < 1.0 for radius in radii) >= 4
+
+
+def bare(system: SampledSystem) -> Graph:
+    """[P; I] itself, with its poles outside the circle."""
+    m = system.b.shape[1]
+    tall = system._replace(
+        c=np.vstack([system.c, np.zeros((m, len(system.a)))]), d=np.vstack([system.d, np.eye(m)])
+    )
+    return Graph(tall.response, tall.poles())
+
+
+@pytest.mark.parametrize(("gain", "gap"), [(100.0, 200 / 10001), (0.5, 1.0)])
+def test_poles_outside_count_against_each_other(gain: float, gap: float) -> None:
+    """One of gain/(s - 1), gain/(s + 1) has a pole outside and the other none, either way round."""
+    unstable, stable = (bare(sampled(control.tf([gain], [1, pole]))) for pole in (-1.0, 1.0))
+    assert (unstable.unstable, stable.unstable) == (1, 0)
+    for pair in ((unstable, stable), (stable, unstable)):
+        assert nu_gap(*pair).gap == pytest.approx(gap, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_any_factorisation_gives_the_same(seed: int) -> None:
+    """[P; I] against the graph under stabilising feedback."""
+    first, second = random_system(seed), random_system(seed + 100)
+    nearby = first._replace(c=first.c + 0.1 * second.c)
+    expected = nu_gap(graph_of(first), graph_of(nearby))
+    found = nu_gap(bare(first), bare(nearby))
+    assert found.winding == expected.winding
+    assert found.gap == pytest.approx(expected.gap, abs=1e-6)
+
+
+def test_distance_is_the_textbook_formula_for_one_input_and_output() -> None:
+    """|P1 - P2| / sqrt((1 + |P1|²)(1 + |P2|²)) at each frequency."""
+    systems = [random_system(seed, m=1, p=1) for seed in (1, 2)]
+    found = nu_gap(*(graph_of(system) for system in systems))
+    p_1, p_2 = (system.response(np.exp(1j * found.angles))[:, 0, 0] for system in systems)
+    expected = np.abs(p_1 - p_2) / np.sqrt((1 + np.abs(p_1) ** 2) * (1 + np.abs(p_2) ** 2))
+    assert found.distances == pytest.approx(expected, abs=1e-7)
+
+
+def test_independent_axes_are_as_far_as_the_worst() -> None:
+    pairs = [(random_system(k, m=1, p=1), random_system(k + 7, m=1, p=1)) for k in (1, 2)]
+    blocks = [
+        SampledSystem(*(np.block([[x, np.zeros((len(x), y.shape[1]))], [np.zeros((len(y), x.shape[1])), y]])
+                        for x, y in zip(pairs[0][k], pairs[1][k], strict=True)))
+        for k in (0, 1)
+    ]  # fmt: skip
+    together = nu_gap(*(graph_of(block) for block in blocks))
+    alone = [nu_gap(graph_of(a), graph_of(b)).distances.max() for a, b in pairs]
+    assert together.distances.max() == pytest.approx(max(alone), abs=1e-6)
+
+
+@pytest.mark.parametrize("damping", [1e-2, 1e-5, 1e-8])
+def test_a_sharp_resonance_is_not_stepped_over(damping: float) -> None:
+    """A mode as narrow as 1e-8 that rises to 1 out of nothing, from which it is then 1/sqrt(2) away."""
+    radius, angle = 1.0 - damping, 0.7654
+    a = radius * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    b = np.array([[1.0], [0.0]])
+    mode = SampledSystem(a, b, np.array([[2.0 * damping, 0.0]]), np.zeros((1, 1)))
+    nothing = mode._replace(c=np.zeros((1, 2)))
+    assert nu_gap(graph_of(mode), graph_of(nothing)).gap == pytest.approx(1 / np.sqrt(2), abs=2e-2)
+
+
+def test_a_pole_on_the_circle_is_refused_rather_than_guessed() -> None:
+    integrator = SampledSystem(np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1)))
+    bare = Graph(lambda z: np.ones((len(z), 2, 1), dtype=complex), integrator.poles())
+    found = nu_gap(bare, graph_of(integrator))
+    assert (found.gap, found.winding) == (1.0, None)
+
+
+@pytest.mark.parametrize(
+    ("b", "c", "verb"), [([0.0, 1.0], [1.0, 1.0], "reached"), ([1.0, 1.0], [0.0, 1.0], "seen")]
+)
+def test_hidden_unstable_modes_are_named(b: list[float], c: list[float], verb: str) -> None:
+    system = SampledSystem(np.diag([1.5, 0.5]), np.array([b]).T, np.array([c]), np.zeros((1, 1)))
+    with pytest.raises(InputError, match=f"mode at 1.5.*cannot be {verb}"):
+        graph_of(system)
+    hidden_but_stable = system._replace(a=np.diag([0.9, 0.5]))
+    graph_of(hidden_but_stable)
+
+
+def test_distance_tells_graphs_apart() -> None:
+    e = np.eye(3, dtype=complex)
+    graphs = np.stack([e[:, :1], e[:, 1:2], (e[:, :1] + e[:, 1:2])])
+    basis = orthonormal(graphs)
+    assert distance(basis, basis[[0, 0, 0]]) == pytest.approx([0.0, 1.0, np.sqrt(0.5)], abs=1e-12)
