@@ -1,7 +1,10 @@
 """Shared states and runs."""
 
 import functools
+import os
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; before NumPy is loaded
 
 import numpy as np
 import pytest

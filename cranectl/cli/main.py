@@ -77,6 +77,8 @@ for command in (
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
+    # Matrices here are small: threads of the linear algebra library only wait for one another.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGTERM, _terminate)
     try:
         code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False)
