@@ -20,12 +20,19 @@ if TYPE_CHECKING:
     "--controller", "controllers", multiple=True, metavar="NAME", help="Repeatable. Default: all six."
 )
 @scenario_options
+@click.option(
+    "--report",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="HTML page with this, the certificate, the ladder and the error budget of the best controller.",
+)
 @json_option
 def advise_command(
     scenario: str,
     controllers: tuple[str, ...],
     rig: Path | None,
     overrides: tuple[str, ...],
+    report: Path | None,
     json_file: str | None,
 ) -> int:
     """Say which controller to take for the drives and sensors of SCENARIO, and what to improve first.
@@ -37,7 +44,7 @@ def advise_command(
 
     \b
     cranectl advise settled-trajectory
-    cranectl advise settled-trajectory --controller lqr+loop-shaping
+    cranectl advise settled-trajectory --controller lqr+loop-shaping --report rig.html
     cranectl advise fixed-position --set effects.delay.seconds=0.03 --set rig.bridge_time_constant=0.05
     """
     from cranectl.analysis.advice import IMPROVEMENTS, advise
@@ -46,6 +53,10 @@ def advise_command(
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    if report is not None:
+        from cranectl.report.page import check_place
+
+        check_place(report)
     chosen = [checked_controller(name) for name in controllers] or list(CONTROLLERS)
     with progress_bar(len(chosen) + IMPROVEMENTS, done="assessed") as (advance, describe):
         describe(loaded.name)
@@ -56,10 +67,34 @@ def advise_command(
         screen.print(_improvements(found))
     for line in _words(found):
         screen.print(line, soft_wrap=True, markup=False)
+    if report is not None and found.best is not None:
+        _write_report(found, report, f"cranectl advise {scenario} --report {report}")
+        screen.print(f"report: {report}", soft_wrap=True, markup=False)
     write_json(json_file, found.to_json())
     if found.best is None:
         return exit_codes.RUN_STOPPED
     return exit_codes.GOOD if found.best.guaranteed else exit_codes.LIMIT_EXCEEDED
+
+
+def _write_report(found: "Advice", report: Path, command: str) -> None:
+    """Climb the ladder with the best controller, budget it, and write all of it."""
+    from cranectl.analysis.budget.error_budget import error_budget
+    from cranectl.analysis.certificate.certify import make_judge
+    from cranectl.analysis.certificate.linear_plant import linear_plant
+    from cranectl.analysis.certificate.loop import inner_loop_of
+    from cranectl.analysis.ladder import climb
+    from cranectl.design import design_controller
+    from cranectl.report.page import write_page
+    from cranectl.report.rig_report import rig_page
+
+    best, scenario = found.best, found.scenario
+    assert best is not None
+    design = design_controller(best.controller, scenario.design)
+    judge = make_judge(scenario, design)
+    worst = inner_loop_of(linear_plant(scenario, best.certificate.worst.point, "velocity"), design.gain)
+    steps = list(climb(scenario, best.controller))
+    budget = error_budget(scenario, best.controller)
+    write_page(rig_page(found, judge, worst, steps, budget, command), report)
 
 
 def _controllers(found: "Advice") -> "Table":

@@ -134,9 +134,10 @@ def certify_command(
     if left_out:
         screen.print(f"not linear, left out: {', '.join(left_out)}", soft_wrap=True)
     if plot is not None:
-        from cranectl.analysis.certificate.figure import plot_certificate  # matplotlib, only where asked for
+        from cranectl.report.certificate_figure import certificate_figure  # matplotlib, only where asked for
+        from cranectl.report.figure_file import save_figure
 
-        plot_certificate(found, judge, inner_loop_of(worst, design.gain), plot)
+        save_figure(certificate_figure(found, judge, inner_loop_of(worst, design.gain)), plot)
         screen.print(f"picture: {plot}", soft_wrap=True)
     data = found.to_json() | {"drive_margins_at_worst": margins.to_json(), "left_out": left_out}
     if limit_list:

@@ -1,7 +1,6 @@
 """Figures of designs: singular values, shaped loops, step responses."""
 
 from pathlib import Path
-from typing import Any
 
 import control
 import matplotlib
@@ -13,12 +12,10 @@ from cranectl.design import Design
 from cranectl.design.linear import inner_loop
 from cranectl.design.loop import open_loop
 from cranectl.design.loop_shaping import error_weight
-from cranectl.errors import InputError
-from cranectl.files import replacing
+from cranectl.report.figure_file import save_figure
 from cranectl.scenario import LoopShapingSettings
 
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]
-UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 STEP_TIME = np.linspace(0.0, 8.0, 801)  # [s]
 FREQUENCY = "angular frequency [rad/s]"
 
@@ -33,18 +30,7 @@ def robustifier_system(design: Design) -> control.StateSpace:
 
 def plot_design(design: Design, path: Path) -> None:
     """Draw `design` to `path`, format by its suffix; raises InputError if that cannot be done."""
-    figure = design_figure(design)
-    kind = path.suffix.lower()
-    try:
-        # No date and no random identifiers: the same design, the same bytes.
-        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}), replacing(path) as part:
-            figure.savefig(part, format=kind[1:] or None, metadata=UNDATED.get(kind))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot draw to {path}: {error}",
-            allowed="a .svg, .pdf or .png file in an existing directory",
-            remedy="choose another file with --plot",
-        ) from None
+    save_figure(design_figure(design), path)
 
 
 def design_figure(design: Design) -> Figure:

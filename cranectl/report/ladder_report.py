@@ -18,16 +18,22 @@ LEAST = 1e-9  # [m] that is drawn
 
 def ladder_page(scenario: Scenario, controller: str, steps: Sequence[Step], remade_by: str) -> Page:
     """The page of a climb with one controller."""
+    title = f"{scenario.name}, {controller}: the fidelity ladder"
+    return Page(title, scenario.title, ladder_sections(steps), remade_by)
+
+
+def ladder_sections(steps: Sequence[Step], *, first: int = 1) -> tuple[Section, ...]:
+    """The sections of a climb; `first` is the number of their first figure."""
+    bars, distances = str(first), str(first + 1)
+    apart = f"distance of the load from that of {steps[0].rung.name}"
     figures = (
-        Figure("1", "what each rung adds", _bars(steps), _largest(steps)),
-        Figure("2", f"distance of the load from that of {steps[0].rung.name}", _distances(steps), ""),
+        Figure(bars, "what each rung adds", _bars(steps, f"f{bars}"), _largest(steps)),
+        Figure(distances, apart, _distances(steps, f"f{distances}"), ""),
     )
-    sections = (
+    return (
         Section("costs", "What each effect costs", tables=(_table(steps),), figures=figures),
         Section("rungs", "The rungs", tables=(_rungs(steps),)),
     )
-    title = f"{scenario.name}, {controller}: the fidelity ladder"
-    return Page(title, scenario.title, sections, remade_by)
 
 
 def _table(steps: Sequence[Step]) -> Table:
@@ -97,7 +103,7 @@ def _largest(steps: Sequence[Step]) -> str:
     return f"The largest step is {name}: the load moves by up to {1e3 * largest:.3g} mm."
 
 
-def _bars(steps: Sequence[Step]) -> str:
+def _bars(steps: Sequence[Step], name: str) -> str:
     """Largest deviations on a logarithmic axis, a row a rung."""
     shown = [step for step in steps if step.cumulative]
     with styled():
@@ -116,10 +122,10 @@ def _bars(steps: Sequence[Step]) -> str:
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
         drawing.legend(loc="outside upper center", ncols=2)
-        return inline_svg(drawing, "f1")
+        return inline_svg(drawing, name)
 
 
-def _distances(steps: Sequence[Step]) -> str:
+def _distances(steps: Sequence[Step], name: str) -> str:
     """Over time, all rungs: solid for the first colours, then dashed and dotted."""
     with styled():
         drawing = Drawing(figsize=(WIDTH, 3.4), layout="constrained")
@@ -134,4 +140,4 @@ def _distances(steps: Sequence[Step]) -> str:
         axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(LEAST, None))
         axes.margins(x=0.0)
         drawing.legend(loc="outside upper center", ncols=6)
-        return inline_svg(drawing, "f2")
+        return inline_svg(drawing, name)
