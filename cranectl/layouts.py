@@ -117,13 +117,14 @@ def _ladder(panels: Panels, _plant: str) -> Layout:
         for s in overlay.distance_group(labels).signals
     ]
     plots = [_plot(panels, f"log₁₀ of distance from {labels[0]}", apart, minYValue=-9.0)]
-    shown_signals = [("error", f"error_{axis}") for axis in "xyz"]
-    for group, name in (*shown_signals, ("state", "alpha"), ("load", "rope_tension")):
+    titles = {("error", f"error_{axis}"): f"error {axis}" for axis in "xyz"}
+    titles |= {("state", "alpha"): "alpha", ("load", "rope_tension"): "rope tension"}
+    for (group, name), title in titles.items():
         paths = [
             {**_path(label, group, name), "label": label, "color": colours[label]}
             for label in reversed(labels)
         ]
-        plots.append(_plot(panels, _signal(GROUPS[group], name).description, paths))
+        plots.append(_plot(panels, title, paths))
     shown = [topics.plant_topic(label, "trail") for label in labels]
     shown += [topics.plant_topic(overlay.CRANE, name) for name in ("model", "cable")]
     left = _column([_scene(panels, shown), _timeline(panels, [overlay.CRANE])], (60, 40))

@@ -63,13 +63,30 @@ def correct(observer, joint, position, memory):
 
 @jit
 def predict(observer, accelerations, memory):
-    """Expect the next sample, given the commanded accelerations (3,) of bridge, trolley, rope [m/s²]."""
+    """Expect the next sample, given the commanded accelerations (3,) of bridge, trolley, rope [m/s²].
+
+    The angles' accelerations are those in the middle of the period: at its start they would be late by half
+    a period, and the disturbances would make up for it.
+    """
     period = observer.period
     u_x, u_y = accelerations[0] + memory[DISTURBANCE], accelerations[1] + memory[DISTURBANCE + 1]
+    length, alpha, beta = memory[POSITION + 2], memory[POSITION + 3], memory[POSITION + 4]
+    length_rate, alpha_rate, beta_rate = memory[VELOCITY + 2], memory[VELOCITY + 3], memory[VELOCITY + 4]
     alpha_ddot, beta_ddot = angular_accelerations(
-        memory[POSITION + 2], memory[VELOCITY + 2], memory[POSITION + 3], memory[VELOCITY + 3],
-        memory[POSITION + 4], memory[VELOCITY + 4], u_x, u_y, observer.gravity,
-    )  # fmt: skip
+        length, length_rate, alpha, alpha_rate, beta, beta_rate, u_x, u_y, observer.gravity
+    )
+    half = 0.5 * period
+    alpha_ddot, beta_ddot = angular_accelerations(
+        length + half * length_rate,
+        length_rate + half * (accelerations[2] + memory[DISTURBANCE + 2]),
+        alpha + half * alpha_rate,
+        alpha_rate + half * (alpha_ddot + memory[DISTURBANCE + 3]),
+        beta + half * beta_rate,
+        beta_rate + half * (beta_ddot + memory[DISTURBANCE + 4]),
+        u_x,
+        u_y,
+        observer.gravity,
+    )
     for joint in range(JOINTS):
         known = accelerations[joint] if joint < 3 else (alpha_ddot if joint == 3 else beta_ddot)
         acceleration = known + memory[DISTURBANCE + joint]

@@ -15,6 +15,8 @@ from cranectl.observer import (
     make_observer,
     predict,
 )
+from cranectl.parameters import RigParameters
+from cranectl.plants.analytic import AnalyticPlant
 
 PERIOD, GRAVITY, BANDWIDTH = 1e-3, 9.81, 60.0
 
@@ -103,3 +105,22 @@ def test_a_free_pendulum_is_followed_by_its_equations(observer: Observer) -> Non
     rate = -amplitude * frequency * np.sin(frequency * time[500:])
     assert np.abs(found[:, VELOCITY + 3] - rate).max() < 1e-3 * amplitude * frequency
     assert np.abs(found[:, DISTURBANCE + 3]).max() < 2e-3 * amplitude * frequency**2
+
+
+def test_what_moves_the_trolley_is_not_taken_for_a_disturbance_of_the_angles(observer: Observer) -> None:
+    """Commanded and unknown accelerations of all drives, both angles swinging, the rope running."""
+    commanded, unknown = np.array([4.0, -3.0, 0.5]), np.array([2.0, 2.5, 1.0])
+    plant = AnalyticPlant(RigParameters(), drive="ideal", step=PERIOD, substeps=1)
+    state = np.array([0.3, 0.0, 1.2, 0.0, 0.6, 0.2, 0.25, 1.5, -0.2, -1.0])
+    plant.reset(state)
+    memory, load = initial_estimate(state), np.zeros(7)
+    for _ in range(350):
+        plant.measure(state)
+        for joint in range(5):
+            correct(observer, joint, state[2 * joint], memory)
+        left = memory.copy()
+        predict(observer, commanded, memory)
+        plant.advance(commanded + unknown, np.zeros(2), np.zeros(3), load)
+    assert_allclose(left[DISTURBANCE : DISTURBANCE + 3], unknown, atol=1e-5)
+    assert_allclose(left[DISTURBANCE + 3 :], 0.0, atol=1e-3)
+    assert_allclose(left[VELOCITY:DISTURBANCE], state[1::2], atol=3e-5)

@@ -44,7 +44,8 @@ TARGETS = {
         slopes_from_angles angles_from_slopes flat_output drive_accelerations slope_acceleration
         linearising_input state_and_input
     """,
-    "cranectl.tracker": "robustify control_step",
+    "cranectl.tracker": "robustify inner_law control_step",
+    "cranectl.observer": "make_observer correct",
     "cranectl.plants.analytic": "drive_accelerations derivative observe_load",
     "cranectl.plants.mujoco": "apply_disturbance",
     "cranectl.plants.mujoco_model": "_set_velocity_drives",
@@ -56,6 +57,7 @@ SUITE = [
     "tests/test_dynamics.py",
     "tests/test_flatness.py",
     "tests/test_tracker.py",
+    "tests/test_observer.py",
     "tests/test_parameters.py",
     "tests/plants/test_plants.py",
     "tests/plants/test_agreement.py",

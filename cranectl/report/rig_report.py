@@ -125,13 +125,14 @@ def _certificate(best: Assessment, judge: Judge, worst: InnerLoop) -> Figure:
 
 
 def _budget_table(budget: Budget) -> Table:
-    headings = ("rung", "remark", "estimate RMS [mm]", "estimate max [mm]", "measured RMS [mm]",
+    headings = ("rung", "estimate RMS [mm]", "estimate max [mm]", "measured RMS [mm]",
                 "measured max [mm]", "ratio of RMS", "bound of max [mm]", "bound over measured")  # fmt: skip
     rows = [_budget_row(entry) for entry in budget.entries]
     total, rest = (f"{1e3 * size.rms:.2g}" for size in (budget.total, budget.rest))
     note = f"All together {total} mm RMS, of which {rest} mm are unexplained."
+    remarks = "".join(f" {entry.rung}: {entry.remark}." for entry in budget.entries if entry.remark)
     title = f"Predicted and measured deviations of the load, {budget.controller}"
-    return Table(title, headings, tuple(rows), labels=2, note=note)
+    return Table(title, headings, tuple(rows), note=note + remarks)
 
 
 def _budget_row(entry: Entry) -> tuple[Cell, ...]:
@@ -139,7 +140,6 @@ def _budget_row(entry: Entry) -> tuple[Cell, ...]:
     bound = f"{1e3 * entry.bound:.2g}" if math.isfinite(entry.bound) else "none"
     return (
         Cell(entry.rung),
-        Cell(entry.remark),
         *(Cell(f"{1e3 * value:.2g}") for value in values),
         Cell(_ratio(entry.ratio)),
         Cell(bound, "" if entry.holds else "bad"),
