@@ -144,7 +144,7 @@ def agreement_table(agreements: Sequence["Agreement"], passed: Sequence[bool]) -
     table = _table("Agreement of the plants", ("controller",))
     for drive, (limit_m, limit_rad) in limits.items():
         for what, limit in (("load [m]", limit_m), ("angle [rad]", limit_rad)):
-            heading = f"{drive}\n{what}\n< {limit:.0e}"
+            heading = f"{drive}\n{what}\n< {limit:g}"
             table.add_column(escape(heading), justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     rows: dict[tuple[str, str], dict[str, tuple[Agreement, bool]]] = {}

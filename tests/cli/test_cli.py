@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.compare import Limits
+from cranectl.compare import Limits, agreement_limits
 from cranectl.design import CONTROLLERS
 from cranectl.log import read_log
 from cranectl.plants.interface import DRIVES, PLANTS
@@ -103,7 +103,7 @@ def test_run_of_one_plant_with_options(capsys: pytest.CaptureFixture[str]) -> No
 def test_velocity_drives_are_judged_by_their_own_limits(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "fixed-position", *SHORT, "--drive", "velocity"]) == 0
     out = capsys.readouterr().out
-    assert "< 1e-02" in out
+    assert f"< {agreement_limits('velocity').load_m:g}" in out
     assert "passed" in out
     assert Path("logs/fixed-position/pole-placement-velocity.mcap").exists()
 
@@ -130,7 +130,7 @@ def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
             "limit_rad", "passed",
         }  # fmt: skip
         assert agreement["max_load_error_m"] < agreement["limit_m"]
-        assert agreement["limit_m"] == (1e-6 if agreement["drive"] == "ideal" else 0.01)
+        assert agreement["limit_m"] == agreement_limits(agreement["drive"]).load_m
     assert "passed" in captured.err, "tables go to standard error when JSON takes standard output"
 
 

@@ -216,7 +216,7 @@ def test_logs_of_other_versions_merge_only_when_told_to(
     from cranectl.log.streams import versions
 
     newer = {**versions(), "mujoco": "99.0"}
-    monkeypatch.setattr("cranectl.log.streams.versions", lambda: newer)
+    monkeypatch.setattr("cranectl.log.versions", lambda: newer)
     pair = ("analytic.mcap", "mujoco.mcap")
     error = bad_input(capsys, *pair, "--merge", "both.mcap")
     assert "analytic.mcap and this installation differ in: mujoco: 4" in error

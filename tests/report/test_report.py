@@ -208,7 +208,7 @@ def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
         (["no.mcap"], "cannot read no.mcap"),
         (["a.mcap"] * 5, "5 logs"),
         (["a.mcap", "--out", "."], "it is a directory"),
-        (["--out", "file/thesis.html"], "cannot write the report to file/thesis.html"),
+        (["--out", "file/thesis.html"], "cannot write file/thesis.html"),
     ],
 )
 def test_wrong_input_is_refused_before_anything_is_computed(
