@@ -58,6 +58,16 @@ def test_all_poles_are_where_they_are_said_to_be(observer: Observer) -> None:
     assert_allclose(polynomial, np.poly([np.exp(-BANDWIDTH * PERIOD)] * 3), atol=1e-9)
 
 
+def test_a_measurement_corrects_its_own_joint_by_the_gains(observer: Observer) -> None:
+    memory = np.arange(1.0, 16.0)
+    before = memory.copy()
+    correct(observer, 2, 3.7, memory)
+    gains = [observer.position_gain, observer.velocity_gain, observer.disturbance_gain]
+    places = [POSITION + 2, VELOCITY + 2, DISTURBANCE + 2]
+    assert_allclose((memory - before)[places], 0.7 * np.array(gains), rtol=1e-12)
+    assert np.count_nonzero(memory - before) == 3
+
+
 def test_constant_acceleration_is_found_without_error(observer: Observer) -> None:
     """Commanded or not: what is not commanded is the disturbance."""
     time = PERIOD * np.arange(1500)

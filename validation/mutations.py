@@ -20,6 +20,7 @@ import copy
 import importlib
 import inspect
 import multiprocessing
+import re
 import signal
 import sys
 import textwrap
@@ -46,7 +47,9 @@ TARGETS = {
     """,
     "cranectl.tracker": "robustify inner_law control_step",
     "cranectl.observer": "make_observer correct",
-    "cranectl.plants.analytic": "drive_accelerations derivative observe_load",
+    "cranectl.plants.analytic": """
+        drive_accelerations derivative observe_load drag_force passive_accelerations pivot_torque
+    """,
     "cranectl.plants.mujoco": "apply_disturbance",
     "cranectl.plants.mujoco_model": "_set_velocity_drives",
     "cranectl.parameters": "RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight",
@@ -128,8 +131,8 @@ _NOT_A_TERM = (
 # Flipping these changes nothing: their sign enters squared, in m J'J and in m l² cos² beta.
 _SQUARED = (
     "load_jacobian(q)",
-    "rig.qpos[length_joint] + half * rig.qvel[length_joint]",
-    "cos(rig.qpos[beta_joint] + half * rig.qvel[beta_joint])",
+    "rig.qpos[rig.distance[0]] + half * rig.qvel[rig.distance[1]]",
+    "cos(rig.qpos[rig.joints[4]] + half * rig.qvel[rig.rates[4]])",
 )
 
 
@@ -284,37 +287,53 @@ def judge(mutant: Mutant) -> Verdict:
     return Verdict(mutant, run_suite(mutant))
 
 
-def table(verdicts: list[Verdict]) -> str:
-    """Markdown: a row a term, a column an operation, in the cells the test that failed."""
-    survivors = sum(verdict.killer is None for verdict in verdicts)
-    lines = [
-        "# Mutation proof",
-        "",
-        "Written by `make mutations`. Every term of the equations of motion, the flat map, the linearising",
-        "law, the tracker, the disturbance forces and the drive model is flipped in sign, dropped, and made",
-        "1 % larger, one at a time. In the cells is the first test that fails.",
-        "",
-        f"**{len(verdicts)} mutants, {len(verdicts) - survivors} caught, {survivors} survived.**",
-    ]
-    rows: dict[tuple[str, str, int, str, int], dict[str, str]] = {}
+HEAD = """# Mutation proof
+
+Written by `make mutations`. Every term of the equations of motion, the flat map, the linearising
+law, the tracker, the observer's correction, the forces that act on the load and the drive model is flipped
+in sign, dropped, and made 1 % larger, one at a time. In the cells is the first test that fails.
+
+"""
+SQUARED = "enters squared"
+SURVIVED = "**survived**"
+
+
+def sections(verdicts: list[Verdict]) -> dict[str, str]:
+    """Markdown of each function: a row a term, a column an operation, in the cells the test that failed."""
+    rows: dict[str, dict[tuple[int, str, int], dict[str, str]]] = {}
     for verdict in verdicts:
         m = verdict.mutant
-        cell = f"`{_short(verdict.killer)}`" if verdict.killer else "**survived**"
-        rows.setdefault((m.module, m.function, m.line, m.text, m.term), {})[m.operation] = cell
-    last = ("", "")
-    for (module, function, line, text, _), cells in rows.items():
-        if (module, function) != last:
-            last = (module, function)
-            lines += [
-                "",
-                f"## `{module}.{function}`",
-                "",
-                "| line | term | flipped | dropped | × 1.01 |",
-                "|---|---|---|---|---|",
-            ]
-        killers = " | ".join(cells.get(operation, "enters squared") for operation in OPERATIONS)
-        lines.append(f"| {line} | `{' '.join(text.split())}` | {killers} |")
-    return "\n".join(lines) + "\n"
+        cell = f"`{_short(verdict.killer)}`" if verdict.killer else SURVIVED
+        terms_of = rows.setdefault(f"{m.module}.{m.function}", {})
+        terms_of.setdefault((m.line, m.text, m.term), {})[m.operation] = cell
+    found = {}
+    for function, found_terms in rows.items():
+        lines = [
+            f"## `{function}`",
+            "",
+            "| line | term | flipped | dropped | × 1.01 |",
+            "|---|---|---|---|---|",
+        ]
+        for (line, text, _), cells in found_terms.items():
+            killers = " | ".join(cells.get(operation, SQUARED) for operation in OPERATIONS)
+            lines.append(f"| {line} | `{' '.join(text.split())}` | {killers} |")
+        found[function] = "\n".join(lines) + "\n"
+    return found
+
+
+def page(found: dict[str, str], before: str) -> str:
+    """The whole page: `found` in place of the same functions' sections in the page `before`."""
+    kept = {
+        text.split("`")[1]: f"{text.strip()}\n" for text in re.findall(r"(?ms)^## `.*?(?=^## |\Z)", before)
+    }
+    merged = {**kept, **found}
+    targets = [f"{module}.{function}" for module, names in TARGETS.items() for function in names.split()]
+    body = [merged[target] for target in targets if target in merged]
+    cells = [cell for text in body for row in text.splitlines()[4:] for cell in row.split(" | ")[-3:]]
+    tried = [cell for cell in cells if SQUARED not in cell]
+    survivors = sum(SURVIVED in cell for cell in tried)
+    counts = f"**{len(tried)} mutants, {len(tried) - survivors} caught, {survivors} survived.**\n"
+    return HEAD + "\n".join([counts, *body])
 
 
 def _short(killer: str) -> str:
@@ -328,7 +347,9 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("name", nargs="?", default="", help="only targets whose name contains this")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="write the table of results")
+    parser.add_argument(
+        "--write", type=Path, metavar="FILE", help="write the table of results; with NAME only its part of it"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
     arguments = parser.parse_args()
     _warm_up()
@@ -354,7 +375,8 @@ def main() -> int:
     survivors = sum(verdict.killer is None for verdict in verdicts)
     print(f"{len(verdicts)} mutants, {len(verdicts) - survivors} caught, {survivors} survived")
     if arguments.write is not None:
-        arguments.write.write_text(table(verdicts), encoding="utf-8")
+        before = arguments.write.read_text(encoding="utf-8") if arguments.name else ""
+        arguments.write.write_text(page(sections(verdicts), before), encoding="utf-8")
     return 1 if survivors else 0
 
 

@@ -10,9 +10,15 @@ USE_VELOCITY = "take '--drive velocity'"
 def check_effects(effects: EffectSettings, *, plant: str, drive: str) -> None:
     """Raise InputError for effects that `plant` with `drive` cannot show.
 
-    Friction of the cardan joint, wind, sensing, delay, and limits of velocity and acceleration suit every
-    plant and drive.
+    Friction of the cardan joint, wind, sensing and delay suit every plant and drive; limits of velocity and
+    acceleration are of set-points, which velocity drives have on both plants.
     """
+    if effects.limits is not None and drive == "ideal":
+        raise InputError(
+            "[effects.limits] with ideal drives, which take accelerations and realise any",
+            allowed="velocity drives",
+            remedy=f"{USE_VELOCITY}, or leave the effect out",
+        )
     if plant == "analytic":
         for name in ("rope", "body", "frame"):
             if getattr(effects, name) is not None:

@@ -6,8 +6,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cranectl import dynamics
+from cranectl.effects.friction import STICTION_RATE
+from cranectl.effects.settings import EffectSettings, Friction, Wind
 from cranectl.parameters import RigParameters
-from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations
+from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
 from cranectl.plants.interface import DRIVES, PLANTS, Plant
 from cranectl.plants.mujoco import MujocoPlant, apply_disturbance
 from tests.conftest import ROOT, STILL, random_states, split
@@ -134,6 +136,33 @@ def test_derivative_of_the_analytic_plant_is_made_of_its_parts(drive: str) -> No
         assert rate[0::2].tolist() == state[1::2].tolist()
         assert rate[1:6:2].tolist() == accelerations.tolist()
         assert rate[7::2] == pytest.approx(np.array(cardan) + disturbance, rel=1e-13)
+
+
+def test_drag_and_friction_of_the_joint_enter_as_generalised_forces() -> None:
+    """Q = J' F and the pivot's torques, over the inertias m l² cos² beta and m l²; the tension takes F n."""
+    friction = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3, pivot_coulomb=0.02, pivot_viscous=0.03)
+    effects = EffectSettings(wind=Wind(drag_area=0.4, density=1.3), friction=friction)
+    heavy = RigParameters(load_mass=1.7)
+    bare = AnalyticPlant(heavy, drive="ideal", step=1e-3, substeps=1)
+    plant = AnalyticPlant(heavy, drive="ideal", step=1e-3, substeps=1, effects=effects)
+    rng = np.random.default_rng(8)
+    for state in random_states(30, seed=2):
+        command, wind = rng.normal(size=3), rng.normal(size=3)
+        q, qd = split(state)
+        through_air = wind - dynamics.load_velocity(q, qd)
+        drag = 0.5 * 1.3 * 0.4 * np.linalg.norm(through_air) * through_air
+        rates = state[[7, 9]]
+        torque = -0.03 * rates - 0.02 * np.tanh(rates / STICTION_RATE)
+        force = dynamics.load_jacobian(q).T[3:] @ drag + torque
+        inertia = 1.7 * q[2] ** 2 * np.array([np.cos(q[4]) ** 2, 1.0])
+        found, without, load, load_without = np.zeros(10), np.zeros(10), np.zeros(7), np.zeros(7)
+        derivative(plant.rig, state, command, np.zeros(2), wind, found)
+        derivative(bare.rig, state, command, np.zeros(2), wind, without)
+        assert (found - without)[[7, 9]] == pytest.approx(force / inertia, rel=1e-9)
+        observe_load(plant.rig, state, command, wind, load)
+        observe_load(bare.rig, state, command, wind, load_without)
+        along = drag @ np.array(dynamics.rope_direction(q[3], q[4]))
+        assert load[6] - load_without[6] == pytest.approx(along, rel=1e-9)
 
 
 def test_disturbance_torques_are_those_of_mid_step() -> None:

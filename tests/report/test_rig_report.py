@@ -1,0 +1,61 @@
+"""The pages of a ladder and of a rig: what the commands say is on them, once."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from cranectl.analysis.rungs import NAMES
+from cranectl.cli.main import main
+
+SHORT = ["--set", "duration=1.0", "--set", "disturbances.0.start=0.1", "--set", "disturbances.1.start=0.2"]
+
+
+def anchors(page: str) -> list[str]:
+    return re.findall(r'<(?:section|figure)[^>]* id="([^"]+)"', page)
+
+
+def test_the_page_of_a_ladder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = ["ladder", "fixed-position", *SHORT, "--top", "delay", "--report", "a.html", "--json", "a.json"]
+    assert main(command) == 0
+    page = Path("a.html").read_text()
+    said = json.loads(Path("a.json").read_text())
+    for rung in said["rungs"]:
+        assert f">{rung['rung']}<" in page
+        if rung["cumulative"]:
+            assert f"{1e3 * rung['cumulative']['max']:.3g}" in page
+    assert "friction" not in page
+    assert page.count("<svg") == 2
+    assert len(anchors(page)) == len(set(anchors(page)))
+    before = page
+    assert main(command) == 0
+    assert Path("a.html").read_text() == before
+
+
+def test_the_page_of_a_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = ["advise", "fixed-position", *SHORT, "--controller", "lqr+loop-shaping"]
+    assert main([*command, "--report", "rig.html", "--json", "rig.json"]) == 0
+    page, said = Path("rig.html").read_text(), json.loads(Path("rig.json").read_text())
+    assert "Take lqr+loop-shaping: guaranteed" in page
+    for improvement in said["improvements"]:
+        assert improvement["change"] in page
+    assert all(f">{name}<" in page for name in NAMES), "the whole ladder"
+    for budgeted in ("observer", "quantisation", "friction"):
+        assert f">{budgeted}<" in page
+    assert page.count("<svg") == 4
+    assert len(anchors(page)) == len(set(anchors(page)))
+    assert not re.search(r'(?:src|href)="https?:', page), "it needs no network"
+
+
+def test_a_place_that_cannot_be_written_is_found_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    for command in (["ladder", "fixed-position"], ["advise", "fixed-position"]):
+        assert main([*command, "--report", "file/a.html"]) == 2
+        assert "cannot write file/a.html" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.mcap"))
