@@ -173,7 +173,6 @@ def test_the_analytic_plant_refuses_what_it_cannot_show(name: str) -> None:
     [
         EffectSettings(friction=Friction(viscous=(0.0, 0.0, 0.0))),
         EffectSettings(friction=Friction(coulomb=(0.0, 0.0, 0.0))),
-        EffectSettings(limits=DriveLimits()),
     ],
 )
 def test_ideal_drives_refuse_forces(effects: EffectSettings, plant: str) -> None:
@@ -181,12 +180,21 @@ def test_ideal_drives_refuse_forces(effects: EffectSettings, plant: str) -> None
         check_effects(effects, plant=plant, drive="ideal")
 
 
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("force", [(NO_LIMIT,) * 3, (60.0, 40.0, 30.0)])
+def test_ideal_drives_refuse_limits(force: tuple[float, float, float], plant: str) -> None:
+    """They take accelerations: a limit of velocity has nothing to act on."""
+    with pytest.raises(InputError, match="with ideal drives") as caught:
+        check_effects(EffectSettings(limits=DriveLimits(force=force)), plant=plant, drive="ideal")
+    assert "--drive velocity" in caught.value.remedy
+
+
 @pytest.mark.parametrize(("plant", "drive"), list(itertools.product(PLANTS, DRIVES)))
 def test_effects_that_suit_every_plant_are_accepted(plant: str, drive: str) -> None:
     zero = (0.0, 0.0, 0.0)
     effects = EffectSettings(
         friction=Friction(coulomb=zero, viscous=zero),
-        limits=DriveLimits(force=(NO_LIMIT,) * 3),
+        limits=DriveLimits(force=(NO_LIMIT,) * 3) if drive == "velocity" else None,
         wind=Wind(),
         sensing=Sensing(),
         delay=Delay(),
