@@ -15,7 +15,8 @@ import numpy as np
 from cranectl.analysis.certificate.certify import Certificate, certify, make_judge
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
-from cranectl.analysis.ladder import Deviation, deviation, with_effects
+from cranectl.analysis.deviation import Size
+from cranectl.analysis.ladder import deviation, with_effects
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -37,7 +38,7 @@ class Assessment:
     certificate: Certificate
     status: RunStatus
     metrics: RunMetrics | None
-    cost: Deviation | None  # from the continuous-time ideal; None for a run without samples
+    cost: Size | None  # from the continuous-time ideal; None for a run without samples
 
     @property
     def guaranteed(self) -> bool:
@@ -149,9 +150,7 @@ def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]
     certificate = certify(make_judge(scenario, design), scenario, points, drive="velocity")
     run = simulate_run(scenario, plant="mujoco", drive="velocity", design=design)
     ideal = simulate_continuous(scenario, design=design)
-    common = np.isin(run.time_ns, ideal.time_ns)
-    cost = deviation(ideal, run) if common.any() else None
-    return Assessment(controller, certificate, run.status, run_metrics(run), cost)
+    return Assessment(controller, certificate, run.status, run_metrics(run), deviation(ideal, run))
 
 
 def visited_points(scenario: Scenario) -> list[OperatingPoint]:

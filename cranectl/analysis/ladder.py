@@ -4,10 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cranectl.analysis.continuous import simulate_continuous
+from cranectl.analysis.deviation import Size, load_difference, size_of
 from cranectl.analysis.rungs import BASE, EFFECTS, NAMES, RUNGS, Rung
 from cranectl.design import Design, design_controller
 from cranectl.effects.settings import ALL_EFFECTS
@@ -17,21 +15,7 @@ from cranectl.scenario import Scenario
 from cranectl.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]  # called with simulated seconds
-
-
-@dataclass(frozen=True)
-class Deviation:
-    """How far a load is from another's path: the norm of the difference of the positions [m]."""
-
-    rms: float
-    max: float
-    final: float
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -41,8 +25,8 @@ class Step:
     rung: Rung
     run: Run
     metrics: RunMetrics | None
-    cumulative: Deviation | None  # from the rung before
-    alone: Deviation | None  # from BASE, with this effect only
+    cumulative: Size | None  # from the rung before
+    alone: Size | None  # from BASE, with this effect only
     alone_status: str | None  # how that run ended
     alone_metrics: RunMetrics | None
 
@@ -54,8 +38,8 @@ class Step:
             "drive": self.rung.drive,
             "status": self.run.status.label,
             "metrics": self.metrics.to_json() if self.metrics else None,
-            "cumulative": self.cumulative.to_json() if self.cumulative else None,
-            "alone": self.alone.to_json() if self.alone else None,
+            "cumulative": asdict(self.cumulative) if self.cumulative else None,
+            "alone": asdict(self.alone) if self.alone else None,
             "alone_status": self.alone_status,
             "alone_metrics": self.alone_metrics.to_json() if self.alone_metrics else None,
         }
@@ -115,13 +99,10 @@ def with_effects(scenario: Scenario, names: list[str]) -> Scenario:
     return parse_settings(Scenario, table, f"{scenario.name} with {', '.join(names) or 'no effects'}")
 
 
-def deviation(a: Run, b: Run) -> Deviation | None:
+def deviation(a: Run, b: Run) -> Size | None:
     """Of the load of `b` from that of `a`, over the samples that both have; None if there are none."""
-    common = min(len(a.time_ns), len(b.time_ns))
-    if not common:
-        return None
-    apart = np.linalg.norm(b.block("load")[:common, :3] - a.block("load")[:common, :3], axis=1)
-    return Deviation(float(np.sqrt(np.mean(apart**2))), float(apart.max()), float(apart[-1]))
+    difference = load_difference(b, a)
+    return size_of(difference) if len(difference) else None
 
 
 def _run(

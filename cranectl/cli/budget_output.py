@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from cranectl.analysis.budget.error_budget import Budget, Entry
-from cranectl.analysis.budget.nominal import Size
+from cranectl.analysis.deviation import Size
 
 
 def budget_table(budget: Budget) -> Table:

@@ -7,7 +7,8 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from cranectl.analysis.ladder import Deviation, Step
+from cranectl.analysis.deviation import Size
+from cranectl.analysis.ladder import Step
 from cranectl.analysis.rungs import BASE
 
 
@@ -51,7 +52,7 @@ def _cells(step: Step) -> list[str]:
     ]
 
 
-def _triple(found: Deviation | None) -> str:
+def _triple(found: Size | None) -> str:
     return "" if found is None else _millimetres((found.rms, found.max, found.final))
 
 

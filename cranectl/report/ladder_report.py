@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.analysis.ladder import Deviation, Step
+from cranectl.analysis.deviation import Size, load_difference
+from cranectl.analysis.ladder import Step
 from cranectl.analysis.rungs import BASE
 from cranectl.report.page import Cell, Figure, Page, Section, Table
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
@@ -56,7 +57,7 @@ def _row(step: Step) -> tuple[Cell, ...]:
     metrics = step.metrics
     if metrics is None:
         return (Cell(step.rung.name), ended, *(Cell("–"),) * 11)
-    errors = Deviation(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m)
+    errors = Size(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m)
     return (
         Cell(step.rung.name),
         ended,
@@ -68,7 +69,7 @@ def _row(step: Step) -> tuple[Cell, ...]:
     )
 
 
-def _cells(found: Deviation | None) -> tuple[Cell, ...]:
+def _cells(found: Size | None) -> tuple[Cell, ...]:
     if found is None:
         return (Cell(""),) * 3
     return tuple(Cell(f"{1e3 * value:.3g}") for value in (found.rms, found.max, found.final))
@@ -132,11 +133,12 @@ def _distances(steps: Sequence[Step], name: str) -> str:
         axes = drawing.subplots()
         first = steps[0].run
         for k, step in enumerate(steps[1:]):
-            n = min(len(first.time_ns), len(step.run.time_ns))
-            apart = np.linalg.norm(step.run.block("load")[:n, :3] - first.block("load")[:n, :3], axis=1)
+            apart = np.linalg.norm(load_difference(step.run, first), axis=1)
             style = ("-", "--", ":")[k // len(SERIES) % 3]
             colour = STAND_IN[SERIES[k % len(SERIES)]]
-            axes.semilogy(first.time[:n], apart.clip(min=LEAST), style, color=colour, label=step.rung.name)
+            axes.semilogy(
+                first.time[: len(apart)], apart.clip(min=LEAST), style, color=colour, label=step.rung.name
+            )
         axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(LEAST, None))
         axes.margins(x=0.0)
         drawing.legend(loc="outside upper center", ncols=6)

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.nominal import Nominal, Size, nominal_run, size_of, with_effects
+from cranectl.analysis.budget.nominal import Nominal, nominal_run, with_effects
 from cranectl.analysis.budget.prediction import RUNGS, predict_rungs
 from cranectl.analysis.budget.random_errors import exact, noisy
 from cranectl.analysis.continuous import simulate_continuous
+from cranectl.analysis.deviation import Size, load_difference, size_of
 from cranectl.effects.settings import NO_EFFECTS
 from cranectl.errors import unknown_name
 from cranectl.scenario import Scenario
@@ -157,10 +158,3 @@ def error_budget(
     total = load_difference(before, first)
     rest = total[: len(explained)] - explained[: len(total)]
     return Budget(scenario.name, nominal.run.design.name, tuple(entries), size_of(total), size_of(rest))
-
-
-def load_difference(run: Run, before: Run) -> Array:
-    """Load of `run` less that of `before`, over the samples that both have, (n, 3) [m]."""
-    common = min(len(run.time_ns), len(before.time_ns))
-    difference: Array = run.block("load")[:common, :3] - before.block("load")[:common, :3]
-    return difference

@@ -1,4 +1,4 @@
-"""What a budget starts from: the sampled ideal, run and linearised; and sizes of deviations from it."""
+"""What a budget starts from: the sampled ideal, run and linearised."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,21 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
+from cranectl.analysis.deviation import Size
 from cranectl.design import design_controller
 from cranectl.effects.settings import NO_EFFECTS, Delay, DriveLimits, EffectSettings, Friction, Sensing
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Size:
-    """Of a deviation of the load position over a run: Euclidean norm over the axes [m]."""
-
-    rms: float
-    max: float
-    final: float
 
 
 @dataclass(frozen=True)
@@ -32,14 +24,6 @@ class Prediction:
     estimate: Size
     bound: float  # of the largest deviation [m]; infinite where the effect is too large for a first order
     load: Array  # (N, 3) predicted deviation [m]; zero for noise, whose sign no one knows
-
-
-def size_of(load: Array) -> Size:
-    """Of deviations (N, 3)."""
-    if not len(load):
-        return Size(0.0, 0.0, 0.0)
-    norm = np.linalg.norm(load, axis=1)
-    return Size(float(np.sqrt(np.mean(norm**2))), float(norm.max()), float(norm[-1]))
 
 
 class Settings(NamedTuple):

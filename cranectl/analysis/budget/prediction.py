@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cranectl.analysis.budget.drive_errors import delayed, limited_commands, rubbed, servo_error
 from cranectl.analysis.budget.equivalent import Equivalent, hold_error, integrator_error
-from cranectl.analysis.budget.nominal import Nominal, Prediction, size_of
+from cranectl.analysis.budget.nominal import Nominal, Prediction
 from cranectl.analysis.budget.propagation import (
     Deviation,
     DriveOperator,
@@ -27,6 +27,7 @@ from cranectl.analysis.budget.propagation import (
 )
 from cranectl.analysis.budget.random_errors import exact, predict_noise, predict_quantisation, told_error
 from cranectl.analysis.budget.remainder import second_order
+from cranectl.analysis.deviation import size_of
 from cranectl.effects.sensing import make_encoders
 
 Array = NDArray[np.float64]

@@ -9,8 +9,9 @@ from cranectl.analysis.budget.estimator import (
     observed_error,
     worst_load_error,
 )
-from cranectl.analysis.budget.nominal import Nominal, Prediction, Size
+from cranectl.analysis.budget.nominal import Nominal, Prediction
 from cranectl.analysis.budget.propagation import Deviation, no_errors, propagate
+from cranectl.analysis.deviation import Size
 from cranectl.effects.sensing import Encoders, make_encoders
 from cranectl.effects.settings import Sensing
 from cranectl.observer import Observer, make_observer

@@ -11,10 +11,11 @@ from cranectl.analysis.budget.drive_errors import rope_pull, servo_error
 from cranectl.analysis.budget.equivalent import hold_error, integrator_error
 from cranectl.analysis.budget.error_budget import Budget, Entry, error_budget
 from cranectl.analysis.budget.level_3 import predict_plant_difference
-from cranectl.analysis.budget.nominal import Nominal, Size, nominal_run, size_of
+from cranectl.analysis.budget.nominal import Nominal, nominal_run
 from cranectl.analysis.budget.prediction import RUNGS
 from cranectl.analysis.budget.propagation import ideal_operator, propagate
 from cranectl.analysis.budget.remainder import second_order
+from cranectl.analysis.deviation import Size, size_of
 from cranectl.cli.main import main
 from cranectl.compare import agreement_limits, compare_runs
 from cranectl.dynamics import mass_matrix

@@ -1,0 +1,34 @@
+"""How far the load of one run is from that of another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.simulate import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Size:
+    """Of a deviation of the load position over a run: Euclidean norm over the axes [m]."""
+
+    rms: float
+    max: float
+    final: float
+
+
+def size_of(load: Array) -> Size:
+    """Of deviations (N, 3); zero if there are none."""
+    if not len(load):
+        return Size(0.0, 0.0, 0.0)
+    norm = np.linalg.norm(load, axis=1)
+    return Size(float(np.sqrt(np.mean(norm**2))), float(norm.max()), float(norm[-1]))
+
+
+def load_difference(run: Run, before: Run) -> Array:
+    """Load of `run` less that of `before`, over the samples that both have, (n, 3) [m]."""
+    common = min(len(run.time_ns), len(before.time_ns))
+    difference: Array = run.block("load")[:common, :3] - before.block("load")[:common, :3]
+    return difference
