@@ -55,7 +55,7 @@ def make_stages(scenario: Scenario, start: Array, *, drive: str, samples: int) -
     first = start[1:6:2] if drive == "velocity" else np.zeros(3)
     return Stages(
         sensed=effects.sensing is not None,
-        encoders=make_encoders(sensing, samples),
+        encoders=make_encoders(sensing, samples if effects.sensing else 1),
         observer=make_observer(
             sensing.observer_bandwidth, period=period, gravity=scenario.rig.gravity
         ),
@@ -110,6 +110,7 @@ def act(stages, command_column, row, memory, told):
             memory[SETPOINT + axis] += command[axis] - wanted
             told[COMMAND_COLUMN + 3 + axis] = 1.0
         stages.previous[axis] = command[axis]
-    predict(stages.observer, row[INPUT_COLUMN : INPUT_COLUMN + 3], stages.estimate)
+    if stages.sensed:
+        predict(stages.observer, row[INPUT_COLUMN : INPUT_COLUMN + 3], stages.estimate)
     transport(stages.line, stages.clock[0], command)
     stages.clock[0] += 1
