@@ -16,7 +16,8 @@ from cranectl.analysis.certificate.certify import Certificate, certify, make_jud
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size
-from cranectl.analysis.ladder import deviation, with_effects
+from cranectl.analysis.effects import with_effects
+from cranectl.analysis.ladder import deviation
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS, Scenario

@@ -6,13 +6,12 @@ from typing import Any
 
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size, load_difference, size_of
+from cranectl.analysis.effects import with_effects
 from cranectl.analysis.rungs import BASE, EFFECTS, NAMES, RUNGS, Rung
 from cranectl.design import Design, design_controller
-from cranectl.effects.settings import ALL_EFFECTS
 from cranectl.errors import unknown_name
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import Scenario
-from cranectl.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 
 Progress = Callable[[float], None]  # called with simulated seconds
@@ -87,16 +86,6 @@ def simulated_seconds(scenario: Scenario, top: str) -> float:
     names = NAMES[: NAMES.index(top) + 1] if top in NAMES else NAMES
     effects = sum(name in EFFECTS for name in names)
     return scenario.duration * (len(names) + max(0, effects - 1))
-
-
-def with_effects(scenario: Scenario, names: list[str]) -> Scenario:
-    """`scenario` with exactly these effects, its own settings of them or the defaults."""
-    chosen = {
-        name: (getattr(scenario.effects, name) or getattr(ALL_EFFECTS, name)).model_dump(mode="json")
-        for name in names
-    }
-    table = {**scenario.model_dump(mode="json"), "effects": chosen}
-    return parse_settings(Scenario, table, f"{scenario.name} with {', '.join(names) or 'no effects'}")
 
 
 def deviation(a: Run, b: Run) -> Size | None:

@@ -10,7 +10,8 @@ from click.testing import CliRunner
 from mcap.reader import make_reader
 from numpy.testing import assert_array_equal
 
-from cranectl.analysis.ladder import climb, deviation, with_effects
+from cranectl.analysis.effects import with_effects
+from cranectl.analysis.ladder import climb, deviation
 from cranectl.analysis.rungs import BASE, EFFECTS, NAMES, RUNGS
 from cranectl.cli.main import cli
 from cranectl.effects.settings import ALL_EFFECTS

@@ -6,22 +6,16 @@ Each follows from the effect's own law and the nominal run alone, sampled with t
                  same for v_z and for the error that the robustifier is told
     integrator   one RK4 step less the exact one, by the classical scheme on the same equations
 
-What the drives make of a command is in `analysis.budget.drive_errors`.
+What real drives make of a command is in `analysis.budget.drive_errors`, what the crane as it is built does
+besides in `analysis.budget.real_crane`.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from cranectl.analysis.budget.propagation import Deviation, DriveOperator, Ports, ideal_operator, no_errors
-from cranectl.analysis.budget.trajectory_loop import (
-    EXTENSION,
-    ROBUSTIFIER,
-    TrajectoryLoop,
-    analytic_rig,
-)
+from cranectl.analysis.budget.propagation import Deviation, Ports, no_errors
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, analytic_rig
 from cranectl.jit import jit
 from cranectl.plants.analytic import derivative
 from cranectl.plants.mujoco_model import IDEAL_INERTIA
@@ -32,20 +26,14 @@ from cranectl.simulate import Run
 Array = NDArray[np.float64]
 
 
-class Equivalent(NamedTuple):
-    """An effect: its signals at the ports, and what it does to deviations on their way to the plant."""
-
-    ports: Ports
-    operator: DriveOperator
-
-
-def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Equivalent:
+def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Ports:
     """The sampled run less the continuous-time ideal.
 
     What a hold does is a matter of the continuous law's own signals: those of the sampled run, or better
     those less a deviation `predicted` from them.
     """
     ports, period = no_errors(loop), loop.period
+    extension, robustifier = len(loop.kept) + 3, len(loop.kept) + 5
     u, v, error = (run.block(n)[:, :3].copy() for n in ("input", "virtual_input", "error"))
     if predicted is not None:
         u[:-1] -= predicted.commanded
@@ -54,15 +42,15 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
     jumps = _jumps(run)
     ports.drive[:] = -_rise(u, period, jumps)
     v_z = -_rise(v[:, 2:], period, jumps)[:, 0]
-    ports.local[:, EXTENSION] = 0.5 * period**2 * v_z
-    ports.local[:, EXTENSION + 1] = period * v_z
+    ports.local[:, extension] = 0.5 * period**2 * v_z
+    ports.local[:, extension + 1] = period * v_z
     ramp = _ramp_response(run, period)
     error_rate = _rate(error, period, jumps)
     m = len(ramp)
     for axis in range(3):
-        first = ROBUSTIFIER + axis * m
+        first = robustifier + axis * m
         ports.local[:, first : first + m] = -error_rate[:, axis : axis + 1] * ramp
-    return Equivalent(ports, ideal_operator())
+    return ports
 
 
 def _ramp_response(run: Run, period: float) -> Array:
@@ -102,7 +90,7 @@ def _jumps(run: Run) -> NDArray[np.intp]:
     return np.ceil(joints * NANOSECONDS / run.scenario.period_ns - 1e-6).astype(np.intp)
 
 
-def integrator_error(run: Run, loop: TrajectoryLoop) -> Equivalent:
+def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
     """RK4 with the disturbance torque of mid-step held, less the nominal run's exact steps.
 
     The engine's ideal drives are inert by `IDEAL_INERTIA` per kg of load: the rope moves them by that much.
@@ -116,7 +104,7 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Equivalent:
     alpha, beta = joints[:, 6], joints[:, 8]
     direction = np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), np.ones(len(joints))])
     ports.drive[:] = load * direction / (IDEAL_INERTIA * run.scenario.rig.load_mass)
-    return Equivalent(ports, ideal_operator())
+    return ports
 
 
 @jit

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.nominal import Nominal, nominal_run, with_effects
+from cranectl.analysis.budget.nominal import STRUCTURE, Nominal, nominal_run
 from cranectl.analysis.budget.prediction import RUNGS, predict_rungs
 from cranectl.analysis.budget.random_errors import exact, noisy
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size, load_difference, size_of
+from cranectl.analysis.effects import replace_effects
 from cranectl.effects.settings import NO_EFFECTS
 from cranectl.errors import unknown_name
 from cranectl.scenario import Scenario
@@ -32,7 +33,11 @@ WHY_LOOSE = {
     "noise": "the millionth's quantile over all samples against one seed",
     "quantisation": "the worst pattern of steps, which no motion has, against nearly random ones",
     "delay": "small beside the steps of the encoders, which fall anew",
-    "friction": "sticking axes: friction there is anything up to Coulomb's",
+    "rope": "small beside what the rungs below leave out",
+    "body": "small beside what the rungs below leave out",
+    "wind": "small beside what the rungs below leave out",
+    "frame": "small beside what the rungs below leave out",
+    "friction": "any course of friction within its limits; sticking axes rub less",
 }
 
 
@@ -107,19 +112,19 @@ def measured_runs(nominal: Nominal, progress: Progress | None = None) -> Iterato
     yield simulate_continuous(base, design=run.design)
     yield run
     yield simulate_run(base, plant="mujoco", design=run.design, progress=progress)
-    sensing = effects.sensing
-    climbed: dict[str, Any] = {}
-    for changes in (
-        {},
-        {"limits": effects.limits},
-        {"sensing": exact(sensing)},
-        {"sensing": noisy(sensing)},
-        {"sensing": sensing},
-        {"delay": effects.delay},
-        {"friction": effects.friction},
+    exactly, noisily = exact(effects.sensing), noisy(effects.sensing)
+    climbed = NO_EFFECTS
+    for name, settings in (
+        ("", None),
+        ("limits", effects.limits),
+        ("sensing", exactly),
+        ("sensing", noisily),
+        ("sensing", effects.sensing),
+        ("delay", effects.delay),
+        *((name, getattr(effects, name)) for name in (*STRUCTURE, "friction")),
     ):
-        climbed |= changes
-        higher = with_effects(base, NO_EFFECTS.model_copy(update=climbed))
+        climbed = climbed.model_copy(update={name: settings} if name else {})
+        higher = replace_effects(base, climbed)
         yield simulate_run(higher, plant="mujoco", drive="velocity", design=run.design, progress=progress)
 
 

@@ -78,7 +78,7 @@ def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array)
 @jit
 def joined_matrices(loop, estimator, k, matrix, noise):
     """State (loop, estimators) and noise (5) at sample k to the state at k + 1."""
-    size = loop.virtual.shape[2]
+    size, p = loop.virtual.shape[2], loop.kept.shape[0]
     matrix[:], noise[:] = 0.0, 0.0
     loop_matrix(loop, k, matrix[:size, :size])
     for joint in range(JOINTS):
@@ -87,7 +87,7 @@ def joined_matrices(loop, estimator, k, matrix, noise):
             for j in range(2):
                 column = 2 * joint + j
                 # What the loop makes of a joint less what the plant itself does is the tracker's part.
-                by_told = matrix[i, column] - (loop.plant_state[k, i, column] if i < 10 else 0.0)
+                by_told = matrix[i, column] - (loop.by_state[k // loop.stride, i, column] if i < p else 0.0)
                 noise[i, joint] += by_told * estimator.told_by_noise[j]
                 for s in range(STATES):
                     matrix[i, first + s] += by_told * estimator.told_by_state[j, s]
@@ -106,8 +106,8 @@ def propagate_variance(loop, estimator, noise_variance, variance):
     for k in range(variance.shape[0]):
         for axis in range(3):
             row = loop.load[k, axis]
-            for i in range(10):
-                for j in range(10):
+            for i in range(len(row)):
+                for j in range(len(row)):
                     variance[k, axis] += row[i] * covariance[i, j] * row[j]
         if k == variance.shape[0] - 1:
             return
@@ -155,7 +155,7 @@ def sweep_adjoint(loop, estimator, amplitudes, instants, worst):
         while begun > 0 and instants[begun - 1] == k + 1:
             begun -= 1
             for axis in range(3):
-                rows[3 * begun + axis, :10] = loop.load[k + 1, axis]
+                rows[3 * begun + axis, : loop.kept.shape[0]] = loop.load[k + 1, axis]
         joined_matrices(loop, estimator, k, matrix, noise)
         active = rows[3 * begun :]
         response = np.dot(active, noise)

@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.drive_errors import servo_error
 from cranectl.analysis.budget.nominal import nominal_run
-from cranectl.analysis.budget.propagation import Deviation, propagate
+from cranectl.analysis.budget.propagation import Deviation, plant_errors, propagate
 from cranectl.analysis.budget.remainder import second_order
+from cranectl.analysis.budget.trajectory_loop import linearise_run
 from cranectl.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -36,14 +36,14 @@ class PlantDifference:
 
 def predict_plant_difference(scenario: Scenario, controller: str | None = None) -> PlantDifference:
     """MuJoCo plant less analytic plant, both with velocity drives, without running either so."""
-    run, loop, _ = nominal_run(scenario, controller)
-    first: list[Deviation] = []
-    second: list[Deviation] = []
-    for yielding in (True, False):
-        found = servo_error(run, loop, yielding=yielding)
-        first.append(propagate(loop, *found))
-        second.append(second_order(run, loop, found.ports, first[-1], found.operator))
-    coarse = loop.period / (2.0 * float(scenario.rig.time_constants.min()))
+    nominal = nominal_run(scenario, controller)
+    loops = (nominal.driven(), linearise_run(nominal.run, drive="velocity"))
+    first = [propagate(loop, plant_errors(loop)) for loop in loops]
+    second = [
+        second_order(nominal.run, loop, plant_errors(loop), found)
+        for loop, found in zip(loops, first, strict=True)
+    ]
+    coarse = nominal.loop.period / (2.0 * float(scenario.rig.time_constants.min()))
     load, angle = (_largest(first[0], first[1], what) for what in ("load", "angle"))
     left_load, left_angle = (_largest(second[0], second[1], what) for what in ("load", "angle"))
     return PlantDifference(

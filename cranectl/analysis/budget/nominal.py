@@ -1,19 +1,22 @@
-"""What a budget starts from: the sampled ideal, run and linearised."""
+"""What a budget starts from: the sampled ideal, run and linearised with the plants of its rungs."""
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.analysis.budget.real_crane import make_crane
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
 from cranectl.analysis.deviation import Size
+from cranectl.analysis.effects import AssumedEffects, assumed_effects, replace_effects
 from cranectl.design import design_controller
-from cranectl.effects.settings import NO_EFFECTS, Delay, DriveLimits, EffectSettings, Friction, Sensing
+from cranectl.effects.settings import NO_EFFECTS
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import Run, plan_scenario, simulate_run
 
 Array = NDArray[np.float64]
+
+STRUCTURE = ("rope", "body", "wind", "frame")  # effects that change the equations of motion
 
 
 @dataclass(frozen=True)
@@ -26,37 +29,28 @@ class Prediction:
     load: Array  # (N, 3) predicted deviation [m]; zero for noise, whose sign no one knows
 
 
-class Settings(NamedTuple):
-    """Of the ladder's effects: the scenario's own, else the defaults."""
-
-    limits: DriveLimits
-    sensing: Sensing
-    delay: Delay
-    friction: Friction
-
-
-class Nominal(NamedTuple):
+@dataclass(frozen=True)
+class Nominal:
     """The nominal run, linearised."""
 
     run: Run
-    loop: TrajectoryLoop
-    effects: Settings
+    loop: TrajectoryLoop  # of the run's own plant
+    effects: AssumedEffects
+    _driven: dict[tuple[str, ...], TrajectoryLoop] = field(default_factory=dict)
+
+    def driven(self, *effects: str) -> TrajectoryLoop:
+        """The loop with velocity drives and those of `effects` that change the equations of motion."""
+        structure = tuple(name for name in STRUCTURE if name in effects)
+        if structure not in self._driven:
+            run, chosen = self.run, self.effects.only(*structure)
+            crane = make_crane(run.scenario, chosen, float(run.block("state")[0, 4]))
+            winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
+            self._driven[structure] = linearise_run(run, crane=crane, winds=winds)
+        return self._driven[structure]
 
 
 def nominal_run(scenario: Scenario, controller: str | None = None) -> Nominal:
     """Run and linearise the sampled ideal of `scenario`."""
     design = design_controller(controller or scenario.controller, scenario.design)
-    run = simulate_run(with_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
-    own = scenario.effects
-    effects = Settings(
-        own.limits or DriveLimits(),
-        own.sensing or Sensing(),
-        own.delay or Delay(),
-        own.friction or Friction(),
-    )
-    return Nominal(run, linearise_run(run), effects)
-
-
-def with_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
-    """`scenario` with exactly these effects."""
-    return scenario.model_copy(update={"effects": effects})
+    run = simulate_run(replace_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
+    return Nominal(run, linearise_run(run), assumed_effects(scenario))

@@ -1,10 +1,12 @@
 """What each rung of the fidelity ladder will do to the load, said before it is run.
 
 The nominal run is the sampled loop on the analytic plant with ideal drives. The effects of a rung and of all
-below it are equivalent disturbances along it (`equivalent`, `estimator`), carried to first order through the
-loop linearised along the run (`propagation`). Effects that depend on the motion are taken on the motion that
-they lead to, found by repetition. The bound adds twice what is left out: the second-order term (`remainder`)
-and the last change of the repetition.
+below it are equivalent disturbances along it (`equivalent`, `drive_errors`, `random_errors`) or equations of
+motion that it does not obey (`real_crane`), carried to first order through the loop linearised along the run
+(`propagation`). Effects that depend on the motion are taken on the motion that they lead to, found by
+repetition. The bound adds what is left out: the second-order term (`remainder`), twice the third, and twice
+the last change of the repetition; of friction, which can be anything up to its limit, it is the worst case
+(`worst_case`).
 """
 
 from collections.abc import Iterator
@@ -14,40 +16,44 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.drive_errors import delayed, limited_commands, rubbed, servo_error
-from cranectl.analysis.budget.equivalent import Equivalent, hold_error, integrator_error
-from cranectl.analysis.budget.nominal import Nominal, Prediction
+from cranectl.analysis.budget.drive_errors import delayed, friction_of, limited_commands
+from cranectl.analysis.budget.equivalent import hold_error, integrator_error
+from cranectl.analysis.budget.nominal import STRUCTURE, Nominal, Prediction
 from cranectl.analysis.budget.propagation import (
+    NO_RUBBING,
     Deviation,
-    DriveOperator,
     Ports,
-    ideal_operator,
+    no_deviation,
     no_errors,
+    plant_errors,
     propagate,
 )
 from cranectl.analysis.budget.random_errors import exact, predict_noise, predict_quantisation, told_error
-from cranectl.analysis.budget.remainder import second_order
+from cranectl.analysis.budget.remainder import higher_orders
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop
+from cranectl.analysis.budget.worst_case import worst_rubbing
 from cranectl.analysis.deviation import size_of
 from cranectl.effects.sensing import make_encoders
 
 Array = NDArray[np.float64]
 
 RUNGS = (
-    "sampled", "engine", "servos", "limits", "observer", "noise", "quantisation", "delay", "friction"
+    "sampled", "engine", "servos", "limits", "observer", "noise", "quantisation", "delay",
+    *STRUCTURE, "friction",
 )  # fmt: skip
 ROUNDING = 2e-12  # [m], of runs of the engine with its huge inertias
 REPETITIONS = 4
+REPEATED = ("limits", "observer", "delay")  # effects that depend on the motion
 HOLD_TAIL = 0.25  # next term of the hold's expansion over the one that repetition adds
 
 
 def predict_rungs(nominal: Nominal) -> Iterator[Prediction]:
     """Every rung's prediction, in the order of RUNGS; nothing of the ladder is run for it."""
     yield _predict_hold(nominal)
-    loop = nominal.loop
-    rest = Deviation(*(np.zeros_like(part) for part in propagate(loop, no_errors(loop))))
-    path, anew, lost = _Path(rest, rest.load, 0.0), 0.0, False
-    # Signals are means over a sample: of a servo of lag tau they miss T / (2 tau).
-    coarse = 0.25 * loop.period / float(nominal.run.scenario.rig.time_constants.min())
+    rest = no_deviation(nominal.loop)
+    path, anew, lost = _Path(rest, rest.load, rest.load, 0.0), 0.0, False
+    # Means over a sample stand for signals: of a servo of lag tau they miss T / (2 tau).
+    coarse = 0.25 * nominal.loop.period / float(nominal.run.scenario.rig.time_constants.min())
     climbed: tuple[str, ...] = ()
     for rung in RUNGS[1:]:
         if rung == "noise":
@@ -60,10 +66,14 @@ def predict_rungs(nominal: Nominal) -> Iterator[Prediction]:
             climbed += (rung,)
             higher = _find_path(nominal, climbed, path.deviation)
             load = higher.deviation.load - path.deviation.load
-            left = size_of(higher.second - path.second).max + higher.change + path.change + anew
-            left = left + coarse * size_of(path.deviation.load).max if load.any() else 0.0
-            size = size_of(load)
-            bound = _bound(size.max, left, size_of(higher.deviation.load).max)
+            size, other = size_of(load), higher.change + path.change + anew
+            if rung == "friction":
+                bound = _bound_friction(nominal, climbed, path, higher, other)
+            elif load.any():
+                other += coarse * size_of(path.deviation.load).max
+                bound = _bound(size.max, _left(path, higher), other)
+            else:
+                bound = ROUNDING
             lost = lost or bound == np.inf
             yield Prediction(rung, size, np.inf if lost else bound, load)
             path = higher
@@ -74,6 +84,7 @@ class _Path(NamedTuple):
 
     deviation: Deviation
     second: Array  # (N, 3) second-order term of the load [m]
+    third: Array  # (N, 3) and third
     change: float  # of the load by the last repetition [m]
 
 
@@ -84,65 +95,102 @@ def _beside(found: Prediction, path: _Path, lost: bool) -> Prediction:
 
 def _find_path(nominal: Nominal, effects: tuple[str, ...], start: Deviation) -> _Path:
     """The motion under `effects`, each taken on the motion itself; `start` is the first guess."""
-    deviation, change = start, np.inf
-    for _ in range(REPETITIONS if len(effects) > 2 else 1):
-        ports, operator = _join(nominal, effects, deviation)
-        found = propagate(nominal.loop, ports, operator)
+    loop, delay = _loop(nominal, effects), _delay(nominal, effects)
+    rubbing = friction_of(nominal.run, nominal.effects.friction) if "friction" in effects else NO_RUBBING
+    deviation, change = start, 0.0
+    for _ in range(REPETITIONS if set(effects) & set(REPEATED) else 1):
+        ports = _join(nominal, effects, loop, deviation)
+        found = propagate(loop, ports, delay, rubbing)
         change = float(np.abs(found.load - deviation.load).max())
         deviation = found
-    second = second_order(nominal.run, nominal.loop, ports, deviation, operator).load
-    return _Path(deviation, second, change if len(effects) > 2 else 0.0)
+    second, third = higher_orders(nominal.run, loop, ports, deviation, delay)
+    return _Path(deviation, second, third, change if set(effects) & set(REPEATED) else 0.0)
 
 
-def _join(nominal: Nominal, effects: tuple[str, ...], on: Deviation) -> tuple[Ports, DriveOperator]:
-    """All `effects` on the motion `on`: their signals together and the last operator."""
-    total, operator = no_errors(nominal.loop), ideal_operator()
+def _left(below: _Path, found: _Path) -> float:
+    """What the first order leaves out of the step between two paths [m].
+
+    Infinite if the third order is more than half of the second: the series, of which each next term goes with
+    the square of the one before as in Newton's method, is not known to converge then.
+    """
+    second, third = size_of(found.second - below.second).max, size_of(found.third - below.third).max
+    whole = size_of(found.second).max
+    if size_of(found.third).max > max(0.5 * whole, ROUNDING):
+        return np.inf
+    return second + 2.0 * third
+
+
+def _loop(nominal: Nominal, effects: tuple[str, ...]) -> TrajectoryLoop:
+    return nominal.driven(*effects) if "servos" in effects else nominal.loop
+
+
+def _delay(nominal: Nominal, effects: tuple[str, ...]) -> int:
+    return round(nominal.effects.delay.seconds / nominal.loop.period) if "delay" in effects else 0
+
+
+def _join(nominal: Nominal, effects: tuple[str, ...], loop: TrajectoryLoop, on: Deviation) -> Ports:
+    """All `effects` on the motion `on`: their signals together."""
+    if "servos" not in effects:
+        return integrator_error(nominal.run, loop)
+    total = plant_errors(loop)  # with what the engine does to it, the same scheme and step
     for name in effects:
-        found = _equivalent(nominal, name, on, operator)
-        total = Ports(*(a + b for a, b in zip(total, found.ports, strict=True)))
-        operator = found.operator
-    return total, operator
+        if name in REPEATED:
+            found = _equivalent(nominal, name, loop, on)
+            total = Ports(*(a + b for a, b in zip(total, found, strict=True)))
+    return total
 
 
-def _equivalent(nominal: Nominal, name: str, on: Deviation, operator: DriveOperator) -> Equivalent:
-    """The effect `name` on the motion `on`, with what the drives are without it."""
-    run, loop, settings = nominal.run, nominal.loop, nominal.effects
-    if name == "engine":
-        return integrator_error(run, loop)
-    if name == "servos":
-        return servo_error(run, loop)
+def _equivalent(nominal: Nominal, name: str, loop: TrajectoryLoop, on: Deviation) -> Ports:
+    """The effect `name` on the motion `on`."""
+    run, settings = nominal.run, nominal.effects
     if name == "limits":
-        return limited_commands(run, loop, settings.limits, on, operator)
+        return limited_commands(run, loop, settings.limits, on)
     if name == "observer":
         ports = no_errors(loop)
         encoders = make_encoders(exact(settings.sensing), len(run.time_ns))
         ports.measured[:] = told_error(nominal, encoders, on)
-        return Equivalent(ports, operator)
-    if name == "delay":
-        commands = run.block("input")[:-1, :3] + on.commanded
-        return delayed(loop, commands, settings.delay.seconds, operator)
-    return rubbed(run, loop, settings.friction, on, operator)
+        return ports
+    return delayed(loop, run.block("input")[:-1, :3] + on.commanded, _delay(nominal, (name,)))
 
 
-def _bound(estimate: float, left: float, whole: float) -> float:
-    """Estimate and twice what is left out: more than the sum of a series of ratio up to one half.
-
-    Infinite if what is left out is more than a quarter of the `whole` deviation: no first order tells then.
-    """
-    return float(estimate + 2.0 * left + ROUNDING) if left <= max(0.25 * whole, ROUNDING) else np.inf
+def _bound(estimate: float, left: float, other: float) -> float:
+    """Of a deviation estimated to first order, what that leaves out, and twice any `other` doubt [m]."""
+    return float(estimate + left + 2.0 * other + ROUNDING)
 
 
 def _predict_hold(nominal: Nominal) -> Prediction:
     """The nominal run less the continuous-time ideal; the rest of the hold's expansion is left out too."""
     run, loop = nominal.run, nominal.loop
-    found = hold_error(run, loop)
-    deviations = [propagate(loop, found.ports)]
+    ports = hold_error(run, loop)
+    deviations = [propagate(loop, ports)]
     for _ in range(2):
-        found = hold_error(run, loop, deviations[-1])
-        deviations.append(propagate(loop, found.ports))
+        ports = hold_error(run, loop, deviations[-1])
+        deviations.append(propagate(loop, ports))
     first, before, last = (deviation.load for deviation in deviations)
     back = Deviation(*(-part for part in deviations[-1]))
-    second = second_order(run, loop, Ports(*(-part for part in found.ports)), back, ideal_operator())
-    left = size_of(second.load).max + size_of(last - before).max + HOLD_TAIL * size_of(last - first).max
-    size = size_of(last)
-    return Prediction("sampled", size, _bound(size.max, left, size.max), last)
+    orders = higher_orders(run, loop, Ports(*(-part for part in ports)), back)
+    rest = _Path(back, np.zeros_like(last), np.zeros_like(last), 0.0)
+    size, other = size_of(last), size_of(last - before).max + HOLD_TAIL * size_of(last - first).max
+    return Prediction("sampled", size, _bound(size.max, _left(rest, _Path(back, *orders, 0.0)), other), last)
+
+
+def _bound_friction(
+    nominal: Nominal, effects: tuple[str, ...], below: _Path, found: _Path, other: float
+) -> float:
+    """Largest deviation by any course of friction within its limits.
+
+    What higher orders and the observer add to the motion `found` is scaled to that of the worst case.
+    """
+    run, loop, delay = nominal.run, _loop(nominal, effects), _delay(nominal, effects)
+    rubbing = friction_of(run, nominal.effects.friction)
+    worst = max(worst_rubbing(loop, rubbing, path.deviation, delay) for path in (below, found))
+    size = size_of(found.deviation.load - below.deviation.load).max
+    without = tuple(name for name in effects if name != "observer")
+    told = [_find_path(nominal, names, below.deviation).deviation.load for names in (without, without[:-1])]
+    by_observer = size_of(found.deviation.load - below.deviation.load - (told[0] - told[1])).max
+    scale = worst / size if size else 1.0
+    scaled = found._replace(
+        second=below.second + scale**2 * (found.second - below.second),
+        third=below.third + scale**3 * (found.third - below.third),
+    )
+    return _bound(worst + by_observer * scale, _left(below, scaled), other)

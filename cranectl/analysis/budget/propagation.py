@@ -1,24 +1,22 @@
-"""Carry errors through the loop linearised along a run: signals, variances, worst cases."""
+"""Carry errors through the loop linearised along a run."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.trajectory_loop import (
-    EXTENSION,
-    ROBUSTIFIER,
-    TrajectoryLoop,
-)
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop
 from cranectl.jit import jit
 
 Array = NDArray[np.float64]
+
+ROUNDS = 4  # in which axes that stick settle what each has to hold
 
 
 class Ports(NamedTuple):
     """Known errors at the ports of a loop of N samples, zero where an effect has none."""
 
-    drive: Array  # (N - 1, 3) realised minus commanded acceleration, mean over the sample [m/s²]
+    drive: Array  # (N - 1, 3) of what the drives get [m/s²] if they are ideal, else [m/s]
     law: Array  # (N - 1, 3) of the commanded acceleration [m/s²]
     arriving: Array  # (N - 1, 3) of the commanded acceleration as it arrives at the drives [m/s²]
     measured: Array  # (N, 10) told minus true joints
@@ -26,62 +24,110 @@ class Ports(NamedTuple):
     local: Array  # (N - 1, n) of X, made within one sample
 
 
-class DriveOperator(NamedTuple):
-    """What the drives make of a deviation of the command: a delay, then a servo.
+class Rubbing(NamedTuple):
+    """Friction of bridge, trolley, winch, alpha and beta, at the ports that the five have in a loop."""
 
-    With the deviation c of the commanded acceleration, `delay` samples old, and the servo's slip s, which is
-    the integral of commanded minus realised acceleration, the realised one is
-    by_command c + by_state x + by_slip s. Empty matrices: it is c.
-    """
-
-    delay: int
-    by_command: Array  # (N - 1, 3, 3) or empty
-    by_state: Array  # (N - 1, 3, 10)
-    by_slip: Array  # (N - 1, 3, 3)
+    rates: Array  # (N, 5) nominal [m/s, rad/s]
+    viscous: Array  # (N - 1, 5) of `Ports.drive` and `Ports.disturbance` per rate
+    coulomb: Array  # (N - 1, 5) largest, sliding or sticking; empty if nothing rubs
 
 
 class Deviation(NamedTuple):
     """A first-order prediction: deviations from the nominal run."""
 
     state: Array  # (N, n) of X
-    realised: Array  # (N - 1, 3) acceleration [m/s²]
+    given: Array  # (N - 1, 3) to the drives, as `Ports.drive`
+    disturbance: Array  # (N - 1, 2) as `Ports.disturbance`
     commanded: Array  # (N - 1, 3) acceleration [m/s²]
     load: Array  # (N, 3) position [m]
 
 
 def no_errors(loop: TrajectoryLoop) -> Ports:
     """Ports at which nothing happens."""
-    samples, size = loop.virtual.shape[0], loop.virtual.shape[2]
-    rows = max(samples - 1, 0)
+    rows = max(loop.samples - 1, 0)
     three = (rows, 3)
-    return Ports(*(np.zeros(s) for s in (three, three, three, (samples, 10), (rows, 2), (rows, size))))
+    return Ports(
+        *(np.zeros(s) for s in (three, three, three, (loop.samples, 10), (rows, 2), (rows, loop.size)))
+    )
 
 
-def ideal_operator(delay: int = 0) -> DriveOperator:
-    """Drives that realise the command, `delay` samples late."""
-    return DriveOperator(delay, np.zeros((0, 3, 3)), np.zeros((0, 3, 10)), np.zeros((0, 3, 3)))
+def plant_errors(loop: TrajectoryLoop) -> Ports:
+    """That the loop's plant does not obey the nominal run."""
+    ports = no_errors(loop)
+    ports.local[:, : loop.defect.shape[1]] = loop.defect
+    return ports
 
 
-def propagate(loop: TrajectoryLoop, ports: Ports, operator: DriveOperator | None = None) -> Deviation:
-    """The deviation that known errors cause."""
-    samples, size = loop.virtual.shape[0], loop.virtual.shape[2]
-    state = np.zeros((samples, size))
-    realised, commanded = np.zeros((max(samples - 1, 0), 3)), np.zeros((max(samples - 1, 0), 3))
-    propagate_signals(loop, ports, operator or ideal_operator(), state, realised, commanded)
-    return Deviation(state, realised, commanded, np.einsum("kij,kj->ki", loop.load, state[:, :10]))
+def no_deviation(loop: TrajectoryLoop) -> Deviation:
+    """The nominal run itself."""
+    samples = loop.samples
+    rows = max(samples - 1, 0)
+    shapes = ((samples, loop.size), (rows, 3), (rows, 2), (rows, 3), (samples, 3))
+    return Deviation(*(np.zeros(shape) for shape in shapes))
+
+
+NO_RUBBING = Rubbing(*(np.zeros((0, 5)) for _ in range(3)))
+
+
+def propagate(loop: TrajectoryLoop, ports: Ports, delay: int = 0, rubbing: Rubbing = NO_RUBBING) -> Deviation:
+    """The deviation that known errors and friction cause while commands are `delay` samples under way."""
+    found = no_deviation(loop)
+    propagate_signals(loop, ports, delay, rubbing, found)
+    p = len(loop.kept)
+    return found._replace(load=loop.load_offset + np.einsum("kij,kj->ki", loop.load, found.state[:, :p]))
 
 
 @jit
-def propagate_signals(loop, ports, operator, state, realised, commanded):
-    """See `Deviation`; all three are written."""
-    size = state.shape[1]
+def rub(loop, rubbing, k, found, coulomb):
+    """Add friction to sample `k` and its effect to the next: Coulomb's stops each rate if it can.
+
+    What one axis takes off another may have to hold, so it goes round (projected Gauss-Seidel).
+    """
+    for joint in range(5):
+        coulomb[joint] = 0.0
+        rate = rubbing.rates[k, joint] + found.state[k, 2 * joint + 1]
+        push(loop, k, joint, -rubbing.viscous[k, joint] * rate, found)
+    for _ in range(ROUNDS):
+        for joint in range(5):
+            rate = rubbing.rates[k + 1, joint] + found.state[k + 1, 2 * joint + 1]
+            limit, before = rubbing.coulomb[k, joint], coulomb[joint]
+            wanted = before - rate / push_gain(loop, k, joint, 2 * joint + 1)
+            coulomb[joint] = min(max(wanted, -limit), limit)
+            push(loop, k, joint, coulomb[joint] - before, found)
+
+
+@jit
+def push_gain(loop, k, joint, state):
+    """Of the next plant state `state` by a signal at the port of `joint`."""
+    at = k // loop.stride
+    return loop.by_command[at, state, joint] if joint < 3 else loop.by_disturbance[at, state, joint - 3]
+
+
+@jit
+def push(loop, k, joint, signal, found):
+    """Add `signal` at the port of `joint` to sample `k`, and its effect to the next."""
+    if joint < 3:
+        found.given[k, joint] += signal
+    else:
+        found.disturbance[k, joint - 3] += signal
+    for i in range(loop.kept.shape[0]):
+        found.state[k + 1, i] += push_gain(loop, k, joint, i) * signal
+
+
+@jit
+def propagate_signals(loop, ports, delay, rubbing, found):
+    """Fills `found`, all but its load."""
+    state, given, commanded = found.state, found.given, found.commanded
+    size, p = state.shape[1], loop.kept.shape[0]
+    extension, robustifier = p + 3, p + 5
     m, period = loop.robustifier_input.shape[0], loop.period
-    told, slip, arrived = np.zeros(size), np.zeros(3), np.zeros(3)
-    line = np.zeros((operator.delay + 1, 3))
+    told, arrived, line = np.zeros(size), np.zeros(3), np.zeros((delay + 1, 3))
+    coulomb = np.zeros(5)
     for k in range(state.shape[0] - 1):
+        at = k // loop.stride
         for j in range(size):
             told[j] = state[k, j] + (ports.measured[k, j] if j < 10 else 0.0)
-        here, arriving = k % (operator.delay + 1), (k + 1) % (operator.delay + 1)
+        here, arriving = k % (delay + 1), (k + 1) % (delay + 1)
         v_z = 0.0
         for j in range(size):
             v_z += loop.virtual[k, 2, j] * told[j]
@@ -93,37 +139,31 @@ def propagate_signals(loop, ports, operator, state, realised, commanded):
             line[here, axis] = command
         for axis in range(3):
             arrived[axis] = line[arriving, axis] + ports.arriving[k, axis]
-        for axis in range(3):
-            acceleration = ports.drive[k, axis]
-            if operator.by_command.shape[0] == 0:
-                acceleration += arrived[axis]
-            else:
-                for j in range(3):
-                    acceleration += operator.by_command[k, axis, j] * arrived[j]
-                    acceleration += operator.by_slip[k, axis, j] * slip[j]
-                for j in range(10):
-                    acceleration += operator.by_state[k, axis, j] * state[k, j]
-            realised[k, axis] = acceleration
-        for axis in range(3):
-            slip[axis] += period * (arrived[axis] - realised[k, axis])
-        for i in range(10):
+            w = state[k, p + axis]
+            given[k, axis] = loop.integral * w + loop.lead[axis] * arrived[axis] + ports.drive[k, axis]
+            state[k + 1, p + axis] = w + period * arrived[axis] + ports.local[k, p + axis]
+        for i in range(p):
             value = ports.local[k, i]
-            for j in range(10):
-                value += loop.plant_state[k, i, j] * state[k, j]
+            for j in range(p):
+                value += loop.by_state[at, i, j] * state[k, j]
             for j in range(3):
-                value += loop.plant_input[k, i, j] * realised[k, j]
+                value += loop.by_command[at, i, j] * given[k, j]
             for j in range(2):
-                value += loop.plant_disturbance[k, i, j] * ports.disturbance[k, j]
+                value += loop.by_disturbance[at, i, j] * ports.disturbance[k, j]
             state[k + 1, i] = value
-        zeta, zeta_dot = state[k, EXTENSION], state[k, EXTENSION + 1]
+        for j in range(2):
+            found.disturbance[k, j] = ports.disturbance[k, j]
+        if rubbing.coulomb.shape[0] > 0:
+            rub(loop, rubbing, k, found, coulomb)
+        zeta, zeta_dot = state[k, extension], state[k, extension + 1]
         local = ports.local[k]
-        state[k + 1, EXTENSION] = zeta + period * (zeta_dot + 0.5 * period * v_z) + local[EXTENSION]
-        state[k + 1, EXTENSION + 1] = zeta_dot + period * v_z + local[EXTENSION + 1]
+        state[k + 1, extension] = zeta + period * (zeta_dot + 0.5 * period * v_z) + local[extension]
+        state[k + 1, extension + 1] = zeta_dot + period * v_z + local[extension + 1]
         for axis in range(3):
             error = 0.0
             for j in range(10):
-                error -= loop.load[k, axis, j] * told[j]
-            first = ROBUSTIFIER + axis * m
+                error -= loop.flat[k, axis, j] * told[j]
+            first = robustifier + axis * m
             for i in range(m):
                 value = loop.robustifier_input[i] * error + local[first + i]
                 for j in range(m):

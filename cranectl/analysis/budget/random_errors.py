@@ -51,7 +51,7 @@ def _observer(nominal: Nominal) -> Observer:
 
 def predict_noise(nominal: Nominal) -> Prediction:
     """White noise through estimator and loop; its largest is that of the loop's independent values."""
-    run, loop, sensing = nominal.run, nominal.loop, nominal.effects.sensing
+    run, loop, sensing = nominal.run, nominal.driven(), nominal.effects.sensing
     deviations = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
     variance = load_variance(loop, linear_estimator(_observer(nominal)), deviations)
     power, samples = variance.sum(axis=1), len(variance)
@@ -73,7 +73,7 @@ def predict_quantisation(nominal: Nominal, motion: Deviation) -> Prediction:
     constant at rest. Where the drives come to rest is not known to a step; the angles rest where theirs count
     from. The bound is the worst pattern of such errors.
     """
-    run, loop, sensing = nominal.run, nominal.loop, nominal.effects.sensing
+    run, loop, sensing = nominal.run, nominal.driven(), nominal.effects.sensing
     stepped, smooth = (make_encoders(s, len(run.time_ns)) for s in (sensing, noisy(sensing)))
     without = told_error(nominal, smooth, motion)
     power, largest = np.zeros(len(run.time_ns)), 0.0

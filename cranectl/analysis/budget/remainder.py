@@ -8,67 +8,63 @@ term of the prediction.
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.drive_errors import rope_pull
-from cranectl.analysis.budget.propagation import Deviation, DriveOperator, Ports, no_errors, propagate
-from cranectl.analysis.budget.trajectory_loop import (
-    EXTENSION,
-    ROBUSTIFIER,
-    TrajectoryLoop,
-    analytic_rig,
-    step_plant,
-)
+from cranectl.analysis.budget.propagation import Deviation, Ports, no_errors, propagate
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, miss
 from cranectl.flatness import flat_output, linearising_input
 from cranectl.jit import jit
-from cranectl.plants.dop853 import STAGES
 from cranectl.simulate import Run, tracker_of
 
 Array = NDArray[np.float64]
 
 
 def second_order(
-    run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviation, operator: DriveOperator
+    run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviation, delay: int = 0
 ) -> Deviation:
     """The second-order term of the deviation `predicted` that errors at `ports` cause."""
     defect, tracker = no_errors(loop), tracker_of(run.scenario, run.design)
-    blocks = [
+    state, controller, inputs, virtual, flat = (
         np.ascontiguousarray(run.block(name))
-        for name in ("state", "controller", "input", "virtual_input", "flat_output", "disturbance")
-    ]
-    states, controller, inputs, virtual, flats, disturbances = blocks
-    law_defect(tracker, loop, states, controller, inputs, virtual, flats, ports, predicted, defect)
-    plant_defect(analytic_rig(run), states, inputs, disturbances, ports, predicted, defect.local)
-    if len(operator.by_command):
-        rig, x, u, d = run.scenario.rig, states[:-1], inputs[:-1, :3], disturbances[:-1]
-        half = 1e-3
-        moved = [
-            rope_pull(rig, x + s * predicted.state[:-1, :10], u + s * predicted.realised, d)
-            for s in (half, -half)
-        ]
-        now = rope_pull(rig, x + predicted.state[:-1, :10], u + predicted.realised, d)
-        bent = now - rope_pull(rig, x, u, d) - (moved[0] - moved[1]) / (2.0 * half)
-        gain = -np.expm1(-loop.period / rig.time_constants) / loop.period * rig.time_constants
-        implicit = operator.by_slip / (gain / rig.time_constants)
-        defect.drive[:] = np.einsum("kij,kj->ki", implicit, gain * bent)
-    return propagate(loop, defect, operator)
+        for name in ("state", "controller", "input", "virtual_input", "flat_output")
+    )
+    law_defect(tracker, loop, state, controller, inputs, virtual, flat, ports, predicted, defect)
+    p = len(loop.kept)
+    states = loop.states.copy()
+    states[:, loop.kept] += predicted.state[:, :p]
+    made = np.zeros((len(defect.local), p))
+    commands, disturbances = loop.commands + predicted.given, loop.disturbances + predicted.disturbance
+    miss(loop.plant, loop.kept, states, commands, disturbances, loop.winds, states[1:], made)
+    defect.local[:, :p] = made + ports.local[:, :p] - loop.defect
+    found = propagate(loop, defect, delay)
+    return found._replace(load=found.load - loop.load_offset)
+
+
+def higher_orders(
+    run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviation, delay: int = 0
+) -> tuple[Array, Array]:
+    """Second- and third-order terms of the load, each (N, 3) [m], of the deviation `predicted`."""
+    second = second_order(run, loop, ports, predicted, delay)
+    better = Deviation(*(a + b for a, b in zip(predicted, second, strict=True)))
+    return second.load, second_order(run, loop, ports, better, delay).load
 
 
 @jit
 def law_defect(tracker, loop, states, controller, inputs, virtual, flats, ports, predicted, defect):
     """Commands and controller states by the true law at the prediction, less the linear ones."""
-    m, period = loop.robustifier_input.shape[0], loop.period
+    m, period, p = loop.robustifier_input.shape[0], loop.period, loop.kept.shape[0]
+    extension, robustifier = p + 3, p + 5
     told, flat, v = np.zeros(12), np.zeros(12), np.zeros(3)
     for k in range(len(defect.law)):
         for i in range(10):
             told[i] = states[k, i] + predicted.state[k, i] + ports.measured[k, i]
         for i in range(2):
-            told[EXTENSION + i] = controller[k, i] + predicted.state[k, EXTENSION + i]
+            told[10 + i] = controller[k, i] + predicted.state[k, extension + i]
         flat_output(told[:10], told[10], told[11], tracker.gravity, flat)
         for axis in range(3):
             error = 0.0
             for j in range(10):
-                error -= loop.load[k, axis, j] * (predicted.state[k, j] + ports.measured[k, j])
+                error -= loop.flat[k, axis, j] * (predicted.state[k, j] + ports.measured[k, j])
             bent = flats[k, axis] - flat[axis] - error
-            first = ROBUSTIFIER + axis * m
+            first = robustifier + axis * m
             v[axis] = virtual[k, axis] + tracker.feedthrough * (flats[k, axis] - flat[axis])
             for order in range(4):
                 place = 3 * order + axis
@@ -84,21 +80,5 @@ def law_defect(tracker, loop, states, controller, inputs, virtual, flats, ports,
         for j in range(predicted.state.shape[1]):
             extra = ports.measured[k, j] if j < 10 else 0.0
             v_z -= loop.virtual[k, 2, j] * (predicted.state[k, j] + extra)
-        defect.local[k, EXTENSION] = 0.5 * period * period * v_z
-        defect.local[k, EXTENSION + 1] = period * v_z
-
-
-@jit
-def plant_defect(rig, states, inputs, disturbances, ports, predicted, defect):
-    """Joints one period after the prediction by the plant itself, less the linear ones."""
-    stages, work, start, state = np.zeros((STAGES, 10)), np.zeros(10), np.zeros(10), np.zeros(10)
-    still = np.zeros(3)
-    for k in range(len(defect)):
-        for i in range(10):
-            start[i] = states[k, i] + predicted.state[k, i]
-        command = inputs[k, :3] + predicted.realised[k]
-        disturbance = disturbances[k] + ports.disturbance[k]
-        step_plant(rig, start, command, disturbance, still, state, stages, work)
-        for i in range(10):
-            expected = states[k + 1, i] + predicted.state[k + 1, i]
-            defect[k, i] = state[i] + ports.local[k, i] - expected
+        defect.local[k, extension] = 0.5 * period * period * v_z
+        defect.local[k, extension + 1] = period * v_z

@@ -1,11 +1,15 @@
 """The sampled loop linearised along a run: what a small error at any port becomes one sample later.
 
-The nominal run is one of the analytic plant with ideal drives. Every sample is linearised about where that
-run was, not about an equilibrium: while hoisting a frozen rope length is wrong by a factor of two. The state
-of the linear loop is X = (x, zeta, zeta', xi): joints (10), dynamic extension, robustifier states of the axes
-x, y, z; all as deviations from the run.
+The nominal run is one of the analytic plant with ideal drives. The plant of the loop may be that one, or the
+crane as it is built (`real_crane`), which the nominal run does not obey: `defect` says by how much it misses
+at every sample. Linearised about where the run was, not about an equilibrium: while hoisting a frozen rope
+length is wrong by a factor of two. The state of the linear loop, as a deviation from the run, is
 
-Derivatives are central differences of the very kernels that simulate; the robustifier is linear already.
+    X = (plant, w, zeta, zeta', xi)
+
+with the joints first in the plant, the integral w of the commanded accelerations (3), from which velocity
+drives get their set-points, the dynamic extension and the robustifier states of the axes x, y, z. Derivatives
+are central differences of the very kernels that simulate; the robustifier is linear already.
 """
 
 from typing import NamedTuple
@@ -13,183 +17,224 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.flatness import flat_output, linearising_input
+from cranectl.analysis.budget.crane_equations import Work, advance, make_work
+from cranectl.analysis.budget.real_crane import RealCrane, kept_states, load_positions, nominal_states
+from cranectl.analysis.budget.trajectory_law import DIFFERENCE, dense_robustifier, law_rows
 from cranectl.jit import jit
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
+from cranectl.plants.interface import Drive
 from cranectl.scenario import NANOSECONDS
-from cranectl.simulate import Run, plan_scenario, tracker_of
-from cranectl.tracker import Tracker
+from cranectl.simulate import Run, tracker_of
 
 Array = NDArray[np.float64]
 
-EXTENSION, ROBUSTIFIER = 10, 12  # places in X
-DIFFERENCE = 1e-5  # half width of the central differences, SI units
+STRIDE = 4  # samples that share one linearisation of the crane as it is built; a rope moves little in them
+
+
+class Plant(NamedTuple):
+    """The crane as it is built, or without it the analytic plant."""
+
+    rig: AnalyticRig
+    crane: RealCrane | None
+    work: Work
+    stages: Array
+    stage_state: Array
 
 
 class TrajectoryLoop(NamedTuple):
-    """N samples of a run, linearised; n = 12 + 3 robustifier states."""
+    """N samples of a run, linearised; p states of the plant that move, n = p + 5 + 3 robustifier states."""
 
-    plant_state: Array  # (N - 1, 10, 10) of the next joints by the present ones, command held
-    plant_input: Array  # (N - 1, 10, 3) by the acceleration held over the sample
-    plant_disturbance: Array  # (N - 1, 10, 2) by angular accelerations held over the sample
-    load: Array  # (N, 3, 10) of the load position by the joints
+    plant: Plant
+    kept: NDArray[np.intp]  # (p,) states of the plant that move
+    states: Array  # (N, 10 or 20) nominal
+    commands: Array  # (N - 1, 3) nominal: accelerations for ideal drives, else velocities
+    disturbances: Array  # (N - 1, 2) nominal
+    winds: Array  # (N, 3)
+    stride: int  # samples that share the next three
+    by_state: Array  # (M, p, p) of the next plant state by the present one
+    by_command: Array  # (M, p, 3)
+    by_disturbance: Array  # (M, p, 2) by angular accelerations
+    defect: Array  # (N - 1, p) the plant's own step from the nominal run, less that run
+    load: Array  # (N, 3, p) of the load position by the plant's state
+    load_offset: Array  # (N, 3) [m] of the load on the nominal states
+    flat: Array  # (N, 3, 10) of the position that the tracker takes for the load's, by the joints
     virtual: Array  # (N, 3, n) of v by X
     command: Array  # (N, 3, n) of the commanded acceleration by X
+    lead: Array  # (3,) command per commanded acceleration: 1, or a time [s]
+    integral: float  # command per w: 0, or 1
     robustifier_state: Array  # (m, m) of one axis
     robustifier_input: Array  # (m,)
     period: float
 
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.virtual)
+
+    @property
+    def size(self) -> int:
+        """Length of X."""
+        return int(self.virtual.shape[2])
+
 
 @jit
-def step_plant(rig, start, command, disturbance, wind, state, stages, stage_state):
-    """One control period of the plant from `start` (10,), into `state`."""
-    state[:] = start
-    for _ in range(rig.substeps):
-        integrate(rig, state, command, disturbance, wind, stages, stage_state)
+def step_plant(plant, crane, state, command, disturbance, wind):
+    """One control period of `state` in place; `crane` is that of `plant`, told apart at compile time."""
+    if crane is None:
+        for _ in range(plant.rig.substeps):
+            integrate(plant.rig, state, command, disturbance, wind, plant.stages, plant.stage_state)
+    else:
+        advance(crane, state, command, disturbance, wind, plant.work)
 
 
 @jit
-def linearise_plant(rig, states, commands, disturbances, winds, by_state, by_input, by_disturbance):
-    """Derivatives of one period at every sample; see `TrajectoryLoop`."""
-    stages, work = np.zeros((STAGES, 10)), np.zeros(10)
-    above, below, port = np.zeros(10), np.zeros(10), np.zeros(15)
-    for k in range(len(by_state)):
-        port[:10], port[10:13], port[13:] = states[k], commands[k], disturbances[k]
-        for column in range(15):
+def linearise_plant(plant, kept, states, commands, disturbances, winds, stride, by_state, by_command, by_d):
+    """Derivatives of one period at every `stride`-th sample; see `TrajectoryLoop`."""
+    p, size = len(kept), states.shape[1]
+    above, below, port = np.zeros(size), np.zeros(size), np.zeros(size + 5)
+    for m in range(len(by_state)):
+        k = m * stride
+        port[:size], port[size : size + 3], port[size + 3 :] = states[k], commands[k], disturbances[k]
+        for c in range(p + 5):
+            column = kept[c] if c < p else size + c - p
             middle = port[column]
             port[column] = middle + DIFFERENCE
-            step_plant(rig, port[:10], port[10:13], port[13:], winds[k], above, stages, work)
+            above[:] = port[:size]
+            step_plant(plant, plant.crane, above, port[size : size + 3], port[size + 3 :], winds[k])
             port[column] = middle - DIFFERENCE
-            step_plant(rig, port[:10], port[10:13], port[13:], winds[k], below, stages, work)
+            below[:] = port[:size]
+            step_plant(plant, plant.crane, below, port[size : size + 3], port[size + 3 :], winds[k])
             port[column] = middle
-            for i in range(10):
-                slope = (above[i] - below[i]) / (2.0 * DIFFERENCE)
-                if column < 10:
-                    by_state[k, i, column] = slope
-                elif column < 13:
-                    by_input[k, i, column - 10] = slope
+            for i in range(p):
+                slope = (above[kept[i]] - below[kept[i]]) / (2.0 * DIFFERENCE)
+                if c < p:
+                    by_state[m, i, c] = slope
+                elif c < p + 3:
+                    by_command[m, i, c - p] = slope
                 else:
-                    by_disturbance[k, i, column - 13] = slope
+                    by_d[m, i, c - p - 3] = slope
 
 
 @jit
-def linearise_law(gravity, states, extensions, virtual, flat_by, input_by, input_by_virtual):
-    """Derivatives of flat output and input by (x, zeta, zeta'), and of the input by v, at every sample.
+def miss(plant, kept, states, commands, disturbances, winds, following, defect):
+    """One period from each of `states` under its ports, less `following`, into `defect`."""
+    state = np.zeros(states.shape[1])
+    for k in range(len(defect)):
+        state[:] = states[k]
+        step_plant(plant, plant.crane, state, commands[k], disturbances[k], winds[k])
+        for i in range(len(kept)):
+            defect[k, i] = state[kept[i]] - following[k, kept[i]]
 
-    `flat_by` (N, 12, 12), `input_by` (N, 3, 12) at v held, `input_by_virtual` (N, 3, 3).
+
+def linearise_run(
+    run: Run, *, crane: RealCrane | None = None, winds: Array | None = None, drive: Drive = "ideal"
+) -> TrajectoryLoop:
+    """Linearise the loop along `run`, one of the analytic plant with ideal drives.
+
+    The loop's plant: `crane` in the moving air `winds` (N, 3), or the analytic one with `drive`.
     """
-    above, below, port = np.zeros(12), np.zeros(12), np.zeros(15)
-    for k in range(len(states)):
-        port[:10], port[10:12], port[12:] = states[k], extensions[k], virtual[k]
-        for column in range(15):
-            middle = port[column]
-            port[column] = middle + DIFFERENCE
-            flat_output(port[:10], port[10], port[11], gravity, above)
-            high = linearising_input(port[:10], port[10], port[11], port[12], port[13], port[14], gravity)
-            port[column] = middle - DIFFERENCE
-            flat_output(port[:10], port[10], port[11], gravity, below)
-            low = linearising_input(port[:10], port[10], port[11], port[12], port[13], port[14], gravity)
-            port[column] = middle
-            for i in range(3):
-                slope = (high[i] - low[i]) / (2.0 * DIFFERENCE)
-                if column < 12:
-                    input_by[k, i, column] = slope
-                else:
-                    input_by_virtual[k, i, column - 12] = slope
-            if column < 12:
-                for i in range(12):
-                    flat_by[k, i, column] = (above[i] - below[i]) / (2.0 * DIFFERENCE)
-
-
-def linearise_run(run: Run) -> TrajectoryLoop:
-    """Linearise the loop along `run`, one of the analytic plant with ideal drives."""
-    tracker = tracker_of(run.scenario, run.design)
-    rig = analytic_rig(run)
-    samples = len(run.time_ns)
-    states, inputs = (np.ascontiguousarray(run.block(name)) for name in ("state", "input"))
-    disturbances = np.ascontiguousarray(run.block("disturbance"))
-    winds = plan_scenario(run.scenario).wind[:samples]
-    by_state, by_input, by_disturbance = (np.zeros((max(samples - 1, 0), 10, m)) for m in (10, 3, 2))
-    linearise_plant(rig, states, inputs[:, :3], disturbances, winds, by_state, by_input, by_disturbance)
-    flat_by, input_by = np.zeros((samples, 12, 12)), np.zeros((samples, 3, 12))
-    input_by_virtual = np.zeros((samples, 3, 3))
-    extensions, virtual = run.block("controller")[:, :2], run.block("virtual_input")[:, :3]
-    linearise_law(
-        tracker.gravity, states, np.ascontiguousarray(extensions), np.ascontiguousarray(virtual),
-        flat_by, input_by, input_by_virtual,
-    )  # fmt: skip
-    robustifier_state, robustifier_input, output = dense_robustifier(tracker)
-    v = np.zeros((samples, 3, ROBUSTIFIER + 3 * len(output)))
-    for axis in range(3):
-        v[:, axis, :12] = -tracker.feedthrough * flat_by[:, axis]
-        for order in range(4):
-            v[:, axis, :12] -= tracker.gain[order] * flat_by[:, 3 * order + axis]
-        first = ROBUSTIFIER + axis * len(output)
-        v[:, axis, first : first + len(output)] = output
-    command = np.matmul(input_by_virtual, v)
-    command[:, :, :12] += input_by
+    tracker, period = tracker_of(run.scenario, run.design), run.scenario.period_ns / NANOSECONDS
+    samples, velocity = len(run.time_ns), crane is not None or drive == "velocity"
+    joints, inputs = np.ascontiguousarray(run.block("state")), run.block("input")
+    commands = np.ascontiguousarray(inputs[:-1, 3:] if velocity else inputs[:-1, :3])
+    disturbances = np.ascontiguousarray(run.block("disturbance")[:-1])
+    states, kept, stride = joints, np.arange(10), 1
+    if crane is not None:
+        states, kept, stride = (
+            nominal_states(crane, joints, run.block("load")[:, 6]),
+            kept_states(crane),
+            STRIDE,
+        )
+    p, rows = len(kept), max(samples - 1, 0)
+    plant = Plant(
+        rig=analytic_rig(run, drive),
+        crane=crane,
+        work=make_work(),
+        stages=np.zeros((STAGES, 10)),
+        stage_state=np.zeros(10),
+    )
+    winds = np.zeros((samples, 3)) if winds is None else winds
+    by_state, by_command, by_d = (np.zeros((-(-rows // stride), p, m)) for m in (p, 3, 2))
+    linearise_plant(plant, kept, states, commands, disturbances, winds, stride, by_state, by_command, by_d)
+    defect = np.zeros((rows, p))
+    miss(plant, kept, states, commands, disturbances, winds, states[1:], defect)
+    load, load_offset = _load_derivatives(run, crane, states, kept)
+    flat_by, virtual, command = law_rows(run, tracker, p)
+    robustifier_state, robustifier_input, _ = dense_robustifier(tracker)
     return TrajectoryLoop(
-        plant_state=by_state,
-        plant_input=by_input,
-        plant_disturbance=by_disturbance,
-        load=np.ascontiguousarray(flat_by[:, :3, :10]),
-        virtual=v,
+        plant, kept, states, commands, disturbances, winds, stride, by_state, by_command, by_d, defect,
+        load=flat_by.copy() if load is None else load,
+        load_offset=load_offset,
+        flat=flat_by,
+        virtual=virtual,
         command=command,
+        lead=tracker.drive_lag if velocity else np.ones(3),
+        integral=float(velocity),
         robustifier_state=robustifier_state,
         robustifier_input=robustifier_input,
-        period=tracker.period,
-    )
+        period=period,
+    )  # fmt: skip
 
 
-def analytic_rig(run: Run) -> AnalyticRig:
-    """Constants of the ideal analytic plant of a run."""
+def _load_derivatives(
+    run: Run, crane: RealCrane | None, states: Array, kept: NDArray[np.intp]
+) -> tuple[Array | None, Array]:
+    """Of the load's position on `states`, by what is `kept`, and how far it is from the run's."""
+    if crane is None:
+        return None, np.zeros((len(states), 3))
+    load = np.zeros((len(states), 3, len(kept)))
+    for column, place in enumerate(kept):
+        if place % 2 == 0:  # rates move nothing
+            shift = DIFFERENCE * np.eye(states.shape[1])[place]
+            apart = load_positions(crane, states + shift) - load_positions(crane, states - shift)
+            load[:, :, column] = apart / (2.0 * DIFFERENCE)
+    return load, load_positions(crane, states) - run.block("load")[:, :3]
+
+
+def analytic_rig(run: Run, drive: Drive = "ideal") -> AnalyticRig:
+    """Constants of the analytic plant of a run."""
     scenario = run.scenario
     step = scenario.period_ns / NANOSECONDS / scenario.substeps
     plant = AnalyticPlant(
-        scenario.rig, drive="ideal", step=step, substeps=scenario.substeps, effects=scenario.effects
+        scenario.rig, drive=drive, step=step, substeps=scenario.substeps, effects=scenario.effects
     )
     return plant.rig
-
-
-def dense_robustifier(tracker: Tracker) -> tuple[Array, Array, Array]:
-    """One axis's sampled robustifier as dense (A, b, c)."""
-    from cranectl.design.sampling import diagonal
-
-    return (
-        diagonal(tracker.state_matrix),
-        np.ascontiguousarray(tracker.input_matrix.ravel()),
-        np.ascontiguousarray(tracker.output_matrix.ravel()),
-    )
 
 
 @jit
 def loop_matrix(loop, k, matrix):
     """The closed loop's X at sample k + 1 by X at k, into `matrix` (n, n)."""
-    n = matrix.shape[0]
+    n, p, at = matrix.shape[0], loop.kept.shape[0], k // loop.stride
     matrix[:] = 0.0
-    matrix[:10, :10] = loop.plant_state[k]
-    for i in range(10):
+    matrix[:p, :p] = loop.by_state[at]
+    for i in range(p):
         for axis in range(3):
+            matrix[i, p + axis] += loop.by_command[at, i, axis] * loop.integral
             for j in range(n):
-                matrix[i, j] += loop.plant_input[k, i, axis] * loop.command[k, axis, j]
+                matrix[i, j] += loop.by_command[at, i, axis] * loop.lead[axis] * loop.command[k, axis, j]
     controller_rows(loop, k, matrix)
 
 
 @jit
 def controller_rows(loop, k, matrix):
-    """The rows of zeta, zeta' and the robustifier by X at sample k, into `matrix` (n, n)."""
-    period, m = loop.period, loop.robustifier_input.shape[0]
+    """The rows of w, zeta, zeta' and the robustifier by X at sample k, into `matrix` (n, n)."""
+    period, m, p = loop.period, loop.robustifier_input.shape[0], loop.kept.shape[0]
+    extension, robustifier = p + 3, p + 5
     for j in range(matrix.shape[1]):
-        matrix[EXTENSION, j] = 0.5 * period * period * loop.virtual[k, 2, j]
-        matrix[EXTENSION + 1, j] = period * loop.virtual[k, 2, j]
-    matrix[EXTENSION, EXTENSION] += 1.0
-    matrix[EXTENSION, EXTENSION + 1] += period
-    matrix[EXTENSION + 1, EXTENSION + 1] += 1.0
+        for axis in range(3):
+            matrix[p + axis, j] = period * loop.command[k, axis, j]
+        matrix[extension, j] = 0.5 * period * period * loop.virtual[k, 2, j]
+        matrix[extension + 1, j] = period * loop.virtual[k, 2, j]
     for axis in range(3):
-        first = ROBUSTIFIER + axis * m
+        matrix[p + axis, p + axis] += 1.0
+    matrix[extension, extension] += 1.0
+    matrix[extension, extension + 1] += period
+    matrix[extension + 1, extension + 1] += 1.0
+    for axis in range(3):
+        first = robustifier + axis * m
         for i in range(m):
             for j in range(10):
-                matrix[first + i, j] = -loop.robustifier_input[i] * loop.load[k, axis, j]
+                matrix[first + i, j] = -loop.robustifier_input[i] * loop.flat[k, axis, j]
             for j in range(m):
                 matrix[first + i, first + j] = loop.robustifier_state[i, j]

@@ -7,24 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.drive_errors import rope_pull, servo_error
+from cranectl.analysis.budget.drive_errors import friction_of
 from cranectl.analysis.budget.equivalent import hold_error, integrator_error
 from cranectl.analysis.budget.error_budget import Budget, Entry, error_budget
 from cranectl.analysis.budget.level_3 import predict_plant_difference
 from cranectl.analysis.budget.nominal import Nominal, nominal_run
 from cranectl.analysis.budget.prediction import RUNGS
-from cranectl.analysis.budget.propagation import ideal_operator, propagate
+from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate
 from cranectl.analysis.budget.remainder import second_order
 from cranectl.analysis.deviation import Size, size_of
 from cranectl.cli.main import main
 from cranectl.compare import agreement_limits, compare_runs
-from cranectl.dynamics import mass_matrix
 from cranectl.errors import InputError
-from cranectl.parameters import RigParameters
 from cranectl.plants.interface import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
-from tests.conftest import random_states
 
 FREE = ("velocity", "acceleration", "force")
 SHORT = {
@@ -59,11 +56,11 @@ def test_bounds_hold_and_estimates_are_near(scenario: str, controller: str) -> N
     entries = {entry.rung: entry for entry in budget(scenario, controller).entries}
     assert tuple(entries) == RUNGS
     assert budget(scenario, controller).holds
-    for rung in ("sampled", "servos", "delay"):
+    for rung in ("sampled", "servos", "delay", "rope", "wind", "friction"):
         assert entries[rung].ratio == pytest.approx(1.0, abs=0.2)
         assert entries[rung].estimate.max == pytest.approx(entries[rung].measured.max, rel=0.2)
-        assert np.isfinite(entries[rung].bound)
     for entry in entries.values():
+        assert np.isfinite(entry.bound)
         assert entry.remark or entry.looseness <= 5.0 or not entry.measured.max
 
 
@@ -97,14 +94,17 @@ def nominal(*overrides: str) -> Nominal:
 
 def test_a_servo_of_another_kind_is_noticed() -> None:
     """Without the lead, or at twice the lag, the prediction is off by far more than a fifth."""
+
+    def predicted(where: Nominal) -> float:
+        return size_of(propagate(where.driven(), plant_errors(where.driven())).load).rms
+
     right = nominal()
-    found = size_of(propagate(right.loop, *servo_error(right.run, right.loop)).load).rms
-    ideal, real = (simulate_run(right.run.scenario, controller="lqr", drive=d) for d in ("ideal", "velocity"))
+    ideal = simulate_run(right.run.scenario, plant="mujoco", controller="lqr", drive="ideal")
+    real = simulate_run(right.run.scenario, plant="mujoco", controller="lqr", drive="velocity")
     measured = size_of(real.block("load")[:, :3] - ideal.block("load")[:, :3]).rms
-    assert found == pytest.approx(measured, rel=0.05)
+    assert predicted(right) == pytest.approx(measured, rel=0.05)
     for wrong in ("control.lag_compensation=false", "rig.bridge_time_constant=0.04"):
-        other = nominal(wrong)
-        assert size_of(propagate(other.loop, *servo_error(other.run, other.loop)).load).rms > 1.2 * measured
+        assert predicted(nominal(wrong)) > 1.2 * measured
 
 
 def test_engine_and_hold_change_with_their_orders() -> None:
@@ -113,9 +113,9 @@ def test_engine_and_hold_change_with_their_orders() -> None:
     for period in (2e-3, 1e-3):
         where = nominal(f"control.period={period}", f"control.physics_step={period}", "disturbances=[]")
         engine = integrator_error(where.run, where.loop)
-        engine.ports.drive[:] = 0.0  # the reaction of the ideal drives does not depend on the step
+        engine.drive[:] = 0.0  # the reaction of the ideal drives does not depend on the step
         effects = (engine, hold_error(where.run, where.loop))
-        sizes.append([size_of(propagate(where.loop, *effect).load).rms for effect in effects])
+        sizes.append([size_of(propagate(where.loop, effect).load).rms for effect in effects])
     assert sizes[0][0] / sizes[1][0] == pytest.approx(16.0, rel=0.1)
     assert sizes[0][1] / sizes[1][1] == pytest.approx(2.0, rel=0.05)
 
@@ -123,39 +123,37 @@ def test_engine_and_hold_change_with_their_orders() -> None:
 def test_the_second_order_grows_as_the_square() -> None:
     where, sizes = nominal(), []
     for scale in (1.0, 2.0):
-        ports = servo_error(where.run, where.loop).ports
-        ports.drive[:] *= scale
+        ports = no_errors(where.loop)
+        ports.drive[:] = scale * np.sin(np.arange(len(ports.drive)) / 300.0)[:, None] * [0.05, 0.03, 0.02]
         deviation = propagate(where.loop, ports)
-        second = second_order(where.run, where.loop, ports, deviation, ideal_operator())
+        second = second_order(where.run, where.loop, ports, deviation)
         sizes.append(size_of(second.load).max)
     assert sizes[1] / sizes[0] == pytest.approx(4.0, rel=0.1)
 
 
-def test_rope_pull_is_what_the_equations_of_motion_say() -> None:
-    """Driven masses accelerated as given: the force that is missing in M a is the rope's."""
-    rig = RigParameters()
-    states = random_states(20, seed=4)
-    states[:, 1::2] = 0.0  # at rest, so that no Coriolis force is in the way
-    accelerations = np.random.default_rng(5).uniform(-1.0, 1.0, (20, 3))
-    pulls = rope_pull(rig, states, accelerations, np.zeros((20, 2)))
-    for state, u, pull in zip(states, accelerations, pulls, strict=True):
-        q = state[0::2]
-        mass = mass_matrix(q, rig)
-        weight = rig.weight * np.array([0, 0, *_height_gradient(q)])
-        angles = np.linalg.solve(mass[3:, 3:], -weight[3:] - mass[3:, :3] @ u)
-        force = mass[:3] @ np.concatenate([u, angles]) + weight[:3]
-        masses = np.array(
-            [rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass + rig.load_mass]
-        )
-        expected = masses * u - force
-        expected[2] -= rig.weight  # the winch's drive holds it
-        assert pull * masses == pytest.approx(expected, abs=1e-9)
+def test_friction_holds_what_it_can_hold() -> None:
+    """Far more friction than any drive has force: the axes stay where they start, and so does the joint."""
+    where = nominal("effects.friction={coulomb=[1e5, 1e5, 1e5], pivot_coulomb=1e3}")
+    loop, run = where.driven(), where.run
+    stuck = propagate(loop, plant_errors(loop), rubbing=friction_of(run, where.effects.friction))
+    rates = run.block("state")[:, 1::2] + stuck.state[:, 1:10:2]
+    assert np.abs(run.block("state")[:, 1::2]).max(axis=0).min() > 0.03
+    assert np.abs(rates[1:]).max() < 1e-4
 
 
-def _height_gradient(q: np.ndarray) -> np.ndarray:
-    length, alpha, beta = q[2:]
-    ca, cb, sa, sb = np.cos(alpha), np.cos(beta), np.sin(alpha), np.sin(beta)
-    return np.array([-ca * cb, length * sa * cb, length * ca * sb])
+def test_sliding_friction_is_against_the_motion() -> None:
+    where = nominal("effects.friction={coulomb=[0.1, 0.1, 0.1], viscous=[1.0, 2.0, 3.0]}")
+    loop, run, friction = where.driven(), where.run, where.effects.friction
+    rubbing = friction_of(run, friction)
+    found = propagate(loop, plant_errors(loop), rubbing=rubbing)
+    without = propagate(loop, plant_errors(loop))._replace(state=found.state)
+    rates = run.block("state")[:-1, 1:6:2] + found.state[:-1, 1:6:2]
+    w_and_lead = loop.integral * without.state[:-1, 10:13] + loop.lead * found.commanded
+    force = (found.given - w_and_lead) * run.scenario.rig.velocity_gains
+    expected = -np.array(friction.viscous) * rates - 0.1 * np.sign(rates)
+    sliding = np.abs(rates) > 0.01
+    assert sliding.sum() > 1000
+    assert force[sliding] == pytest.approx(expected[sliding], abs=1e-9)
 
 
 def test_command_line(capsys: pytest.CaptureFixture[str]) -> None:
