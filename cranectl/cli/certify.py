@@ -79,15 +79,18 @@ def certify_command(
 ) -> int:
     """Compare the plant as it is run with the design model of CONTROLLER, by the nu-gap, point by point.
 
+    The plant has the linear part of the scenario's effects, rope, body and frame included.
     A gap below the margin b(G, K) guarantees that the linear loop frozen at that point is stable. Exit code 1
     if a point is refused; refused does not mean unstable.
 
     \b
     cranectl certify lqr+loop-shaping --delay 0.01
     cranectl certify pole-placement --tilt 0 0 --time-constant 0.05 --delay 0.02 --limits
+    cranectl certify lqr+loop-shaping --set effects.body={} --set effects.frame={}
     """
     from cranectl.analysis.certificate.certify import certify, make_judge
     from cranectl.analysis.certificate.conservatism import find_limits
+    from cranectl.analysis.certificate.linear_effects import left_out, taken_in
     from cranectl.analysis.certificate.linear_plant import linear_plant
     from cranectl.analysis.certificate.loop import inner_loop_of
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
@@ -130,16 +133,21 @@ def certify_command(
     screen.print(_drive_table(margins, found.worst))
     if limit_list:
         screen.print(_limit_table(limit_list))
-    left_out = [name for name in loaded.effects.names if name not in ("delay", "sensing")]
-    if left_out:
-        screen.print(f"not linear, left out: {', '.join(left_out)}", soft_wrap=True)
+    taken, left = taken_in(loaded.effects), left_out(loaded.effects)
+    for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
+        if names:
+            screen.print(f"{what}: {', '.join(names)}", soft_wrap=True)
     if plot is not None:
         from cranectl.report.certificate_figure import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.figure_file import save_figure
 
         save_figure(certificate_figure(found, judge, inner_loop_of(worst, design.gain)), plot)
         screen.print(f"picture: {plot}", soft_wrap=True)
-    data = found.to_json() | {"drive_margins_at_worst": margins.to_json(), "left_out": left_out}
+    data = found.to_json() | {
+        "drive_margins_at_worst": margins.to_json(),
+        "taken_in": taken,
+        "left_out": left,
+    }
     if limit_list:
         data["limits"] = [found_limits.to_json() for found_limits in limit_list]
     write_json(json_file, data)

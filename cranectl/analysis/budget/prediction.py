@@ -44,6 +44,7 @@ RUNGS = (
 ROUNDING = 2e-12  # [m], of runs of the engine with its huge inertias
 REPETITIONS = 4
 REPEATED = ("limits", "observer", "delay")  # effects that depend on the motion
+SETTLED = 0.05  # last change of the repetition over the whole deviation
 HOLD_TAIL = 0.25  # next term of the hold's expansion over the one that repetition adds
 
 
@@ -111,11 +112,13 @@ def _left(below: _Path, found: _Path) -> float:
     """What the first order leaves out of the step between two paths [m].
 
     Infinite if the third order is more than half of the second: the series, of which each next term goes with
-    the square of the one before as in Newton's method, is not known to converge then.
+    the square of the one before as in Newton's method, is not known to converge then. Nor is it where the
+    repetition has not settled.
     """
     second, third = size_of(found.second - below.second).max, size_of(found.third - below.third).max
     whole = size_of(found.second).max
-    if size_of(found.third).max > max(0.5 * whole, ROUNDING):
+    settled = found.change <= SETTLED * size_of(found.deviation.load).max
+    if not settled or size_of(found.third).max > max(0.5 * whole, ROUNDING):
         return np.inf
     return second + 2.0 * third
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cranectl.analysis.certificate.certify import Judge
-from cranectl.analysis.certificate.linear_plant import bare_plant, linear_plant
+from cranectl.analysis.certificate.linear_plant import linear_plant, run_plant
 from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_radius, inner_loop_of
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.plants.interface import Drive
@@ -55,7 +55,7 @@ def find_limits(judge: Judge, scenario: Scenario, point: OperatingPoint, drive: 
         return inner_loop_of(replace(plant, delay=samples), judge.design.gain)
 
     def lagging(steps: int) -> InnerLoop:
-        slower = bare_plant(with_further_lag(scenario, steps * LAG_STEP), drive)
+        slower = run_plant(with_further_lag(scenario, steps * LAG_STEP), drive)
         return inner_loop_of(linear_plant(scenario, point, drive, plant=slower), judge.design.gain)
 
     def stable(inner: InnerLoop) -> bool:

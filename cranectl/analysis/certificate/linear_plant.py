@@ -1,7 +1,8 @@
 """The exactly linearised plant as it is run, linearised at an operating point.
 
-Two sampled blocks by central differences through the code of a run: the MuJoCo plant over one period, and
-what the computer does at one sample, observer, linearising law and set-points. Delay lies between them.
+Two sampled blocks by central differences through the code of a run: the MuJoCo plant over one period, with
+all that its effects let move, and what the computer does at one sample, observer, linearising law and
+set-points. Delay lies between them.
 
     v ─► law ─► command ─► z^-k ─► drives, crane ─► joints ─► encoders, observer ─► law
           └─► flat state (z, z', z'', z''') as the tracker sees it
@@ -12,10 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint, held_state
-from cranectl.analysis.certificate.systems import Array, SampledSystem
+from cranectl.analysis.certificate.equilibrium import equilibrium, step_at
+from cranectl.analysis.certificate.linear_effects import plant_effects
+from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint
+from cranectl.analysis.certificate.systems import Array, SampledSystem, differences
 from cranectl.design import design_controller
-from cranectl.effects.settings import NO_EFFECTS
+from cranectl.dynamics import angular_accelerations
 from cranectl.flatness import flat_output
 from cranectl.observer import (
     DISTURBANCE,
@@ -27,13 +30,17 @@ from cranectl.observer import (
     make_observer,
     predict,
 )
-from cranectl.plants.interface import Drive, Plant
+from cranectl.plants.interface import Drive
+from cranectl.plants.mujoco import MujocoPlant
+from cranectl.plants.mujoco_effects.tangent import Anchor, change_since, coordinates, put
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import make_plant, tracker_of
 from cranectl.tracker import ROBUSTIFIER, SETPOINT, ZETA, Tracker, inner_law
 
-STEP = 1e-5  # of the differences, in each signal's unit
+STEP = 1e-5  # of the law's differences, in each signal's unit
 V_STEP = 1e-3  # [m/s⁴]
+JOINT_SIGNALS = 10
+UNSEEN = 1e-7  # below which an entry of the matrix is rounding
 
 # Inputs and outputs of the linear plant.
 ARRIVING, V = slice(0, 3), slice(3, 6)
@@ -47,32 +54,32 @@ class LinearPlant:
     The flat state is ordered as in `signals.FLAT_OUTPUT`, (z, z', z'', z'''), three axes each.
     """
 
-    system: SampledSystem
+    system: SampledSystem  # the first ten states are the joints
     delay: int  # samples between a command given and arriving
     period: float  # [s]
     point: OperatingPoint
 
 
 def linear_plant(
-    scenario: Scenario, point: OperatingPoint, drive: Drive, *, plant: Plant | None = None
+    scenario: Scenario, point: OperatingPoint, drive: Drive, *, plant: MujocoPlant | None = None
 ) -> LinearPlant:
     """Linearise the MuJoCo plant of `scenario` with its tracker at `point`, or another `plant`.
 
-    Of the effects, delay and the observer are taken into account; noise, limits, friction are not linear.
+    Of the effects, those of `linear_effects.plant_effects`, delay and the observer are taken into account.
     """
-    plant = plant or bare_plant(scenario, drive)
+    plant = plant or run_plant(scenario, drive)
     tracker = tracker_of(scenario, design_controller("pole-placement"))  # only its inner law is used
-    held = held_state(point, scenario.rig.gravity)
-    crane = _crane_function(plant, point)
-    command = _holding_command(crane, held, drive)
+    wind = scenario.effects.wind
+    air = np.array(wind.mean) if wind else np.zeros(3)
+    anchor, command, held = equilibrium(plant, point, drive, air, tracker.gravity)
+    crane_matrix = _crane_matrix(plant, anchor, command, np.array(point.tilt), air)
     sensing, delay = scenario.effects.sensing, scenario.effects.delay
     observer = None
     if sensing is not None:
         observer = make_observer(
             sensing.observer_bandwidth, period=tracker.period, gravity=tracker.gravity
         )  # fmt: skip
-    law, memory = _law_function(tracker, observer, drive), _held_memory(held, command, observer, point)
-    crane_matrix = differences(crane, np.concatenate([held.joints, command]), np.full(13, STEP))
+    law, memory = _law_function(tracker, observer, drive), _held_memory(held, command, observer)
     at = np.concatenate([held.joints, memory, held.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
     law_matrix = differences(law, at, steps)
@@ -85,54 +92,57 @@ def linear_plant(
     )
 
 
-def bare_plant(scenario: Scenario, drive: Drive) -> Plant:
-    """The MuJoCo plant of `scenario` without effects."""
-    return make_plant("mujoco", scenario.model_copy(update={"effects": NO_EFFECTS}), drive)
+def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
+    """The MuJoCo plant of `scenario` with the linear part of its effects."""
+    effects = plant_effects(scenario.effects)
+    plant = make_plant("mujoco", scenario.model_copy(update={"effects": effects}), drive)
+    assert isinstance(plant, MujocoPlant)
+    return plant
 
 
-def differences(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
-    """Jacobian of `function` by central differences: (outputs, inputs)."""
-    columns = []
-    for k, step in enumerate(steps):
-        offset = np.zeros(len(at))
-        offset[k] = step
-        columns.append((function(at + offset) - function(at - offset)) / (2.0 * step))
-    return np.column_stack(columns)
+def _crane_matrix(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
+    """(change of the engine's state (n), command (3)) → change one period later (n): (n, n + 3).
 
-
-def _crane_function(plant: Plant, point: OperatingPoint) -> Callable[[Array], Array]:
-    """(joints (10), command (3)) → joints one period later, under the point's disturbance."""
-    disturbance, air, load = np.array(point.tilt), np.zeros(3), np.zeros(7)
+    The ten joints first, see `plants.mujoco_effects.tangent`. Without coordinates that nothing depends on.
+    """
+    n, load = coordinates(plant), np.zeros(7)
 
     def crane(values: Array) -> Array:
-        after = np.zeros(10)
-        plant.reset(values[:10])
-        plant.advance(values[10:13], disturbance, air, load)
-        plant.measure(after)
-        return after
+        put(plant, anchor, values[:n])
+        plant.advance(values[n:], tilt, air, load)
+        return change_since(plant, anchor)
 
-    return crane
-
-
-def _holding_command(crane: Callable[[Array], Array], held: HeldState, drive: Drive) -> Array:
-    """The command (3,) under which the drives keep their velocities: set-points that make up for sag."""
-    command = np.zeros(3) if drive == "ideal" else held.joints[1:6:2].copy()
-    for _ in range(3):  # Newton; the drives are linear in their command
-        matrix = differences(
-            lambda c: crane(np.concatenate([held.joints, c]))[1:6:2], command, np.full(3, STEP)
-        )
-        drift = crane(np.concatenate([held.joints, command]))[1:6:2] - held.joints[1:6:2]
-        command = command - np.linalg.solve(matrix, drift)
-    return command
+    matrix = differences(
+        crane, np.concatenate([np.zeros(n), command]), np.full(n + 3, step_at(plant, anchor))
+    )
+    return _without_unseen(matrix)
 
 
-def _held_memory(held: HeldState, command: Array, observer: Observer | None, point: OperatingPoint) -> Array:
+def _without_unseen(matrix: Array) -> Array:
+    """Drop the states beyond the joints that move nothing but themselves: the turn of a load on its rope."""
+    kept = list(range(len(matrix)))
+    while True:
+        unseen = [
+            k
+            for k in kept
+            if k >= JOINT_SIGNALS and np.abs(matrix[[j for j in kept if j != k], k]).max() < UNSEEN
+        ]
+        if not unseen:
+            return matrix[np.ix_(kept, [*kept, *range(len(matrix), len(matrix) + 3)])]
+        kept = [k for k in kept if k not in unseen]
+
+
+def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> Array:
     memory = np.zeros(ROBUSTIFIER)
     memory[ZETA], memory[SETPOINT:ROBUSTIFIER] = held.zeta, command
     if observer is None:
         return memory
-    estimate = initial_estimate(held.joints)
-    estimate[DISTURBANCE + 3 : DISTURBANCE + JOINTS] = point.tilt
+    joints, estimate = held.joints, initial_estimate(held.joints)
+    # What keeps the angles from falling back is a disturbance to the observer.
+    fall = angular_accelerations(
+        joints[4], joints[5], joints[6], 0.0, joints[8], 0.0, 0.0, 0.0, observer.gravity
+    )  # fmt: skip
+    estimate[DISTURBANCE + 3 : DISTURBANCE + JOINTS] = -np.array(fall)
     return np.concatenate([memory, estimate])
 
 
@@ -159,14 +169,18 @@ def _law_function(tracker: Tracker, observer: Observer | None, drive: Drive) -> 
 
 
 def _joined(crane: Array, law: Array, size: int, kept: list[int]) -> SampledSystem:
-    """Crane and law in one system, of the memory only `kept`: set-points mean nothing to ideal drives."""
-    state = [*range(10), *(10 + k for k in kept)]
-    rows = [*kept, *range(size, size + 15)]
-    law_a, law_b = law[np.ix_(rows, state)], law[np.ix_(rows, range(10 + size, 13 + size))]
-    n, m = len(state), len(kept)
-    a, b = np.zeros((n, n)), np.zeros((n, 6))
-    a[:10, :10], b[:10, ARRIVING] = crane[:, :10], crane[:, 10:]
-    a[10:], b[10:, V] = law_a[:m], law_b[:m]
+    """Crane and law in one system, of the memory only `kept`: set-points mean nothing to ideal drives.
+
+    The law sees the crane's first ten states.
+    """
+    rows, n, m = [*kept, *range(size, size + 15)], len(crane), len(kept)
+    seen = np.zeros((len(rows), n))
+    seen[:, :JOINT_SIGNALS] = law[rows, :JOINT_SIGNALS]
+    law_a = np.hstack([seen, law[np.ix_(rows, [JOINT_SIGNALS + k for k in kept])]])
+    law_b = law[np.ix_(rows, range(JOINT_SIGNALS + size, JOINT_SIGNALS + size + 3))]
+    a, b = np.zeros((n + m, n + m)), np.zeros((n + m, 6))
+    a[:n, :n], b[:n, ARRIVING] = crane[:, :n], crane[:, n:]
+    a[n:], b[n:, V] = law_a[:m], law_b[:m]
     d = np.zeros((15, 6))
     d[:, V] = law_b[m:]
     return SampledSystem(a, b, law_a[m:], d)

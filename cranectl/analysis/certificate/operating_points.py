@@ -50,19 +50,25 @@ class HeldState:
 
 
 def held_state(point: OperatingPoint, gravity: float) -> HeldState:
-    """The state at which the tracker keeps the load at `point`.
+    """The state at which the tracker keeps the load of a crane without effects at `point`.
 
     Raises InputError where the disturbance is too strong for any angle to hold against.
     """
-    alpha, beta = tilt_angles(point, gravity)
+    joints = np.zeros(10)
+    joints[4:6] = point.rope_length, point.hoisting_speed
+    joints[6], joints[8] = tilt_angles(point, gravity)
+    return signals_at(joints, gravity)
+
+
+def signals_at(joints: Array, gravity: float) -> HeldState:
+    """The tracker's signals while the drives do not accelerate and the angles in `joints` (10,) rest."""
+    length, alpha, beta = joints[4], joints[6], joints[8]
     drop = cos(alpha) * cos(beta)  # of one metre of rope
     zeta = gravity * (drop * drop - 1.0)
     p_x, p_y, _, _ = slopes_from_angles(alpha, 0.0, beta, 0.0)
     # Drives that rest: g p + h p'' = 0, with h the height of the pivot above the load.
-    fall = gravity / (point.rope_length * drop)
+    fall = gravity / (length * drop)
     virtual_input = np.array([fall * p_x * (zeta + gravity), fall * p_y * (zeta + gravity), 0.0])
-    joints = np.zeros(10)
-    joints[4:6], joints[6], joints[8] = (point.rope_length, point.hoisting_speed), alpha, beta
     return HeldState(joints, zeta, virtual_input)
 
 

@@ -1,5 +1,6 @@
 """Sampled linear systems as four matrices, and their frequency response on a grid."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -67,3 +68,13 @@ def with_delay(system: SampledSystem, rows: slice, columns: slice, samples: int)
     d = system.d.copy()
     d[rows] = 0.0
     return SampledSystem(a, b, c, d)
+
+
+def differences(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
+    """Jacobian of `function` by central differences: (outputs, inputs)."""
+    columns = []
+    for k, step in enumerate(steps):
+        offset = np.zeros(len(at))
+        offset[k] = step
+        columns.append((function(at + offset) - function(at - offset)) / (2.0 * step))
+    return np.column_stack(columns)

@@ -1,9 +1,13 @@
 """The linearised plant against the loop it stands for; operating points against the plant that holds them."""
 
+import functools
+
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.linear_plant import bare_plant, linear_plant
+from cranectl.analysis.certificate.equilibrium import equilibrium
+from cranectl.analysis.certificate.linear_effects import left_out, plant_effects, taken_in
+from cranectl.analysis.certificate.linear_plant import linear_plant, run_plant
 from cranectl.analysis.certificate.loop import (
     closed_loop_matrix,
     design_inner_loop,
@@ -12,8 +16,10 @@ from cranectl.analysis.certificate.loop import (
 )
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of, held_state
 from cranectl.design import design_controller
+from cranectl.effects.settings import ALL_EFFECTS, NO_EFFECTS
 from cranectl.errors import InputError
 from cranectl.plants.interface import DRIVES, Drive
+from cranectl.plants.mujoco_effects.tangent import change_since, coordinates, put
 from cranectl.scenario import Scenario, default_scenario
 from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
 from cranectl.simulate import plan_scenario, tracker_of
@@ -32,40 +38,197 @@ POINTS = [
 ]
 
 
+EFFECTS = {
+    "none": (),
+    "rope": ("effects.rope={}",),
+    "body": ("effects.body={}",),
+    "frame": ("effects.frame={}",),
+    "friction": ("effects.friction.viscous=[40.0,20.0,20.0]", "effects.friction.pivot_viscous=0.05"),
+    "wind": ("effects.wind={mean=[8.0,-6.0,0.0],drag_area=0.1}",),
+}
+TOGETHER = tuple(override for overrides in EFFECTS.values() for override in overrides)
+CASES = [(drive, name) for name in EFFECTS for drive in DRIVES if (drive, name) != ("ideal", "friction")]
+
+
+def air_of(scenario: Scenario) -> np.ndarray:
+    return np.array(scenario.effects.wind.mean) if scenario.effects.wind else STILL
+
+
 def nonlinear_loop(
     scenario: Scenario, point: OperatingPoint, drive: Drive, offset: np.ndarray, steps: int
 ) -> np.ndarray:
-    """Joints (steps, 10) of MuJoCo under the tracker whose reference is `point`, started `offset` away."""
+    """Joints (steps, 10), less those held, of MuJoCo under the tracker that holds `point`, from `offset`.
+
+    All that the effects let move besides starts where it rests.
+    """
     delay = round(scenario.effects.delay.seconds / PERIOD) if scenario.effects.delay else 0
     design = design_controller("lqr+loop-shaping", scenario.design)
-    tracker, held, plant = tracker_of(scenario, design), held_state(point, G), bare_plant(scenario, drive)
+    tracker, plant, air = tracker_of(scenario, design), run_plant(scenario, drive), air_of(scenario)
+    anchor, command, held = equilibrium(plant, point, drive, air, G)
     row = np.zeros(BASE_WIDTH + 3 * design.robustifier.sampled_order)
     reference = np.zeros(15)
     memory = initial_memory(tracker, held.joints, reference)
-    memory[ZETA] = held.zeta
-    # The set-points that hold: what leaves the drives' velocities alone.
-    memory[2:5] = holding_setpoints(scenario, point, drive)
+    memory[ZETA], memory[2:5] = held.zeta, command
     control_step(tracker, held.joints, reference, memory.copy(), row)
     first = INPUT_COLUMN if drive == "ideal" else INPUT_COLUMN + 3
     reference[:12] = row[17:29]  # the flat output there
     reference[12:] = held.virtual_input
-    line = [np.zeros(3) if drive == "ideal" else memory[2:5].copy()] * delay
-    state, states = held.joints + offset, []
-    plant.reset(state)
+    line, state, states = [command.copy()] * delay, np.zeros(10), []
+    put(plant, anchor, np.append(offset, np.zeros(coordinates(plant) - 10)))
     for _ in range(steps):
         plant.measure(state)
-        states.append(state.copy())
+        states.append(state - held.joints)
         assert control_step(tracker, state, reference, memory, row) == RUNNING
         line.append(row[first : first + 3].copy())
-        plant.advance(line.pop(0), np.array(point.tilt), STILL, np.zeros(7))
+        plant.advance(line.pop(0), np.array(point.tilt), air, np.zeros(7))
     return np.array(states)
+
+
+def linear_loop(
+    scenario: Scenario, point: OperatingPoint, drive: Drive, offset: np.ndarray, steps: int
+) -> np.ndarray:
+    """The same of the linear loop."""
+    design = design_controller("lqr+loop-shaping", scenario.design)
+    inner = inner_loop_of(linear_plant(scenario, point, drive), design.gain)
+    matrix = closed_loop_matrix(inner, robustifier_of(design, PERIOD))
+    x, states = np.append(offset, np.zeros(len(matrix) - 10)), []
+    for _ in range(steps):
+        states.append(x[:10])
+        x = matrix @ x
+    return np.array(states)
+
+
+def misfit(found: np.ndarray, expected: np.ndarray) -> float:
+    """Largest difference, of each joint's own largest value but at least of the largest offset."""
+    own = np.maximum(np.abs(expected).max(axis=0), np.abs(expected[0]).max())
+    return float((np.abs(found - expected) / own).max())
+
+
+@functools.cache
+def measured(drive: Drive, effects: tuple[str, ...]) -> np.ndarray:
+    scenario = default_scenario(overrides=["effects.delay.seconds=0.004", *effects])
+    return nonlinear_loop(scenario, TILTED, drive, OFFSET, 200)
+
+
+def predicted(drive: Drive, effects: tuple[str, ...]) -> np.ndarray:
+    scenario = default_scenario(overrides=["effects.delay.seconds=0.004", *effects])
+    return linear_loop(scenario, TILTED, drive, OFFSET, 200)
+
+
+TILTED = OperatingPoint(0.6, (1.0, -0.5))
+OFFSET = 1e-6 * np.random.default_rng(1).normal(size=10)
+
+
+@pytest.mark.parametrize(("drive", "name"), CASES)
+def test_linear_loop_moves_as_the_real_one(drive: Drive, name: str) -> None:
+    """Two hundred samples of MuJoCo under the compiled tracker, tilted, delayed, from a small offset."""
+    moved = measured(drive, EFFECTS[name])
+    assert misfit(predicted(drive, EFFECTS[name]), moved) < 2e-3
+    assert np.abs(moved[-1] - moved[0]).max() > 3e-2 * np.abs(OFFSET).max(), "nothing moved"
+
+
+@pytest.mark.parametrize(
+    ("point", "steps"), [(OperatingPoint(0.25), 200), (OperatingPoint(0.6, (1.0, -0.5), -0.2), 60)], ids=str
+)
+def test_linear_loop_moves_as_the_real_one_with_all_effects_together(
+    point: OperatingPoint, steps: int
+) -> None:
+    """By the difference of two runs, with offset and without: with a running rope the point moves on."""
+    scenario = default_scenario(overrides=TOGETHER)
+    still, moved = (
+        nonlinear_loop(scenario, point, "velocity", offset, steps) for offset in (np.zeros(10), OFFSET)
+    )
+    assert misfit(linear_loop(scenario, point, "velocity", OFFSET, steps), moved - still) < 5e-3
+
+
+@pytest.mark.parametrize("name", [name for name in EFFECTS if name != "none"])
+def test_without_its_effect_the_linear_loop_moves_otherwise(name: str) -> None:
+    assert misfit(predicted("velocity", ()), measured("velocity", EFFECTS[name])) > 1e-2
+
+
+@pytest.mark.parametrize("point", POINTS[:3], ids=str)
+@pytest.mark.parametrize("name", [*EFFECTS, "together"])
+def test_one_step_leaves_an_equilibrium(name: str, point: OperatingPoint) -> None:
+    """All that the engine has, the effects' own coordinates too; and not with another command."""
+    overrides = TOGETHER if name == "together" else EFFECTS[name]
+    scenario = default_scenario(overrides=overrides)
+    plant, air = run_plant(scenario, "velocity"), air_of(scenario)
+    anchor, command, _ = equilibrium(plant, point, "velocity", air, G)
+    put(plant, anchor, np.zeros(coordinates(plant)))
+    plant.advance(command, np.array(point.tilt), air, np.zeros(7))
+    assert np.abs(change_since(plant, anchor)).max() < 1e-7
+    put(plant, anchor, np.zeros(coordinates(plant)))
+    plant.advance(command + np.array([0.0, 0.0, 1e-3]), np.array(point.tilt), air, np.zeros(7))
+    assert np.abs(change_since(plant, anchor)).max() > 1e-6
+
+
+def test_the_winch_is_told_to_haul_up_a_heavy_rope() -> None:
+    """Its drive holds the load but not the rope's weight: a set-point of weight over gain upwards."""
+    scenario = default_scenario(overrides=["effects.rope.mass=0.1"])
+    _, command, _ = equilibrium(run_plant(scenario, "velocity"), OperatingPoint(0.7), "velocity", STILL, G)
+    expected = -0.1 * 0.7 * G / scenario.rig.velocity_gains[2]
+    assert command == pytest.approx([0.0, 0.0, expected], abs=1e-9)
+
+
+def test_a_body_swings_as_a_double_pendulum() -> None:
+    """Both modes of a massless rope of length L with a body under it, a below its hook, drives held."""
+    a, inertia, length = 0.06, 1e-3, 0.64
+    scenario = default_scenario(overrides=["effects.body.swing_damping=0.0"])
+    system = linear_plant(scenario, OperatingPoint(length + a), "ideal").system
+    mass = np.array([[length**2, length * a], [length * a, a**2 + inertia]])
+    stiffness = G * np.diag([length, a])
+    expected = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)))
+    crane = len(system.a) - 2  # without zeta and its rate
+    found = np.abs(np.angle(np.linalg.eigvals(system.a[:crane, :crane]))) / PERIOD
+    for omega in expected:
+        assert (np.abs(found - omega) < 1e-5 * omega).sum() == 4  # two directions, complex pairs
+    assert sorted(expected)[1] == pytest.approx(2.0 * np.pi * 4.0, rel=0.03)
+
+
+def test_a_frame_rings_where_it_is_said_to() -> None:
+    """The empty rig's frequency and damping, with next to no load, the drives held."""
+    scenario = default_scenario(overrides=["effects.frame={}", "rig.load_mass=0.001"])
+    system = linear_plant(scenario, OperatingPoint(0.7), "ideal").system
+    poles = np.log(np.linalg.eigvals(system.a[:14, :14]).astype(complex)) / PERIOD
+    for frequency in (9.0, 12.0):
+        nearest = poles[np.abs(np.abs(poles) - 2.0 * np.pi * frequency).argmin()]
+        assert np.abs(nearest) == pytest.approx(2.0 * np.pi * frequency, rel=1e-3)
+        assert -nearest.real / np.abs(nearest) == pytest.approx(0.02, rel=0.02)
+
+
+def test_effects_are_taken_in_or_named() -> None:
+    kept = plant_effects(ALL_EFFECTS)
+    assert kept.names == ("friction", "rope", "body", "wind", "frame")
+    assert kept.friction is not None
+    assert kept.friction.coulomb == (0.0, 0.0, 0.0)
+    assert kept.friction.viscous == ALL_EFFECTS.friction.viscous  # type: ignore[union-attr]
+    assert left_out(ALL_EFFECTS) == [
+        "limits",
+        "sensing.position_resolution", "sensing.angle_resolution", "sensing.angle_noise",
+        "friction.coulomb", "friction.pivot_coulomb",
+        "wind.gust",
+    ]  # fmt: skip
+    assert taken_in(ALL_EFFECTS) == [
+        "delay", "rope", "body", "frame", "sensing.observer_bandwidth",
+        "friction.viscous", "friction.pivot_viscous", "wind.mean",
+    ]  # fmt: skip
+    assert left_out(kept) == []
+    assert left_out(NO_EFFECTS) == taken_in(NO_EFFECTS) == []
+    touched = {name.split(".")[0] for name in left_out(ALL_EFFECTS) + taken_in(ALL_EFFECTS)}
+    assert touched == set(ALL_EFFECTS.names)
+
+
+def test_no_rest_is_said_so() -> None:
+    scenario = default_scenario(overrides=["effects.wind={mean=[60.0,0.0,0.0],drag_area=5.0}"])
+    with pytest.raises(InputError, match="no rest"):
+        equilibrium(run_plant(scenario, "velocity"), OperatingPoint(0.7), "velocity", air_of(scenario), G)
 
 
 def holding_setpoints(scenario: Scenario, point: OperatingPoint, drive: Drive) -> np.ndarray:
     """Where velocity drives settle against the pull of the rope: sag is force over gain."""
     if drive == "ideal":
         return np.zeros(3)
-    held, plant = held_state(point, G), bare_plant(scenario, drive)
+    held, plant = held_state(point, G), run_plant(scenario, drive)
     setpoint = held.joints[1:6:2].copy()
     after = np.zeros(10)
     for _ in range(200):
@@ -81,7 +244,7 @@ def holding_setpoints(scenario: Scenario, point: OperatingPoint, drive: Drive) -
 def test_one_step_leaves_a_held_state(point: OperatingPoint, drive: Drive) -> None:
     """Besides the running rope; and the tracker's law asks for no acceleration there."""
     scenario, held, after = default_scenario(), held_state(point, G), np.zeros(10)
-    plant = bare_plant(scenario, drive)
+    plant = run_plant(scenario, drive)
     plant.reset(held.joints)
     plant.advance(holding_setpoints(scenario, point, drive), np.array(point.tilt), STILL, np.zeros(7))
     plant.measure(after)
@@ -97,30 +260,11 @@ def test_a_wrong_tilt_does_not_hold() -> None:
     point, after = OperatingPoint(0.7, (1.0, 1.0)), np.zeros(10)
     joints = held_state(point, G).joints.copy()
     joints[6] *= 1.01
-    plant = bare_plant(default_scenario(), "ideal")
+    plant = run_plant(default_scenario(), "ideal")
     plant.reset(joints)
     plant.advance(np.zeros(3), np.array(point.tilt), STILL, np.zeros(7))
     plant.measure(after)
     assert np.abs(after - joints).max() > 1e-6
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("delay", [0, 1, 7])
-def test_linear_loop_moves_as_the_real_one(drive: Drive, delay: int) -> None:
-    """A hundred samples of MuJoCo under the compiled tracker, tilted, delayed, from a small random offset."""
-    scenario = default_scenario(overrides=[f"effects.delay.seconds={delay * PERIOD}"])
-    point = OperatingPoint(0.6, (1.0, -0.5))
-    design = design_controller("lqr+loop-shaping", scenario.design)
-    inner = inner_loop_of(linear_plant(scenario, point, drive), design.gain)
-    matrix = closed_loop_matrix(inner, robustifier_of(design, PERIOD))
-    offset = 1e-4 * np.random.default_rng(1).normal(size=10)
-    moved = nonlinear_loop(scenario, point, drive, offset, 100)
-    x = np.zeros(len(matrix))
-    x[:10] = offset
-    for joints in moved - held_state(point, G).joints:
-        assert x[:10] == pytest.approx(joints, abs=3e-3 * np.abs(offset).max())
-        x = matrix @ x
-    assert np.abs(moved[-1] - moved[0]).max() > 3e-2 * np.abs(offset).max(), "nothing moved"
 
 
 def test_hanging_still_with_ideal_drives_it_is_the_design_model() -> None:
@@ -170,7 +314,7 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int) -> None:
     plan = plan_scenario(scenario)
     plan.reference[:] = 0.0
     plan.reference[:, 2] = -point.rope_length
-    tracker, plant = tracker_of(scenario, design), bare_plant(scenario, "velocity")
+    tracker, plant = tracker_of(scenario, design), run_plant(scenario, "velocity")
     sampling = sampling_of(scenario, tracker, plan, "velocity")._replace(stop_outside=False)
     stages = make_stages(scenario, held, drive="velocity", samples=200)
     record = np.zeros((200, BASE_WIDTH + 3 * design.robustifier.sampled_order))

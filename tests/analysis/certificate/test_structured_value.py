@@ -1,0 +1,71 @@
+"""Structured singular values of three channels against bounds, closed forms and SLICOT's routine."""
+
+import ctrlsys
+import numpy as np
+import pytest
+
+from cranectl.analysis.certificate.structured_value import structured_values
+
+BLOCKS, COMPLEX = np.ones(3, dtype=np.int32), np.full(3, 2, dtype=np.int32)
+
+
+def random_matrices(seed: int, k: int, spread: float = 0.0) -> np.ndarray:
+    """Entries of sizes that differ by up to ten to the `spread` either way."""
+    rng = np.random.default_rng(seed)
+    matrices = rng.normal(size=(k, 3, 3)) + 1j * rng.normal(size=(k, 3, 3))
+    return matrices * 10.0 ** rng.uniform(-spread, spread, size=(k, 3, 3))
+
+
+@pytest.mark.parametrize("spread", [0.0, 2.0])
+def test_between_spectral_radius_and_norm_and_attained_by_the_scaling(spread: float) -> None:
+    matrices = random_matrices(3, 400, spread)
+    bounds, scalings = structured_values(matrices)
+    assert (bounds >= np.abs(np.linalg.eigvals(matrices)).max(axis=1) * (1 - 1e-6)).all()
+    assert (bounds <= np.linalg.norm(matrices, 2, axis=(1, 2)) * (1 + 1e-4)).all()
+    scaled = scalings[:, :, None] * matrices / scalings[:, None, :]
+    assert bounds == pytest.approx(np.linalg.norm(scaled, 2, axis=(1, 2)), rel=1e-9)
+
+
+@pytest.mark.parametrize("spread", [0.0, 2.0])
+def test_as_slicot_finds_them(spread: float) -> None:
+    matrices = random_matrices(3, 50, spread)
+    expected = [ctrlsys.ab13md(np.asfortranarray(matrix), BLOCKS, COMPLEX)[0] for matrix in matrices]
+    assert structured_values(matrices)[0] == pytest.approx(np.array(expected), rel=3e-4)
+
+
+def test_least_bound_is_a_structured_perturbation_away_from_singular() -> None:
+    """Three factors of one modulus: some phases of theirs make I - M diag(f) all but singular."""
+    matrices = random_matrices(0, 4)
+    phases = np.exp(2j * np.pi * np.arange(60) / 60)
+    first, second = (grid.ravel() for grid in np.meshgrid(phases, phases))
+    factors = np.stack([np.ones_like(first), first, second], axis=1)
+    for matrix, bound in zip(matrices, structured_values(matrices)[0], strict=True):
+        radii = np.abs(np.linalg.eigvals(matrix * factors[:, None, :])).max(axis=1)
+        assert 0.99 * bound < radii.max() < bound * (1 + 1e-6)
+
+
+def test_closed_forms() -> None:
+    """The largest entry of a diagonal matrix; independent factors cannot use what is off it in a triangle."""
+    diagonal = np.diag([1.0, -3.0j, 2.0])
+    triangular = np.triu(np.full((3, 3), 5.0), 1) + np.eye(3)
+    pair = np.array([[0.0, 8.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    found, _ = structured_values(np.stack([diagonal, triangular, pair]).astype(complex))
+    assert found[0] == pytest.approx(3.0, rel=1e-4)
+    assert 1.0 <= found[1] < 1.01
+    assert found[2] == pytest.approx(2.0, rel=1e-4)
+    assert structured_values(np.zeros((1, 3, 3), dtype=complex))[0][0] < 1e-200
+
+
+def test_a_matrix_on_which_slicot_does_not_return() -> None:
+    matrix = np.array(
+        [
+            [-2.1719294562243703 - 0.0025285297537775094j, -0.9521545807766246 + 0.009431981860894514j,
+             -4.168636239242526 + 0.009420520202564965j],
+            [-8.46153800767549 + 0.08258461798623025j, 10.216404180215706 - 0.11101612814299196j,
+             5.849099254747553 - 0.04223335138979574j],
+            [-4.942256275191577 + 0.010785301404317759j, 1.9610081219869753 - 0.010198286124335649j,
+             7.231417411620941 - 0.02579801591684845j],
+        ]
+    )  # fmt: skip
+    found, _ = structured_values(matrix[np.newaxis])
+    assert np.abs(np.linalg.eigvals(matrix)).max() <= found[0] <= np.linalg.norm(matrix, 2)
