@@ -16,6 +16,29 @@ LIGHT = {role: pair[0] for role, pair in COLOURS.items()}
 PLANTS = {"analytic": LIGHT["series-1"], "mujoco": LIGHT["series-2"]}
 SLACK_ROPE = "#ff400d"
 
+# In viewers, whose ground is light or dark: these are seen on both.
+VIEWER_SERIES = (
+    "#4e98e2",
+    "#f5774d",
+    "#5cd6a9",
+    "#f7df71",
+    "#c792ea",
+    "#ff7d7d",
+    "#4ed8da",
+    "#b5bd68",
+    "#e88fbf",
+    "#9a8bff",
+    "#c9a27e",
+    "#a6e22e",
+)
+VIEWER = {
+    "analytic": VIEWER_SERIES[0],
+    "mujoco": VIEWER_SERIES[1],
+    "reference": "#9aa3ad",
+    "rope": "#8c9eb3",
+    "push": "#f2a60d",
+}
+
 
 def rgb(colour: str) -> tuple[float, float, float]:
     """`#rrggbb` as parts of 0 to 1."""

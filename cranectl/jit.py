@@ -24,10 +24,23 @@ _PACKAGE = Path(__file__).parent
 
 def jit(function: F) -> F:
     """Compile `function` without the GIL, IEEE semantics, cached; callees must be module globals."""
+    return _compiled(function)
+
+
+def jit_loop(function: F) -> F:
+    """As `jit`, for a loop that takes arrays and makes none; nor do its callees, and they return no views.
+
+    Counting references, which the caller holds, takes an atomic instruction for each view in each callee: as
+    long as all the rest of a control step.
+    """
+    return _compiled(function, _nrt=False)
+
+
+def _compiled(function: F, **options: Any) -> F:
     previous = _numba_config.CACHE_DIR
     _numba_config.CACHE_DIR = str(cache_directory())
     try:
-        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     finally:
         _numba_config.CACHE_DIR = previous
     if not _numba_config.DISABLE_JIT:

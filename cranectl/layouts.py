@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from cranectl.analysis.rungs import NAMES as RUNG_NAMES
+from cranectl.colours import VIEWER, VIEWER_SERIES
 from cranectl.errors import unknown_name
 from cranectl.log import overlay, topics
 from cranectl.plants.interface import PLANTS
@@ -16,20 +17,6 @@ from cranectl.signals import REFERENCE, Signal, SignalGroup, recorded_groups
 Panels = dict[str, Any]  # configurations by panel id
 Layout = str | dict[str, Any]  # a panel id, or two layouts side by side
 
-COLOURS = {"analytic": "#4e98e2", "mujoco": "#f5774d", "reference": "#9aa3ad"}
-AXIS_COLOURS = ("#4e98e2", "#f5774d", "#5cd6a9")
-RUNG_COLOURS = (
-    *AXIS_COLOURS,
-    "#f7df71",
-    "#c792ea",
-    "#ff7d7d",
-    "#4ed8da",
-    "#b5bd68",
-    "#e88fbf",
-    "#9a8bff",
-    "#c9a27e",
-    "#a6e22e",
-)
 NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
 GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(0)}
 CAMERA = {  # looks at the middle of the rig from outside a corner
@@ -111,7 +98,7 @@ def _controller(panels: Panels, plant: str) -> Layout:
 def _ladder(panels: Panels, _plant: str) -> Layout:
     """All rungs of a ladder on top of each other, and how far each is from theory."""
     labels = list(RUNG_NAMES)
-    colours = dict(zip(labels, RUNG_COLOURS, strict=True))
+    colours = dict(zip(labels, VIEWER_SERIES, strict=True))
     apart = [
         {**_line(f"{overlay.DISTANCE}.{s.name}.@log10", s, s.name, colours[s.name])}
         for s in overlay.distance_group(labels).signals
@@ -165,7 +152,7 @@ def _joint_plot(panels: Panels, plant: str, group: str, names: Sequence[str], ti
 def _of_both(group: str, name: str, *, reference: bool = False) -> list[dict[str, Any]]:
     """A signal of both plants, MuJoCo first: the first line of a plot lies on top."""
     paths = [
-        {**_path(plant, group, name), "label": NAMES[plant], "color": COLOURS[plant]}
+        {**_path(plant, group, name), "label": NAMES[plant], "color": VIEWER[plant]}
         for plant in reversed(PLANTS)
     ]
     return [*paths, _reference(name[-1])] if reference else paths
@@ -174,18 +161,18 @@ def _of_both(group: str, name: str, *, reference: bool = False) -> list[dict[str
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
     """One line of a plot."""
     signal = _signal(GROUPS[group], name)
-    return _line(f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, AXIS_COLOURS[k])
+    return _line(f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, VIEWER_SERIES[k])
 
 
 def _distance(signal: Signal, k: int) -> dict[str, Any]:
     """How far the plants are apart: on a linear axis nanometres beside millimetres would be a flat line."""
     value = f"{topics.difference_topic(topics.DISTANCE.name)}.{signal.name}.@log10"
-    return _line(value, signal, signal.symbol, AXIS_COLOURS[k])
+    return _line(value, signal, signal.symbol, VIEWER_SERIES[k])
 
 
 def _reference(axis: str) -> dict[str, Any]:
     signal = _signal(REFERENCE, f"load_{axis}")
-    return _line(f"{topics.REFERENCE_LOAD}.load_{axis}", signal, signal.symbol, COLOURS["reference"])
+    return _line(f"{topics.REFERENCE_LOAD}.load_{axis}", signal, signal.symbol, VIEWER["reference"])
 
 
 def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]:

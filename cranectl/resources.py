@@ -1,4 +1,4 @@
-"""Where the model, the scenarios and the tolerances lie: in the wheel, or in the checkout beside it."""
+"""Where the model, scenarios, campaigns and tolerances lie: in the wheel, or in the checkout beside it."""
 
 from pathlib import Path
 
@@ -10,3 +10,4 @@ MODEL_FILE = _ROOT / "models" / "crane.xml"
 SCENARIO_DIRECTORY = _ROOT / "validation" / "scenarios"
 TOLERANCE_FILE = _ROOT / "validation" / "tolerances.toml"
 THESIS_DIRECTORY = _ROOT / "validation" / "thesis"
+CAMPAIGN_DIRECTORY = _ROOT / "validation" / "campaigns"

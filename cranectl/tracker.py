@@ -147,7 +147,8 @@ def control_step(tracker, state, reference, memory, row):
         return status
     row[CONTROLLER_COLUMN] = zeta
     row[CONTROLLER_COLUMN + 1] = zeta_dot
-    row[CONTROLLER_COLUMN + 2 :] = memory[ROBUSTIFIER:]
+    for i in range(len(memory) - ROBUSTIFIER):
+        row[CONTROLLER_COLUMN + 2 + i] = memory[ROBUSTIFIER + i]
 
     flat = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15]
     error = row[ERROR_COLUMN : ERROR_COLUMN + 12]
@@ -183,7 +184,8 @@ def brake_step(tracker, state, reference, memory, row):
     dynamic extension and the robustifiers wait.
     """
     row[CONTROLLER_COLUMN], row[CONTROLLER_COLUMN + 1] = memory[ZETA], memory[ZETA_DOT]
-    row[CONTROLLER_COLUMN + 2 :] = memory[ROBUSTIFIER:]
+    for i in range(len(memory) - ROBUSTIFIER):
+        row[CONTROLLER_COLUMN + 2 + i] = memory[ROBUSTIFIER + i]
     flat = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15]
     flat_output(state, -tracker.gravity, 0.0, tracker.gravity, flat)
     for i in range(12):

@@ -163,7 +163,7 @@ def test_the_report_has_every_figure_and_table_of_the_thesis() -> None:
     assert re.findall(r'<figure id="figure-([\d.]+)"', html) == numbers
     assert page.tags["svg"] == len(numbers)
     for name in ("5.1", "5.2", "5.3", "5.4"):
-        assert f"Table {name}: " in page.text
+        assert f"Table {name}, p. " in page.text
     for note in found.notes():
         assert note[1:] in page.text
     for number in chapter_5[8:]:

@@ -9,8 +9,6 @@ from cranectl.cli import exit_codes
 from cranectl.cli.options import json_option, scenario_options
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from cranectl.analysis.advice import Advice
 
 
@@ -49,7 +47,9 @@ def advise_command(
     """
     from cranectl.analysis.advice import IMPROVEMENTS, advise
     from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.cli.screen_table import screen_table
     from cranectl.design import CONTROLLERS, checked_controller
+    from cranectl.report.advice_tables import controllers_table, improvements_table, recommendation
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
@@ -62,10 +62,10 @@ def advise_command(
         describe(loaded.name)
         found = advise(loaded, chosen, progress=advance)
     screen = console(json_file)
-    screen.print(_controllers(found))
+    screen.print(screen_table(controllers_table(found)))
     if found.best is not None:
-        screen.print(_improvements(found))
-    for line in _words(found):
+        screen.print(screen_table(improvements_table(found)))
+    for line in recommendation(found):
         screen.print(line, soft_wrap=True, markup=False)
     if report is not None and found.best is not None:
         _write_report(found, report, f"cranectl advise {scenario} --report {report}")
@@ -95,67 +95,3 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
     steps = list(climb(scenario, best.controller))
     budget = error_budget(scenario, best.controller)
     write_page(rig_page(found, judge, worst, steps, budget, command), report)
-
-
-def _controllers(found: "Advice") -> "Table":
-    table = _table(f"{found.scenario.name}: controllers, the best first")
-    for heading in ("controller", "grade"):
-        table.add_column(heading, no_wrap=True)
-    for heading in (
-        "least\nmargin",
-        "error RMS\n[mm]",
-        "error max\n[mm]",
-        "cost RMS\n[mm]",
-        "cost max\n[mm]",
-    ):
-        table.add_column(heading.replace("[", r"\["), justify="right", no_wrap=True)
-    colours = {"guaranteed": "green", "survived": "yellow", "failed": "bold red"}
-    for row in found.assessments:
-        grade = row.grade if row.survived else row.status.label
-        cells = [f"[{colours[row.grade]}]{grade}[/]", f"{row.least_margin:+.3f}"]
-        numbers: list[float | None] = [None] * 4
-        if row.metrics is not None and row.cost is not None:
-            numbers = [row.metrics.rms_error_m, row.metrics.max_error_m, row.cost.rms, row.cost.max]
-        cells += ["-" if number is None else f"{1e3 * number:.3g}" for number in numbers]
-        table.add_row(row.controller, *cells)
-    return table
-
-
-def _improvements(found: "Advice") -> "Table":
-    assert found.best is not None
-    table = _table(f"What would help {found.best.controller}, each alone")
-    for heading in ("improve", "change"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("cost RMS\n[mm]", "saved", "least\nmargin", "grade"):
-        table.add_column(heading.replace("[", r"\["), justify="right", no_wrap=True)
-    for row in found.improvements:
-        after = row.assessment
-        cost = f"{1e3 * after.cost.rms:.3g}" if after.cost else "-"
-        saved = f"{100 * row.gain:+.0f} %" if after.survived else "-"
-        table.add_row(row.name, row.change, cost, saved, f"{after.least_margin:+.3f}", after.grade)
-    return table
-
-
-def _words(found: "Advice") -> list[str]:
-    best = found.best
-    if best is None:
-        return ["No controller survives: improve drives, delay or sensors, or ask for less."]
-    worst = best.certificate.worst.point
-    lines = [
-        f"Take {best.controller}: {best.grade}, least margin {best.least_margin:+.3f} with the {worst}.",
-        f"{len(found.points)} operating points; a statement on linear loops frozen there, not on the motion.",
-    ]
-    if found.improvements and found.improvements[0].gain > 0.0:
-        first = found.improvements[0]
-        lines.insert(
-            1, f"Improve first: {first.name}, {first.change}; takes {100 * first.gain:.0f} % of the cost."
-        )
-    return lines
-
-
-def _table(title: str) -> "Table":
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    return Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))

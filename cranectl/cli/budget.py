@@ -35,6 +35,10 @@ def budget_command(
     noise         of the encoders
     quantisation  steps of the encoders
     delay         computing and transport
+    rope          mass, elasticity
+    body          a load that swings under its hook
+    wind          drag and gusts
+    frame         that gives way
     friction      of axes and joint
 
     An effect that the scenario has settings for is taken with those, else with the defaults. Exit code 1 if
@@ -46,9 +50,10 @@ def budget_command(
     cranectl budget near-slack --controller lqr --top servos --json -
     """
     from cranectl.analysis.budget.error_budget import error_budget, simulated_seconds
-    from cranectl.cli.budget_output import budget_table, remarks
     from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.cli.screen_table import screen_table
     from cranectl.errors import InputError
+    from cranectl.report.budget_table import budget_table
     from cranectl.scenario import load_scenario
 
     if controller is not None and controller_name is not None and controller != controller_name:
@@ -62,8 +67,6 @@ def budget_command(
         describe(f"{loaded.name}, budget")
         budget = error_budget(loaded, controller or controller_name, top=top, progress=advance)
     screen = console(json_file)
-    screen.print(budget_table(budget))
-    for remark in remarks(budget.entries):
-        screen.print(f"  {remark}", soft_wrap=True)
+    screen.print(screen_table(budget_table(budget)))
     write_json(json_file, budget.to_json())
     return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED

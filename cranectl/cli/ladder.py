@@ -58,10 +58,11 @@ def ladder_command(
     """
     from cranectl.analysis.ladder import climb, simulated_seconds
     from cranectl.cases import LOG_DIRECTORY
-    from cranectl.cli.ladder_output import ladder_table
     from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.cli.screen_table import screen_table
     from cranectl.log import check_writable
     from cranectl.log.overlay import write_overlay
+    from cranectl.report.ladder_table import ladder_table
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
@@ -79,7 +80,7 @@ def ladder_command(
             steps.append(step)
     write_overlay(log, {step.rung.name: step.run for step in steps}, every=EVERY)
     screen = console(json_file)
-    screen.print(ladder_table(loaded.name, name, steps))
+    screen.print(screen_table(ladder_table(steps)))
     screen.print(f"log: {log}", soft_wrap=True, markup=False)
     screen.print("view: cranectl layout ladder view.json", soft_wrap=True, markup=False)
     if report is not None:

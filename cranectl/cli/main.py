@@ -13,6 +13,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.advise import advise_command
 from cranectl.cli.budget import budget_command
+from cranectl.cli.campaign import campaign_command
 from cranectl.cli.certify import certify_command
 from cranectl.cli.compare import compare_command
 from cranectl.cli.design import design_command
@@ -71,6 +72,7 @@ for command in (
     render_command,
     recover_command,
     advise_command,
+    campaign_command,
 ):
     cli.add_command(command)
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cranectl.scenario import Scenario
     from cranectl.simulate import Run
 
-FILE_WIDTH = 120
+FILE_WIDTH = 160  # what the widest table, of the ladder, takes
 PASSED, FAILED = "[green]passed[/]", "[bold red]FAILED[/]"
 
 
@@ -99,11 +99,12 @@ def run_table(runs: Sequence["RunSummary"]) -> Table:
 
 
 def _metric_cells(run: "RunSummary") -> list[str]:
+    from cranectl.metrics import peak_acceleration
+
     metrics = run.metrics
     if metrics is None:
         return ["-"] * 3
-    extremes = zip(metrics.max_acceleration_m_s2, metrics.min_acceleration_m_s2, strict=True)
-    peaks = " ".join(f"{max(pair, key=abs):.3f}" for pair in extremes)
+    peaks = " ".join(f"{value:.3f}" for value in peak_acceleration(metrics))
     return [f"{metrics.max_error_m:.4f}", f"{metrics.final_error_m:.4f}", peaks]
 
 

@@ -43,8 +43,10 @@ def run_command(
     """
     from cranectl.cases import make_case, run_case
     from cranectl.cli.output import agreement_table, console, progress_bar, run_notes, run_table, write_json
+    from cranectl.cli.screen_table import screen_table
     from cranectl.errors import unknown_name
     from cranectl.plants.interface import PLANTS
+    from cranectl.report.metrics_table import metrics_table
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
 
@@ -66,6 +68,7 @@ def run_command(
     screen.print(run_table(result.runs))
     for note in run_notes([result]):
         screen.print(f"  {note}", soft_wrap=True)
+    screen.print(screen_table(metrics_table({run.plant: run.metrics for run in result.runs})))
     if result.agreement is not None:
         screen.print(agreement_table([result.agreement], [result.passed]))
     screen.print(f"log: {case.log}", soft_wrap=True)

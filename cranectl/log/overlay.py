@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cranectl.colours import LIGHT, rgb
+from cranectl.colours import VIEWER_SERIES
 from cranectl.log import scene
 from cranectl.log.events import events, standings
 from cranectl.log.stream import Stream
@@ -20,7 +20,6 @@ from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run
 
 GROUPS = ("state", "load", "error", "input")
-COLOURS = tuple(rgb(LIGHT[f"series-{k}"]) for k in (1, 2, 3, 4))
 CRANE = "overlay"  # label of the crane that is drawn
 DISTANCE = f"/{CRANE}/distance"
 
@@ -65,7 +64,7 @@ def _streams(runs: list[Run]) -> list[Stream]:
     found += [scene.model(top.plant, 1.0), scene.cable(top, 1.0, rows)]
     for k, run in enumerate(drawn):
         rows = scene.rows_apart(run, scene.TRAIL_STEP)
-        colour = COLOURS[k % len(COLOURS)]
+        colour = VIEWER_SERIES[k % len(VIEWER_SERIES)]
         found.append(scene.trail(run.plant, run.time_ns[rows], run.block("load")[rows, :3], colour=colour))
     return found
 

@@ -27,6 +27,7 @@ from foxglove.messages import (
 )
 from numpy.typing import NDArray
 
+from cranectl.colours import SLACK_ROPE, VIEWER, rgb
 from cranectl.log import shapes, topics
 from cranectl.log.stream import Stream
 from cranectl.metrics import NEARLY_SLACK
@@ -41,9 +42,6 @@ TRAIL_STEP = 0.08  # [s] between its points, and between its messages
 TRAIL_POINTS = round(TRAIL / TRAIL_STEP)  # before the newest
 GHOST = 0.3  # opacity
 ROPE_THICKNESS = 0.008  # [m]
-TAUT_COLOUR, SLACK_COLOUR = (0.55, 0.62, 0.70), (1.0, 0.20, 0.05)  # seen on light and on dark
-TRAIL_COLOURS = {"analytic": (0.10, 0.45, 0.90), "mujoco": (0.85, 0.20, 0.15)}
-PATH_COLOUR = (0.60, 0.66, 0.72)
 ARROW_LENGTH = 0.25  # [m] for 1 rad/s²
 
 
@@ -133,7 +131,7 @@ def cable(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     """The rope from trolley to load at `rows`; coloured where it is nearly slack."""
     state, load = run.block("state")[rows], run.block("load")[rows]
     slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
-    colours = np.outer(1.0 - slackness, TAUT_COLOUR) + np.outer(slackness, SLACK_COLOUR)
+    colours = np.outer(1.0 - slackness, rgb(VIEWER["rope"])) + np.outer(slackness, rgb(SLACK_ROPE))
     ends = np.column_stack([state[:, [0, 2]], np.zeros(len(rows)), load[:, :3]]).tolist()
     updates = []
     for time_ns, (*trolley, x, y, z), colour in zip(
@@ -149,17 +147,14 @@ def _whole_trail(run: Run) -> Stream:
     return trail(run.plant, run.time_ns[rows], run.block("load")[rows, :3])
 
 
-def trail(
-    plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: Sequence[float] | None = None
-) -> Stream:
+def trail(plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: str | None = None) -> Stream:
     """Where the load has been, fading: a message for each time.
 
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows are the past of the first message.
     """
     points = [Point3(x=x, y=y, z=z) for x, y, z in load.tolist()]
-    fading = [
-        shapes.colour(colour or TRAIL_COLOURS[plant], k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)
-    ]
+    shade = rgb(colour or VIEWER[plant])
+    fading = [shapes.colour(shade, k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     updates = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):
         first = max(k - TRAIL_POINTS, 0)
@@ -222,16 +217,16 @@ def _arrow(joint: str, magnitude: float) -> ArrowPrimitive:
         shaft_diameter=0.018,
         head_length=0.25 * length,
         head_diameter=0.05,
-        color=shapes.colour((0.95, 0.65, 0.05), 0.95),
+        color=shapes.colour(rgb(VIEWER["push"]), 0.95),
     )
 
 
 def path(run: Run) -> Stream:
     """The desired path as a line, the desired load as a small ball that moves with the frame `reference`."""
-    points = run.reference[rows_apart(run, TRAIL_STEP), :3].tolist()
-    line = shapes.line(points, 0.8 * ROPE_THICKNESS, shapes.colour(PATH_COLOUR, 0.9))
-    size, colour = Vector3(x=0.04, y=0.04, z=0.04), shapes.colour(PATH_COLOUR, 0.6)
-    ball = SpherePrimitive(pose=shapes.ORIGIN, size=size, color=colour)
+    points, shade = run.reference[rows_apart(run, TRAIL_STEP), :3].tolist(), rgb(VIEWER["reference"])
+    line = shapes.line(points, 0.8 * ROPE_THICKNESS, shapes.colour(shade, 0.9))
+    size = Vector3(x=0.04, y=0.04, z=0.04)
+    ball = SpherePrimitive(pose=shapes.ORIGIN, size=size, color=shapes.colour(shade, 0.6))
     entities = [
         shapes.entity("world", "path", 0, lines=[line]),
         shapes.entity("reference", "target", 0, spheres=[ball]),
@@ -250,7 +245,7 @@ def workspace(run: Run) -> Stream:
         thickness=1.5,
         scale_invariant=True,
         points=[shapes.point(corners[k].tolist()) for edge in edges for k in edge],
-        color=shapes.colour(PATH_COLOUR, 0.5),
+        color=shapes.colour(rgb(VIEWER["reference"]), 0.5),
     )
     return _scene(
         topics.WORKSPACE, [0], [SceneUpdate(entities=[shapes.entity("world", "workspace", 0, lines=[line])])]

@@ -23,6 +23,18 @@ from cranectl.plants.interface import Drive
 Array = NDArray[np.float64]
 
 
+class PassiveForces(NamedTuple):
+    """Drag on the load and friction of its joint.
+
+    A rig without them has None, for which there is no code: a branch at run time would make every stage of
+    the integrator count references to the arrays it reads, and a run take half as long again.
+    """
+
+    drag: float  # force over the square of the load's speed through the air [kg/m]
+    pivot_viscous: float  # [N m s/rad]
+    pivot_coulomb: float  # [N m]
+
+
 class AnalyticRig(NamedTuple):
     """Constants of the compiled plant; each drive obeys acceleration = gain·command - damping·velocity."""
 
@@ -30,9 +42,7 @@ class AnalyticRig(NamedTuple):
     drive_damping: Array  # (3,) [1/s]
     gravity: float
     load_mass: float
-    drag: float  # force over the square of the load's speed through the air [kg/m]
-    pivot_viscous: float  # [N m s/rad]
-    pivot_coulomb: float  # [N m]
+    passive: PassiveForces | None
     substeps: int
     step: float  # [s]
 
@@ -48,34 +58,38 @@ def drive_accelerations(rig, state, command):
 
 
 @jit
-def drag_force(rig, state, wind):
+def drag_force(passive, state, wind):
     """Force of the air on the load (x, y, z) [N]; `wind` (3,) is the velocity of the air."""
+    if passive is None:
+        return 0.0, 0.0, 0.0
     n = rope_direction(state[6], state[8])
     n_dot = rope_direction_rate(state[6], state[7], state[8], state[9])
     v_x = wind[0] - state[1] - state[5] * n[0] - state[4] * n_dot[0]
     v_y = wind[1] - state[3] - state[5] * n[1] - state[4] * n_dot[1]
     v_z = wind[2] - state[5] * n[2] - state[4] * n_dot[2]
-    factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
+    factor = passive.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
     return factor * v_x, factor * v_y, factor * v_z
 
 
 @jit
-def passive_accelerations(rig, state, wind):
+def passive_accelerations(passive, load_mass, state, wind):
     """What drag and friction of the joint add to (alpha'', beta'') [rad/s²]."""
+    if passive is None:
+        return 0.0, 0.0
     sa, ca, sb, cb = sin(state[6]), cos(state[6]), sin(state[8]), cos(state[8])
-    f_x, f_y, f_z = drag_force(rig, state, wind)
-    arm = 1.0 / (rig.load_mass * state[4])
+    f_x, f_y, f_z = drag_force(passive, state, wind)
+    arm = 1.0 / (load_mass * state[4])
     alpha = arm * (ca * f_y + sa * f_z) / cb
     beta = arm * (cb * f_x - sb * sa * f_y + ca * sb * f_z)
-    friction_alpha = pivot_torque(rig, state[7]) * arm / (state[4] * cb * cb)
-    friction_beta = pivot_torque(rig, state[9]) * arm / state[4]
+    friction_alpha = pivot_torque(passive, state[7]) * arm / (state[4] * cb * cb)
+    friction_beta = pivot_torque(passive, state[9]) * arm / state[4]
     return alpha + friction_alpha, beta + friction_beta
 
 
 @jit
-def pivot_torque(rig, rate):
+def pivot_torque(passive, rate):
     """Friction of one cardan axis [N m] turning with `rate`; Coulomb's is smoothed about rest."""
-    return -rig.pivot_viscous * rate - rig.pivot_coulomb * tanh(rate / STICTION_RATE)
+    return -passive.pivot_viscous * rate - passive.pivot_coulomb * tanh(rate / STICTION_RATE)
 
 
 @jit
@@ -85,14 +99,12 @@ def derivative(rig, state, command, disturbance, wind, rate):
     alpha_ddot, beta_ddot = angular_accelerations(
         state[4], state[5], state[6], state[7], state[8], state[9], u_x, u_y, rig.gravity
     )
-    if rig.drag > 0.0 or rig.pivot_viscous > 0.0 or rig.pivot_coulomb > 0.0:
-        passive = passive_accelerations(rig, state, wind)
-        alpha_ddot, beta_ddot = alpha_ddot + passive[0], beta_ddot + passive[1]
+    passive = passive_accelerations(rig.passive, rig.load_mass, state, wind)
     rate[0], rate[1] = state[1], u_x
     rate[2], rate[3] = state[3], u_y
     rate[4], rate[5] = state[5], u_l
-    rate[6], rate[7] = state[7], alpha_ddot + disturbance[0]
-    rate[8], rate[9] = state[9], beta_ddot + disturbance[1]
+    rate[6], rate[7] = state[7], alpha_ddot + passive[0] + disturbance[0]
+    rate[8], rate[9] = state[9], beta_ddot + passive[1] + disturbance[1]
 
 
 @jit
@@ -126,10 +138,8 @@ def observe_load(rig, state, command, wind, load):
     load[5] = length_rate * n[2] + length * n_dot[2]
     u_x, u_y, u_l = drive_accelerations(rig, state, command)
     force = specific_rope_force(length, state[6], state[7], state[8], state[9], u_x, u_y, u_l, rig.gravity)
-    load[6] = -rig.load_mass * force
-    if rig.drag > 0.0:
-        f_x, f_y, f_z = drag_force(rig, state, wind)
-        load[6] += f_x * n[0] + f_y * n[1] + f_z * n[2]
+    f_x, f_y, f_z = drag_force(rig.passive, state, wind)
+    load[6] = -rig.load_mass * force + (f_x * n[0] + f_y * n[1] + f_z * n[2])
 
 
 @jit
@@ -155,23 +165,15 @@ class AnalyticPlant:
         substeps: int,
         effects: EffectSettings = NO_EFFECTS,
     ) -> None:
-        """`step`: integration step [s]; `substeps`: steps per control period."""
         self.drive = drive
-        rates = 1.0 / rig.time_constants
-        ideal = drive == "ideal"
-        self.rig = AnalyticRig(
-            drive_gain=np.ones(3) if ideal else rates,
-            drive_damping=np.zeros(3) if ideal else rates,
-            gravity=rig.gravity,
-            load_mass=rig.load_mass,
-            drag=air_drag(effects),
-            pivot_viscous=effects.friction.pivot_viscous if effects.friction else 0.0,
-            pivot_coulomb=effects.friction.pivot_coulomb if effects.friction else 0.0,
-            substeps=substeps,
-            step=step,
-        )
+        self.rig = _analytic_rig(rig, drive, effects, substeps=substeps, step=step)
         self.state = np.zeros(10)
         self.stages, self.stage_state = np.zeros((STAGES, 10)), np.zeros(10)
+
+    def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
+        substeps, step = self.rig.substeps, self.rig.step
+        self.rig = _analytic_rig(rig, self.drive, effects, substeps=substeps, step=step)
+        return True
 
     def check_length(self, length: float) -> None:
         """Any length will do."""
@@ -189,3 +191,29 @@ class AnalyticPlant:
 
     def warnings(self) -> int:
         return 0
+
+
+def _analytic_rig(
+    rig: RigParameters, drive: Drive, effects: EffectSettings, *, substeps: int, step: float
+) -> AnalyticRig:
+    rates = 1.0 / rig.time_constants
+    ideal = drive == "ideal"
+    return AnalyticRig(
+        drive_gain=np.ones(3) if ideal else rates,
+        drive_damping=np.zeros(3) if ideal else rates,
+        gravity=rig.gravity,
+        load_mass=rig.load_mass,
+        passive=_passive_forces(effects),
+        substeps=substeps,
+        step=step,
+    )
+
+
+def _passive_forces(effects: EffectSettings) -> PassiveForces | None:
+    friction = effects.friction
+    forces = PassiveForces(
+        drag=air_drag(effects),
+        pivot_viscous=friction.pivot_viscous if friction else 0.0,
+        pivot_coulomb=friction.pivot_coulomb if friction else 0.0,
+    )
+    return forces if any(forces) else None

@@ -5,6 +5,9 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.effects.settings import EffectSettings
+from cranectl.parameters import RigParameters
+
 Array = NDArray[np.float64]
 Drive = Literal["ideal", "velocity"]
 
@@ -22,7 +25,21 @@ class Plant(Protocol):
 
     name: str
     drive: Drive
-    description: str  # the model as run: MJCF, or where the equations are
+
+    def __init__(
+        self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings
+    ) -> None:
+        """`step`: of the integrator [s]; `substeps`: steps per control period."""
+
+    @property
+    def description(self) -> str:
+        """The model as run: MJCF, or where the equations are."""
+
+    def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
+        """Become the plant of other parameters, bit for bit; then `reset` it.
+
+        False, and nothing changed, where effects are switched on or off, which takes a new plant.
+        """
 
     def check_length(self, length: float) -> None:
         """Raise InputError if the plant's effects or steps do not suit a rope as short as `length` [m]."""

@@ -15,6 +15,7 @@ from cranectl.jit import jit
 from cranectl.parameters import RigParameters
 from cranectl.plants.interface import Drive
 from cranectl.plants.mujoco_effects.body import push_body
+from cranectl.plants.mujoco_effects.entries import derive_constants, views_of, write_views
 from cranectl.plants.mujoco_effects.rope import (
     DISTANCE,
     ElasticRope,
@@ -28,9 +29,11 @@ from cranectl.plants.mujoco_effects.stability import check_step
 from cranectl.plants.mujoco_model import (
     compiled_model,
     drive_addresses,
+    model_entries,
     rate_addresses,
     sensor_addresses,
     state_addresses,
+    structure_of,
 )
 from cranectl.plants.mujoco_step import mj_step
 
@@ -151,12 +154,9 @@ class MujocoPlant:
         substeps: int,
         effects: EffectSettings = NO_EFFECTS,
     ) -> None:
-        """`step`: physics step [s]; `substeps`: steps per control period."""
         self.drive = drive
-        self.effects = _physical(effects)
-        self.model, self.description = compiled_model(rig, drive, step, self.effects)
-        if effects.rope:
-            self.model = copy.copy(self.model)  # changes with the rope's length
+        self.parameters, self.effects = rig, _physical(effects)
+        self.model = copy.copy(compiled_model(rig, drive, step, self.effects)[0])
         self.data = mujoco.MjData(self.model)
         self.rig = MujocoRig(
             model=self.model._address,
@@ -181,6 +181,24 @@ class MujocoPlant:
             substeps=substeps,
             step=step,
         )
+
+    @property
+    def description(self) -> str:
+        """MJCF."""
+        return compiled_model(self.parameters, self.drive, self.rig.step, self.effects)[1]
+
+    def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
+        physical = _physical(effects)
+        if structure_of(physical) != structure_of(self.effects):
+            return False
+        self.parameters, self.effects = rig, physical
+        entries = model_entries(rig, self.drive, physical)
+        write_views(views_of(self.model, entries), entries)
+        derive_constants(self.model, self.data)
+        self.rig = self.rig._replace(
+            load_mass=rig.load_mass, rope=_rope(self.model, effects), drag=air_drag(effects)
+        )
+        return True
 
     def reset(self, state: Array) -> None:
         if self.effects.rope:

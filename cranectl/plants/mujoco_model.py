@@ -10,15 +10,18 @@ from cranectl import resources
 from cranectl.effects.settings import NO_EFFECTS, EffectSettings
 from cranectl.parameters import RigParameters
 from cranectl.plants.interface import Drive
-from cranectl.plants.mujoco_effects.body import hang_body
-from cranectl.plants.mujoco_effects.frame import add_frame
-from cranectl.plants.mujoco_effects.friction import add_friction
-from cranectl.plants.mujoco_effects.limits import limit_forces
-from cranectl.plants.mujoco_effects.rope import add_rope
+from cranectl.plants.mujoco_effects.body import body_entries, hang_body
+from cranectl.plants.mujoco_effects.entries import Entry, write_spec
+from cranectl.plants.mujoco_effects.frame import add_frame, frame_entries
+from cranectl.plants.mujoco_effects.friction import add_friction, friction_entries
+from cranectl.plants.mujoco_effects.limits import limit_entries, limit_forces
+from cranectl.plants.mujoco_effects.rope import DISTANCE, add_rope, rope_entries
 
 JOINTS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
+BODIES = ("bridge", "trolley", "load")
 DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 DRIVES = ("bridge_drive", "trolley_drive", "winch_drive")
+DRAWN_LENGTH = 0.7  # [m] of rope in the file, without which the cardan angles would have no inertia
 
 # An ideal drive is a motor on a joint so inert that the load cannot move it: acceleration = command to 1e-12.
 IDEAL_INERTIA = 1e12  # per kg of load
@@ -28,7 +31,7 @@ IDEAL_INERTIA = 1e12  # per kg of load
 def compiled_model(
     rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> tuple[mujoco.MjModel, str]:
-    """The compiled model and its MJCF; runs on the same rig share it, and must not change it."""
+    """The compiled model and its MJCF; plants of the same rig copy it, and must not change it."""
     spec = model_spec(rig, drive=drive, step=step, effects=effects)
     return spec.compile(), str(spec.to_xml())
 
@@ -39,52 +42,79 @@ def model_spec(
     """The filed model with the parameters, drives, effects and physics step [s] of one run."""
     spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
     spec.option.timestep = step
-    spec.option.gravity = [0.0, 0.0, -rig.gravity]
     # The file's joint ranges are the rig's end stops. Leaving them is judged by the run, the same on every
     # plant, so that a run that is told to record a violation does not hit a wall on one plant only.
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
-    for body in ("bridge", "trolley", "load"):
-        spec.body(body).mass = getattr(rig, f"{body}_mass")
-    for joint, limits in zip(DRIVEN_JOINTS, rig.workspace, strict=True):
-        spec.joint(joint).range = limits
-    _add_structure(spec, rig, effects)
-    if drive == "ideal":
-        _set_ideal_drives(spec, IDEAL_INERTIA * rig.load_mass)
-    else:
-        _set_velocity_drives(spec, rig)
-    if effects.friction:
-        add_friction(spec, effects.friction, on_axes=drive == "velocity")
-    if effects.limits and drive == "velocity":
-        limit_forces(spec, DRIVES, effects.limits)
+    _add_structure(spec, drive, effects)
+    write_spec(spec, model_entries(rig, drive, effects))
     return spec
 
 
-def _add_structure(spec: mujoco.MjSpec, rig: RigParameters, effects: EffectSettings) -> None:
-    """Effects that add bodies and joints. The driven joints keep their names."""
+def _add_structure(spec: mujoco.MjSpec, drive: Drive, effects: EffectSettings) -> None:
+    """What effects and drives are made of. The driven joints keep their names."""
     if effects.body:
-        hang_body(spec, effects.body, rig.load_mass)
+        hang_body(spec)
     if effects.rope:
-        add_rope(spec, effects.rope, effects.body.hook_offset if effects.body else 0.0)
+        add_rope(spec, heavy=effects.rope.mass > 0.0)
     if effects.frame:
-        add_frame(spec, effects.frame)
+        add_frame(spec)
+    if effects.friction:
+        add_friction(spec, on_axes=drive == "velocity")
+    if effects.limits and drive == "velocity":
+        limit_forces(spec, DRIVES)
+    if drive == "ideal":
+        for name in DRIVES:
+            spec.actuator(name).set_to_motor()
 
 
-def _set_ideal_drives(spec: mujoco.MjSpec, inertia: float) -> None:
-    for name in DRIVES:
-        actuator = spec.actuator(name)
-        actuator.set_to_motor()
-        actuator.gear = [inertia, 0.0, 0.0, 0.0, 0.0, 0.0]
-    for name in DRIVEN_JOINTS:
-        spec.joint(name).armature = inertia
+def structure_of(effects: EffectSettings) -> tuple[object, ...]:
+    """What cannot change in a compiled model."""
+    heavy = effects.rope is not None and effects.rope.mass > 0.0
+    return (effects.names, heavy)
 
 
-def _set_velocity_drives(spec: mujoco.MjSpec, rig: RigParameters) -> None:
-    spec.joint("rope_length").armature = rig.winch_mass
+def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
+    """Every number of the model that depends on the parameters; which ones, on the structure only."""
+    offset = effects.body.hook_offset if effects.body else 0.0
+    drawn = DRAWN_LENGTH + offset  # measured length counts to the load's centre of mass, hanging still
+    found = [Entry("option", "", "gravity", (0.0, 0.0, -rig.gravity))]
+    found += [Entry("body", body, "mass", getattr(rig, f"{body}_mass")) for body in BODIES]
+    ranges = zip(DRIVEN_JOINTS, (rig.bridge_range, rig.trolley_range, rig.rope_range), strict=True)
+    found += [Entry("joint", joint, "range", limits) for joint, limits in ranges]
+    found += [Entry("joint", "rope_length", "ref", drawn)]
+    found += _set_ideal_drives(rig) if drive == "ideal" else _set_velocity_drives(rig)
+    if effects.body:
+        found += body_entries(effects.body, rig.load_mass)
+    if effects.rope:
+        found += [Entry("joint", DISTANCE, "ref", drawn), Entry("joint", DISTANCE, "range", rig.rope_range)]
+        found += rope_entries(effects.rope.mass, drawn - offset)
+    if effects.frame:
+        found += frame_entries(effects.frame, rig)
+    if effects.friction:
+        found += friction_entries(effects.friction, on_axes=drive == "velocity")
+    if effects.limits and drive == "velocity":
+        found += limit_entries(DRIVES, effects.limits)
+    return found
+
+
+def _set_ideal_drives(rig: RigParameters) -> list[Entry]:
+    inertia = IDEAL_INERTIA * rig.load_mass
+    gear = (inertia, 0.0, 0.0, 0.0, 0.0, 0.0)
+    drives = [Entry("actuator", name, "gear", gear) for name in DRIVES]
+    return drives + [Entry("joint", name, "armature", inertia) for name in DRIVEN_JOINTS]
+
+
+def _set_velocity_drives(rig: RigParameters) -> list[Entry]:
+    armature = rig.winch_mass
     held_forces = (0.0, 0.0, -rig.weight)
-    for name, gain, held in zip(DRIVES, rig.velocity_gains, held_forces, strict=True):
-        actuator = spec.actuator(name)
-        actuator.gainprm[0] = gain
-        actuator.biasprm[:3] = (held, 0.0, -gain)
+    drives = []
+    for name, gain, held in zip(DRIVES, rig.velocity_gains.tolist(), held_forces, strict=True):
+        proportional = (gain,)
+        bias = (held, 0.0, -gain)
+        drives.append(Entry("actuator", name, "gainprm", proportional))
+        drives.append(Entry("actuator", name, "biasprm", bias))
+    drives.append(Entry("joint", "rope_length", "armature", armature))
+    return drives
 
 
 def state_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:

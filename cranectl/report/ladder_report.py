@@ -1,20 +1,19 @@
 """A climb of the fidelity ladder as one page: what each effect costs, alone and on top of the others."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.analysis.deviation import Size, load_difference
+from cranectl.analysis.deviation import load_difference
 from cranectl.analysis.ladder import Step
 from cranectl.analysis.rungs import BASE
-from cranectl.report.page import Cell, Figure, Page, Section, Table
+from cranectl.report.deviation_bars import LEAST, WIDTH, deviation_bars
+from cranectl.report.ladder_table import ladder_table
+from cranectl.report.page import Figure, Page, Section
+from cranectl.report.table import Cell, Table
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 from cranectl.scenario import Scenario
-
-WIDTH = 6.4  # [in]
-LEAST = 1e-9  # [m] that is drawn
 
 
 def ladder_page(scenario: Scenario, controller: str, steps: Sequence[Step], remade_by: str) -> Page:
@@ -32,47 +31,9 @@ def ladder_sections(steps: Sequence[Step], *, first: int = 1) -> tuple[Section, 
         Figure(distances, apart, _distances(steps, f"f{distances}"), ""),
     )
     return (
-        Section("costs", "What each effect costs", tables=(_table(steps),), figures=figures),
+        Section("costs", "What each effect costs", tables=(ladder_table(steps),), figures=figures),
         Section("rungs", "The rungs", tables=(_rungs(steps),)),
     )
-
-
-def _table(steps: Sequence[Step]) -> Table:
-    headings = ("rung", "ended", "RMS error [mm]", "max error [mm]", "final error [mm]", "adds RMS [mm]",
-                "adds max [mm]", "adds final [mm]", "alone RMS [mm]", "alone max [mm]", "alone final [mm]",
-                "effort [m/s²]", "sway [°]")  # fmt: skip
-    note = (
-        f"Adds: distance of the load from where it was on the rung before. Alone: from {BASE}, with this "
-        "effect only. Effort: RMS of the commanded accelerations. Sway: RMS angle between rope and plumb "
-        "line."
-    )
-    return Table(
-        "Tracking error and deviations", headings, tuple(_row(step) for step in steps), labels=2, note=note
-    )
-
-
-def _row(step: Step) -> tuple[Cell, ...]:
-    status = step.run.status
-    ended = Cell(status.label, "bad" if status.stopped else "good")
-    metrics = step.metrics
-    if metrics is None:
-        return (Cell(step.rung.name), ended, *(Cell("–"),) * 11)
-    errors = Size(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m)
-    return (
-        Cell(step.rung.name),
-        ended,
-        *_cells(errors),
-        *_cells(step.cumulative),
-        *_cells(step.alone),
-        Cell(f"{math.hypot(*metrics.rms_acceleration_m_s2):.4f}"),
-        Cell(f"{math.degrees(metrics.rms_sway_rad):.3f}"),
-    )
-
-
-def _cells(found: Size | None) -> tuple[Cell, ...]:
-    if found is None:
-        return (Cell(""),) * 3
-    return tuple(Cell(f"{1e3 * value:.3g}") for value in (found.rms, found.max, found.final))
 
 
 def _rungs(steps: Sequence[Step]) -> Table:
@@ -105,25 +66,12 @@ def _largest(steps: Sequence[Step]) -> str:
 
 
 def _bars(steps: Sequence[Step], name: str) -> str:
-    """Largest deviations on a logarithmic axis, a row a rung."""
     shown = [step for step in steps if step.cumulative]
-    with styled():
-        drawing = Drawing(figsize=(WIDTH, 0.9 + 0.28 * len(shown)), layout="constrained")
-        axes = drawing.subplots()
-        place = np.arange(len(shown))
-        for offset, role, label, values in (
-            (-0.2, SERIES[0], "on top of the rungs before", [step.cumulative for step in shown]),
-            (0.2, SERIES[1], f"alone, on {BASE}", [step.alone for step in shown]),
-        ):
-            lengths = [max(value.max, LEAST) if value else LEAST for value in values]
-            axes.barh(place + offset, lengths, height=0.36, color=STAND_IN[role], label=label, left=0.0)
-        axes.set_xscale("log")
-        axes.set(xlim=(LEAST, None), xlabel="largest deviation of the load [m]")
-        axes.set_yticks(place, [step.rung.name for step in shown])
-        axes.invert_yaxis()
-        axes.grid(visible=False, axis="y")
-        drawing.legend(loc="outside upper center", ncols=2)
-        return inline_svg(drawing, name)
+    pair = {
+        "on top of the rungs before": [step.cumulative.max if step.cumulative else 0.0 for step in shown],
+        f"alone, on {BASE}": [step.alone.max if step.alone else 0.0 for step in shown],
+    }
+    return deviation_bars([step.rung.name for step in shown], pair, name)
 
 
 def _distances(steps: Sequence[Step], name: str) -> str:

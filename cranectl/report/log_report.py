@@ -2,10 +2,9 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from cranectl.compare import Comparison, agreement_limits, compare_runs, judge
-from cranectl.metrics import run_metrics
+from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.report.metrics_table import metrics_table
 from cranectl.report.page import Cell, Figure, Page, Section, Table
 from cranectl.report.run_figures import FAMILIES, Curve, distance_svg, family_svg
 from cranectl.report.theme import SERIES
@@ -13,6 +12,7 @@ from cranectl.report.verdicts import agreement, verdict
 from cranectl.simulate import Run
 
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
+Metrics = Mapping[tuple[str, str], RunMetrics | None]  # by label and plant
 
 
 def log_page(logs: Logs, remade_by: str) -> Page:
@@ -20,8 +20,10 @@ def log_page(logs: Logs, remade_by: str) -> Page:
     runs = [run for log in logs.values() for run in log.values()]
     scenarios = dict.fromkeys(run.scenario.name for run in runs)
     title = runs[0].scenario.title if len(scenarios) == 1 else ""
+    metrics = {(label, plant): run_metrics(run) for label, log in logs.items() for plant, run in log.items()}
+    labelled = {f"{label}, {plant}": found for (label, plant), found in metrics.items()}
     sections = [
-        Section("runs", "Runs", tables=(_run_table(logs),)),
+        Section("runs", "Runs", tables=(_run_table(logs, metrics), metrics_table(labelled))),
         Section("figures", "Figures", figures=_figures(logs)),
     ]
     tables = tuple(_comparison_table(label, comparison) for label, comparison in _comparisons(logs))
@@ -30,31 +32,23 @@ def log_page(logs: Logs, remade_by: str) -> Page:
     return Page(", ".join(scenarios), title, tuple(sections), remade_by)
 
 
-def _run_table(logs: Logs) -> Table:
-    headings = ("log", "plant", "controller", "drives", "ended", "at [s]", "max error [m]", "RMS error [m]",
-                "final error [m]", "max |angle| [°]", "min tension [N]", "outside rig [m]")  # fmt: skip
+def _run_table(logs: Logs, metrics: Metrics) -> Table:
+    headings = ("log", "plant", "controller", "drives", "ended", "at [s]", "max error [m]", "outside rig [m]")
     rows = []
     for label, log in logs.items():
         for plant, run in log.items():
             status = Cell(run.status.label, "bad" if run.status.stopped else "good")
             identity = (label, plant, run.design.name, run.drive)
-            rows.append((*map(Cell, identity), status, Cell(f"{run.end_ns / 1e9:g}"), *_metric_cells(run)))
+            found = _metric_cells(metrics[label, plant])
+            rows.append((*map(Cell, identity), status, Cell(f"{run.end_ns / 1e9:g}"), *found))
     return Table("How the runs went", headings, tuple(rows), labels=5, note=_verdicts(logs))
 
 
-def _metric_cells(run: Run) -> tuple[Cell, ...]:
-    metrics = run_metrics(run)
+def _metric_cells(metrics: RunMetrics | None) -> tuple[Cell, Cell]:
     if metrics is None:
-        return (Cell("–"),) * 6
+        return Cell("–"), Cell("–")
     excess = max((violation.max_excess_m for violation in metrics.workspace_violations), default=0.0)
-    return (
-        Cell(f"{metrics.max_error_m:.4f}"),
-        Cell(f"{metrics.rms_error_m:.4f}"),
-        Cell(f"{metrics.final_error_m:.4f}"),
-        Cell(f"{np.degrees(max(metrics.max_abs_angle_rad)):.2f}"),
-        Cell(f"{metrics.min_rope_tension_n:.3f}"),
-        Cell(f"{excess:.4f}", "bad" if excess else ""),
-    )
+    return Cell(f"{metrics.max_error_m:.4f}"), Cell(f"{excess:.4f}", "bad" if excess else "")
 
 
 def _verdicts(logs: Logs) -> str:

@@ -8,26 +8,9 @@ from markupsafe import Markup
 
 from cranectl.errors import InputError
 from cranectl.files import check_replaceable, write_text
+from cranectl.report.table import Cell as Cell
+from cranectl.report.table import Table as Table
 from cranectl.report.theme import css_variables
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One cell of a table; `mark` is "", "good", "open" or "bad"."""
-
-    text: str
-    mark: str = ""
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table; the first `labels` columns are text, the others numbers."""
-
-    title: str
-    headings: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    labels: int = 1
-    note: str = ""
 
 
 @dataclass(frozen=True)

@@ -5,21 +5,25 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.design import CONTROLLERS
 from cranectl.reference import time_law
 from cranectl.report.design_figures import loop_shaping_figure
 from cranectl.report.diagrams import DIAGRAMS, diagram_svg
-from cranectl.report.page import Cell, Figure, Page, Section, Table
+from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run_figures import FAMILIES, WIDTH, Curve, family_svg
 from cranectl.report.theme import SERIES, inline_svg, styled
+from cranectl.report.thesis_tables import (
+    FEEDBACK,
+    ROBUSTIFIERS,
+    gain_table,
+    norms_table,
+    printed_tables,
+    robustifier_table,
+)
 from cranectl.report.verdicts import agreement, verdict
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run
-from cranectl.thesis import SOURCES, SYMBOLS, Number, Reproduction, Row
+from cranectl.thesis import SOURCES, Reproduction
 
-ROBUSTIFIERS = {"": "feedback alone", "hinf": "S/KS", "loop-shaping": "loop shaping"}
-FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}
-SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity drives"}
 # First figure of a scenario: the load in space; two figures a family follow, one for each feedback.
 FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
 FAMILY_ORDER = tuple(name for name in FAMILIES if name != "space")
@@ -47,7 +51,7 @@ class ChapterFigures:
 
 def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) -> Page:
     """The whole page."""
-    tables = {table.name: _table(f"Table {table.name}: {table.title}", table.rows) for table in found.tables}
+    tables = printed_tables(found)
     return Page(
         title="The thesis, run again",
         lead="Chapter 5 of J. L. Zárate Moya, Tracking Controller Design for a Nonlinear Model of a Gantry "
@@ -69,9 +73,9 @@ def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) ->
                 "designs",
                 "Designs",
                 tables=(
-                    _gain_table(found),
-                    _table("H∞ norms γ, section 5.2.1", found.norms),
-                    _robustifier_table(found),
+                    gain_table(found),
+                    norms_table(found),
+                    robustifier_table(found),
                 ),
                 figures=_design_figures(found),
             ),
@@ -193,71 +197,3 @@ def _design_figures(found: Reproduction) -> tuple[Figure, ...]:
             )
         )
     return tuple(figures)
-
-
-def _gain_table(found: Reproduction) -> Table:
-    rows = tuple(
-        (Cell(FEEDBACK[name]), *(Cell(f"{gain:.5g}") for gain in gains))
-        for name, gains in found.gains.items()
-    )
-    headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
-    return Table("State feedback gains, one axis", headings, rows, note="Not printed in the thesis.")
-
-
-def _robustifier_table(found: Reproduction) -> Table:
-    """What each robustifier does to a lasting error, and how much of it goes through its fastest mode."""
-    rows = []
-    for name, design in found.designs.items():
-        if design.gamma_achieved is not None:
-            pole, gain = design.robustifier.fastest_mode
-            left = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
-            numbers = (f"{design.gamma_achieved:.4f}", f"{left:.4f}", f"{pole:.4g}", f"{gain:.4g}")
-            rows.append((Cell(_controller_name(name)), *(Cell(n.replace("-", "−")) for n in numbers)))
-    return Table(
-        "Robustifiers, one axis",
-        ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
-        tuple(rows),
-        note="S(0) is what remains of a steady error: nothing with an integrator, γ A with S/KS. S/KS leads "
-        "nearly all of its output through a stiff mode, which is why the thesis's solver made it look noisy.",
-    )
-
-
-def _table(title: str, rows: tuple[Row, ...]) -> Table:
-    """Printed beside ours, a line a number."""
-    cells = tuple(
-        (
-            Cell(_controller_name(row.controller) if k == 0 else ""),
-            Cell(SYMBOLS[column]),
-            *_number_cells(number),
-        )
-        for row in rows
-        for k, (column, number) in enumerate(row.numbers.items())
-    )
-    headings = ("controller", "", "printed", *SOURCE_NAMES.values(), "difference", "tolerance")
-    open_ones = any(not number.explained for row in rows for number in row.numbers.values())
-    note = "Differences marked ? have a tolerance that nobody can explain yet." if open_ones else ""
-    return Table(title, headings, cells, labels=2, note=note)
-
-
-def _number_cells(number: Number) -> tuple[Cell, ...]:
-    ours = [_digits(number.ours[source]) if source in number.ours else "–" for source in SOURCES]
-    mark = "bad" if not number.within else "good" if number.explained else "open"
-    difference = _digits(number.difference, "+") + ("" if number.explained else " ?")
-    return (
-        Cell(_digits(number.printed)),
-        *map(Cell, ours),
-        Cell(difference, mark),
-        Cell(_digits(number.tolerance)),
-    )
-
-
-def _digits(value: float, sign: str = "") -> str:
-    return f"{value:{sign}.4f}".replace("-", "−")
-
-
-def _controller_name(name: str) -> str:
-    feedback, _, robustifier = name.partition("+")
-    return FEEDBACK[feedback] + (f" + {ROBUSTIFIERS[robustifier]}" if robustifier else "")
-
-
-assert {name.partition("+")[2] for name in CONTROLLERS} == set(ROBUSTIFIERS)

@@ -1,17 +1,18 @@
 """The compiled loop over the analytic plant."""
 
-from cranectl.jit import jit
+from cranectl.jit import jit_loop
 from cranectl.plants.analytic import advance_analytic
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
 from cranectl.simulate.sample import RUNNING, command_of, complete_rows, control_sample, judge_sample
 
 
-@jit
+@jit_loop
 def advance_block(rig, state, work, work_state, sampling, stages, record, memory, first, last):
     """Samples `first` to `last` - 1; returns (complete rows, sample it ended at, status)."""
     for k in range(first, last):
         row = record[k]
-        row[STATE_COLUMN : STATE_COLUMN + 10] = state
+        for i in range(10):
+            row[STATE_COLUMN + i] = state[i]
         status = control_sample(sampling, stages, k, row, memory)
         if status != RUNNING:
             return k, k, status

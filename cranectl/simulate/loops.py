@@ -64,7 +64,7 @@ def python_loop(plant: Plant) -> AdvanceBlock:
             status = control_sample(sampling, stages, k, row, memory)
             if status != RUNNING:
                 return k, k, status
-            command = command_of(sampling, stages, k, row)
+            command = np.array(command_of(sampling, stages, k, row))
             disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
             plant.advance(command, disturbance, sampling.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
             status = judge_sample(sampling, row)

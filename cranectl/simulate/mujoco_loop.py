@@ -1,6 +1,6 @@
 """The compiled loop over the MuJoCo plant; calls the engine's step without going through Python."""
 
-from cranectl.jit import jit
+from cranectl.jit import jit_loop
 from cranectl.plants.mujoco import advance_mujoco, measure_joints
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
 from cranectl.simulate.sample import RUNNING, command_of, complete_rows, control_sample, judge_sample
@@ -9,7 +9,7 @@ from cranectl.status import RunStatus
 ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 
 
-@jit
+@jit_loop
 def advance_block(rig, sampling, stages, record, memory, first, last):
     """Samples `first` to `last` - 1; returns (complete rows, sample it ended at, status)."""
     for k in range(first, last):

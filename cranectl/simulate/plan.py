@@ -16,6 +16,23 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class PlannedReference:
+    """What a run is asked to do at every control sample, whatever the plant."""
+
+    time_ns: NDArray[np.int64]  # (N,)
+    reference: Array  # (N, 15)
+    state: Array  # (N, 10)
+    gravity: float  # with which the states are planned [m/s²]
+
+    def start(self, load_offset: tuple[float, float, float]) -> Array:
+        """State (10,) of a crane that moves with the reference, its load offset by (x, y, z) [m]."""
+        row = self.reference[0].copy()
+        row[:3] += load_offset
+        state: Array = states_and_inputs(row[np.newaxis], self.gravity)[0][0]
+        return state
+
+
+@dataclass(frozen=True)
 class Plan:
     """A scenario at every control sample, the last one at the end of the run included."""
 
@@ -33,7 +50,12 @@ class Plan:
 
 
 def plan_scenario(scenario: Scenario) -> Plan:
-    """Sample reference and disturbances.
+    """Sample reference and disturbances; raises InputError as `plan_reference` and `plan_run` do."""
+    return plan_run(plan_reference(scenario), scenario)
+
+
+def plan_reference(scenario: Scenario) -> PlannedReference:
+    """Sample the reference.
 
     Raises InputError where the reference is not smooth enough, would need a slack rope, or leads bridge,
     trolley or rope out of the workspace.
@@ -43,16 +65,28 @@ def plan_scenario(scenario: Scenario) -> Plan:
     _check_taut(scenario, time_ns, reference)
     states, _ = states_and_inputs(reference, scenario.rig.gravity)
     _check_workspace(scenario, time_ns, states)
-    initial = _initial_state(scenario, reference[0])
-    wind = air_velocity(scenario.effects.wind, len(time_ns), scenario.period_ns / NANOSECONDS)
-    return Plan(time_ns, reference, states, initial, _disturbances(scenario, time_ns), wind)
+    return PlannedReference(time_ns, reference, states, scenario.rig.gravity)
 
 
-def _initial_state(scenario: Scenario, reference: Array) -> Array:
-    """The state on the reference's first row, moved and swung by the scenario's offsets."""
-    row = reference.copy()
-    row[:3] += scenario.initial.load_offset
-    state: Array = states_and_inputs(row[np.newaxis], scenario.rig.gravity)[0][0]
+def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
+    """What happens to the crane of `scenario` on a reference that may be planned for another crane.
+
+    Raises InputError where it would start outside of its workspace.
+    """
+    time_ns = planned.time_ns
+    return Plan(
+        time_ns=time_ns,
+        reference=planned.reference,
+        reference_state=planned.state,
+        initial_state=_initial_state(scenario, planned),
+        disturbance=_disturbances(scenario, time_ns),
+        wind=air_velocity(scenario.effects.wind, len(time_ns), scenario.period_ns / NANOSECONDS),
+    )
+
+
+def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
+    """The first state of the reference, moved and swung by the scenario's offsets."""
+    state = planned.start(scenario.initial.load_offset)
     state[6] += scenario.initial.alpha_offset
     state[8] += scenario.initial.beta_offset
     low, high = scenario.rig.workspace.T

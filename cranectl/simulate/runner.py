@@ -11,11 +11,12 @@ from cranectl.errors import unknown_name
 from cranectl.plants.interface import DRIVES, PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
-from cranectl.simulate.loops import AdvanceBlock, compiled_loop, python_loop
-from cranectl.simulate.plan import Plan, plan_scenario
+from cranectl.simulate.loops import compiled_loop, python_loop
+from cranectl.simulate.plan import Plan, plan_reference, plan_run
 from cranectl.simulate.run import Run
 from cranectl.simulate.sample import Sampling
-from cranectl.simulate.stages import Stages, make_stages, whole_record
+from cranectl.simulate.stages import make_stages, whole_record
+from cranectl.simulate.stream import Started
 from cranectl.status import RunStatus
 from cranectl.tracker import Tracker, initial_memory, make_tracker
 
@@ -32,6 +33,7 @@ def simulate_run(
     drive: str = "ideal",
     controller: str | None = None,
     design: Design | None = None,
+    known: Scenario | None = None,
     plan: Plan | None = None,
     compiled: bool = True,
     progress: Progress | None = None,
@@ -39,23 +41,19 @@ def simulate_run(
     """Run `scenario` on one plant and record every sample.
 
     `controller`: a name from `design.CONTROLLERS`, by default the scenario's; or give a finished `design`.
-    `plan` saves planning the same scenario twice. Raises InputError for wrong names and for a reference
-    that the rig cannot follow. A run that has to stop early, Ctrl-C included, returns what it has, with the
-    reason in its status.
+    `known`: what the controller takes the crane for, by default what it is; reference, feedback and observer
+    are made for it. It may differ from `scenario` in rig, effects, initial and disturbances only. `plan`
+    saves planning the same scenario twice. Raises InputError for wrong names and for a reference that the
+    rig cannot follow. A run that has to stop early, Ctrl-C included, returns what it has, with the reason in
+    its status.
     """
-    design = design or design_controller(controller or scenario.controller, scenario.design)
-    plan = plan or plan_scenario(scenario)
+    known = known or scenario
+    design = design or design_controller(controller or known.controller, known.design)
+    plan = plan or plan_run(plan_reference(known), scenario)
     crane = make_plant(plant, scenario, checked_drive(drive))
-    crane.check_length(plan.shortest_rope)
-    tracker = tracker_of(scenario, design)
-    start = plan.initial_state
-    crane.reset(start)
-    record = np.zeros((len(plan.time_ns), BASE_WIDTH + 3 * design.robustifier.sampled_order))
-    memory = initial_memory(tracker, start, plan.reference[0])
-    loop = (compiled_loop if compiled else python_loop)(crane)
-    sampling = sampling_of(scenario, tracker, plan, crane.drive)
-    stages = make_stages(scenario, start, drive=crane.drive, samples=len(record))
-    rows, last, status = _run_blocks(loop, sampling, stages, record, memory, plan, progress)
+    run = start_run(crane, scenario, tracker_of(known, design), plan, known=known, compiled=compiled)
+    record = np.zeros((len(plan.time_ns), record_width(design)))
+    rows, last, status = _run_blocks(run, record, plan, progress)
     return Run(
         scenario=scenario,
         design=design,
@@ -63,11 +61,45 @@ def simulate_run(
         drive=crane.drive,
         model=crane.description,
         time_ns=plan.time_ns[:rows],
-        table=whole_record(record, stages)[:rows],
+        table=whole_record(record, run.stages)[:rows],
         reference=plan.reference[:rows],
         status=status,
         end_ns=int(plan.time_ns[last]),
     )
+
+
+def start_run(
+    crane: Plant,
+    scenario: Scenario,
+    tracker: Tracker,
+    plan: Plan,
+    *,
+    known: Scenario,
+    stages_record: Array | None = None,
+    compiled: bool = True,
+) -> Started:
+    """Put `crane`, which is that of `scenario`, at the start of `plan`.
+
+    Raises InputError where effects or steps do not suit its rope.
+    `stages_record`: where the stages write, by default whole memory for all samples.
+    """
+    crane.check_length(plan.shortest_rope)
+    start = plan.initial_state
+    crane.reset(start)
+    samples = len(plan.time_ns)
+    return Started(
+        advance=(compiled_loop if compiled else python_loop)(crane),
+        sampling=sampling_of(scenario, tracker, plan, crane.drive),
+        stages=make_stages(
+            scenario, start, drive=crane.drive, samples=samples, known=known, record=stages_record
+        ),
+        memory=initial_memory(tracker, start, plan.reference[0]),
+    )
+
+
+def record_width(design: Design) -> int:
+    """Columns of a run's record without those of its stages."""
+    return BASE_WIDTH + 3 * design.robustifier.sampled_order
 
 
 def tracker_of(scenario: Scenario, design: Design) -> Tracker:
@@ -83,19 +115,25 @@ def tracker_of(scenario: Scenario, design: Design) -> Tracker:
 def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
     """The plant `name` for a scenario; raises InputError for an unknown one and effects it cannot show."""
     check_effects(scenario.effects, plant=name, drive=drive)
-    step = scenario.period_ns / NANOSECONDS / scenario.substeps
+    return _plant_class(name)(
+        scenario.rig,
+        drive=drive,
+        step=scenario.period_ns / NANOSECONDS / scenario.substeps,
+        substeps=scenario.substeps,
+        effects=scenario.effects,
+    )
+
+
+def _plant_class(name: str) -> type[Plant]:
+    """Imported only when it is asked for: MuJoCo takes a while."""
     if name == "analytic":
         from cranectl.plants.analytic import AnalyticPlant
 
-        return AnalyticPlant(
-            scenario.rig, drive=drive, step=step, substeps=scenario.substeps, effects=scenario.effects
-        )
+        return AnalyticPlant
     if name == "mujoco":
         from cranectl.plants.mujoco import MujocoPlant
 
-        return MujocoPlant(
-            scenario.rig, drive=drive, step=step, substeps=scenario.substeps, effects=scenario.effects
-        )
+        return MujocoPlant
     raise unknown_name("plant", name, PLANTS)
 
 
@@ -123,23 +161,19 @@ def sampling_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) 
 
 
 def _run_blocks(
-    loop: AdvanceBlock,
-    sampling: Sampling,
-    stages: Stages | None,
-    record: Array,
-    memory: Array,
-    plan: Plan,
-    progress: Progress | None,
+    run: Started, record: Array, plan: Plan, progress: Progress | None
 ) -> tuple[int, int, RunStatus]:
     """Returns (complete rows, index of the sample at which the run ended, status)."""
     rows, status, total = 0, RunStatus.RUNNING, len(plan.time_ns)
     try:
         while rows < total and status == RunStatus.RUNNING:
             done = rows
-            rows, end, code = loop(sampling, stages, record, memory, rows, min(rows + BLOCK, total))
+            rows, end, code = run.advance(
+                run.sampling, run.stages, record, run.memory, rows, min(rows + BLOCK, total)
+            )
             status = RunStatus(code)
             if progress is not None:
-                progress((rows - done) * sampling.tracker.period)
+                progress((rows - done) * run.sampling.tracker.period)
     except KeyboardInterrupt:
         return rows, max(rows - 1, 0), RunStatus.INTERRUPTED
     if status == RunStatus.RUNNING:

@@ -62,11 +62,13 @@ def control_sample(sampling, stages, k, row, memory):
 
 @jit
 def command_of(sampling, stages, k, row):
-    """What the drives get at sample `k`, (3,)."""
+    """What the drives get at sample `k`, three numbers."""
     if stages is None:
-        return row[sampling.command_column : sampling.command_column + 3]
+        first = sampling.command_column
+        return row[first], row[first + 1], row[first + 2]
     else:  # noqa: RET505  only then is the other branch left out by the compiler
-        return stages.record[k, COMMAND_COLUMN : COMMAND_COLUMN + 3]
+        told = stages.record[k]
+        return told[COMMAND_COLUMN], told[COMMAND_COLUMN + 1], told[COMMAND_COLUMN + 2]
 
 
 @jit

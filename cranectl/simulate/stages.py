@@ -45,27 +45,39 @@ class Stages(NamedTuple):
     record: Array  # (N, STAGE_WIDTH)
 
 
-def make_stages(scenario: Scenario, start: Array, *, drive: str, samples: int) -> Stages | None:
-    """The stages of a run that starts at `start` (10,); None if the scenario has none of their effects."""
+def make_stages(
+    scenario: Scenario,
+    start: Array,
+    *,
+    drive: str,
+    samples: int,
+    known: Scenario | None = None,
+    record: Array | None = None,
+) -> Stages | None:
+    """The stages of a run that starts at `start` (10,); None if the scenario has none of their effects.
+
+    The observer is designed for `known`, by default the scenario itself. `record`: where they write, by
+    default whole memory for `samples`.
+    """
     effects = scenario.effects
     if not effects.staged:
         return None
     period = scenario.period_ns / NANOSECONDS
+    known = known or scenario
     sensing = effects.sensing or Sensing()
+    bandwidth = (known.effects.sensing or sensing).observer_bandwidth
     first = start[1:6:2] if drive == "velocity" else np.zeros(3)
     return Stages(
         sensed=effects.sensing is not None,
         encoders=make_encoders(sensing, samples if effects.sensing else 1),
-        observer=make_observer(
-            sensing.observer_bandwidth, period=period, gravity=scenario.rig.gravity
-        ),
+        observer=make_observer(bandwidth, period=period, gravity=known.rig.gravity),
         estimate=initial_estimate(start),
         limits=make_limits(effects.limits, period),
         previous=first.copy(),
         line=make_line(effects.delay, period, first),
         clock=np.zeros(1, dtype=np.int64),
-        record=np.zeros((samples, STAGE_WIDTH)),
-    )  # fmt: skip
+        record=np.zeros((samples, STAGE_WIDTH)) if record is None else record,
+    )
 
 
 def whole_record(record: Array, stages: Stages | None) -> Array:

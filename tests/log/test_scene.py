@@ -1,5 +1,6 @@
 """The 3-D scene of a log: things are where the run has them, and every message stands alone."""
 
+import json
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,8 +12,11 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
-from cranectl import resources
+from cranectl import colours, resources
+from cranectl.analysis.rungs import NAMES
+from cranectl.layouts import layout_json
 from cranectl.log import read_log, write_log
+from cranectl.log.overlay import write_overlay
 from cranectl.plants.mujoco_geometry import rig_solids
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -269,3 +273,40 @@ def test_a_run_that_ends_first_stays_where_it_ended(short: Scenario, tmp_path: P
     last = decode(path)["/tf"][-1][1]
     assert placed(last, "analytic/load")[0] == pytest.approx(cut.block("load")[-1, :3], abs=1e-12)
     assert list(read_log(path)) == ["analytic", "mujoco"]
+
+
+def rgb(colour: Any) -> tuple[float, ...]:
+    return (colour.r, colour.g, colour.b)
+
+
+def plot_colours(layout: str) -> dict[str, set[tuple[float, ...]]]:
+    """Colours of a layout's lines by the first part of their topic."""
+    found = defaultdict(set)
+    for name, panel in json.loads(layout_json(layout))["configById"].items():
+        if name.startswith("Plot"):
+            for line in panel["paths"]:
+                found[line["value"].split("/")[1]].add(colours.rgb(line["color"]))
+    return found
+
+
+def test_trail_and_path_have_the_colours_of_the_plots(scene: Messages) -> None:
+    plots = plot_colours("comparison")
+    for plant in ("analytic", "mujoco"):
+        shades = {
+            rgb(c) for _, update in scene[f"/{plant}/trail"] for c in update.entities[0].lines[0].colors
+        }
+        assert shades == {colours.rgb(colours.VIEWER[plant])}
+        assert shades == plots[plant]
+    ((_, path),) = scene["/reference/path"]
+    assert rgb(path.entities[0].lines[0].color) == colours.rgb(colours.VIEWER["reference"])
+    assert colours.rgb(colours.VIEWER["reference"]) in plots["reference"]
+
+
+def test_every_rung_has_one_colour_in_trails_and_plots(short: Scenario, tmp_path: Path) -> None:
+    run = simulate_run(short, plant="analytic")
+    write_overlay(tmp_path / "a.mcap", dict.fromkeys(NAMES, run), every=4)
+    drawn, plots = decode(tmp_path / "a.mcap"), plot_colours("ladder")
+    shades = {name: rgb(drawn[f"/{name}/trail"][0][1].entities[0].lines[0].colors[-1]) for name in NAMES}
+    assert len(set(shades.values())) == len(NAMES)
+    assert plots.keys() >= set(NAMES)
+    assert all(plots[name] == {shades[name]} for name in NAMES)

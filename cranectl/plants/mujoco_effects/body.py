@@ -6,36 +6,41 @@ import mujoco
 
 from cranectl.effects.settings import Body
 from cranectl.jit import jit
+from cranectl.plants.mujoco_effects.entries import Entry
 
 # The hook has next to no mass of its own; MuJoCo wants some of every body that moves.
 HOOK_MASS = 1e-9  # of the load's mass
 HOOK_INERTIA = 1e-15  # [kg m²]
 
 
-def hang_body(spec: mujoco.MjSpec, body: Body, load_mass: float) -> None:
-    """Part the filed point load in hook and load, joined by a ball joint `hook_offset` above the load.
-
-    The measured rope length counts to the load's centre of mass, hanging still: the same reference leaves the
-    load in the same place.
-    """
+def hang_body(spec: mujoco.MjSpec) -> None:
+    """Part the filed point load in hook and load, joined by a ball joint `hook_offset` above the load."""
     hook = spec.body("load")
     geoms = [(g.name, g.type, g.size.copy(), g.fromto.copy(), g.material) for g in hook.geoms]
     hook.name = "hook"
-    hook.mass, hook.inertia = HOOK_MASS * load_mass, (HOOK_INERTIA,) * 3
-    spec.joint("rope_length").ref += body.hook_offset
+    hook.inertia = (HOOK_INERTIA,) * 3
     spec.site("load").name = "hook"
     spec.sensor("rope_force").objname = "hook"
-    load = hook.add_body(name="load", pos=(0.0, 0.0, -body.hook_offset))
+    load = hook.add_body(name="load")
     load.explicitinertial, load.ipos = True, (0.0, 0.0, 0.0)
-    load.mass, load.inertia = load_mass, (body.inertia,) * 3
-    ball = load.add_joint(name="swing", type=mujoco.mjtJoint.mjJNT_BALL, pos=(0.0, 0.0, body.hook_offset))
-    ball.damping[0] = body.swing_damping
+    load.add_joint(name="swing", type=mujoco.mjtJoint.mjJNT_BALL)
     for geom in list(hook.geoms):
         spec.delete(geom)
     for name, kind, size, fromto, material in geoms:
         load.add_geom(name=name, type=kind, size=size, fromto=fromto, material=material)
     load.add_site(name="load")
     _draw_rope_to_hook(spec)
+
+
+def body_entries(body: Body, load_mass: float) -> list[Entry]:
+    """Hook, load and the joint between them; the load's own mass is the rig's."""
+    return [
+        Entry("body", "hook", "mass", HOOK_MASS * load_mass),
+        Entry("body", "load", "pos", (0.0, 0.0, -body.hook_offset)),
+        Entry("body", "load", "inertia", (body.inertia,) * 3),
+        Entry("joint", "swing", "pos", (0.0, 0.0, body.hook_offset)),
+        Entry("joint", "swing", "damping", body.swing_damping),
+    ]
 
 
 def _draw_rope_to_hook(spec: mujoco.MjSpec) -> None:

@@ -5,22 +5,31 @@ from math import pi
 import mujoco
 
 from cranectl.effects.settings import Frame
+from cranectl.parameters import RigParameters
+from cranectl.plants.mujoco_effects.entries import Entry
 
 JOINTS = ("frame_x", "frame_y")
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
-def add_frame(spec: mujoco.MjSpec, frame: Frame) -> None:
-    """Put the bridge on a damped spring along x and along y; its joints stay relative to the rails.
+def add_frame(spec: mujoco.MjSpec) -> None:
+    """Put the bridge on a damped spring along x and along y; its joints stay relative to the rails."""
+    for name, axis in zip(JOINTS, AXES, strict=True):
+        spec.body("bridge").add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
 
-    The frame's mass is the inertia (armature) of these two joints. Its frequency is the empty rig's: no load,
-    bridge and trolley standing on it.
+
+def frame_entries(frame: Frame, rig: RigParameters) -> list[Entry]:
+    """The frame's mass, which is the inertia (armature) of the two joints, and their springs.
+
+    Its frequency is the empty rig's: no load, bridge and trolley standing on it.
     """
-    bridge = spec.body("bridge")
-    mass = frame.mass + bridge.mass + spec.body("trolley").mass
-    for name, axis, frequency in zip(JOINTS, AXES, frame.frequency, strict=True):
+    mass = frame.mass + rig.bridge_mass + rig.trolley_mass
+    found: list[Entry] = []
+    for name, frequency in zip(JOINTS, frame.frequency, strict=True):
         omega = 2.0 * pi * frequency
-        joint = bridge.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-        joint.armature = frame.mass
-        joint.stiffness[0] = mass * omega**2
-        joint.damping[0] = 2.0 * frame.damping_ratio * mass * omega
+        found += [
+            Entry("joint", name, "armature", frame.mass),
+            Entry("joint", name, "stiffness", mass * omega**2),
+            Entry("joint", name, "damping", 2.0 * frame.damping_ratio * mass * omega),
+        ]
+    return found

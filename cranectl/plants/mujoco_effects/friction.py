@@ -3,6 +3,10 @@
 import mujoco
 
 from cranectl.effects.settings import Friction
+from cranectl.plants.mujoco_effects.entries import Entry
+
+CARDAN = ("alpha", "beta")
+AXES = ("bridge_position", "trolley_position", "rope_length")
 
 # A sticking joint creeps with force / mass · (1 - impedance) / impedance · time constant / 2, with these and
 # steps of 1 ms with 1e-6 s · force / mass. A time constant below two steps is not stable.
@@ -13,18 +17,25 @@ STEPS = 2.0
 TOLERANCE = 1e-30
 
 
-def add_friction(spec: mujoco.MjSpec, friction: Friction, *, on_axes: bool) -> None:
+def add_friction(spec: mujoco.MjSpec, *, on_axes: bool) -> None:
     """Friction of the engine's own: Coulomb's as a constraint that holds at rest, viscous as damping.
 
     `on_axes` is false for ideal drives, which no friction can hold.
     """
-    axes = ("bridge_position", "trolley_position", "rope_length") if on_axes else ()
-    coulomb = (friction.pivot_coulomb, friction.pivot_coulomb, *friction.coulomb)
-    viscous = (friction.pivot_viscous, friction.pivot_viscous, *friction.viscous)
-    for name, dry, wet in zip(("alpha", "beta", *axes), coulomb, viscous, strict=False):
+    for name in (*CARDAN, *(AXES if on_axes else ())):
         joint = spec.joint(name)
-        joint.frictionloss = dry
-        joint.damping[0] = wet
         joint.solref_friction = (STEPS * spec.option.timestep, 1.0)
         joint.solimp_friction[:2] = IMPEDANCE
     spec.option.tolerance = TOLERANCE
+
+
+def friction_entries(friction: Friction, *, on_axes: bool) -> list[Entry]:
+    """Coulomb's and viscous friction of each joint."""
+    pivot = (friction.pivot_coulomb, friction.pivot_viscous)
+    axes = zip(AXES, friction.coulomb, friction.viscous, strict=True)
+    found = [(name, *pivot) for name in CARDAN] + (list(axes) if on_axes else [])
+    return [
+        entry
+        for name, coulomb, viscous in found
+        for entry in (Entry("joint", name, "frictionloss", coulomb), Entry("joint", name, "damping", viscous))
+    ]

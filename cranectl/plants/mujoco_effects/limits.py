@@ -3,11 +3,16 @@
 import mujoco
 
 from cranectl.effects.settings import DriveLimits
+from cranectl.plants.mujoco_effects.entries import Entry
 
 
-def limit_forces(spec: mujoco.MjSpec, drives: tuple[str, ...], limits: DriveLimits) -> None:
+def limit_forces(spec: mujoco.MjSpec, drives: tuple[str, ...]) -> None:
     """Cut off the whole force of each drive, the weight that the winch holds included."""
-    for name, force in zip(drives, limits.force, strict=True):
-        actuator = spec.actuator(name)
-        actuator.forcelimited = True
-        actuator.forcerange = (-force, force)
+    for name in drives:
+        spec.actuator(name).forcelimited = True
+
+
+def limit_entries(drives: tuple[str, ...], limits: DriveLimits) -> list[Entry]:
+    """The force of each drive."""
+    forces = zip(drives, limits.force, strict=True)
+    return [Entry("actuator", name, "forcerange", (-force, force)) for name, force in forces]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cranectl.effects.settings import Rope
 from cranectl.jit import jit
+from cranectl.plants.mujoco_effects.entries import Entry
 
 Array = NDArray[np.float64]
 
@@ -41,28 +42,21 @@ class ElasticRope(NamedTuple):
     inertia: Array  # (3,) about it [kg m²]
 
 
-def add_rope(spec: mujoco.MjSpec, rope: Rope, offset: float) -> None:
+def add_rope(spec: mujoco.MjSpec, *, heavy: bool) -> None:
     """Part the filed rope joint in winch and distance, and pull with a tendon between them."""
     distance = spec.joint("rope_length")
-    reference = distance.ref
     distance.name = DISTANCE
     distance.armature = 0.0
     winch = spec.body("trolley").add_body(name="winch")
     winch.explicitinertial, winch.ipos = True, (0.0, 0.0, 0.0)
     winch.mass, winch.inertia = WINCH_MASS, (WINCH_MASS,) * 3
-    winch.add_joint(
-        name="rope_length",
-        type=mujoco.mjtJoint.mjJNT_SLIDE,
-        axis=(0.0, 0.0, -1.0),
-        ref=reference,
-        range=distance.range,
-    )
+    winch.add_joint(name="rope_length", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0.0, 0.0, -1.0))
     stretch = spec.add_tendon(name=ELASTICITY)
     stretch.wrap_joint(DISTANCE, 1.0)
     stretch.wrap_joint("rope_length", -1.0)
     _add_tension(spec)
-    if rope.mass > 0.0:
-        _add_mass(distance.parent, rope.mass, reference - offset)
+    if heavy:
+        distance.parent.add_body(name=MASS).explicitinertial = True
 
 
 def _add_tension(spec: mujoco.MjSpec) -> None:
@@ -81,14 +75,21 @@ def _add_tension(spec: mujoco.MjSpec) -> None:
     )
 
 
-def _add_mass(end: mujoco.MjsBody, density: float, length: float) -> None:
-    """A thin rod above the rope's end, cut off at the pivot: it moves with what the winch pays out."""
-    rod = end.add_body(name=MASS)
-    rod.explicitinertial = True
-    rod.mass = density * length
-    rod.ipos = (0.0, 0.0, 0.5 * length)
+def rope_entries(density: float, length: float) -> list[Entry]:
+    """The rope in a model as compiled, with `length` [m] that hangs out: without tension; with mass, if any.
+
+    Its mass is a thin rod above the rope's end, cut off at the pivot: it moves with what the winch pays out.
+    """
+    slack = Entry("actuator", ELASTICITY, "biasprm", (0.0, 0.0, 0.0))
+    if density == 0.0:
+        return [slack]
     across = density * length**3 / 12.0
-    rod.inertia = (across, across, SLENDER * across)
+    return [
+        slack,
+        Entry("body", MASS, "mass", density * length),
+        Entry("body", MASS, "ipos", (0.0, 0.0, 0.5 * length)),
+        Entry("body", MASS, "inertia", (across, across, SLENDER * across)),
+    ]
 
 
 def no_rope() -> ElasticRope:

@@ -1,0 +1,125 @@
+"""Load a campaign: everything that can be known to be wrong before the first run is found here."""
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cranectl.campaign.correlation import gaussian_copula
+from cranectl.campaign.definition import Campaign
+from cranectl.campaign.discrete import Choice
+from cranectl.campaign.parameters import Parameter, nominal_scenario, parameters_of
+from cranectl.campaign.sampling import levels_of, sample_values, tails_of
+from cranectl.campaign.scenarios import sampled_scenario
+from cranectl.campaign.settings import COUNTED, MAX_RUNS, CampaignSettings, read_campaign
+from cranectl.effects.applicable import check_effects
+from cranectl.errors import InputError
+
+BLOCK = 2**17  # samples looked at together
+
+
+def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> Campaign:
+    """Load a campaign by name or from a TOML file; `overrides` are `"runs=100"` and the like.
+
+    Raises InputError for whatever is wrong in the file, against the scenario, or in the values of any one
+    parameter. Values that are wrong only together are found by `sampled_scenario`.
+    """
+    return make_campaign(read_campaign(name_or_path, overrides=overrides))
+
+
+def make_campaign(settings: CampaignSettings) -> Campaign:
+    """The campaign of `settings`, checked."""
+    nominal = nominal_scenario(settings)
+    parameters = parameters_of(settings, nominal)
+    if settings.correlation and settings.sampling not in ("monte-carlo", "latin-hypercube", "sobol"):
+        raise InputError(
+            f"correlations with {settings.sampling} sampling, which changes parameters independently",
+            allowed="correlations with monte-carlo, latin-hypercube or sobol",
+            remedy="leave the correlations out or take another sampling",
+        )
+    copula = gaussian_copula(settings.correlation, parameters)
+    campaign = Campaign(settings, nominal, parameters, copula, _runs(settings, parameters))
+    _check_values(campaign)
+    return campaign
+
+
+def _runs(settings: CampaignSettings, parameters: Sequence[Parameter]) -> int:
+    """Number of samples; raises InputError where it contradicts the sampling."""
+    if settings.sampling == "saltelli":
+        return _saltelli_runs(settings.runs or 0, sum(p.distribution.varies for p in parameters))
+    if settings.sampling not in COUNTED:
+        return settings.runs or 0
+    if settings.sampling == "grid":
+        for parameter in parameters:
+            if not levels_of(parameter):
+                raise InputError(
+                    f"uncertain.{parameter.name} has no levels, which grid sampling needs",
+                    allowed="a number of values for every parameter",
+                    remedy="add 'levels = 5'",
+                )
+        runs = math.prod(levels_of(parameter) for parameter in parameters)
+    else:
+        runs = 1 + sum(len(tails_of(parameter)) for parameter in parameters)
+    if runs > MAX_RUNS:
+        raise InputError(
+            f"{settings.sampling} sampling of these parameters takes {runs} runs",
+            allowed=f"up to {MAX_RUNS} runs",
+            remedy="take fewer levels or another sampling",
+        )
+    if settings.runs not in (None, runs):
+        raise InputError(
+            f"runs = {settings.runs}, but {settings.sampling} sampling of these parameters takes {runs}",
+            allowed=f"runs = {runs}, or none",
+            remedy="remove 'runs' or correct it",
+        )
+    return runs
+
+
+def _saltelli_runs(runs: int, varied: int) -> int:
+    if not varied:
+        raise InputError("saltelli sampling with nothing that varies", allowed="one parameter at least")
+    block = varied + 2
+    n = runs // block
+    if n < 1 or runs % block or n & (n - 1):
+        below = block * 2 ** max(0, n.bit_length() - 1)
+        raise InputError(
+            f"runs = {runs} with saltelli sampling of {varied} parameters",
+            allowed=f"{block} times a power of two, near it {below} and {2 * below}",
+            remedy=f"take 'runs = {2 * below}'",
+        )
+    return runs
+
+
+def _check_values(campaign: Campaign) -> None:
+    """Raise InputError where a parameter by itself takes a value that the scenario or a plant refuses."""
+    middle = np.array([0.5])
+    usual = [p.nominal if p.distribution.varies else float(p.values(middle)[0]) for p in campaign.parameters]
+    sampled = _sampled_ends(campaign)
+    for column, parameter in enumerate(campaign.parameters):
+        for value in (*_outermost(parameter), *sampled.get(column, ())):
+            values = [*usual[:column], value, *usual[column + 1 :]]
+            source = f"uncertain.{parameter.name} reaches {value:g}"
+            scenario = sampled_scenario(campaign, values, source)
+            for plant in campaign.settings.plants:
+                check_effects(scenario.effects, plant=plant, drive=campaign.settings.drive)
+
+
+def _outermost(parameter: Parameter) -> Iterator[float]:
+    """The values of a choice, the ends of anything else, as far as they are finite."""
+    distribution = parameter.distribution
+    points = [u for u, end in zip((0.0, 1.0), distribution.ends(1.0), strict=True) if math.isfinite(end)]
+    at = distribution.grid(len(distribution.values)) if isinstance(distribution, Choice) else np.array(points)
+    yield from parameter.values(at).tolist()
+
+
+def _sampled_ends(campaign: Campaign) -> dict[int, tuple[float, float]]:
+    """Smallest and largest sample of the parameters that have an infinite end, by column."""
+    columns = [k for k, p in enumerate(campaign.parameters) if not all(map(math.isfinite, p.ends))]
+    if not columns:
+        return {}
+    low, high = np.full(len(columns), math.inf), np.full(len(columns), -math.inf)
+    for first in range(0, campaign.runs, BLOCK):
+        values = sample_values(campaign, first, min(first + BLOCK, campaign.runs))[:, columns]
+        low, high = np.minimum(low, values.min(axis=0)), np.maximum(high, values.max(axis=0))
+    return {k: (float(low[j]), float(high[j])) for j, k in enumerate(columns)}

@@ -1,0 +1,163 @@
+"""Uncertain parameters: numbers of a scenario, found by their dotted name, with their nominal value."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.campaign.continuous import LEAST_MASS, Normal
+from cranectl.campaign.distribution import Distribution
+from cranectl.campaign.settings import CampaignSettings
+from cranectl.effects.settings import ALL_EFFECTS, EffectSettings
+from cranectl.errors import InputError, is_near, nearest_first
+from cranectl.patterns import SHOWN
+from cranectl.scenario import Scenario, load_scenario
+
+Array = NDArray[np.float64]
+
+PHYSICAL = ("rig", "effects", "initial", "disturbances")  # of a scenario; the rest is the controller's
+TIMES = ("start", "end", "seconds")  # of disturbances and of the delay: whole control periods
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One uncertain number of a scenario."""
+
+    name: str  # dotted, "rig.load_mass"
+    distribution: Distribution
+    nominal: float  # what the controller assumes
+    whole: bool  # whether the scenario takes whole numbers only
+    multiple: float  # values are rounded to multiples of this; 0 for any value
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Where it lies in the scenario's table."""
+        return tuple(self.name.split("."))
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest value before rounding, infinite where there is none."""
+        return self.distribution.ends(self.nominal)
+
+    def values(self, u: Array) -> Array:
+        """Values at the points `u` (k,) of the unit interval, shape (k,); the nominal value where NaN."""
+        values = self.distribution.quantile(u, self.nominal)
+        if self.multiple:
+            low, high = (end / self.multiple for end in self.ends)
+            counts = np.clip(np.round(values / self.multiple), np.ceil(low - 1e-6), np.floor(high + 1e-6))
+            values = counts * self.multiple
+        return np.where(np.isnan(u), self.nominal, values)
+
+
+def nominal_scenario(settings: CampaignSettings) -> Scenario:
+    """What the controller assumes: the campaign's scenario, with every uncertain effect switched on."""
+    scenario = load_scenario(settings.scenario, overrides=settings.set)
+    named = {name.split(".")[1] for name in settings.uncertain if name.startswith("effects.")}
+    off = [
+        effect
+        for effect in EffectSettings.model_fields
+        if effect in named and getattr(scenario.effects, effect) is None
+    ]
+    switches = [f"effects.{effect}={{}}" for effect in off]
+    return load_scenario(settings.scenario, overrides=[*settings.set, *switches]) if off else scenario
+
+
+def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parameter, ...]:
+    """The uncertain parameters in the order of the campaign; raises InputError for what `nominal` lacks."""
+    leaves = dict(_leaves(nominal.model_dump(), ""))
+    return tuple(
+        _parameter(name, distribution, leaves, nominal.control.period)
+        for name, distribution in settings.uncertain.items()
+    )
+
+
+def _parameter(
+    name: str, distribution: Distribution, leaves: dict[str, Any], control_period: float
+) -> Parameter:
+    section, _, rest = name.partition(".")
+    if name not in leaves:
+        raise _unknown(name, leaves)
+    nominal = leaves[name]
+    if isinstance(nominal, bool) or not isinstance(nominal, int | float):
+        raise InputError(
+            f"uncertain.{name}: its value in the scenario is {nominal!r}, no number",
+            allowed="parameters that have a number as nominal value",
+            remedy=f"give it one in the scenario or by 'set = [\"{name}=...\"]'" if nominal is None else "",
+        )
+    if section not in PHYSICAL:
+        raise InputError(
+            f"uncertain.{name}: '{section}' belongs to the controller and the run, not to the crane",
+            allowed=f"parameters of the crane and what acts on it: {', '.join(PHYSICAL)}",
+            remedy="compare other values with a campaign each",
+        )
+    whole = isinstance(nominal, int)
+    if whole and not distribution.whole:
+        raise InputError(
+            f"uncertain.{name}: it takes whole numbers",
+            allowed="distribution choice, fixed or integers, with whole numbers",
+            remedy="take 'distribution = \"integers\"', which gives every run a number of its own",
+        )
+    if distribution.relative and nominal == 0:
+        raise InputError(
+            f"uncertain.{name}: relative, but its nominal value is 0",
+            allowed="relative for nominal values other than 0",
+            remedy="give the numbers themselves and leave 'relative' out",
+        )
+    if isinstance(distribution, Normal) and distribution.mass(nominal) < LEAST_MASS:
+        raise InputError(
+            f"uncertain.{name}: low and high cut off all of the normal distribution",
+            allowed="low and high within a few deviations of the mean",
+            remedy="correct mean, low or high",
+        )
+    timed = not distribution.discrete and (section == "disturbances" or rest.startswith("delay."))
+    multiple = control_period if timed and name.rpartition(".")[2] in TIMES else 0.0
+    return _fitting(Parameter(name, distribution, float(nominal), whole, multiple))
+
+
+def _fitting(parameter: Parameter) -> Parameter:
+    low, high = parameter.ends
+    if parameter.multiple and math.isfinite(high - low):
+        step = parameter.multiple
+        if math.floor(high / step + 1e-6) < math.ceil(low / step - 1e-6):
+            raise InputError(
+                f"uncertain.{parameter.name}: no whole control period lies between {low:g} s and {high:g} s",
+                allowed=f"multiples of control.period = {step:g} s",
+                remedy="widen the range or take 'distribution = \"choice\"'",
+            )
+    return parameter
+
+
+def _leaves(node: Any, prefix: str) -> list[tuple[str, Any]]:
+    """Dotted name and value of everything in a dumped scenario that is no table and no list."""
+    if isinstance(node, dict):
+        items = list(node.items())
+    elif isinstance(node, tuple | list):
+        items = [(str(index), value) for index, value in enumerate(node)]
+    else:
+        return [(prefix[:-1], node)]
+    return [leaf for key, value in items for leaf in _leaves(value, f"{prefix}{key}.")]
+
+
+def _unknown(name: str, leaves: dict[str, Any]) -> InputError:
+    """The error for a name that is no leaf; lists those below it, else the nearest."""
+    everything = {**leaves, **dict(_leaves(ALL_EFFECTS.model_dump(), "effects."))}
+    known = [
+        leaf
+        for leaf, value in everything.items()
+        if leaf.split(".")[0] in PHYSICAL and isinstance(value, int | float) and not isinstance(value, bool)
+    ]
+    below = [leaf for leaf in known if leaf.startswith(f"{name}.")]
+    if below:
+        return InputError(
+            f"uncertain.{name} is a table or a list, not a number",
+            allowed=", ".join(below),
+            remedy="give each of them a distribution",
+        )
+    near = nearest_first(name, known)[:SHOWN]
+    return InputError(
+        f"unknown parameter '{name}' under [uncertain]",
+        allowed=f"numbers of the scenario, the nearest being {', '.join(near)}",
+        remedy=f"did you mean '{near[0]}'?" if is_near(name, near[0]) else "choose a number of the scenario",
+    )

@@ -1,0 +1,164 @@
+"""Run some runs of a result again, with everything logged, and prove that they are the same."""
+
+import math
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cranectl.campaign.results import Results
+from cranectl.campaign.rows import FAILED, METRIC_COLUMNS, metric_values
+from cranectl.campaign.sampling import sample_values
+from cranectl.campaign.scenarios import sampled_scenario
+from cranectl.campaign.summary import worst_first
+from cranectl.errors import InputError, unknown_name
+from cranectl.log import write_log
+from cranectl.metrics import run_metrics
+from cranectl.scenario import NANOSECONDS
+from cranectl.simulate import simulate_run
+from cranectl.status import RunStatus
+
+
+@dataclass(frozen=True)
+class Replay:
+    """One run that was run again."""
+
+    sample: int
+    plant: str
+    controller: str
+    log: Path
+    status: str
+    max_error_m: float | None
+    differences: tuple[str, ...]  # from what the result says, a phrase for each figure
+
+    @property
+    def same(self) -> bool:
+        """Whether every figure is that of the result, to the last bit."""
+        return not self.differences
+
+    @property
+    def text(self) -> str:
+        """The run in a line."""
+        error = "" if self.max_error_m is None else f", error at most {self.max_error_m:.4f} m"
+        return f"run {self.sample} with {self.controller} on {self.plant}: {self.status}{error}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "sample": self.sample,
+            "plant": self.plant,
+            "controller": self.controller,
+            "log": str(self.log),
+            "status": self.status,
+            "same": self.same,
+            "differences": list(self.differences),
+        }
+
+
+def chosen_rows(
+    results: Results,
+    *,
+    samples: Sequence[int],
+    worst: int,
+    metric: str,
+    plants: Sequence[str] = (),
+    controllers: Sequence[str] = (),
+) -> list[int]:
+    """Rows of the result's table: all runs of `samples`, or without them the `worst` by `metric`.
+
+    Only those on `plants` and with `controllers`, where given. Raises InputError for what the result lacks.
+    """
+    settings = results.campaign.settings
+    if metric not in METRIC_COLUMNS:
+        raise unknown_name("metric", metric, METRIC_COLUMNS)
+    chosen = np.ones(len(results), dtype=np.bool_)
+    for kind, names, known in (
+        ("plant", plants, settings.plants),
+        ("controller", controllers, settings.controllers),
+    ):
+        for name in names:
+            if name not in known:
+                raise unknown_name(kind, name, known)
+        if names:
+            chosen &= np.isin(results.column(kind).astype(str), names)
+    if not samples:
+        return [int(row) for row in worst_first(results, metric) if chosen[row]][:worst]
+    found = results.column("sample")
+    for sample in samples:
+        if not ((found == sample) & chosen).any():
+            raise InputError(
+                f"the result in {results.directory} has no run {sample}",
+                allowed=f"samples from 0 to {results.campaign.runs - 1} that have been run",
+                remedy="choose another with --run",
+            )
+    return np.flatnonzero(np.isin(found, samples) & chosen).tolist()
+
+
+def replay_run(
+    results: Results,
+    row: int,
+    directory: Path,
+    *,
+    every: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Replay:
+    """Run the run of one row of the result's table again and log it.
+
+    The log is PLANT-CONTROLLER-SAMPLE.mcap in `directory`. Raises InputError for a run that could not be run
+    in the first place, and if the log cannot be written.
+    """
+    recorded = results.row(row)
+    campaign = results.campaign
+    sample, plant, controller = recorded["sample"], recorded["plant"], recorded["controller"]
+    if recorded["status"] == FAILED:
+        raise InputError(
+            f"run {sample} with {controller} on {plant} could not be run: {recorded['reason']}",
+            allowed="runs that were simulated",
+            remedy="choose another with --run",
+        )
+    (values,) = sample_values(campaign, sample, sample + 1)
+    run = simulate_run(
+        sampled_scenario(campaign, values, f"sample {sample}"),
+        known=campaign.nominal,
+        plant=plant,
+        drive=campaign.settings.drive,
+        controller=controller,
+        progress=progress,
+    )
+    if run.status == RunStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    metrics = run_metrics(run)
+    again = {
+        **dict(zip(campaign.names, map(float, values), strict=True)),
+        **metric_values(metrics),
+        "status": run.status.label,
+        "end_s": run.end_ns / NANOSECONDS,
+    }
+    log = write_log(directory / f"{plant}-{controller}-{sample:07d}.mcap", [run], every=every)
+    return Replay(
+        sample=sample,
+        plant=plant,
+        controller=controller,
+        log=log,
+        status=run.status.label,
+        max_error_m=None if metrics is None else metrics.max_error_m,
+        differences=tuple(differences(recorded, again)),
+    )
+
+
+def differences(recorded: Mapping[str, Any], again: Mapping[str, Any]) -> list[str]:
+    """What of `again` is not what was recorded, a phrase each; floats count by their bits."""
+    return [
+        f"{name} is {value!r}, was {recorded[name]!r}"
+        for name, value in again.items()
+        if _bits(value) != _bits(recorded[name])
+    ]
+
+
+def _bits(value: Any) -> Any:
+    if not isinstance(value, float):
+        return value
+    return struct.pack("<d", math.nan if math.isnan(value) else value)

@@ -1,0 +1,156 @@
+"""Samples of a campaign: points of the unit cube by the campaign's method, and values from them.
+
+Sample i depends on the campaign's definition and i only. Any block of rows, in any order and any process, has
+the same bits; so no operation here may round differently for different sizes or strides of arrays.
+"""
+
+import math
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.campaign.correlation import correlated
+from cranectl.campaign.definition import Campaign
+from cranectl.campaign.discrete import Choice
+from cranectl.campaign.distribution import TAILS
+from cranectl.campaign.parameters import Parameter
+from cranectl.campaign.random import stream, uniform_block
+
+Array = NDArray[np.float64]
+
+OPEN = (2.0**-54, 1.0 - 2.0**-53)  # limits of random points: normal scores stay finite
+BITS = 30  # of each coordinate of a Sobol point; SciPy 1.17 cannot skip points of more than 32
+
+
+def sample_values(campaign: Campaign, first: int, last: int) -> Array:
+    """Values of samples [first, last), a column each for `campaign.parameters`: (last - first, d).
+
+    Memory is that of the block and of one column. So is time, except that Latin hypercube sampling makes each
+    column whole for every block and Sobol sampling skips the points before `first`: ask for large blocks.
+    """
+    points = unit_points(campaign, first, last)
+    values = np.empty(points.shape, order="F")
+    for column, parameter in enumerate(campaign.parameters):
+        values[:, column] = parameter.values(np.ascontiguousarray(points[:, column]))
+    return values
+
+
+def unit_points(campaign: Campaign, first: int, last: int) -> Array:
+    """Points [first, last) of the unit cube, correlations applied; NaN means the nominal value."""
+    if not 0 <= first <= last <= campaign.runs:
+        raise ValueError(f"samples [{first}, {last}) of {campaign.runs}")
+    points = METHODS[campaign.settings.sampling](campaign, first, last)
+    return correlated(points, campaign.copula) if campaign.copula is not None else points
+
+
+def monte_carlo(campaign: Campaign, first: int, last: int) -> Array:
+    """Independent points; more runs leave the first ones as they are."""
+    return _by_column(campaign, last - first, lambda p: uniform_block(*_stream(campaign, p), first, last))
+
+
+def latin_hypercube(campaign: Campaign, first: int, last: int) -> Array:
+    """Each of the `runs` equal parts of every axis is hit once (McKay, Beckman, Conover 1979)."""
+    runs = campaign.runs
+
+    def column(parameter: Parameter) -> Array:
+        random = np.random.Generator(stream(*_stream(campaign, parameter)))
+        part = random.permutation(runs)[first:last]
+        return (part + uniform_block(*_stream(campaign, parameter, " within"), first, last)) / runs
+
+    return _by_column(campaign, last - first, column)
+
+
+def sobol(campaign: Campaign, first: int, last: int) -> Array:
+    """Scrambled Sobol points; evenest where `runs` is a power of two, and more runs keep the first ones."""
+    return sobol_points(len(campaign.parameters), campaign.settings.seed, first, last)
+
+
+def saltelli(campaign: Campaign, first: int, last: int) -> Array:
+    """For Sobol indices, d + 2 rows for every base point: A, B, then A with one coordinate of B each.
+
+    Only parameters that vary count (Saltelli et al. 2010). `runs` = n (d + 2), n a power of two.
+    """
+    varied = campaign.varied
+    d = len(varied)
+    rows = np.arange(first, last)
+    base, kind = rows // (d + 2), rows % (d + 2)
+    low, high = (int(base[0]), int(base[-1]) + 1) if len(rows) else (0, 0)
+    both = sobol_points(2 * d, campaign.settings.seed, low, high)[base - low]
+    points = np.full((len(rows), len(campaign.parameters)), 0.5)
+    for k, column in enumerate(varied):
+        from_b = (kind == 1) | (kind == k + 2)
+        points[:, column] = np.where(from_b, both[:, d + k], both[:, k])
+    return points
+
+
+def grid(campaign: Campaign, first: int, last: int) -> Array:
+    """Every combination of levels, the last parameter fastest."""
+    axes = [p.distribution.grid(levels_of(p)) for p in campaign.parameters]
+    indices = np.unravel_index(np.arange(first, last), [len(axis) for axis in axes])
+    return np.stack([axis[index] for axis, index in zip(axes, indices, strict=True)], axis=1)
+
+
+def one_at_a_time(campaign: Campaign, first: int, last: int) -> Array:
+    """The nominal values first, then each parameter at its tails, a choice at all its values."""
+    steps = [(k, u) for k, p in enumerate(campaign.parameters) for u in tails_of(p)]
+    points = np.full((last - first, len(campaign.parameters)), math.nan)
+    for column in set(range(len(campaign.parameters))) - set(campaign.varied):
+        points[:, column] = 0.5  # what is fixed differs from its nominal value in every run
+    for row in range(max(first, 1), last):
+        column, u = steps[row - 1]
+        points[row - first, column] = u
+    return points
+
+
+def levels_of(parameter: Parameter) -> int:
+    """Number of a parameter's values on a grid; 0 where it is not said."""
+    distribution = parameter.distribution
+    if isinstance(distribution, Choice):
+        return len(distribution.values)
+    return (distribution.levels or 0) if distribution.varies else 1
+
+
+def tails_of(parameter: Parameter) -> tuple[float, ...]:
+    """Points of the unit interval at which a parameter is tried by itself."""
+    distribution = parameter.distribution
+    if isinstance(distribution, Choice) and distribution.varies:
+        return tuple(distribution.grid(len(distribution.values)).tolist())
+    return TAILS if distribution.varies else ()
+
+
+def sobol_points(dimensions: int, seed: int, first: int, last: int) -> Array:
+    """Points [first, last) of a scrambled Sobol sequence: (last - first, dimensions)."""
+    if first == last:
+        return np.empty((0, dimensions))
+    from scipy.stats import qmc  # a second to import
+
+    engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=np.random.default_rng(seed))
+    if first:
+        engine.fast_forward(first)
+    with warnings.catch_warnings():  # any number of points is allowed here
+        warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
+        points: Array = engine.random(last - first)
+    return points + 0.5 ** (BITS + 1)  # the middle of each cell, never 0
+
+
+def _by_column(campaign: Campaign, rows: int, column: Callable[[Parameter], Array]) -> Array:
+    points = np.empty((rows, len(campaign.parameters)), order="F")
+    for k, parameter in enumerate(campaign.parameters):
+        points[:, k] = np.clip(column(parameter), *OPEN)
+    return points
+
+
+def _stream(campaign: Campaign, parameter: Parameter, part: str = "") -> tuple[int, str]:
+    return campaign.settings.seed, f"{campaign.settings.sampling} {parameter.name}{part}"
+
+
+METHODS: dict[str, Callable[[Campaign, int, int], Array]] = {
+    "monte-carlo": monte_carlo,
+    "latin-hypercube": latin_hypercube,
+    "sobol": sobol,
+    "saltelli": saltelli,
+    "grid": grid,
+    "one-at-a-time": one_at_a_time,
+}

@@ -1,0 +1,150 @@
+"""Campaign files: one scenario, run many times under stated uncertainty. Checked here for form."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from cranectl import resources
+from cranectl.campaign.distribution import Distribution
+from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution
+from cranectl.campaign.limits import Limits
+from cranectl.design import checked_controller
+from cranectl.errors import InputError, unknown_name
+from cranectl.plants.interface import Drive
+from cranectl.settings import Settings, Table, override, parse_settings, read_toml
+
+MAX_RUNS = 1_000_000
+COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
+
+Sampling = Literal["monte-carlo", "latin-hypercube", "sobol", "saltelli", "grid", "one-at-a-time"]
+
+
+class Correlation(Settings):
+    """Spearman's rank correlation between two parameters."""
+
+    between: Annotated[tuple[str, str], Field(strict=False)] = Field(
+        description="dotted names of two uncertain parameters"
+    )
+    value: Annotated[float, Field(gt=-1.0, lt=1.0)] = Field(description="rank correlation")
+
+
+class CampaignSettings(Settings):
+    """What a campaign runs, and what is uncertain in it."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")] = Field(
+        description="lower case letters, digits and hyphens"
+    )
+    title: str = Field("", description="one line for people")
+    scenario: str = Field(description="name or path of the scenario")
+    controllers: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = Field(
+        description="names of controllers"
+    )
+    plants: Annotated[tuple[Literal["analytic", "mujoco"], ...], Field(strict=False, min_length=1)] = (
+        "mujoco",
+    )
+    drive: Drive = "velocity"
+    runs: Annotated[int, Field(ge=1, le=MAX_RUNS)] | None = Field(
+        None, description="number of samples, each run with every controller on every plant"
+    )
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    sampling: Sampling = "latin-hypercube"
+    set: Annotated[tuple[str, ...], Field(strict=False)] = Field(
+        (), description="settings of the scenario that all runs share, key=value"
+    )
+    uncertain: Annotated[dict[str, AnyDistribution], Field(min_length=1)] = Field(
+        description="a table with a distribution for each uncertain parameter, [uncertain.rig.load_mass]"
+    )
+    correlation: Annotated[tuple[Correlation, ...], Field(strict=False)] = ()
+    limits: Limits = Field(Limits(), description="beyond which a run that completed counts as failed")
+
+    @field_validator("controllers", "plants")
+    @classmethod
+    def _differ(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(names)) < len(names):
+            raise ValueError(f"{', '.join(names)}: one is named twice")
+        return names
+
+    @model_validator(mode="after")
+    def _runs_are_known(self) -> "CampaignSettings":
+        if self.runs is None and self.sampling not in COUNTED:
+            raise ValueError(f"'runs' is missing, which {self.sampling} sampling needs")
+        return self
+
+
+def campaign_names() -> list[str]:
+    """Names of the campaigns that come with cranectl."""
+    return sorted(path.stem for path in resources.CAMPAIGN_DIRECTORY.glob("*.toml"))
+
+
+def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> CampaignSettings:
+    """Read a campaign by name or from a TOML file; `overrides` are `"runs=100"` and the like.
+
+    Raises InputError for what is wrong in itself; `load_campaign` checks it against the scenario.
+    """
+    path = _campaign_file(str(name_or_path))
+    return parse_campaign(override(read_toml(path), overrides), path.name)
+
+
+def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
+    """Check the table of a campaign; raises InputError that names what is wrong in `source`."""
+    table = dict(table)
+    if isinstance(table.get("uncertain"), Mapping):
+        table["uncertain"] = _distributions(table["uncertain"], source)
+    settings = parse_settings(CampaignSettings, table, source)
+    for name in settings.controllers:
+        checked_controller(name)
+    return settings
+
+
+def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distribution]:
+    """The distributions below [uncertain] by dotted name of their parameter."""
+    found: dict[str, Distribution] = {}
+    for name, table in _leaves(node, "", source):
+        if name in found:
+            raise InputError(
+                f"{source}: parameter '{name}' appears twice under [uncertain]",
+                allowed="one distribution for each parameter",
+                remedy="remove one of the two tables",
+            )
+        found[name] = _distribution(name, table, source)
+    return found
+
+
+def _leaves(node: Mapping[str, Any], prefix: str, source: str) -> Iterator[tuple[str, Table]]:
+    """Dotted name and table of every table that has a `distribution`."""
+    for key, value in node.items():
+        name = f"{prefix}{key}"
+        if not isinstance(value, Mapping):
+            raise InputError(
+                f"{source}: uncertain.{name} = {value!r} is no table",
+                allowed=f"a table with a distribution: {', '.join(DISTRIBUTIONS)}",
+                remedy=f"write [uncertain.{name}] with 'distribution = ...' below it, "
+                f"or check that [uncertain.{prefix.rstrip('.') or name}] has a 'distribution'",
+            )
+        if not value:
+            raise InputError(
+                f"{source}: [uncertain.{name}] is empty",
+                allowed=f"a table with a distribution: {', '.join(DISTRIBUTIONS)}",
+                remedy="add 'distribution = ...'",
+            )
+        if "distribution" in value:
+            yield name, dict(value)
+        else:
+            yield from _leaves(value, f"{name}.", source)
+
+
+def _distribution(name: str, table: Table, source: str) -> Distribution:
+    kind = table["distribution"]
+    if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
+        raise unknown_name("distribution", str(kind), DISTRIBUTIONS)
+    return parse_settings(DISTRIBUTIONS[kind], table, f"{source}: uncertain.{name}")
+
+
+def _campaign_file(name: str) -> Path:
+    if name in campaign_names():
+        return resources.CAMPAIGN_DIRECTORY / f"{name}.toml"
+    if name.endswith(".toml") or "/" in name:
+        return Path(name)
+    raise unknown_name("campaign", name, campaign_names())

@@ -1,0 +1,142 @@
+"""Write a result: begin one, go on with one, one batch at a time."""
+
+import errno
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from cranectl.campaign.batches import Batch
+from cranectl.campaign.definition import Campaign
+from cranectl.campaign.lock import LOCK_FILE, locked
+from cranectl.campaign.parts import part_name, write_part
+from cranectl.campaign.record import differences, identity, record_of
+from cranectl.campaign.results import PARTS, RECORD_FILE, read_record, survey
+from cranectl.campaign.rows import Row
+from cranectl.errors import InputError
+from cranectl.files import write_text
+from cranectl.settings import Table
+
+ASIDE = ".corrupt"  # ending of a damaged part that was put aside
+SHOWN = 5  # differences named in a message
+
+
+@dataclass(frozen=True)
+class Store:
+    """A result that this process may write."""
+
+    directory: Path
+    campaign: Campaign
+    identity: str
+    missing: tuple[Batch, ...]  # what is still to be run
+    aside: tuple[str, ...]  # what was damaged and has been put aside, a phrase each
+
+    def write(self, batch: Batch, rows: Sequence[Row]) -> None:
+        """Keep the rows of `batch`; raises InputError if that cannot be done, the rest stays as it is."""
+        path = self.directory / PARTS / part_name(batch)
+        try:
+            write_part(path, self.campaign, self.identity, batch, rows)
+        except OSError as error:
+            full = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else str(error)
+            raise InputError(
+                f"cannot write {path}: {full}",
+                allowed="a directory that can be written, on a disk with space",
+                remedy="make room and go on with --resume: finished batches are kept",
+            ) from None
+
+
+@contextmanager
+def open_store(
+    campaign: Campaign, directory: Path, *, resume: bool = False, overwrite: bool = False
+) -> Iterator[Store]:
+    """Hold the result in `directory`, made if it is not there, for writing.
+
+    Raises InputError if another process holds it; if there is a result and neither `resume` nor `overwrite`
+    says what to do with it; if the result to resume is of a campaign that differs.
+    """
+    _check_empty(directory)
+    _make(directory)
+    with locked(directory):
+        record = record_of(campaign)
+        if overwrite:
+            _clear(directory)
+        _check_empty(directory)
+        if (directory / RECORD_FILE).exists():
+            _check_same(directory, read_record(directory), record, resume=resume)
+        _write_record(directory, record)
+        try:
+            yield _prepared(directory, campaign, identity(record))
+        except InputError:
+            if not any((directory / PARTS).iterdir()):  # nothing was run: leave nothing to stand in the way
+                _clear(directory)
+            raise
+
+
+def _check_empty(directory: Path) -> None:
+    """Raise InputError if there is something other than a result."""
+    if not directory.is_dir() or (directory / RECORD_FILE).exists():
+        return
+    own = (PARTS, LOCK_FILE)
+    paths = [path for path in directory.iterdir() if path.name not in own]
+    paths += (directory / PARTS).glob("*")
+    others = sorted(path.name for path in paths if not path.name.startswith(f"{RECORD_FILE}."))
+    if others:
+        raise InputError(
+            f"{directory} holds other files: {', '.join(others[:SHOWN])}",
+            allowed="a new or an empty directory, or one with a result",
+            remedy="choose another place with --out",
+        )
+
+
+def _make(directory: Path) -> None:
+    try:
+        (directory / PARTS).mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        raise InputError.unwritable(directory, error, remedy="choose another place with --out") from None
+
+
+def _check_same(directory: Path, found: Table, wanted: Table, *, resume: bool) -> None:
+    if not resume:
+        raise InputError(
+            f"{directory} holds a result of the campaign '{found['campaign']['name']}' already",
+            allowed="a new or an empty directory",
+            remedy="complete it with --resume, replace it with --overwrite, or choose another --out",
+        )
+    apart = differences(found, wanted)
+    if apart:
+        more = f" and {len(apart) - SHOWN} more" if len(apart) > SHOWN else ""
+        raise InputError(
+            f"the result in {directory} is of another campaign: {'; '.join(apart[:SHOWN])}{more}",
+            allowed="the campaign, scenario and versions that the result was begun with; limits may differ",
+            remedy="choose another place with --out, or replace the result with --overwrite",
+        )
+
+
+def _write_record(directory: Path, record: Table) -> None:
+    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
+    try:
+        write_text(directory / RECORD_FILE, text)
+    except OSError as error:
+        raise InputError.unwritable(directory, error, remedy="choose another place with --out") from None
+
+
+def _prepared(directory: Path, campaign: Campaign, known_as: str) -> Store:
+    """Remove what a kill has left half-written, put damaged parts aside, see what is missing."""
+    for unfinished in (directory / PARTS).glob("part-*.parquet.*.part"):
+        unfinished.unlink()
+    found = survey(directory, campaign, known_as)
+    aside = []
+    for path, why in found.damaged:
+        place = path.with_name(f"{path.name}{ASIDE}")
+        path.replace(place)
+        aside.append(f"{path.name} was damaged ({why}); now {place.name}")
+    return Store(directory, campaign, known_as, found.missing, tuple(aside))
+
+
+def _clear(directory: Path) -> None:
+    """Remove a result, and nothing else."""
+    for path in (directory / PARTS).glob("part-*.parquet*"):
+        path.unlink()
+    with suppress(FileNotFoundError):
+        (directory / RECORD_FILE).unlink()

@@ -1,0 +1,116 @@
+"""Runs samples one after the other, on plants of its own whose parameters are changed in place."""
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.campaign.batches import Batch
+from cranectl.campaign.prepared import Prepared
+from cranectl.campaign.rows import FAILED, Key, Row, make_row
+from cranectl.campaign.scenarios import sampled_scenario
+from cranectl.effects.applicable import check_effects
+from cranectl.errors import InputError
+from cranectl.metrics import MetricsSetup, Tally, accumulate, empty_tally, finish, metrics_setup
+from cranectl.plants.interface import Plant
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import STAGE_WIDTH
+from cranectl.simulate import make_plant, plan_run
+from cranectl.simulate.runner import start_run
+from cranectl.simulate.stream import Block, stream_run
+
+Array = NDArray[np.float64]
+Stop = Callable[[], bool]
+
+BLOCK = 1000  # samples of a run that are kept at a time
+
+
+class StoppedError(Exception):
+    """A batch was told to stop before its end."""
+
+
+def never() -> bool:
+    """Do not stop."""
+    return False
+
+
+class Worker:
+    """For one thread. Gives the same rows as any other worker, whatever it ran before."""
+
+    def __init__(self, prepared: Prepared) -> None:
+        self._prepared = prepared
+        self._plants: dict[str, Plant] = {}
+        self._records: dict[int, Array] = {}  # by width
+        self._stages = np.zeros((BLOCK, STAGE_WIDTH))
+
+    def run_batch(self, batch: Batch, stop: Stop = never) -> list[Row]:
+        """The rows of `batch`; raises StoppedError soon after `stop` says so."""
+        return [
+            self._row(Key(sample, batch.plant, batch.controller), stop)
+            for sample in range(batch.first, batch.last)
+        ]
+
+    def _row(self, key: Key, stop: Stop) -> Row:
+        """One run; whatever goes wrong in it is the reason of a failed row."""
+        values = self._prepared.values(key.sample)
+        row = functools.partial(make_row, self._prepared.campaign, key, values)
+        try:
+            return self._run(key, values, row, stop)
+        except StoppedError:
+            raise
+        except Exception as error:
+            self._plants.pop(key.plant, None)  # in an unknown state
+            return row(None, status=FAILED, reason=reason_of(error), end_s=0.0)
+
+    def _run(self, key: Key, values: Array, row: Callable[..., Row], stop: Stop) -> Row:
+        prepared = self._prepared
+        campaign, controller = prepared.campaign, prepared.controllers[key.controller]
+        scenario = sampled_scenario(campaign, values, f"sample {key.sample}")
+        plan = plan_run(prepared.reference, scenario)
+        crane = self._plant(key.plant, scenario)
+        run = start_run(
+            crane,
+            scenario,
+            controller.tracker,
+            plan,
+            known=campaign.nominal,
+            stages_record=self._stages,
+        )
+        setup, tally = metrics_setup(scenario, crane.drive), empty_tally()
+        record = self._record(controller.width)
+        end_ns, status = stream_run(run, plan, record, _measurement(setup, tally, stop))
+        metrics = finish(setup, tally, status, end_ns)
+        reason = status.explanation if status.stopped else ""
+        return row(metrics, status=status.label, reason=reason, end_s=end_ns / NANOSECONDS)
+
+    def _plant(self, name: str, scenario: Scenario) -> Plant:
+        """The plant of `scenario`: one used before, changed in place, where that can be."""
+        drive = self._prepared.campaign.settings.drive
+        plant = self._plants.get(name)
+        if plant is not None:
+            check_effects(scenario.effects, plant=name, drive=drive)
+            if plant.retune(scenario.rig, scenario.effects):
+                return plant
+        self._plants[name] = made = make_plant(name, scenario, drive)
+        return made
+
+    def _record(self, width: int) -> Array:
+        return self._records.setdefault(width, np.zeros((BLOCK, width)))
+
+
+def reason_of(error: Exception) -> str:
+    """An error on one line, with its type."""
+    text = (
+        f"{error.found}; {error.allowed}" if isinstance(error, InputError) else " ".join(str(error).split())
+    )
+    return f"{type(error).__name__}: {text}".rstrip(":; ")
+
+
+def _measurement(setup: MetricsSetup, tally: Tally, stop: Stop) -> Callable[[Block], None]:
+    def look(block: Block) -> None:
+        accumulate(setup, tally, block.time_ns, block.record, block.reference, block.stages)
+        if stop():
+            raise StoppedError
+
+    return look

@@ -1,0 +1,66 @@
+"""What of a scenario its metrics need: known before the run, so that a run can be measured as it goes."""
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.plants.interface import Drive
+from cranectl.reference import build_trajectory
+from cranectl.reference.segments import HoldPath
+from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
+from cranectl.signals import COMMAND_COLUMN
+
+Array = NDArray[np.float64]
+
+FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in a record of stages
+NO_FLAGS = -1  # a run without stages
+BEFORE_END = 1e-3  # of a segment's duration before its end, where its direction is read
+
+
+class MetricsSetup(NamedTuple):
+    """Constants of `accumulate`."""
+
+    rest_ns: float  # when the reference comes to rest for good
+    direction: Array  # (3,) of its last motion, a unit vector; zero for a reference that never moves
+    workspace: Array  # (3, 2) [m]
+    driven_mass: Array  # (3,) what bridge, trolley and winch drive accelerate besides the load [kg]
+    load_mass: float  # [kg]
+    coulomb: Array  # (3,) friction of the driven axes [N]
+    viscous: Array  # (3,) [N s/m]
+    flag_column: int  # of the first flag of saturation in `commands`, or NO_FLAGS
+
+
+def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_COLUMN) -> MetricsSetup:
+    """For runs of `scenario` with `drive`.
+
+    `flag_column`: where the array that `accumulate` gets as `commands` has the flags; the default is for the
+    record of the stages alone. Ignored for a scenario without stages.
+    """
+    rig, friction = scenario.rig, scenario.effects.friction
+    rubs = friction is not None and drive == "velocity"  # no friction can hold an ideal drive
+    rest_ns, direction = _rest(scenario.reference)
+    return MetricsSetup(
+        rest_ns=rest_ns,
+        direction=np.array(direction),
+        workspace=rig.workspace,
+        driven_mass=np.array([rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass]),
+        load_mass=rig.load_mass,
+        coulomb=np.array(friction.coulomb if friction and rubs else (0.0, 0.0, 0.0)),
+        viscous=np.array(friction.viscous if friction and rubs else (0.0, 0.0, 0.0)),
+        flag_column=flag_column if scenario.effects.staged else NO_FLAGS,
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _rest(settings: ReferenceSettings) -> tuple[float, tuple[float, float, float]]:
+    """When the reference comes to rest for good [ns], and the unit vector along which it does."""
+    trajectory = build_trajectory(settings)
+    moving = [k for k, path in enumerate(trajectory.paths) if not isinstance(path, HoldPath)]
+    if not moving:
+        return 0.0, (0.0, 0.0, 0.0)
+    path = trajectory.paths[moving[-1]]
+    velocity = path.sample(np.array([(1.0 - BEFORE_END) * path.duration]))[0, 1]
+    x, y, z = (velocity / np.linalg.norm(velocity)).tolist()
+    return float(round(trajectory.joints[moving[-1] + 1] * NANOSECONDS)), (x, y, z)

@@ -1,0 +1,69 @@
+"""Numbers of a model that follow from parameters, written alike into a spec and into what is compiled of it.
+
+Each effect lists its numbers once, beside what it builds. So a model that takes other parameters in place
+becomes, bit for bit, the one that would be compiled for them.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+COMPILED = {"ref": "qpos0"}  # fields that have another name in a compiled model
+
+
+class Entry(NamedTuple):
+    """A number of one element, or the first numbers of a list, by their names in MJCF."""
+
+    element: str  # body, joint, actuator; or option, which has no name
+    name: str
+    field: str
+    value: float | tuple[float, ...]
+
+
+def write_spec(spec: mujoco.MjSpec, entries: Iterable[Entry]) -> None:
+    """Set all entries before compiling."""
+    for element, name, field, value in entries:
+        owner: Any = spec.option if element == "option" else getattr(spec, element)(name)
+        if isinstance(getattr(owner, field), np.ndarray):
+            numbers = np.atleast_1d(value)
+            getattr(owner, field)[: len(numbers)] = numbers
+        else:
+            setattr(owner, field, value)
+
+
+def views_of(model: mujoco.MjModel, entries: Iterable[Entry]) -> list[Array]:
+    """Where each entry is in `model`."""
+    return [_view(model, entry) for entry in entries]
+
+
+def write_views(views: Sequence[Array], entries: Sequence[Entry]) -> None:
+    """Set all entries in a compiled model, but nothing that follows from them."""
+    for view, entry in zip(views, entries, strict=True):
+        view[:] = entry.value
+
+
+def _view(model: mujoco.MjModel, entry: Entry) -> Array:
+    owner = model.opt if entry.element == "option" else getattr(model, entry.element)(entry.name)
+    view: Array = getattr(owner, COMPILED.get(entry.field, entry.field))
+    return view[: len(entry.value)] if isinstance(entry.value, tuple) else view  # of a ball joint, all three
+
+
+def derive_constants(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Bring what the compiler derives from entries up to date: `mj_setConst`, and what that leaves alone.
+
+    That is the mean inertia, by which the solver of friction stops, the mean mass, and the tendons' lengths
+    at rest. `data` is left anyhow.
+    """
+    mujoco.mj_resetData(model, data)
+    mujoco.mj_setConst(model, data)
+    model.stat.meaninertia = np.cumsum(model.dof_M0)[-1] / model.nv  # summed in the engine's order
+    model.stat.meanmass = np.cumsum(model.body_mass[1:])[-1] / (model.nbody - 1)
+    data.qpos[:] = model.qpos_spring
+    for positions in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon):
+        positions(model, data)
+    model.tendon_lengthspring[:] = data.ten_length[:, np.newaxis]

@@ -1,0 +1,63 @@
+"""Results without a simulation, for tests of what is around one."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cranectl.campaign import Campaign, sample_values
+from cranectl.campaign.batches import Batch, batches_of
+from cranectl.campaign.rows import METRIC_COLUMNS, Row
+from cranectl.campaign.store import open_store
+from tests.campaign.campaigns import campaign
+
+SMALL = """\
+name = "small"
+scenario = "fixed-position"
+controllers = ["lqr", "pole-placement"]
+plants = ["analytic"]
+runs = 40
+set = ["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
+
+[uncertain.rig.winch_time_constant]
+distribution = "log-uniform"
+low = 0.01
+high = 0.04
+
+[uncertain.disturbances.0.magnitude]
+distribution = "uniform"
+low = 0.0
+high = 30.0
+"""
+
+
+def two_controllers(**changes: object) -> Campaign:
+    """Three batches of each: the last one shorter."""
+    return campaign(**({"controllers": ["lqr", "pole-placement"], "runs": 40} | changes))
+
+
+def invented_rows(of: Campaign, batch: Batch) -> list[Row]:
+    """Rows as a worker makes them; some runs stop early, some metrics are absent."""
+    values = sample_values(of, batch.first, batch.last)
+    return [
+        invented_row(of, batch, sample, row) for sample, row in zip(range(*batch[2:]), values, strict=True)
+    ]
+
+
+def invented_row(of: Campaign, batch: Batch, sample: int, values: np.ndarray) -> Row:
+    stopped = sample % 10 == 7
+    row: Row = {"sample": sample, "plant": batch.plant, "controller": batch.controller}
+    row |= {"status": "slack-rope" if stopped else "completed"}
+    row |= {"reason": "the rope went slack" if stopped else "", "end_s": 0.25 if stopped else 10.0}
+    row |= dict(zip(of.names, values.tolist(), strict=True))
+    metrics = np.random.default_rng(sample).uniform(size=len(METRIC_COLUMNS)).tolist()
+    row |= dict(zip(METRIC_COLUMNS, metrics, strict=True))
+    if stopped:
+        row["settling_time_s"] = None
+    return row
+
+
+def write_all(of: Campaign, directory: Path, *, leave: int = 0) -> None:
+    """A result without its last `leave` batches, written from its end."""
+    with open_store(of, directory) as store:
+        for batch in reversed(batches_of(of)[: len(batches_of(of)) - leave]):
+            store.write(batch, invented_rows(of, batch))

@@ -1,0 +1,57 @@
+"""Results whose metrics are known functions of the parameters: no simulation, no files."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow
+
+from cranectl.campaign import Campaign, sample_values
+from cranectl.campaign.batches import batches_of
+from cranectl.campaign.columns import arrow_schema
+from cranectl.campaign.record import record_of
+from cranectl.campaign.results import Results
+from cranectl.campaign.rows import METRIC_COLUMNS
+from tests.campaign.campaigns import LAG, MASS, campaign
+
+THREE = {
+    "rig": {"load_mass": MASS, "winch_time_constant": LAG},
+    "initial": {"load_offset": {"0": {"distribution": "uniform", "low": -0.03, "high": 0.03}}},
+}
+BOTH = {"plants": ["analytic", "mujoco"], "controllers": ["lqr", "pole-placement"], "runs": 64}
+
+Metrics = Callable[[np.ndarray, str, str], Mapping[str, np.ndarray]]
+
+
+def three(**changes: Any) -> Campaign:
+    """Load mass, lag of the winch, offset of the load; two plants, two controllers."""
+    return campaign(THREE, **(BOTH | changes))
+
+
+def synthetic_results(of: Campaign, metrics: Metrics, *, missing: int = 0) -> Results:
+    """`metrics(values, plant, controller)` gives (n,) arrays by name; "status" may be among them.
+
+    Metrics that it does not name are 0.5; those of runs that stopped are what it says. The last `missing`
+    batches are not there.
+    """
+    batches = batches_of(of)
+    kept = batches[: len(batches) - missing]
+    schema = arrow_schema(of, {"campaign": of.settings.name})
+    tables = []
+    for plant, controller in dict.fromkeys((batch.plant, batch.controller) for batch in kept):
+        last = max(b.last for b in kept if (b.plant, b.controller) == (plant, controller))
+        tables.append(_table(schema, of, metrics, (plant, controller), last))
+    table = pyarrow.concat_tables(tables) if tables else schema.empty_table()
+    return Results(Path("logs/campaign test"), of, record_of(of), tuple(batches[len(kept) :]), table)
+
+
+def _table(schema: Any, of: Campaign, metrics: Metrics, group: Sequence[str], n: int) -> Any:
+    values = sample_values(of, 0, n)
+    columns: dict[str, Any] = dict.fromkeys(METRIC_COLUMNS, np.full(n, 0.5))
+    columns |= {"status": np.full(n, "completed"), "end_s": np.full(n, 10.0)}
+    columns |= dict(zip(of.names, values.T, strict=True)) | dict(metrics(values, *group))
+    columns["reason"] = np.where(columns["status"] == "completed", "", "the rope went slack")
+    columns |= {"sample": np.arange(n), "plant": np.full(n, group[0]), "controller": np.full(n, group[1])}
+    arrays = [pyarrow.array(columns[field.name], type=field.type, from_pandas=True) for field in schema]
+    return pyarrow.Table.from_arrays(arrays, schema=schema)

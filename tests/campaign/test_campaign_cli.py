@@ -1,0 +1,229 @@
+"""`cranectl campaign` as users meet it: run, cut short, resumed, replayed, wrong input."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.campaign import campaign_names
+from cranectl.campaign.batches import Batch
+from cranectl.campaign.parts import part_name, write_part
+from cranectl.campaign.record import identity
+from cranectl.campaign.results import PARTS, Results, read_results
+from cranectl.cli.main import main
+from cranectl.log import read_log
+from cranectl.metrics import run_metrics
+from cranectl.status import RunStatus
+from tests.campaign.results import SMALL
+
+ANNOUNCED = """\
+import sys, time
+from cranectl.campaign.store import Store
+write = Store.write
+def announced(self, batch, rows):
+    write(self, batch, rows)
+    print("written", flush=True)
+    time.sleep(0.2)
+Store.write = announced
+from cranectl.cli.main import main
+sys.exit(main(["campaign", "run", "small.toml", "--out", "cut"]))
+"""
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A result that was never interrupted, not to be changed."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "small.toml").write_text(SMALL)
+    assert main(["campaign", "run", str(folder / "small.toml"), "--out", str(folder / "result")]) == 0
+    return folder / "result"
+
+
+@pytest.fixture(autouse=True)
+def in_directory_with_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(SMALL)
+
+
+def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Standard error of a call that must end with exit code 2 and no traceback."""
+    assert main(["campaign", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+    return captured.err
+
+
+def test_a_result_has_all_runs(finished: Path) -> None:
+    results = read_results(finished)
+    assert len(results) == 80
+    assert set(results.column("status")) == {"completed"}
+    assert results.record["versions"]["mujoco"]
+    assert results.campaign.settings.name == "small"
+
+
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
+def test_a_run_cut_short_is_resumed_to_the_same_table(
+    finished: Path, sent: signal.Signals, capsys: pytest.CaptureFixture[str]
+) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", ANNOUNCED], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "written\n"
+    resume = ["run", "small.toml", "--out", "cut", "--resume"]
+    assert "another process is writing cut" in bad_input(capsys, *resume)
+    process.send_signal(sent)
+    out, error = process.communicate(timeout=60)
+    assert "Traceback" not in error
+    assert process.returncode == (130 if sent == signal.SIGINT else -sent)
+    assert ("of 80 runs are kept; go on with the same command and --resume" in out) == (sent == signal.SIGINT)
+    before = len(read_results("cut", unfinished=True))
+    assert 0 < before < 80
+    assert "is not finished" in bad_input(capsys, "report", "cut")
+    assert main(["campaign", *resume]) == 0
+    assert read_results("cut").table.equals(read_results(finished).table, check_metadata=True)
+    assert parts_of(Path("cut")) == parts_of(finished)
+
+
+def test_the_number_of_workers_changes_no_byte(finished: Path) -> None:
+    assert main(["campaign", "run", "small.toml", "--workers", "3"]) == 0
+    assert parts_of(Path("logs/campaign-small")) == parts_of(finished)
+
+
+def parts_of(directory: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (directory / PARTS).iterdir()}
+
+
+def test_summary_as_table_and_json(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(finished, "mine")
+    assert main(["campaign", "run", "small.toml", "--out", "mine", "--resume", "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
+    assert (found["finished"], found["runs"], found["missing"]) == (True, 80, 0)
+    assert [group["controller"] for group in found["groups"]] == ["lqr", "pole-placement"]
+    assert found["groups"][0]["failures"] == 0
+    assert "small on analytic" in captured.err
+    error = f"{found['groups'][0]['median_max_error_m']:.4f}"
+    assert error in captured.err
+
+
+def test_limits_given_later_judge_without_running(
+    finished: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(finished, "mine")
+    monkeypatch.setattr("cranectl.campaign.engine.run_batches", None)
+    limit = ["--set", "limits.max_error_m=0.5", "--resume", "--out", "mine", "--json", "-"]
+    assert main(["campaign", "run", "small.toml", *limit]) == 0
+    found = json.loads(capsys.readouterr().out)
+    results = read_results("mine")
+    beyond = int((results.column("max_error_m")[:40] > 0.5).sum())
+    assert 0 < beyond == found["groups"][0]["failures"] == found["groups"][0]["broken"]["max_error_m"]
+
+
+def test_replayed_runs_are_the_same_to_the_bit(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["replay", str(finished), "--worst", "2", "--every", "1", "--out", "again", "--json", "-"]
+    assert main(["campaign", *command]) == 0
+    found = json.loads(capsys.readouterr().out)["replays"]
+    results = read_results(finished)
+    errors = results.column("max_error_m")
+    worst = (-errors).argsort(kind="stable")[:2]
+    assert [replay["sample"] for replay in found] == results.column("sample")[worst].tolist()
+    for replay, row in zip(found, worst.tolist(), strict=True):
+        (run,) = read_log(replay["log"]).values()
+        metrics = run_metrics(run)
+        assert metrics is not None
+        assert metrics.max_error_m == errors[row]
+        values = [results.column(name)[row] for name in results.campaign.names]
+        assert [run.scenario.rig.winch_time_constant, run.scenario.disturbances[0].magnitude] == values
+
+
+def test_a_replay_that_differs_fails_loudly(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One bit of one metric of one run, in a part that is otherwise whole."""
+    shutil.copytree(finished, "mine")
+    results = read_results("mine")
+    change_one_bit(results, Batch("analytic", "lqr", 16, 32), "rms_error_m")
+    assert main(["campaign", "replay", "mine", "--run", "16", "--run", "17"]) == 1
+    out = " ".join(capsys.readouterr().out.split())
+    assert out.count("passed, run") == 3
+    assert "FAILED, run 16 with lqr on analytic" in out
+    assert "rms_error_m is" in out
+    assert Path("mine/replays/analytic-lqr-0000016.mcap").exists()
+
+
+def change_one_bit(results: Results, batch: Batch, column: str) -> None:
+    rows = [row for row in results.table.to_pylist() if row["controller"] == batch.controller]
+    rows = rows[batch.first : batch.last]
+    rows[0][column] = float(np.nextafter(rows[0][column], 1.0))
+    path = results.directory / PARTS / part_name(batch)
+    write_part(path, results.campaign, identity(results.record), batch, rows)
+
+
+def test_failures_of_the_crane_are_results(capsys: pytest.CaptureFixture[str]) -> None:
+    """A push that throws the load out of the range in which angles are defined."""
+    hard = ["--set", "uncertain.disturbances.0.magnitude.low=200.0"]
+    hard += ["--set", "uncertain.disturbances.0.magnitude.high=300.0", "--runs", "3", "--controllers", "lqr"]
+    assert main(["campaign", "run", "small.toml", *hard, "--json", "found.json"]) == 0
+    (group,) = json.loads(Path("found.json").read_text())["groups"]
+    assert group["failures"] == sum(group["stopped"].values()) == 3
+    reasons = set(read_results("logs/campaign-small").column("reason"))
+    assert reasons <= {status.explanation for status in RunStatus if status.stopped}
+    assert "failed" in capsys.readouterr().out
+
+
+def test_list_and_show(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["campaign", "list", "--json", "-"]) == 0
+    listed = json.loads(capsys.readouterr().out)["campaigns"]
+    assert [each["name"] for each in listed] == campaign_names()
+    assert main(["campaign", "show", "small.toml", "--runs", "50", "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    shown = json.loads(captured.out)
+    assert (shown["samples"], shown["runs"]) == (50, 100)
+    assert shown["parameters"][0]["unit"] == "s"
+    assert 0.01 < shown["parameters"][0]["quantiles"]["0.05"] < 0.012
+    assert 0.0 < shown["estimated_s"] < 100.0
+    assert "time: about" in captured.err
+    assert main(["campaign", "show", "lab-rig", "--no-estimate"]) == 0
+    assert "time:" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["run", "lab-rgi"], "did you mean 'lab-rig'?"),
+        (["run", "absent.toml"], "cannot read absent.toml"),
+        (["run", "small.toml", "--runs", "0"], "runs = 0"),
+        (["run", "small.toml", "--controller", "lqr,pid"], "unknown controller 'pid'"),
+        (["run", "small.toml", "--controller", "lqr,"], "a name is empty"),
+        (["run", "small.toml", "--plant", "real"], "plants.0 = 'real'"),
+        (["run", "small.toml", "--drive", "belt"], "drive = 'belt'"),
+        (["run", "small.toml", "--seed", "-1"], "seed = -1"),
+        (["run", "small.toml", "--set", "limits.max_eror_m=1"], "did you mean 'max_error_m'?"),
+        (["run", "small.toml", "--set", "duraton=1"], "unknown key 'duraton'"),
+        (["run", "small.toml", "--workers", "0"], "0 is not in the range"),
+        (["run", "small.toml", "--resume", "--overwrite"], "exclude each other"),
+        (["run", "small.toml", "--out", "small.toml"], "cannot write small.toml"),
+        (["report", "absent"], "absent holds no result"),
+        (["replay", "absent"], "absent holds no result"),
+        (["replay", "absent", "--run", "1", "--worst", "1"], "exclude each other"),
+        (["show", "small.toml", "--runs", "0"], "runs = 0"),
+    ],
+)
+def test_bad_input_is_explained(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], expected: str
+) -> None:
+    assert expected in bad_input(capsys, *arguments)
+    assert [path.name for path in Path().iterdir()] == ["small.toml"]
+    assert Path("small.toml").read_text() == SMALL
+
+
+def test_replay_of_what_is_not_there(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = str(finished)
+    assert "has no run 40" in bad_input(capsys, "replay", result, "--run", "40")
+    assert "did you mean 'max_error_m'?" in bad_input(capsys, "replay", result, "--by", "max_eror_m")
+    assert "unknown plant 'mujoco'" in bad_input(capsys, "replay", result, "--plant", "mujoco")

@@ -1,0 +1,388 @@
+"""Campaigns are run as single runs are: the same bits, on models that change in place, in any order."""
+
+import copy
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from cranectl.campaign import Campaign, sample_values, sampled_scenario
+from cranectl.campaign.batches import Batch
+from cranectl.campaign.engine import run_batch, run_batches, run_campaign
+from cranectl.campaign.prepared import Prepared
+from cranectl.campaign.rows import METRIC_COLUMNS, Row, metric_values, row_columns
+from cranectl.campaign.worker import StoppedError, Worker
+from cranectl.effects.settings import ALL_EFFECTS, NO_EFFECTS, EffectSettings
+from cranectl.errors import InputError
+from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.parameters import RigParameters
+from cranectl.plants.interface import DRIVES, PLANTS, Drive
+from cranectl.plants.mujoco import MujocoPlant
+from cranectl.plants.mujoco_model import DRAWN_LENGTH, model_spec
+from cranectl.scenario import NANOSECONDS
+from cranectl.simulate import Run, simulate_run
+from tests.campaign.campaigns import LAG, MASS, PUSH, campaign
+
+SHORT = ["duration=0.25", "disturbances.0.start=0.05", "disturbances.0.end=0.2", "disturbances.1.start=0.1"]
+OFFSET = {"distribution": "uniform", "low": -0.02, "high": 0.02}
+UNCERTAIN = {
+    "rig": {"load_mass": MASS, "winch_time_constant": LAG, "gravity": {**OFFSET, "low": 9.7, "high": 9.9}},
+    "disturbances": {"0": {"magnitude": PUSH}},
+    "effects": {
+        "friction": {"pivot_viscous": {"distribution": "uniform", "low": 0.0, "high": 0.01}},
+        "sensing": {
+            "seed": {"distribution": "integers"},
+            "observer_bandwidth": {"distribution": "choice", "values": [50.0, 70.0]},
+        },
+        "delay": {"seconds": {"distribution": "uniform", "low": 0.0, "high": 0.005}},
+        "wind": {"seed": {"distribution": "integers"}},
+    },
+    "initial": {"load_offset": {"0": OFFSET}, "alpha_offset": OFFSET},
+}
+NO_FORCES = ["effects.friction.coulomb=[0.0,0.0,0.0]", "effects.friction.viscous=[0.0,0.0,0.0]"]
+HEAVY = "lqr+hinf"
+
+
+def short(uncertain: dict[str, Any] | None = None, *extra: str, **changes: Any) -> Campaign:
+    settings = {
+        "scenario": "fixed-position",
+        "set": [*SHORT, *extra],
+        "runs": 6,
+        "controllers": ["lqr", HEAVY],
+    }
+    return campaign(UNCERTAIN if uncertain is None else uncertain, **(settings | changes))
+
+
+@pytest.fixture(scope="module")
+def both() -> Campaign:
+    """Both plants, with whatever both can show."""
+    return short(None, *NO_FORCES, plants=list(PLANTS))
+
+
+def alone(made: Campaign, sample: int, plant: str, controller: str) -> Run:
+    """The same run by itself."""
+    (values,) = sample_values(made, sample, sample + 1)
+    return simulate_run(
+        sampled_scenario(made, values),
+        known=made.nominal,
+        plant=plant,
+        drive=made.settings.drive,
+        controller=controller,
+    )
+
+
+def assert_row_is(row: Row, run: Run) -> None:
+    for name, value in metric_values(run_metrics(run)).items():
+        assert row[name] == value, name
+    assert row["status"] == run.status.label
+    assert row["end_s"] == run.end_ns / NANOSECONDS
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("controller", ["lqr", HEAVY])
+def test_rows_are_those_of_single_runs(both: Campaign, plant: str, controller: str) -> None:
+    rows = run_batch(both, Batch(plant, controller, 1, 4))
+    assert [row["sample"] for row in rows] == [1, 2, 3]
+    for row in rows:
+        assert_row_is(row, alone(both, int(row["sample"] or 0), plant, controller))
+    assert rows[0]["rms_error_m"] != rows[1]["rms_error_m"]
+    assert list(rows[0]) == [column.name for column in row_columns(both)]
+
+
+def test_a_row_that_differs_is_noticed(both: Campaign) -> None:
+    (row,) = run_batch(both, Batch("analytic", "lqr", 0, 1))
+    worse = row | {"rms_error_m": np.nextafter(float(row["rms_error_m"] or 0.0), 1.0)}
+    with pytest.raises(AssertionError, match="rms_error_m"):
+        assert_row_is(worse, alone(both, 0, "analytic", "lqr"))
+
+
+EFFECTS: dict[str, dict[str, Any]] = {
+    "limits": {"force": {"2": {"distribution": "uniform", "low": 10.5, "high": 14.0}}},
+    "friction": {"coulomb": {"0": MASS}, "viscous": {"1": MASS}},
+    "rope": {
+        "stiffness": {"distribution": "log-uniform", "low": 2e4, "high": 8e4},
+        "damping_ratio": {"distribution": "uniform", "low": 0.0, "high": 0.3},
+        "mass": {"distribution": "choice", "values": [0.0, 0.003, 0.02]},
+    },
+    "body": {
+        "hook_offset": {"distribution": "uniform", "low": 0.0, "high": 0.1},
+        "inertia": {"distribution": "uniform", "low": 1e-3, "high": 3e-3},
+        "swing_damping": {"distribution": "uniform", "low": 0.0, "high": 3e-3},
+    },
+    "frame": {
+        "frequency": {"0": {"distribution": "uniform", "low": 6.0, "high": 12.0}},
+        "damping_ratio": {"distribution": "uniform", "low": 0.0, "high": 0.05},
+        "mass": {"distribution": "uniform", "low": 10.0, "high": 30.0},
+    },
+}
+
+
+def test_rows_are_those_of_single_runs_with_every_effect_of_the_engine() -> None:
+    made = short({"rig": {"load_mass": MASS}, "effects": EFFECTS}, "control.physics_step=0.0005", runs=4)
+    for row in run_batch(made, Batch("mujoco", "lqr", 0, 4)):
+        assert row["reason"] == ""
+        assert_row_is(row, alone(made, int(row["sample"] or 0), "mujoco", "lqr"))
+
+
+def raw(model: mujoco.MjModel) -> bytes:
+    """All of a compiled model."""
+    buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+OTHER = {
+    "limits": {"force": (50.0, 30.0, 20.0)},
+    "friction": {
+        "coulomb": (1.0, 0.0, 2.0),
+        "viscous": (0.0, 1.0, 3.0),
+        "pivot_coulomb": 0.0,
+        "pivot_viscous": 2e-3,
+    },
+    "rope": {"stiffness": 6e4, "damping_ratio": 0.2, "mass": 0.01},
+    "body": {"hook_offset": 0.0, "inertia": 3e-3, "swing_damping": 0.0},
+    "frame": {"frequency": (8.0, 9.0), "damping_ratio": 0.0, "mass": 10.0},
+}
+OTHER_RIG = RigParameters(
+    gravity=9.7,
+    bridge_range=(0.1, 1.9),
+    trolley_range=(0.1, 1.5),
+    rope_range=(0.1, 1.3),
+    bridge_mass=5.0,
+    trolley_mass=3.0,
+    winch_mass=0.3,
+    load_mass=1.7,
+    bridge_time_constant=0.03,
+    trolley_time_constant=0.025,
+    winch_time_constant=0.04,
+)
+
+
+def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
+    """Every parameter of rig and effects changed by itself, then all of them."""
+    for name in RigParameters.model_fields:
+        value = getattr(OTHER_RIG, name)
+        assert value != getattr(RigParameters(), name)
+        yield RigParameters().model_copy(update={name: value}), ALL_EFFECTS
+    for effect, numbers in OTHER.items():
+        for name, number in numbers.items():
+            changed = getattr(ALL_EFFECTS, effect).model_copy(update={name: number})
+            yield RigParameters(), ALL_EFFECTS.model_copy(update={effect: changed})
+    yield OTHER_RIG, EffectSettings.model_validate(OTHER)
+
+
+def plant_of(rig: RigParameters, drive: Drive, effects: EffectSettings) -> MujocoPlant:
+    return MujocoPlant(rig, drive=drive, step=5e-4, substeps=1, effects=effects)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_model_changed_in_place_is_the_one_compiled_anew(drive: Drive) -> None:
+    plant = plant_of(RigParameters(), drive, ALL_EFFECTS)
+    state = np.array([1.0, 0.1, 0.7, 0.0, 0.6, 0.2, 0.1, 0.0, 0.1, 0.0])
+    for rig, effects in changes():
+        plant.reset(state)  # a rope changes the model as it moves
+        plant.advance(np.zeros(3), np.ones(2), np.ones(3), np.zeros(7))
+        assert plant.retune(rig, effects)
+        physical = effects.model_copy(update=dict.fromkeys(("sensing", "delay", "wind")))
+        new = model_spec(rig, drive=drive, step=5e-4, effects=physical).compile()
+        assert raw(plant.model) == raw(new)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_it_is_so_for_each_effect_alone_and_none(drive: Drive) -> None:
+    for name in ("", *OTHER):
+        before = NO_EFFECTS.model_copy(update={name: getattr(ALL_EFFECTS, name)} if name else {})
+        after = EffectSettings.model_validate({name: OTHER[name]} if name else {})
+        plant = plant_of(RigParameters(), drive, before)
+        assert plant.retune(OTHER_RIG, after)
+        new = model_spec(OTHER_RIG, drive=drive, step=5e-4, effects=after).compile()
+        assert raw(plant.model) == raw(new), name
+
+
+def test_a_byte_that_differs_is_noticed() -> None:
+    model = model_spec(RigParameters(), drive="velocity", step=1e-3).compile()
+    other = copy.copy(model)
+    assert raw(other) == raw(model)
+    other.stat.meaninertia *= 1.0 + 1e-15
+    assert raw(other) != raw(model)
+
+
+def test_every_number_of_the_effects_in_the_model_was_changed() -> None:
+    """An effect or a number that is added must come into OTHER."""
+    assert set(EffectSettings.model_fields) - set(OTHER) == {"sensing", "delay", "wind"}
+    for effect, numbers in OTHER.items():
+        left = set(type(getattr(ALL_EFFECTS, effect)).model_fields) - set(numbers)
+        assert left <= {"velocity", "acceleration", "on_slack"}, effect  # no part of the model
+
+
+def test_another_structure_takes_another_model() -> None:
+    plant = plant_of(RigParameters(), "velocity", ALL_EFFECTS)
+    before = raw(plant.model)
+    assert ALL_EFFECTS.rope is not None
+    weightless = ALL_EFFECTS.rope.model_copy(update={"mass": 0.0})
+    assert not plant.retune(OTHER_RIG, ALL_EFFECTS.model_copy(update={"rope": weightless}))
+    assert not plant.retune(OTHER_RIG, ALL_EFFECTS.model_copy(update={"frame": None}))
+    assert raw(plant.model) == before
+    assert 'mass="2.5"' in plant.description
+    plant.retune(OTHER_RIG, ALL_EFFECTS)
+    assert 'mass="3"' in plant.description
+
+
+def test_the_file_draws_the_rope_as_long_as_the_code_says() -> None:
+    from cranectl import resources
+
+    filed = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    assert filed.joint("rope_length").qpos0[0] == DRAWN_LENGTH
+
+
+def test_the_controller_knows_the_nominal_crane_only(both: Campaign) -> None:
+    """Told of the sample, it does otherwise; and the plant is that of the sample."""
+    (values,) = sample_values(both, 0, 1)
+    scenario = sampled_scenario(both, values)
+    options: dict[str, Any] = {"plant": "analytic", "drive": "velocity", "controller": "lqr"}
+    known = simulate_run(scenario, known=both.nominal, **options)
+    told = simulate_run(scenario, **options)
+    nominal = simulate_run(both.nominal, **options)
+    for other in (told, nominal):
+        assert (known.table != other.table).any()
+    assert (known.reference == nominal.reference).all()
+    offset = known.block("state")[0] - nominal.block("state")[0]
+    assert offset[0] == pytest.approx(scenario.initial.load_offset[0])
+    assert offset[6] == pytest.approx(scenario.initial.alpha_offset)
+
+
+def collected(made: Campaign, batches: list[Batch], workers: int) -> dict[Batch, list[Row]]:
+    return dict(run_batches(made, batches, workers=workers))
+
+
+def test_rows_depend_neither_on_workers_nor_on_order(both: Campaign) -> None:
+    batches = [Batch(p, c, k, k + 2) for k in (0, 2) for p in PLANTS for c in ("lqr", HEAVY)]
+    one, two = collected(both, batches, 1), collected(both, batches[::-1], 2)
+    assert one == two
+    assert len(one) == len(batches)
+
+
+def test_a_campaign_runs_whole_in_the_callers_thread(both: Campaign) -> None:
+    made, rows = short(runs=17, controllers=["lqr"]), []
+    threads = set()
+
+    def done(some: list[Row]) -> None:
+        threads.add(threading.current_thread())
+        rows.extend(some)
+
+    assert run_campaign(made, workers=2, done=done)
+    assert sorted(int(row["sample"] or 0) for row in rows) == list(range(17))
+    assert threads == {threading.main_thread()}
+    rows.clear()
+    assert run_campaign(both, plants=["analytic"], controllers=["lqr"], done=done)
+    assert {(row["plant"], row["controller"]) for row in rows} == {("analytic", "lqr")}
+
+
+def test_a_sample_that_is_no_scenario_is_a_failed_row() -> None:
+    apart = {
+        "start": {"distribution": "uniform", "low": 0.01, "high": 0.19},
+        "end": {"distribution": "uniform", "low": 0.06, "high": 0.2},
+    }
+    rows = run_batch(short({"disturbances": {"0": apart}}, runs=40), Batch("analytic", "lqr", 0, 40))
+    failed = [row for row in rows if row["status"] == "failed"]
+    assert 0 < len(failed) < 40
+    assert "InputError: " in str(failed[0]["reason"])
+    assert "must end after its start" in str(failed[0]["reason"])
+    assert failed[0]["end_s"] == 0.0
+    assert all(failed[0][name] is None for name in METRIC_COLUMNS)
+    assert failed[0]["disturbances.0.start"] is not None
+
+
+def test_a_sample_too_stiff_for_its_step_is_a_failed_row_and_the_next_one_runs() -> None:
+    stiff = {"stiffness": {"distribution": "choice", "values": [5e4, 1e9]}}
+    made = short({"effects": {"rope": stiff}}, runs=8)
+    values = sample_values(made, 0, 8)[:, 0]
+    rows = run_batch(made, Batch("mujoco", "lqr", 0, 8))
+    for value, row in zip(values, rows, strict=True):
+        assert row["status"] == ("failed" if value == 1e9 else "completed"), row["reason"]
+    assert {5e4, 1e9} == set(values)
+    assert "too fast for steps" in str(rows[list(values).index(1e9)]["reason"])
+    last = list(values).index(5e4)
+    assert_row_is(rows[last], alone(made, last, "mujoco", "lqr"))
+
+
+def test_a_run_that_stops_says_why_and_keeps_its_metrics() -> None:
+    far = {"distribution": "fixed", "value": 400.0}
+    made = short({"disturbances": {"1": {"magnitude": far}}}, runs=1)
+    (row,) = run_batch(made, Batch("mujoco", "lqr", 0, 1))
+    assert row["status"] == "slack-rope"
+    assert row["reason"] == "the rope went slack, in the plant or as the tracker sees it"
+    assert 0.1 < float(row["end_s"] or 0.0) < 0.25
+    assert float(row["max_error_m"] or 0.0) > 0.0
+
+
+def test_an_error_in_the_program_is_told_with_its_type(
+    both: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any) -> None:
+        raise ZeroDivisionError("of a worker")
+
+    monkeypatch.setattr("cranectl.campaign.worker.metrics_setup", broken)
+    (row,) = run_batch(both, Batch("analytic", "lqr", 0, 1))
+    assert row["status"] == "failed"
+    assert row["reason"] == "ZeroDivisionError: of a worker"
+
+
+def test_a_controller_unstable_on_the_nominal_crane_is_refused_at_once() -> None:
+    made = short({"rig": {"load_mass": MASS}}, "control.period=0.05", "control.physics_step=0.001",
+                 "design.state_weights=[1e9,1.0,1.0,1.0]", "design.input_weight=1e-9")  # fmt: skip
+    with pytest.raises(InputError, match="unstable when sampled"):
+        list(run_batches(made, [Batch("mujoco", "lqr", 0, 1)]))
+
+
+def test_a_worker_stops_within_a_block(both: Campaign) -> None:
+    asked = []
+
+    def stop() -> bool:
+        asked.append(True)
+        return len(asked) > 1
+
+    with pytest.raises(StoppedError):
+        Worker(Prepared(both)).run_batch(Batch("analytic", "lqr", 0, 6), stop)
+    assert len(asked) == 2
+
+
+def test_stop_and_leaving_end_the_threads_and_keep_whole_batches(both: Campaign) -> None:
+    batches = [Batch("analytic", "lqr", k, k + 1) for k in range(6)]
+    found: list[Batch] = []
+    for batch, rows in run_batches(both, batches, workers=2):
+        found.append(batch)
+        assert len(rows) == 1
+        break
+    rows = []
+    assert not run_campaign(both, workers=2, done=rows.extend, stop=lambda: True)
+    assert rows == []
+    assert not any(thread.name.startswith("worker") for thread in threading.enumerate())
+    assert len(found) == 1
+    assert found[0] in batches
+
+
+def test_what_is_wrong_in_a_worker_itself_reaches_the_caller(
+    both: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("cranectl.campaign.engine.Worker", broken)
+    with pytest.raises(MemoryError):
+        list(run_batches(both, [Batch("analytic", "lqr", 0, 1)], workers=2))
+
+
+def test_every_metric_has_its_columns(both: Campaign) -> None:
+    metrics = run_metrics(alone(both, 0, "analytic", "lqr"))
+    assert isinstance(metrics, RunMetrics)
+    values = metric_values(metrics)
+    assert tuple(values) == METRIC_COLUMNS
+    assert values["final_load_m_z"] == metrics.final_load_m[2]
+    assert values["drive_path_m_rope"] == metrics.drive_path_m[2]
+    assert values["max_abs_angle_rad_beta"] == metrics.max_abs_angle_rad[1]
+    assert values["outside_first_s_bridge"] is None
+    assert values["outside_time_s_bridge"] == 0.0

@@ -1,0 +1,336 @@
+"""Results on disk: whole parts, found again in order, damage and differences told."""
+
+import errno
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow
+import pytest
+from pyarrow import parquet
+
+from cranectl.campaign import campaign_names, load_campaign, sample_values
+from cranectl.campaign.batches import LEAST, batches_of
+from cranectl.campaign.columns import METRICS, describe
+from cranectl.campaign.parts import DamageError, part_name, read_part
+from cranectl.campaign.record import campaign_of, differences, identity, record_of
+from cranectl.campaign.results import PARTS, RECORD_FILE, read_results
+from cranectl.campaign.rows import METRIC_COLUMNS, row_columns
+from cranectl.campaign.store import open_store
+from cranectl.errors import InputError
+from tests.campaign.campaigns import campaign
+from tests.campaign.results import invented_rows, two_controllers, write_all
+
+CAMPAIGN = two_controllers()
+KNOWN_AS = identity(record_of(CAMPAIGN))
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    """A finished result."""
+    write_all(CAMPAIGN, tmp_path / "result")
+    return tmp_path / "result"
+
+
+@pytest.fixture(scope="module")
+def one_part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The part of the first batch, not to be changed."""
+    folder = tmp_path_factory.mktemp("part")
+    write_all(CAMPAIGN, folder, leave=len(batches_of(CAMPAIGN)) - 1)
+    return folder / PARTS / part_name(batches_of(CAMPAIGN)[0])
+
+
+def caught(function: Any, *arguments: Any, **options: Any) -> InputError:
+    with pytest.raises(InputError) as found:
+        function(*arguments, **options)
+    assert found.value.remedy
+    assert found.value.allowed
+    return found.value
+
+
+def opened(*arguments: Any, **options: Any) -> tuple[int, tuple[str, ...]]:
+    """Number of missing batches and what was put aside."""
+    with open_store(*arguments, **options) as store:
+        return len(store.missing), store.aside
+
+
+@pytest.mark.parametrize("runs", [1, LEAST, LEAST + 1, 1000, 100_000])
+def test_batches_hold_every_sample_once(runs: int) -> None:
+    of = two_controllers(runs=runs)
+    for controller in of.settings.controllers:
+        ends = [(b.first, b.last) for b in batches_of(of) if b.controller == controller]
+        assert ends[0][0] == 0
+        assert ends[-1][1] == runs
+        assert all(first < last for first, last in ends)
+        assert [last for _, last in ends[:-1]] == [first for first, _ in ends[1:]]
+
+
+def test_what_was_written_is_read_in_order(directory: Path) -> None:
+    results = read_results(directory)
+    expected = [row for batch in batches_of(CAMPAIGN) for row in invented_rows(CAMPAIGN, batch)]
+    assert results.table.to_pylist() == expected
+    assert results.row(47) == expected[47]
+    assert np.isnan(results.column("settling_time_s")[7])
+    assert results.column("sample").tolist() == [*range(40), *range(40)]
+    assert results.missing == ()
+    assert [column.name for column in row_columns(CAMPAIGN)] == results.table.column_names
+
+
+def test_the_same_batch_has_the_same_bytes(directory: Path, tmp_path: Path) -> None:
+    write_all(CAMPAIGN, tmp_path / "again")
+    names = sorted(path.name for path in (directory / PARTS).iterdir())
+    assert len(names) == len(batches_of(CAMPAIGN)) == 6
+    for name in names:
+        assert (directory / PARTS / name).read_bytes() == (tmp_path / "again" / PARTS / name).read_bytes()
+
+
+def test_columns_say_what_they_are(one_part: Path) -> None:
+    schema = parquet.read_schema(one_part)
+    units = {field.name: field.metadata[b"unit"].decode() for field in schema}
+    assert units["max_error_m"] == units["final_load_m_x"] == units["initial.load_offset.0"] == "m"
+    assert units["max_acceleration_m_s2_rope"] == "m/s²"
+    assert units["effects.friction.coulomb.1"] == units["min_rope_tension_n"] == "N"
+    assert units["disturbances.0.magnitude"] == "rad/s²"
+    assert units["rig.winch_time_constant"] == units["end_s"] == units["effects.delay.seconds"] == "s"
+    assert units["drive_work_j_bridge"] == "J"
+    assert all(field.metadata[b"description"] for field in schema)
+    assert not schema.field("sample").nullable
+    assert schema.field("max_error_m").nullable
+
+
+def test_every_metric_is_described_once() -> None:
+    described = {describe(CAMPAIGN, name).description.split(", ")[0] for name in METRIC_COLUMNS}
+    assert described == {text.split(", ")[0] for text in METRICS.values()}
+
+
+def test_a_record_is_enough_to_draw_the_samples_again() -> None:
+    for name in campaign_names():
+        of = load_campaign(name)
+        record = json.loads(json.dumps(record_of(of)))
+        again = campaign_of(record, "record")
+        assert again.settings == of.settings
+        assert again.nominal == of.nominal
+        assert np.array_equal(sample_values(again, 0, 10), sample_values(of, 0, 10))
+        assert differences(record_of(again), record) == []
+
+
+def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
+    from cranectl import resources
+
+    path = tmp_path / "mine.toml"
+    shutil.copy(resources.SCENARIO_DIRECTORY / "fast-diagonal.toml", path)
+    record = record_of(campaign(scenario=str(path)))
+    path.unlink()
+    assert campaign_of(record, "record").nominal.name == "fast-diagonal"
+    assert identity(record) == identity(record_of(campaign())), "the scenario counts, not its place"
+
+
+def test_an_unfinished_result_says_so(tmp_path: Path) -> None:
+    write_all(CAMPAIGN, tmp_path, leave=2)
+    assert "2 of 6 parts missing" in caught(read_results, tmp_path).found
+    results = read_results(tmp_path, unfinished=True)
+    assert results.missing == tuple(batches_of(CAMPAIGN)[-2:])
+    assert len(results) == 40 + 16
+
+
+def test_nothing_run_yet_is_an_empty_table(tmp_path: Path) -> None:
+    write_all(CAMPAIGN, tmp_path, leave=6)
+    assert read_results(tmp_path, unfinished=True).column("max_error_m").shape == (0,)
+
+
+def test_truncated_and_foreign_parts_are_found(one_part: Path, tmp_path: Path) -> None:
+    batch = batches_of(CAMPAIGN)[0]
+    whole, path = one_part.read_bytes(), tmp_path / one_part.name
+    for size in (0, 3, 100, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:size])
+        with pytest.raises(DamageError):
+            read_part(path, CAMPAIGN, KNOWN_AS, batch)
+    path.write_bytes(whole)
+    assert read_part(path, CAMPAIGN, KNOWN_AS, batch).num_rows == 16
+    with pytest.raises(DamageError, match="another campaign"):
+        read_part(path, CAMPAIGN, "other", batch)
+    with pytest.raises(DamageError, match="it holds the batch mujoco lqr 0"):
+        read_part(path, CAMPAIGN, KNOWN_AS, batches_of(CAMPAIGN)[1])
+
+
+def test_a_flipped_bit_is_found_or_does_no_harm(one_part: Path, tmp_path: Path) -> None:
+    """Nearly all bytes are data or what says how to read them; a few, like the writer's name, say nothing."""
+    batch = batches_of(CAMPAIGN)[0]
+    whole, path = one_part.read_bytes(), tmp_path / one_part.name
+    expected = read_part(one_part, CAMPAIGN, KNOWN_AS, batch)
+    rng = np.random.default_rng(0)
+    found = 0
+    places = rng.choice(len(whole), 150, replace=False).tolist()
+    for place in places:
+        changed = bytearray(whole)
+        changed[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(changed)
+        try:
+            assert read_part(path, CAMPAIGN, KNOWN_AS, batch).equals(expected)
+        except DamageError:
+            found += 1
+    assert found > 0.75 * len(places)
+
+
+def test_checksums_are_what_finds_changed_data(one_part: Path, tmp_path: Path) -> None:
+    """The same flip goes unnoticed where nobody looks at them."""
+    whole, path = bytearray(one_part.read_bytes()), tmp_path / one_part.name
+    column = parquet.ParquetFile(one_part).metadata.row_group(0).column(7)
+    path.write_bytes(whole)
+    table = parquet.read_table(path)
+    flipped = 0
+    for place in range(column.data_page_offset, column.data_page_offset + column.total_compressed_size):
+        changed = bytearray(whole)
+        changed[place] ^= 1
+        path.write_bytes(changed)
+        try:
+            unnoticed = not parquet.ParquetFile(path).read().equals(table)
+        except (OSError, pyarrow.ArrowException):
+            continue
+        if unnoticed:
+            flipped += 1
+            with pytest.raises(DamageError):
+                read_part(path, CAMPAIGN, KNOWN_AS, batches_of(CAMPAIGN)[0])
+    assert flipped > 10
+
+
+def test_damaged_parts_are_told_put_aside_and_run_again(directory: Path) -> None:
+    first, second, third, *_ = (directory / PARTS / part_name(batch) for batch in batches_of(CAMPAIGN))
+    original = first.read_bytes()
+    first.write_bytes(original[:-100])
+    shutil.copy(third, second)
+    error = caught(read_results, directory)
+    assert first.name in error.found
+    assert f"{second.name}: it holds the batch mujoco lqr 32" in error.found
+    assert "--resume" in error.remedy
+    missing, aside = opened(CAMPAIGN, directory, resume=True)
+    assert missing == 2
+    assert len(aside) == 2
+    assert all("was damaged" in note for note in aside)
+    assert sorted(path.name for path in (directory / PARTS).glob("*.corrupt")) == [
+        f"{first.name}.corrupt",
+        f"{second.name}.corrupt",
+    ]
+    with open_store(CAMPAIGN, directory, resume=True) as store:
+        assert store.missing == tuple(batches_of(CAMPAIGN)[:2])
+        for batch in store.missing:
+            store.write(batch, invented_rows(CAMPAIGN, batch))
+    assert first.read_bytes() == original
+    assert len(read_results(directory)) == 80
+
+
+def test_repeated_parts_are_found(directory: Path) -> None:
+    name = part_name(batches_of(CAMPAIGN)[0])
+    stray = directory / PARTS / "part-copy.parquet"
+    shutil.copy(directory / PARTS / name, stray)
+    assert f"part-copy.parquet: it repeats the batch of {name}" in caught(read_results, directory).found
+    stray.write_bytes(b"nonsense")
+    assert "its name is that of no batch" in caught(read_results, directory).found
+    assert opened(CAMPAIGN, directory, resume=True)[0] == 0
+    assert not stray.exists()
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])
+def test_a_full_disk_leaves_a_result_that_can_be_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    write = parquet.write_table
+
+    def full(table: Any, path: Path, **options: Any) -> None:
+        if parts:
+            path.write_bytes(b"half")
+            raise OSError(number, "as the system says it")
+        parts.append(path)
+        write(table, path, **options)
+
+    parts: list[Path] = []
+    monkeypatch.setattr(parquet, "write_table", full)
+    error = caught(write_all, CAMPAIGN, tmp_path)
+    assert ("the disk is full" if number == errno.ENOSPC else "as the system says it") in error.found
+    assert "--resume" in error.remedy
+    assert len(list((tmp_path / PARTS).iterdir())) == 1
+    monkeypatch.undo()
+    with open_store(CAMPAIGN, tmp_path, resume=True) as store:
+        assert len(store.missing) == 5
+        for batch in store.missing:
+            store.write(batch, invented_rows(CAMPAIGN, batch))
+    assert len(read_results(tmp_path)) == 80
+
+
+def test_what_a_kill_leaves_half_written_is_removed(directory: Path) -> None:
+    part = directory / PARTS / part_name(batches_of(CAMPAIGN)[0])
+    part.rename(part.with_name(f"{part.name}.4711.part"))
+    assert opened(CAMPAIGN, directory, resume=True) == (1, ())
+    assert len(list((directory / PARTS).iterdir())) == 5
+
+
+def test_a_result_is_not_overwritten_unless_told(directory: Path) -> None:
+    error = caught(opened, CAMPAIGN, directory)
+    assert "holds a result of the campaign 'test' already" in error.found
+    assert "--resume" in error.remedy
+    assert "--overwrite" in error.remedy
+    assert len(read_results(directory)) == 80
+    assert opened(CAMPAIGN, directory, overwrite=True) == (6, ())
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"seed": 1}, "campaign.seed is 0, not 1"),
+        ({"runs": 41}, "campaign.runs is 40, not 41"),
+        ({"drive": "ideal"}, "campaign.drive is velocity, not ideal"),
+        ({"set": ["rig.bridge_mass=7.0"]}, "scenario.rig.bridge_mass is 6.0, not 7.0"),
+        ({"controllers": ["lqr"]}, 'campaign.controllers is ["lqr", "pole-placement"], not ["lqr"]'),
+    ],
+)
+def test_another_campaign_is_not_mixed_in(directory: Path, changes: dict[str, Any], named: str) -> None:
+    uncertain = {"rig": {"load_mass": {"distribution": "uniform", "low": 0.5, "high": 1.5}}}
+    shutil.rmtree(directory)
+    write_all(two_controllers(uncertain=uncertain), directory)
+    error = caught(opened, two_controllers(uncertain=uncertain, **changes), directory, resume=True)
+    assert named in error.found
+    assert "another campaign" in error.found
+    assert len(read_results(directory)) == 80
+
+
+def test_another_version_is_named(directory: Path) -> None:
+    record = json.loads((directory / RECORD_FILE).read_text())
+    record["versions"]["mujoco"] = "3.0.0"
+    (directory / RECORD_FILE).write_text(json.dumps(record))
+    assert "versions.mujoco is 3.0.0, not" in caught(opened, CAMPAIGN, directory, resume=True).found
+
+
+def test_limits_may_change_afterwards(directory: Path) -> None:
+    judged = two_controllers(limits={"max_error_m": 0.5}, title="Other words")
+    assert opened(judged, directory, resume=True) == (0, ())
+    assert read_results(directory).campaign.settings.limits.max_error_m == 0.5
+
+
+def test_places_that_are_no_results(tmp_path: Path, directory: Path) -> None:
+    assert "holds no result" in caught(read_results, tmp_path).found
+    (tmp_path / "notes.txt").write_text("mine")
+    for options in ({}, {"resume": True}, {"overwrite": True}):
+        assert "other files: notes.txt" in caught(opened, CAMPAIGN, tmp_path, **options).found
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "result"]
+    assert "cannot write" in caught(opened, CAMPAIGN, tmp_path / "notes.txt" / "below").found
+    for text in ("{", "[]", '{"format": 0}', '{"format": 1, "runs": 4, "campaign": 3}'):
+        (directory / RECORD_FILE).write_text(text)
+        assert RECORD_FILE in caught(read_results, directory).found
+        assert RECORD_FILE in caught(opened, CAMPAIGN, directory, resume=True).found
+
+
+def test_one_process_at_a_time(tmp_path: Path) -> None:
+    with open_store(CAMPAIGN, tmp_path):
+        assert "another process is writing" in caught(opened, CAMPAIGN, tmp_path, resume=True).found
+    assert opened(CAMPAIGN, tmp_path, resume=True) == (6, ())
+
+
+def test_nothing_is_left_where_nothing_could_be_run(tmp_path: Path) -> None:
+    def refused() -> None:
+        with open_store(CAMPAIGN, tmp_path):
+            raise InputError("the nominal crane cannot be run", allowed="one that can", remedy="correct it")
+
+    caught(refused)
+    assert opened(two_controllers(seed=3), tmp_path) == (6, ())

@@ -1,0 +1,214 @@
+"""Samples: the same in every block, distributed and correlated as said, arranged as each method promises."""
+
+import itertools
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cranectl.campaign import Campaign, load_campaign, sample_values
+from cranectl.campaign.random import uniform_block
+from cranectl.campaign.saltelli import saltelli_blocks
+from cranectl.campaign.sampling import METHODS, unit_points
+from tests.campaign.campaigns import LAG, MASS, MIXED, PAIR, campaign
+
+RANDOM = ("monte-carlo", "latin-hypercube", "sobol")
+TWO = {"rig": {"load_mass": MASS, "winch_time_constant": LAG}}
+
+
+def of_method(method: str) -> Campaign:
+    """A mixed campaign sampled by `method`."""
+    if method in RANDOM:
+        return campaign(sampling=method, runs=203, correlation=PAIR)
+    if method == "saltelli":
+        return campaign(sampling=method, runs=16 * 8)
+    rows = campaign(
+        TWO | {"rig": {k: v | {"levels": 5} for k, v in TWO["rig"].items()}}, sampling=method, runs=None
+    )
+    return rows if method == "grid" else campaign(sampling=method, runs=None)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_blocks_are_rows_of_the_whole_to_the_bit(method: str) -> None:
+    made = of_method(method)
+    whole = sample_values(made, 0, made.runs)
+    assert whole.shape == (made.runs, len(made.parameters))
+    assert np.isfinite(whole).all()
+    for width in (1, 3, 7):
+        blocks = [sample_values(made, k, min(k + width, made.runs)) for k in range(0, made.runs, width)]
+        assert (np.concatenate(blocks) == whole).all()
+    assert sample_values(made, 2, 2).shape == (0, len(made.parameters))
+
+
+@pytest.mark.parametrize("method", RANDOM)
+def test_another_process_draws_the_same(method: str) -> None:
+    made = of_method(method)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        elsewhere = pool.submit(sample_values, made, 50, 90).result()
+    assert (elsewhere == sample_values(of_method(method), 0, made.runs)[50:90]).all()
+
+
+@pytest.mark.parametrize("method", [*RANDOM, "saltelli"])
+def test_the_seed_decides(method: str) -> None:
+    runs = 128 if method == "saltelli" else 64
+    a, b = (sample_values(campaign(sampling=method, runs=runs, seed=seed), 0, runs) for seed in (0, 1))
+    assert (a != b).any()
+
+
+@pytest.mark.parametrize("method", ["monte-carlo", "sobol"])
+def test_more_runs_keep_the_first(method: str) -> None:
+    few, many = (campaign(sampling=method, runs=runs) for runs in (40, 400))
+    assert (sample_values(few, 0, 40) == sample_values(many, 0, 40)).all()
+
+
+@pytest.mark.parametrize("method", ["monte-carlo", "latin-hypercube"])
+def test_another_parameter_leaves_the_values_of_the_others(method: str) -> None:
+    one = campaign({"rig": {"winch_time_constant": LAG}}, sampling=method)
+    two = campaign(TWO, sampling=method)
+    assert (sample_values(one, 0, 64)[:, 0] == sample_values(two, 0, 64)[:, 1]).all()
+
+
+@pytest.mark.parametrize("method", RANDOM)
+def test_samples_have_their_distributions(method: str) -> None:
+    """Kolmogorov-Smirnov; seeded, so that it passes always or never."""
+    made = campaign(sampling=method, runs=2048, correlation=PAIR)
+    values = dict(zip(made.names, sample_values(made, 0, 2048).T, strict=True))
+    expected = {
+        "rig.load_mass": stats.uniform(0.5, 1.0),
+        "rig.winch_time_constant": stats.loguniform(0.01, 0.04),
+        "disturbances.0.magnitude": stats.norm(2.0, 0.5),
+        "effects.sensing.seed": stats.uniform(0.0, 2.0**32),
+    }
+    for name, distribution in expected.items():
+        assert stats.kstest(values[name], distribution.cdf).pvalue > 0.05, name
+        assert stats.kstest(values[name] * 1.1, distribution.cdf).pvalue < 0.01, name
+    assert np.unique(values["initial.load_offset.0"]).tolist() == [0.01]
+    counts = np.unique(values["effects.friction.coulomb.1"], return_counts=True)[1]
+    np.testing.assert_allclose(counts / 2048, [0.25, 0.5, 0.25], atol=0.03)
+
+
+def test_times_lie_on_control_periods_and_within_their_range() -> None:
+    uncertain = {
+        "effects": {"delay": {"seconds": {"distribution": "uniform", "low": 0.0013, "high": 0.0058}}}
+    }
+    delays = sample_values(campaign(uncertain, runs=500), 0, 500)[:, 0]
+    np.testing.assert_allclose(np.unique(delays), [0.002, 0.003, 0.004, 0.005], atol=1e-15)
+
+
+@pytest.mark.parametrize("method", RANDOM)
+@pytest.mark.parametrize("wanted", [-0.9, 0.3, 0.7])
+def test_rank_correlation_is_reached_and_nothing_else_is_correlated(method: str, wanted: float) -> None:
+    made = campaign(sampling=method, runs=4096, correlation=[PAIR[0] | {"value": wanted}])
+    values = sample_values(made, 0, 4096)
+    ranks = stats.spearmanr(values[:, list(made.varied)]).statistic
+    expected = np.eye(len(ranks))
+    expected[0, 1] = expected[1, 0] = wanted
+    np.testing.assert_allclose(ranks, expected, atol=0.05)
+
+
+@pytest.mark.parametrize("wanted", [-0.7, 0.6, 0.8])
+def test_the_correlation_is_that_of_ranks_not_of_normal_scores(wanted: float) -> None:
+    """Sobol points are even enough to tell 2 sin(π ρ/6) from ρ, which differ by 0.02."""
+    made = campaign(TWO, sampling="sobol", runs=2**14, correlation=[PAIR[0] | {"value": wanted}])
+    assert stats.spearmanr(sample_values(made, 0, 2**14)).statistic == pytest.approx(wanted, abs=0.003)
+
+
+def test_a_chain_of_correlations_is_reached() -> None:
+    chain = [
+        {"between": ["rig.load_mass", "rig.winch_time_constant"], "value": 0.6},
+        {"between": ["disturbances.0.magnitude", "rig.winch_time_constant"], "value": -0.5},
+    ]
+    made = campaign(sampling="sobol", runs=4096, correlation=chain)
+    columns = [
+        made.names.index(n) for n in ("rig.load_mass", "rig.winch_time_constant", "disturbances.0.magnitude")
+    ]
+    ranks = stats.spearmanr(sample_values(made, 0, 4096)[:, columns]).statistic
+    np.testing.assert_allclose(ranks, [[1, 0.6, 0], [0.6, 1, -0.5], [0, -0.5, 1]], atol=0.02)
+
+
+def test_a_latin_hypercube_hits_every_part_once() -> None:
+    made = campaign(sampling="latin-hypercube", runs=97)
+    points = unit_points(made, 0, 97)
+    assert (np.sort(np.floor(points * 97), axis=0) == np.arange(97)[:, None]).all()
+    assert (
+        not (
+            np.sort(np.floor(unit_points(campaign(sampling="monte-carlo", runs=97), 0, 97) * 97), axis=0)
+            == np.arange(97)[:, None]
+        )
+        .any(axis=1)
+        .all()
+    )
+
+
+def test_sobol_points_are_balanced() -> None:
+    points = unit_points(campaign(sampling="sobol", runs=64), 0, 64)
+    assert (np.sort(np.floor(points * 64), axis=0) == np.arange(64)[:, None]).all()
+    assert ((points > 0.0) & (points < 1.0)).all()
+
+
+def test_random_numbers_are_those_of_numpy_by_counter() -> None:
+    """The stream of a column, drawn in one go by NumPy's own code."""
+    import hashlib
+
+    key = np.array([5, int.from_bytes(hashlib.blake2b(b"name", digest_size=8).digest(), "little")], np.uint64)
+    expected = np.random.Generator(np.random.Philox(key=key)).random(1000)
+    assert (uniform_block(5, "name", 0, 1000) == expected).all()
+    assert (uniform_block(5, "name", 333, 402) == expected[333:402]).all()
+
+
+def test_a_grid_has_every_combination_once() -> None:
+    levels = {"rig": {"load_mass": MASS | {"levels": 3}, "winch_time_constant": LAG | {"levels": 2}}}
+    choice = {"initial": {"load_offset": {"0": {"distribution": "choice", "values": [0.0, 0.01]}}}}
+    made = campaign(levels | choice, sampling="grid", runs=None)
+    expected = list(itertools.product([0.5, 1.0, 1.5], [0.01, 0.04], [0.0, 0.01]))
+    np.testing.assert_allclose(sample_values(made, 0, made.runs), expected, rtol=1e-12)
+
+
+def test_one_at_a_time_is_nominal_but_for_one_parameter() -> None:
+    made = campaign(MIXED, sampling="one-at-a-time", runs=None)
+    values = sample_values(made, 0, made.runs)
+    free = list(made.varied)
+    nominal = np.array([p.nominal for p in made.parameters])
+    assert (values[0, free] == nominal[free]).all()
+    assert (values[:, made.names.index("initial.load_offset.0")] == 0.01).all()
+    assert ((values[1:, free] != nominal[free]).sum(axis=1) <= 1).all()
+    np.testing.assert_allclose(values[1:3, 0], [0.55, 1.45])
+    coulomb = made.names.index("effects.friction.coulomb.1")
+    assert set(values[:, coulomb]) == {0.5, 1.0, 2.0}
+    assert made.runs == 1 + 5 * 2 + 3
+
+
+def test_saltelli_rows_take_one_coordinate_from_b() -> None:
+    made = campaign(sampling="saltelli", runs=4 * 8)
+    points = unit_points(made, 0, made.runs)[:, list(made.varied)].reshape(4, 8, 6)
+    a, b = points[:, 0], points[:, 1]
+    assert (a != b).all()
+    for k in range(6):
+        from_b = np.arange(6) == k
+        assert (points[:, k + 2] == np.where(from_b, b, a)).all()
+
+
+def test_sobol_indices_of_ishigami_come_out_of_a_saltelli_design() -> None:
+    """Ishigami and Homma 1990, a = 7, b = 0.1: the indices are known in closed form."""
+    angle = {"distribution": "uniform", "low": -np.pi, "high": np.pi}
+    wind = {"effects": {"wind": {"mean": {"0": angle, "1": angle, "2": angle}}}}
+    made = campaign(wind, sampling="saltelli", runs=2048 * 5)
+    x = sample_values(made, 0, made.runs)
+    output = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    blocks = saltelli_blocks(made, np.stack([output, x[:, 1]], axis=1))
+    found = stats.sobol_indices(func=blocks, n=2048)
+    np.testing.assert_allclose(found.first_order, [[0.3139, 0.4424, 0.0], [0.0, 1.0, 0.0]], atol=0.02)
+    np.testing.assert_allclose(found.total_order, [[0.5576, 0.4424, 0.2437], [0.0, 1.0, 0.0]], atol=0.02)
+
+
+def test_samples_outside_the_campaign_are_refused() -> None:
+    made = campaign()
+    with pytest.raises(ValueError, match="of 64"):
+        sample_values(made, 0, 65)
+
+
+def test_a_block_of_a_million_takes_little_time() -> None:
+    made = load_campaign("lab-rig", overrides=["runs=1000000", "sampling=monte-carlo"])
+    assert sample_values(made, 999_990, 1_000_000).shape == (10, len(made.parameters))

@@ -1,0 +1,107 @@
+"""Samples as scenarios: the plant has the sampled values, the controller the nominal ones."""
+
+import numpy as np
+import pytest
+
+from cranectl.campaign import campaign_names, load_campaign, sample_values, sampled_scenario
+from cranectl.effects.settings import Friction
+from cranectl.errors import InputError
+from cranectl.scenario import Scenario, load_scenario
+from tests.campaign.campaigns import MASS, campaign
+
+
+def test_nominal_is_the_scenario_with_the_uncertain_effects_on() -> None:
+    made = campaign()
+    plain = load_scenario("fast-diagonal")
+    switched = load_scenario(
+        "fast-diagonal", overrides=["effects.sensing={}", "effects.delay={}", "effects.friction={}"]
+    )
+    assert made.nominal == switched
+    assert plain.effects.names == ()
+    assert made.nominal.effects.friction == Friction()
+    nominal = {parameter.name: parameter.nominal for parameter in made.parameters}
+    assert nominal["rig.load_mass"] == 1.0
+    assert nominal["disturbances.0.magnitude"] == 2.0
+    assert nominal["effects.delay.seconds"] == 0.004
+
+
+def test_settings_of_the_campaign_reach_the_nominal_scenario() -> None:
+    made = campaign(set=["rig.load_mass=2.0", "effects.friction.coulomb=[5, 6, 7]"])
+    assert made.nominal.rig.load_mass == 2.0
+    assert made.nominal.effects.friction is not None
+    assert made.nominal.effects.friction.coulomb == (5.0, 6.0, 7.0)
+    assert made.nominal.effects.friction.viscous == Friction().viscous
+
+
+def test_a_sample_changes_its_leaves_and_nothing_else() -> None:
+    made = campaign()
+    before = made.nominal.model_dump()
+    values = sample_values(made, 0, 1)[0]
+    scenario = sampled_scenario(made, values)
+    value = dict(zip(made.names, values, strict=True))
+    assert scenario.rig.load_mass == value["rig.load_mass"]
+    assert scenario.disturbances[0].magnitude == value["disturbances.0.magnitude"]
+    assert scenario.effects.friction is not None
+    assert scenario.effects.friction.coulomb == (2.0, value["effects.friction.coulomb.1"], 1.0)
+    assert scenario.effects.sensing is not None
+    assert scenario.effects.sensing.seed == value["effects.sensing.seed"]
+    assert isinstance(scenario.effects.sensing.seed, int)
+    nominal = [parameter.nominal for parameter in made.parameters]
+    assert sampled_scenario(made, nominal) == made.nominal
+    assert scenario != made.nominal
+    assert made.nominal.model_dump() == before
+
+
+def test_it_is_what_set_would_have_made() -> None:
+    made = campaign()
+    values = sample_values(made, 7, 8)[0]
+    assignments = [
+        f"{p.name}={int(v) if p.whole else float(v)!r}" for p, v in zip(made.parameters, values, strict=True)
+    ]
+    effects = ["effects.sensing={}", "effects.delay={}", "effects.friction={}"]
+    effects += ["effects.friction.coulomb=[2, 1, 1]", "initial.load_offset=[0, 0, 0]"]
+    assert sampled_scenario(made, values) == load_scenario(
+        "fast-diagonal", overrides=[*effects, *assignments]
+    )
+
+
+def test_values_wrong_only_together_are_found_in_the_sample() -> None:
+    """Each end by itself is fine; a push that starts after its end is not."""
+    uncertain = {
+        "disturbances": {
+            "0": {
+                "start": {"distribution": "uniform", "low": 1.0, "high": 1.65},
+                "end": {"distribution": "uniform", "low": 1.55, "high": 2.0},
+            }
+        }
+    }
+    made = campaign(uncertain)
+    assert isinstance(sampled_scenario(made, [1.2, 1.6]), Scenario)
+    with pytest.raises(InputError, match="must end after its start") as caught:
+        sampled_scenario(made, [1.64, 1.56], "sample 12")
+    assert caught.value.found.startswith("sample 12: ")
+
+
+def test_too_few_values_are_refused() -> None:
+    with pytest.raises(ValueError, match="zip"):
+        sampled_scenario(campaign({"rig": {"load_mass": MASS}}), [])
+
+
+@pytest.mark.parametrize("name", campaign_names())
+def test_every_campaign_loads_and_its_samples_are_scenarios(name: str) -> None:
+    made = load_campaign(name)
+    assert made.settings.name == name
+    assert made.settings.title
+    values = sample_values(made, 0, made.runs)
+    for row in values[:: max(1, made.runs // 50)]:
+        assert sampled_scenario(made, row) != made.nominal or np.allclose(row, values[0])
+
+
+def test_the_shipped_campaigns_show_the_samplings() -> None:
+    assert {load_campaign(name).settings.sampling for name in campaign_names()} >= {
+        "latin-hypercube",
+        "saltelli",
+        "grid",
+        "one-at-a-time",
+    }
+    assert len(load_campaign("lab-rig").parameters) >= 10

@@ -1,0 +1,421 @@
+"""Statistics of results: closed forms, SciPy, synthetic runs with effects that are known."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from cranectl.campaign import Campaign, sample_values
+from cranectl.campaign.groups import EFFORT, MAIN_METRICS, groups_of, parameter_values
+from cranectl.campaign.influence import Correlations, correlations, independent_rows, separations, swings
+from cranectl.campaign.pairs import agreement, differences, failures
+from cranectl.campaign.rows import METRIC_COLUMNS
+from cranectl.campaign.saltelli import saltelli_blocks
+from cranectl.campaign.sobol_indices import LEAST, sobol_indices
+from cranectl.campaign.statistics import (
+    BINS,
+    between_bins,
+    empirical_distribution,
+    equal_bins,
+    kolmogorov_smirnov,
+    noise_floor,
+    quantiles,
+    rank_correlations,
+    sign_test,
+)
+from cranectl.campaign.worst import Example, examples
+from tests.campaign.campaigns import campaign
+from tests.campaign.synthetic import THREE, synthetic_results, three
+
+NAN = math.nan
+THREE_NAMES = ("rig.load_mass", "rig.winch_time_constant", "initial.load_offset.0")
+
+
+def random(*shape: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=shape)
+
+
+def test_quantiles_leave_gaps_out() -> None:
+    assert quantiles(np.array([3.0, NAN, 1.0, 2.0]), (0.0, 0.5, 1.0)).tolist() == [1.0, 2.0, 3.0]
+    assert np.isnan(quantiles(np.full(3, NAN))).all()
+    assert np.isnan(quantiles(np.empty(0))).all()
+
+
+def test_an_empirical_distribution_ends_below_one_where_values_are_absent() -> None:
+    x, share = empirical_distribution(np.array([2.0, NAN, 1.0, 3.0]))
+    assert x.tolist() == [1.0, 2.0, 3.0]
+    assert share.tolist() == [0.25, 0.5, 0.75]
+    assert empirical_distribution(np.empty(0))[0].size == 0
+
+
+def test_a_long_empirical_distribution_keeps_its_ends_and_its_shape() -> None:
+    values = random(100_000)
+    x, share = empirical_distribution(values)
+    assert x.size == 400
+    assert (x[0], x[-1], share[-1]) == (values.min(), values.max(), 1.0)
+    assert share == pytest.approx(scipy.stats.norm.cdf(x), abs=0.006)
+
+
+@pytest.mark.parametrize("n", [5, 30, 400])
+def test_rank_correlations_are_scipys(n: int) -> None:
+    x = np.round(random(n, 4), 1)  # with ties
+    y = np.exp(x[:, 0]) + random(n, seed=1)
+    expected = [scipy.stats.spearmanr(column, y).statistic for column in x.T]
+    assert rank_correlations(x, y) == pytest.approx(expected, abs=1e-12)
+    x[0, 2] = y[1] = NAN
+    expected = [scipy.stats.spearmanr(column[2:], y[2:]).statistic for column in x.T]
+    assert rank_correlations(x, y) == pytest.approx(expected, abs=1e-12)
+
+
+def test_rank_correlations_without_an_answer() -> None:
+    x = np.stack([np.arange(6.0), np.ones(6)], axis=1)
+    rho = rank_correlations(x, -(np.arange(6.0) ** 3))
+    assert rho[0] == pytest.approx(-1.0, abs=1e-15)
+    assert np.isnan(rho[1])
+    assert np.isnan(rank_correlations(x, np.ones(6))).all()
+    assert np.isnan(rank_correlations(x[:2], np.arange(2.0))).all()
+    assert np.isnan(rank_correlations(x, np.full(6, NAN))).all()
+
+
+def test_the_noise_floor_is_where_scipys_p_value_is_bonferronis() -> None:
+    n = 60
+    y = random(n)
+    found = [
+        scipy.stats.spearmanr(y * weight + random(n, seed=k), y) for k in range(40) for weight in (0.0, 0.4)
+    ]
+    beyond = [abs(each.statistic) > noise_floor(n, 12) for each in found]
+    assert beyond == [each.pvalue * 12 < 0.05 for each in found]
+    assert any(beyond)
+    assert not all(beyond)
+
+
+def test_few_runs_cannot_show_anything() -> None:
+    assert noise_floor(4, 1) == 1.0, "4 ranks are in order by chance in 1 of 12"
+    assert noise_floor(5, 10) == 1.0
+    assert noise_floor(0, 1) == 1.0
+    assert noise_floor(6, 1) < 1.0
+    assert noise_floor(10**6, 100) < 0.005
+
+
+def test_chance_is_seldom_called_an_influence() -> None:
+    """Of 400 tables of 12 inert parameters, about one in twenty has anything above the floor."""
+    floor = noise_floor(40, 12)
+    alarms = sum(
+        bool((np.abs(rank_correlations(random(40, 12, seed=k), random(40, seed=1000 + k))) > floor).any())
+        for k in range(400)
+    )
+    assert 4 <= alarms <= 36
+
+
+def test_between_bins_is_the_test_by_kruskal_and_wallis() -> None:
+    x, y = random(100), random(100, seed=1) + 0.1 * random(100) ** 2
+    y[::9] = NAN
+    bins = equal_bins(x, BINS)
+    expected = scipy.stats.kruskal(*(y[rows] for rows in bins), nan_policy="omit")
+    (eta,), (p,) = between_bins([bins], y)
+    assert p == pytest.approx(expected.pvalue, rel=1e-9)
+    assert eta**2 * (np.isfinite(y).sum() - 1) == pytest.approx(expected.statistic, rel=1e-9)
+
+
+def test_between_bins_sees_what_neither_rises_nor_falls() -> None:
+    x, inert = random(200), random(200, seed=5)
+    eta, p = between_bins([equal_bins(x, BINS), equal_bins(inert, BINS)], x**2)
+    assert abs(rank_correlations(x[:, np.newaxis], x**2)[0]) < noise_floor(200, 1)
+    assert eta[0] > 0.85
+    assert p[0] < 1e-10
+    assert p[1] > 0.01
+
+
+def test_between_bins_without_an_answer() -> None:
+    x = random(200)
+    bins = equal_bins(x, BINS)
+    few = np.where(x < np.median(x), NAN, x)
+    for (eta,), (p,) in (
+        between_bins([bins], np.ones(200)),
+        between_bins([bins], np.full(200, NAN)),
+        between_bins([equal_bins(np.ones(200), BINS)], x),
+        between_bins([bins], np.where(np.arange(200) < 5, few, NAN)),
+    ):
+        assert np.isnan(eta)
+        assert p == 1.0
+
+
+def test_kolmogorov_smirnov() -> None:
+    a, b = random(40), random(60, seed=1) + 0.5
+    expected = scipy.stats.ks_2samp(a, b, method="asymp")
+    assert kolmogorov_smirnov(np.append(a, NAN), b) == (expected.statistic, expected.pvalue)
+    assert kolmogorov_smirnov(np.arange(4.0), np.arange(4.0) + 2.0)[0] == 0.5
+    assert kolmogorov_smirnov(np.arange(4.0), np.arange(4.0) + 9.0)[0] == 1.0
+    assert all(map(math.isnan, kolmogorov_smirnov(np.empty(0), a)))
+
+
+def test_the_sign_test() -> None:
+    assert sign_test(0, 10) == pytest.approx(2 / 1024)
+    assert sign_test(10, 0) == sign_test(0, 10)
+    assert sign_test(5, 5) == sign_test(0, 0) == 1.0
+
+
+def test_bins_hold_every_row_once_and_equal_values_together() -> None:
+    values = random(1000)
+    values[::10] = NAN
+    bins = equal_bins(values, 7)
+    assert len(bins) == 7
+    assert {rows.size for rows in bins} <= {128, 129}
+    assert sorted(np.concatenate(bins).tolist()) == np.flatnonzero(~np.isnan(values)).tolist()
+    assert all(values[a].max() < values[b].min() for a, b in itertools.pairwise(bins))
+    levels = np.repeat([1.0, 2.0, 5.0], [3, 50, 7])
+    assert [rows.size for rows in equal_bins(levels, 7)] == [3, 50, 7]
+    assert [rows.size for rows in equal_bins(random(20), 7)] == [10, 10]
+    assert equal_bins(np.full(4, NAN), 7) == []
+    assert len(equal_bins(np.ones(100), 7)) == 1
+
+
+def ishigami(of: Campaign) -> np.ndarray:
+    """Of the three parameters, mapped to (-π, π) by their distribution functions; a = 7, b = 0.1."""
+    values = sample_values(of, 0, of.runs)
+    low, high = np.array([[0.5, math.log(0.01), -0.03], [1.5, math.log(0.04), 0.03]])
+    values[:, 1] = np.log(values[:, 1])
+    x, y, z = (2.0 * math.pi * ((values - low) / (high - low)) - math.pi).T
+    return np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)
+
+
+@pytest.fixture(scope="module")
+def designed() -> Campaign:
+    return three(sampling="saltelli", runs=5 * 2048)
+
+
+def test_sobol_indices_of_ishigami(designed: Campaign) -> None:
+    """First 0.3139, 0.4424, 0; total 0.5576, 0.4424, 0.2437: Ishigami and Homma (1990)."""
+    found = sobol_indices(designed, ishigami(designed))
+    assert found is not None
+    assert found.first == pytest.approx([0.3139, 0.4424, 0.0], abs=0.02)
+    assert found.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
+    for values, interval in ((found.first, found.first_interval), (found.total, found.total_interval)):
+        assert (interval[0] < values).all()
+        assert (values < interval[1]).all()
+        assert (interval[1] - interval[0] < 0.15).all()
+    assert found.important.all()
+    assert (found.base_points, found.left_out) == (2048, 0)
+
+
+def test_sobol_indices_are_scipys(designed: Campaign) -> None:
+    outputs = ishigami(designed)
+    found = sobol_indices(designed, outputs)
+    blocks = saltelli_blocks(designed, outputs[:, np.newaxis])
+    expected = scipy.stats.sobol_indices(func=blocks, n=2048)
+    assert found is not None
+    assert found.first == pytest.approx(expected.first_order, abs=1e-12)
+    assert found.total == pytest.approx(expected.total_order, abs=1e-12)
+
+
+def test_intervals_hold_the_index_as_often_as_they_say() -> None:
+    """Of y = 2 x + z for uniform x, z: shares 0.8 and 0.2. Resampling 64 base points misses a little more."""
+    held = []
+    for seed in range(40):
+        of = three(sampling="saltelli", runs=5 * 64, seed=seed)
+        values = sample_values(of, 0, of.runs)
+        found = sobol_indices(of, 2.0 * values[:, 0] + values[:, 2] / 0.06)
+        assert found is not None
+        low, high = found.total_interval
+        held += [low[0] < 0.8 < high[0], low[2] < 0.2 < high[2]]
+        assert np.ptp(found.total_interval[:, 0]) < 0.6
+    assert sum(held) > 0.85 * len(held)
+
+
+def test_sobol_indices_without_some_runs(designed: Campaign) -> None:
+    outputs = ishigami(designed)
+    outputs[3] = outputs[4] = outputs[5 * 700] = NAN
+    found = sobol_indices(designed, outputs)
+    assert found is not None
+    assert (found.base_points, found.left_out) == (2046, 2)
+    assert found.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
+
+
+def test_sobol_indices_of_nothing(designed: Campaign) -> None:
+    assert sobol_indices(designed, np.ones(designed.runs)) is None
+    outputs = np.full(designed.runs, NAN)
+    assert sobol_indices(designed, outputs) is None
+    outputs[: 5 * LEAST] = ishigami(designed)[: 5 * LEAST]
+    assert sobol_indices(designed, outputs) is not None
+    outputs[0] = NAN
+    assert sobol_indices(designed, outputs) is None
+
+
+def test_an_inert_parameter_has_no_total_index(designed: Campaign) -> None:
+    values = sample_values(designed, 0, designed.runs)
+    found = sobol_indices(designed, values[:, 0] ** 2 + 100.0 * values[:, 1])
+    assert found is not None
+    assert found.total[2] == found.total_interval[1, 2] == 0.0
+    assert found.important.tolist() == [True, True, False]
+    assert found.first[:2].sum() == pytest.approx(1.0, abs=0.02), "no interaction"
+
+
+def known(values: np.ndarray, *_: str) -> dict[str, np.ndarray]:
+    """The mass makes the largest error rise, the offset the RMS either way, the lag is inert."""
+    mass, _lag, offset = values.T
+    noise = np.random.default_rng(0).normal(size=len(mass))
+    stopped = mass > 1.4
+    return {
+        "max_error_m": 0.1 * mass + 0.01 * noise,
+        "rms_error_m": offset**2 + 1e-5 * noise,
+        "settling_time_s": np.where(offset > 0.0, 1.0 + noise, NAN),
+        "residual_sway_rad": np.random.default_rng(1).normal(size=len(mass)),
+        "status": np.where(stopped, "slack-rope", "completed"),
+    }
+
+
+def found_of(of: Campaign) -> tuple[Correlations, dict[str, int], dict[str, int]]:
+    results = synthetic_results(of, known)
+    found = correlations(results, groups_of(results)[0], parameter_values(results))
+    rows = {name: k for k, name in enumerate(found.parameters)}
+    return found, rows, {name: k for k, name in enumerate(found.metrics)}
+
+
+@pytest.mark.parametrize("sampling", ["latin-hypercube", "monte-carlo", "sobol", "saltelli"])
+def test_influence_is_found_and_nothing_else(sampling: str) -> None:
+    found, row, column = found_of(three(sampling=sampling, runs=640))
+    mass, lag, offset = (row[name] for name in THREE_NAMES)
+    assert found.significant[mass, column["max_error_m"]]
+    assert found.rho[mass, column["max_error_m"]] > 0.8
+    assert found.bent[offset, column["rms_error_m"]]
+    assert not found.significant[offset, column["rms_error_m"]]
+    assert (found.significant | found.bent).sum() == 2, "nothing by chance"
+    assert not found.strength[lag].any()
+    assert np.isnan(found.rho[:, column["final_error_m"]]).all(), "constant"
+
+
+def test_only_completed_runs_that_have_a_metric_count() -> None:
+    of = three(runs=640)
+    found, _, column = found_of(of)
+    values = sample_values(of, 0, of.runs)
+    completed = values[:, of.names.index("rig.load_mass")] <= 1.4
+    settled = completed & (values[:, of.names.index("initial.load_offset.0")] > 0.0)
+    assert found.runs[column["max_error_m"]] == completed.sum() < 640
+    assert found.runs[column["settling_time_s"]] == settled.sum() < completed.sum()
+
+
+def test_rows_of_a_saltelli_design_that_repeat_others_are_left_out() -> None:
+    results = synthetic_results(three(sampling="saltelli", runs=40), known)
+    assert independent_rows(results).tolist() == [base + k for base in range(0, 40, 5) for k in (0, 1)]
+    assert independent_rows(synthetic_results(three(), known)).size == 64
+
+
+def test_seeds_and_constants_have_no_influence() -> None:
+    uncertain = THREE | {
+        "effects": {
+            "sensing": {
+                "seed": {"distribution": "integers"},
+                "angle_noise": {"distribution": "fixed", "value": 1e-4},
+            }
+        }
+    }
+    of = campaign(uncertain, plants=["mujoco"])
+    results = synthetic_results(of, lambda values, *_: known(values[:, :3], *_))
+    found = correlations(results, groups_of(results)[0], parameter_values(results))
+    assert found.parameters == THREE_NAMES
+
+
+def test_what_separates_failed_runs_comes_first() -> None:
+    results = synthetic_results(three(runs=320), known)
+    found = separations(results, groups_of(results)[0], parameter_values(results))
+    assert [each.significant for each in found] == [True, False, False]
+    assert (found[0].parameter, found[0].distance) == ("rig.load_mass", 1.0)
+    assert found[0].failed_median > 1.4 > found[0].other_median
+    none = synthetic_results(three(), lambda *_: {})
+    assert separations(none, groups_of(none)[0], parameter_values(none)) == ()
+    everything = synthetic_results(three(), lambda v, *_: {"status": np.full(len(v), "slack-rope")})
+    assert separations(everything, groups_of(everything)[0], parameter_values(everything)) == ()
+
+
+def test_swings_are_steps_from_the_nominal_run() -> None:
+    results = synthetic_results(three(sampling="one-at-a-time", runs=None), known)
+    group, values = groups_of(results)[0], parameter_values(results)
+    found = swings(results, group, values)
+    assert [swing.parameter for swing in found] == [name for name in THREE_NAMES for _ in range(2)]
+    nominal = values[0].copy()
+    for swing in found:
+        changed = values[swing.sample] != nominal
+        assert np.flatnonzero(changed).tolist() == [THREE_NAMES.index(swing.parameter)]
+        assert values[swing.sample, changed] == swing.value
+        errors = group.metrics["max_error_m"][swing.sample]
+        np.testing.assert_equal(swing.metrics[MAIN_METRICS.index("max_error_m")], errors)
+
+
+def apart(values: np.ndarray, plant: str, controller: str) -> dict[str, np.ndarray]:
+    """MuJoCo adds 1 mm, and 1 m to sample 5; pole placement halves, and fails where the load is light."""
+    error = 0.1 + 0.01 * values[:, 0]
+    if controller == "pole-placement":
+        error = 0.5 * error
+    if plant == "mujoco":
+        error = error + 1e-3
+        error[5] += 1.0
+    stopped = (values[:, 0] < 0.6) & (controller == "pole-placement")
+    tension = np.full(len(error), 5.0 if controller == "lqr" else 6.0)
+    return {
+        "max_error_m": error,
+        "min_rope_tension_n": tension,
+        "status": np.where(stopped, "slack-rope", "completed"),
+    }
+
+
+def test_pairs_compare_the_same_samples() -> None:
+    of = three(limits={"max_error_m": 1.0})
+    results = synthetic_results(of, apart)
+    lqr, poles, lqr_mujoco, _ = groups_of(results)
+    light = np.flatnonzero(parameter_values(results)[:, 0] < 0.6).tolist()
+    assert 5 not in light
+    assert len(light) > 2
+    found = failures(lqr, poles)
+    assert (found.first_only, found.second_only, found.both) == ((), tuple(light), 0)
+    assert found.neither == 64 - len(light)
+    assert found.p == pytest.approx(2.0 * 0.5 ** len(light))
+    by_metric = {each.metric: each for each in differences(lqr, poles)}
+    error = by_metric["max_error_m"]
+    assert (error.samples, error.second_better, error.better_share) == (64 - len(light), 64 - len(light), 1.0)
+    assert error.quantiles[2] < 0.0
+    assert error.p < 1e-6
+    tension = by_metric["min_rope_tension_n"]
+    assert (tension.second_better, tension.first_better) == (64 - len(light), 0), "more tension is better"
+    assert by_metric["rms_error_m"].p == 1.0, "ties say nothing"
+    plants = agreement(lqr, lqr_mujoco, "max_error_m")
+    assert plants.largest[0] == (5, pytest.approx(1.001))
+    assert plants.quantiles[:2] == pytest.approx((1e-3, 1e-3))
+    assert 0.8 < plants.rho < 1.0
+    assert failures(lqr, lqr_mujoco).second_only == (5,)
+
+
+def test_groups_are_by_sample_also_where_runs_are_missing() -> None:
+    results = synthetic_results(three(), known, missing=3)
+    *_, last = groups_of(results)
+    assert last.name == "pole-placement on mujoco"
+    assert last.there.tolist() == [k < 16 for k in range(64)]
+    assert np.isnan(last.metrics["max_error_m"][16:]).all()
+    assert not last.failed[16:].any()
+    assert not np.isnan(parameter_values(results)).any(), "of other groups"
+
+
+def test_effort_is_of_all_drives() -> None:
+    parts = {"bridge": 2.0, "trolley": 3.0, "rope": 6.0}
+    each = {f"rms_acceleration_m_s2_{drive}": np.full(64, value) for drive, value in parts.items()}
+    assert set(each) <= set(METRIC_COLUMNS)
+    results = synthetic_results(three(), lambda *_: each)
+    assert groups_of(results)[0].metrics[EFFORT] == pytest.approx(7.0)
+
+
+def test_examples_are_the_worst_and_one_of_each_stop() -> None:
+    results = synthetic_results(three(runs=128), known)
+    errors, stopped = results.column("max_error_m")[:128], results.column("status")[:128] != "completed"
+
+    def of_lqr(worst: int) -> list[Example]:
+        found = examples(results, worst=worst)
+        return [each for each in found if (each.plant, each.controller) == ("mujoco", "lqr")]
+
+    worst = of_lqr(10)
+    assert [each.sample for each in worst] == np.argsort(-errors, kind="stable")[:10].tolist()
+    assert worst[0].max_error_m == errors.max()
+    assert "slack-rope" in {each.status for each in worst}, "which is then an example already"
+    (only,) = of_lqr(0)
+    assert only.sample == np.flatnonzero(stopped)[0]
+    assert only.why == f"one of {stopped.sum()}: the rope went slack"

@@ -1,0 +1,242 @@
+"""The page of a campaign: complete, deterministic, and sensible whatever went wrong in the runs."""
+
+import json
+import re
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import pytest
+
+from cranectl.campaign.analysis import analyse, analysis_json
+from cranectl.campaign.replay import chosen_rows
+from cranectl.campaign.results import Results
+from cranectl.cli.campaign_replay import replay_campaign
+from cranectl.cli.main import main
+from cranectl.report.campaign_labels import replay_command
+from cranectl.report.campaign_report import campaign_page
+from cranectl.report.page import render
+from tests.campaign.campaigns import LAG, MASS, campaign
+from tests.campaign.results import two_controllers, write_all
+from tests.campaign.synthetic import synthetic_results, three
+
+STOPPED = "slack-rope"
+
+
+def noisy(values: np.ndarray, plant: str, controller: str) -> dict[str, np.ndarray]:
+    """Errors that rise with the mass, heavy loads that fail; the plants and the controllers differ a bit."""
+    n = len(values)
+    noise = np.random.default_rng(len(plant) + len(controller)).uniform(0.9, 1.1, size=n)
+    return {
+        "max_error_m": 0.1 * values[:, 0] * noise,
+        "rms_error_m": 0.02 * values[:, 0] ** 2 * noise,
+        "settling_time_s": np.where(values[:, 1] > 0.02, np.nan, noise),
+        "min_rope_tension_n": 9.0 * values[:, 0],
+        "rms_acceleration_m_s2_bridge": noise,
+        "status": np.where(values[:, 0] > 1.4, STOPPED, "completed"),
+    }
+
+
+def never_fails(*arguments: Any) -> dict[str, np.ndarray]:
+    return {name: values for name, values in noisy(*arguments).items() if name != "status"}
+
+
+def always_fails(values: np.ndarray, *_: str) -> dict[str, np.ndarray]:
+    return {"status": np.full(len(values), STOPPED), "max_error_m": np.full(len(values), 1.0)}
+
+
+def cannot_be_run(values: np.ndarray, *_: str) -> dict[str, np.ndarray]:
+    from cranectl.campaign.rows import METRIC_COLUMNS
+
+    nothing = np.full(len(values), np.nan)
+    return {"status": np.full(len(values), "failed"), **dict.fromkeys(METRIC_COLUMNS, nothing)}
+
+
+def constant(*_: Any) -> dict[str, np.ndarray]:
+    return {}
+
+
+def page_of(results: Results) -> str:
+    return render(campaign_page(analyse(results), (), "cranectl campaign report x"))
+
+
+def sections(page: str) -> list[str]:
+    return re.findall(r'<section id="([^"]+)"', page)
+
+
+ONE = {"plants": ["mujoco"], "controllers": ["lqr"]}
+TWO = {"plants": ["mujoco"]}
+FIXED = {"rig": {"load_mass": MASS, "winch_time_constant": {"distribution": "fixed", "value": 0.02}}}
+EVERYTHING = ["outcome", "worst", "controllers", "plants", "influence", "failures", "uncertainty"]
+
+
+@pytest.fixture(scope="module")
+def usual() -> tuple[Results, str]:
+    results = synthetic_results(three(runs=128, limits={"max_error_m": 0.13}), noisy)
+    return results, page_of(results)
+
+
+@pytest.mark.parametrize(
+    ("changes", "metrics", "without"),
+    [
+        ({"runs": 20, "controllers": ["lqr"]}, noisy, ["controllers"]),
+        (ONE, noisy, ["controllers", "plants"]),
+        (ONE | {"runs": 1}, noisy, ["controllers", "plants", "failures"]),
+        (ONE | {"runs": 2}, cannot_be_run, ["controllers", "plants", "failures"]),
+        (TWO, never_fails, ["plants", "failures"]),
+        (TWO, always_fails, ["plants", "failures"]),
+        (TWO, constant, ["plants", "failures"]),
+        ({"controllers": ["lqr"]}, always_fails, ["controllers", "failures"]),
+        (TWO | {"sampling": "saltelli", "runs": 5 * 32}, noisy, ["plants"]),
+        (ONE | {"sampling": "saltelli", "runs": 5 * 8}, always_fails, ["controllers", "plants", "failures"]),
+        (TWO | {"sampling": "one-at-a-time", "runs": None}, noisy, ["plants", "failures"]),
+        (TWO | {"sampling": "one-at-a-time", "runs": None}, always_fails, ["plants", "failures"]),
+    ],
+)
+def test_whatever_the_runs_were_like_there_is_a_page(
+    changes: Mapping[str, Any], metrics: Any, without: list[str]
+) -> None:
+    """Warnings of NumPy, SciPy and Matplotlib are errors here."""
+    analysis = analyse(synthetic_results(three(**changes), metrics))
+    page = render(campaign_page(analysis, (), "made"))
+    assert sections(page) == [name for name in EVERYTHING if name not in without]
+    assert "nan" not in re.sub(r"<[^>]*>", "", page.lower().replace("analytic", "")).split()
+    assert json.dumps(analysis_json(analysis))
+
+
+@pytest.mark.parametrize("uncertain", [FIXED, {"rig": {"load_mass": MASS | {"levels": 5}}}])
+def test_constant_parameters_and_grids(uncertain: dict[str, Any]) -> None:
+    sampling = "grid" if len(uncertain["rig"]) == 1 else "monte-carlo"
+    runs = None if sampling == "grid" else 40
+    of = campaign(uncertain, sampling=sampling, runs=runs, **ONE)
+
+    def metrics(values: np.ndarray, *names: str) -> Mapping[str, np.ndarray]:
+        return noisy(np.column_stack([values[:, 0], np.full(len(values), 0.01)]), *names)
+
+    page = page_of(synthetic_results(of, metrics))
+    assert sections(page) == ["outcome", "worst", "influence", "failures", "uncertainty"]
+
+
+def test_nothing_but_constants_has_no_influence() -> None:
+    of = campaign({"rig": {"load_mass": {"distribution": "fixed", "value": 1.2}}}, runs=20, **ONE)
+    page = page_of(synthetic_results(of, lambda values, *_: {"max_error_m": np.linspace(0, 1, len(values))}))
+    assert sections(page) == ["outcome", "worst", "uncertainty"]
+
+
+@pytest.mark.parametrize("missing", [1, 3, 4])
+def test_an_incomplete_result_says_so(missing: int) -> None:
+    of = three(runs=32, controllers=["lqr"])
+    page = page_of(synthetic_results(of, noisy, missing=missing))
+    assert f"INCOMPLETE: {16 * missing} of 64 runs are missing" in page
+    assert "--resume" in page
+
+
+def test_a_complete_result_does_not_say_that_it_is_not(usual: tuple[Results, str]) -> None:
+    assert "INCOMPLETE" not in usual[1]
+
+
+def test_the_page_is_whole_and_the_same_again(usual: tuple[Results, str]) -> None:
+    page = usual[1]
+    assert sections(page) == EVERYTHING
+    anchors = re.findall(r' id="([^"]+)"', page)
+    assert len(anchors) == len(set(anchors))
+    numbers = re.findall(r'<figure id="figure-(\d+)"', page)
+    assert numbers == [str(k) for k in range(1, len(numbers) + 1)]
+    assert not re.search(r'(?:src|href)="https?:', page), "it needs no network"
+    assert "#0f1e" not in page, "every stand-in colour became one of the page's"
+    small = synthetic_results(three(runs=30, controllers=["lqr"]), noisy)
+    assert page_of(small) == page_of(small)
+
+
+def test_the_page_names_what_decides_and_what_does_not(usual: tuple[Results, str]) -> None:
+    page = usual[1]
+    verdicts = re.findall(r"With the largest error go ([^<]*)\.", page)
+    assert len(verdicts) == 4
+    for verdict in verdicts:
+        assert verdict.startswith("rig.load_mass (ρ = +0.9")
+        assert "winch_time_constant" not in verdict
+    inert = page_of(synthetic_results(three(runs=128, **ONE), constant))
+    assert "With the largest error go" not in inert
+    assert "Nothing goes with the largest error beyond chance" in inert
+
+
+def test_every_replay_command_is_one_that_works(usual: tuple[Results, str]) -> None:
+    results, page = usual
+    cells = re.findall(r"<td[^>]*>(cranectl campaign replay [^<]*)</td>", page)
+    assert len(cells) > 20
+    for cell in cells:
+        words = shlex.split(cell.replace("&#39;", "'"))
+        options = replay_campaign.make_context("replay", words[3:]).params
+        assert options["result"] == results.directory
+        rows = chosen_rows(
+            results,
+            samples=options["samples"],
+            worst=3,
+            metric=options["metric"],
+            plants=options["plants"],
+            controllers=options["controllers"],
+        )
+        assert len(rows) == (1 if options["plants"] else 2)
+
+
+def test_a_command_that_would_not_parse_is_noticed() -> None:
+    words = shlex.split(replay_command(Path("a b"), 3, "lqr").replace("--run", "--rum"))
+    with pytest.raises(click.NoSuchOption):
+        replay_campaign.make_context("replay", words[3:])
+
+
+def test_figures_in_the_page_are_those_of_the_analysis(usual: tuple[Results, str]) -> None:
+    results, page = usual
+    analysis = analyse(results)
+    for part in analysis.groups:
+        assert f">{part.summary.q95_max_error_m:.3g}<" in page
+    for pair in analysis.plants:
+        assert f">{pair.agreement.rho:.5f}<" in page
+        assert f">{pair.agreement.largest[0][1]:+.3g}<" in page
+    for example in analysis.worst:
+        assert f"--run {example.sample} " in page
+
+
+def test_many_samples_are_drawn_as_hexagons_and_quantiles() -> None:
+    """Ten times the samples, and hardly a larger page."""
+    few = page_of(synthetic_results(three(runs=500, controllers=["lqr"]), noisy))
+    many = page_of(synthetic_results(three(runs=5000, controllers=["lqr"]), noisy))
+    assert len(many) < 1.3 * len(few) < 1_500_000
+
+
+def test_the_command_writes_page_and_json(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    of = two_controllers(
+        plants=["mujoco"], uncertain={"rig": {"load_mass": MASS, "winch_time_constant": LAG}}
+    )
+    write_all(of, Path("kept"))
+    assert main(["campaign", "report", "kept", "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    said = json.loads(captured.out)
+    assert "report: kept.html" in captured.err
+    page = Path("kept.html").read_text()
+    assert "cranectl campaign replay kept --run" in page
+    assert "4 slack-rope" in page
+    assert [each["controller"] for each in said["influence"]] == ["lqr", "pole-placement"]
+    assert said["controllers"][0]["failures"]["both"] == 4
+    assert len(said["influence"][0]["correlations"]["rho"]) == 2
+    assert main(["campaign", "report", "kept", "--out", "again.html"]) == 0
+    assert Path("again.html").read_text() == page
+
+
+def test_a_place_that_cannot_be_written_and_an_unfinished_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_all(two_controllers(), Path("kept"), leave=2)
+    assert main(["campaign", "report", "kept"]) == 2
+    assert "is not finished" in capsys.readouterr().err
+    assert main(["campaign", "report", "kept", "--unfinished", "--out", "kept/campaign.json/a.html"]) == 2
+    assert "cannot write" in capsys.readouterr().err
+    assert main(["campaign", "report", "kept", "--unfinished"]) == 0
+    assert "INCOMPLETE: 24 of 80 runs are missing" in Path("kept.html").read_text()
