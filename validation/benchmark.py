@@ -9,18 +9,23 @@ Each figure is measured `--repeats` times, what is compared taking turns; the me
 import argparse
 import functools
 import json
-import statistics
+import os
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import foxglove
 import mujoco
 import numpy as np
+from campaign_benchmark import (
+    campaign_against_engine,
+    memory_of_a_campaign,
+    other_ways,
+    plants_and_threads,
+)
+from figures import Figure, figure, seconds
 from foxglove.mcap import MCAPWriteOptions
 
 from cranectl.design import CONTROLLERS, design_controller
@@ -35,38 +40,6 @@ from cranectl.simulate import plan_scenario, simulate_run, tracker_of
 from cranectl.tracker import control_step, initial_memory
 
 SCENARIO = "settled-trajectory"
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One measured figure; `limit` is an upper bound, or a lower one where `at_least`."""
-
-    name: str
-    value: float
-    unit: str
-    spread: tuple[float, float]
-    limit: float | None = None
-    at_least: bool = False
-
-    @property
-    def good(self) -> bool:
-        if self.limit is None:
-            return True
-        return self.value >= self.limit if self.at_least else self.value <= self.limit
-
-
-def seconds(work: Callable[[], object]) -> float:
-    """Wall-clock time of a call [s]."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def figure(
-    name: str, values: list[float], unit: str, limit: float | None = None, *, at_least: bool = False
-) -> Figure:
-    """The median of `values` and their spread."""
-    return Figure(name, statistics.median(values), unit, (min(values), max(values)), limit, at_least)
 
 
 def heaviest_controller() -> str:
@@ -199,6 +172,17 @@ def table(figures: list[Figure]) -> str:
     return "\n".join(lines) + "\n"
 
 
+PARTS = (
+    run_against_bare_steps,
+    campaign_against_engine,
+    plants_and_threads,
+    memory_of_a_campaign,
+    other_ways,
+    log_against_library,
+    control_step_alone,
+    commands,
+)
+
 PAGE = """# Performance
 
 Written by `make bench`. Ratios are medians of interleaved repeats in one process, so they hold on other
@@ -218,7 +202,12 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="leave the whole validation out")
     arguments = parser.parse_args()
     figures: list[Figure] = []
-    for part in (run_against_bare_steps, log_against_library, control_step_alone, commands):
+    busy = os.getloadavg()[0]
+    if busy > 0.5:
+        print(
+            f"the machine is busy (load {busy:.1f}): times and ratios of threads will be off", file=sys.stderr
+        )
+    for part in PARTS:
         figures += part(arguments.repeats)
         print(f"{part.__name__} done", file=sys.stderr)
     figures += [] if arguments.quick else validation()

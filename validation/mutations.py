@@ -48,7 +48,7 @@ TARGETS = {
     "cranectl.tracker": "robustify inner_law control_step",
     "cranectl.observer": "make_observer correct",
     "cranectl.plants.analytic": """
-        drive_accelerations derivative observe_load drag_force passive_accelerations pivot_torque
+        drive_accelerations derivative observe_load outer_force passive_accelerations pivot_torque
     """,
     "cranectl.plants.mujoco": "apply_disturbance",
     "cranectl.plants.mujoco_model": "_set_velocity_drives",
@@ -64,6 +64,7 @@ SUITE = [
     "tests/test_parameters.py",
     "tests/plants/test_plants.py",
     "tests/plants/test_agreement.py",
+    "tests/plants/test_sloping_rails.py",
 ]
 # Long without compiler, or endless when an equation is wrong.
 LEFT_OUT = "derivation or level_1 or level_2 or invariant or energy or converge or order or feed_forward"

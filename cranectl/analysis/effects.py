@@ -11,6 +11,7 @@ from cranectl.effects.settings import (
     EffectSettings,
     Frame,
     Friction,
+    Installation,
     Rope,
     Sensing,
     Wind,
@@ -30,6 +31,7 @@ class AssumedEffects(NamedTuple):
     body: Body
     wind: Wind
     frame: Frame
+    installation: Installation
 
     def only(self, *names: str) -> EffectSettings:
         """The effects of these names and no others."""

@@ -31,5 +31,6 @@ RUNGS = (
     Rung("frame", "a frame that gives way"),
 )
 NAMES = tuple(rung.name for rung in RUNGS)
-EFFECTS = tuple(EffectSettings.model_fields)
+# A rig not set up as believed is no effect that every rig has: campaigns vary it.
+EFFECTS = tuple(name for name in EffectSettings.model_fields if name != "installation")
 BASE = "servos"  # what an effect alone is added to

@@ -132,6 +132,24 @@ class Frame(Settings):
     )
 
 
+Angle = Annotated[float, Field(ge=-0.5, le=0.5)]
+Gain = Annotated[float, Field(gt=0.0, le=10.0)]
+
+
+class Installation(Settings):
+    """What is not set up as the controller believes; all as believed by default."""
+
+    drive_gain: Annotated[tuple[Gain, Gain, Gain], Field(strict=False)] = Field(
+        (1.0, 1.0, 1.0), description="what bridge, trolley, winch make of a command of 1"
+    )
+    rope_offset: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
+        0.0, description="what the encoder reads more than the rope is long [m]"
+    )
+    tilt: Annotated[tuple[Angle, Angle], Field(strict=False)] = Field(
+        (0.0, 0.0), description="slope of the rails, rising towards +x and +y [rad]"
+    )
+
+
 class EffectSettings(Settings):
     """All effects of a run; none by default."""
 
@@ -143,11 +161,12 @@ class EffectSettings(Settings):
     body: Body | None = None
     wind: Wind | None = None
     frame: Frame | None = None
+    installation: Installation | None = None
 
     @property
     def staged(self) -> bool:
         """Whether anything lies between plant and tracker, or between tracker and plant."""
-        return self.sensing is not None or self.limits is not None or self.delay is not None
+        return any((self.sensing, self.limits, self.delay, self.installation))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -165,4 +184,5 @@ ALL_EFFECTS = EffectSettings(
     body=Body(),
     wind=Wind(),
     frame=Frame(),
+    installation=Installation(),
 )

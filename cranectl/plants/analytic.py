@@ -13,6 +13,7 @@ from cranectl.dynamics import (
     specific_rope_force,
 )
 from cranectl.effects.friction import STICTION_RATE
+from cranectl.effects.installation import gravity_in_rig
 from cranectl.effects.settings import NO_EFFECTS, EffectSettings
 from cranectl.effects.wind import air_drag
 from cranectl.jit import jit
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class PassiveForces(NamedTuple):
-    """Drag on the load and friction of its joint.
+    """Drag on the load, what gravity pulls it aside on sloping rails, and friction of its joint.
 
     A rig without them has None, for which there is no code: a branch at run time would make every stage of
     the integrator count references to the arrays it reads, and a run take half as long again.
@@ -33,6 +34,7 @@ class PassiveForces(NamedTuple):
     drag: float  # force over the square of the load's speed through the air [kg/m]
     pivot_viscous: float  # [N m s/rad]
     pivot_coulomb: float  # [N m]
+    lean: tuple[float, float, float]  # weight of the load less that on level rails [N]
 
 
 class AnalyticRig(NamedTuple):
@@ -58,8 +60,8 @@ def drive_accelerations(rig, state, command):
 
 
 @jit
-def drag_force(passive, state, wind):
-    """Force of the air on the load (x, y, z) [N]; `wind` (3,) is the velocity of the air."""
+def outer_force(passive, state, wind):
+    """Force of the air and of sloping rails on the load (x, y, z) [N]; `wind` (3,) is the air's velocity."""
     if passive is None:
         return 0.0, 0.0, 0.0
     n = rope_direction(state[6], state[8])
@@ -68,16 +70,17 @@ def drag_force(passive, state, wind):
     v_y = wind[1] - state[3] - state[5] * n[1] - state[4] * n_dot[1]
     v_z = wind[2] - state[5] * n[2] - state[4] * n_dot[2]
     factor = passive.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
-    return factor * v_x, factor * v_y, factor * v_z
+    lean = passive.lean
+    return factor * v_x + lean[0], factor * v_y + lean[1], factor * v_z + lean[2]
 
 
 @jit
 def passive_accelerations(passive, load_mass, state, wind):
-    """What drag and friction of the joint add to (alpha'', beta'') [rad/s²]."""
+    """What outer forces and friction of the joint add to (alpha'', beta'') [rad/s²]."""
     if passive is None:
         return 0.0, 0.0
     sa, ca, sb, cb = sin(state[6]), cos(state[6]), sin(state[8]), cos(state[8])
-    f_x, f_y, f_z = drag_force(passive, state, wind)
+    f_x, f_y, f_z = outer_force(passive, state, wind)
     arm = 1.0 / (load_mass * state[4])
     alpha = arm * (ca * f_y + sa * f_z) / cb
     beta = arm * (cb * f_x - sb * sa * f_y + ca * sb * f_z)
@@ -138,7 +141,7 @@ def observe_load(rig, state, command, wind, load):
     load[5] = length_rate * n[2] + length * n_dot[2]
     u_x, u_y, u_l = drive_accelerations(rig, state, command)
     force = specific_rope_force(length, state[6], state[7], state[8], state[9], u_x, u_y, u_l, rig.gravity)
-    f_x, f_y, f_z = drag_force(rig.passive, state, wind)
+    f_x, f_y, f_z = outer_force(rig.passive, state, wind)
     load[6] = -rig.load_mass * force + (f_x * n[0] + f_y * n[1] + f_z * n[2])
 
 
@@ -203,17 +206,19 @@ def _analytic_rig(
         drive_damping=np.zeros(3) if ideal else rates,
         gravity=rig.gravity,
         load_mass=rig.load_mass,
-        passive=_passive_forces(effects),
+        passive=_passive_forces(rig, effects),
         substeps=substeps,
         step=step,
     )
 
 
-def _passive_forces(effects: EffectSettings) -> PassiveForces | None:
+def _passive_forces(rig: RigParameters, effects: EffectSettings) -> PassiveForces | None:
     friction = effects.friction
+    along_x, along_y, along_z = gravity_in_rig(rig.gravity, effects)
     forces = PassiveForces(
         drag=air_drag(effects),
         pivot_viscous=friction.pivot_viscous if friction else 0.0,
         pivot_coulomb=friction.pivot_coulomb if friction else 0.0,
+        lean=(rig.load_mass * along_x, rig.load_mass * along_y, rig.load_mass * (along_z + rig.gravity)),
     )
-    return forces if any(forces) else None
+    return forces if any((*forces[:3], *forces.lean)) else None

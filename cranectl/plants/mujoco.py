@@ -254,7 +254,7 @@ class MujocoPlant:
 
 def _physical(effects: EffectSettings) -> EffectSettings:
     """Those that change the model; what others say must not compile it anew."""
-    names = ("limits", "friction", "rope", "body", "frame")
+    names = ("limits", "friction", "rope", "body", "frame", "installation")
     return NO_EFFECTS.model_copy(update={name: getattr(effects, name) for name in names})
 
 

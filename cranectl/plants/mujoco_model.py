@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl import resources
+from cranectl.effects.installation import gravity_in_rig
 from cranectl.effects.settings import NO_EFFECTS, EffectSettings
 from cranectl.parameters import RigParameters
 from cranectl.plants.interface import Drive
@@ -77,7 +78,7 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
     """Every number of the model that depends on the parameters; which ones, on the structure only."""
     offset = effects.body.hook_offset if effects.body else 0.0
     drawn = DRAWN_LENGTH + offset  # measured length counts to the load's centre of mass, hanging still
-    found = [Entry("option", "", "gravity", (0.0, 0.0, -rig.gravity))]
+    found = [Entry("option", "", "gravity", gravity_in_rig(rig.gravity, effects))]
     found += [Entry("body", body, "mass", getattr(rig, f"{body}_mass")) for body in BODIES]
     ranges = zip(DRIVEN_JOINTS, (rig.bridge_range, rig.trolley_range, rig.rope_range), strict=True)
     found += [Entry("joint", joint, "range", limits) for joint, limits in ranges]

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
-from matplotlib.ticker import LogFormatter, MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from cranectl.campaign.analysis import Analysis, GroupAnalysis
@@ -60,7 +60,7 @@ def correlations_svg(found: Correlations, order: Sequence[int], name: str) -> st
         axes.grid(visible=False)
         for spine in axes.spines.values():
             spine.set_visible(False)
-        labels = {RISES: "rises, ρ", FALLS: "falls, ρ", BENT: "neither, but differs, η"}
+        labels = {RISES: "rises, ρ", FALLS: "falls, ρ", BENT: "∪ neither, but differs, η"}
         handles = [Patch(facecolor=STAND_IN[r], alpha=0.5, label=text) for r, text in labels.items()]
         figure.legend(handles=handles, loc="outside lower center", ncols=3)
         return inline_svg(figure, name)
@@ -186,8 +186,9 @@ def _over_parameters(
             axes.margins(x=0.02)
             if isinstance(campaign.parameters[column].distribution, LogUniform):
                 axes.set_xscale("log")
+                axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
                 axes.xaxis.set_major_formatter("{x:g}")
-                axes.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
+                axes.xaxis.set_minor_formatter(NullFormatter())
         for axes in panels[len(columns) :]:
             axes.set_visible(False)
         for axes in panels[::2]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.analysis import Analysis, GroupAnalysis
 from cranectl.campaign.groups import MAIN_METRICS, compared_parameters
+from cranectl.campaign.sobol_indices import LEAST
 from cranectl.campaign.summary import MEASURE
 from cranectl.report import campaign_sentences as sentences
 from cranectl.report.campaign_figures import distributions_svg, effort_svg, plants_svg
@@ -19,6 +20,7 @@ from cranectl.report.campaign_influence_figures import (
     sobol_svg,
     tornado_svg,
 )
+from cranectl.report.campaign_labels import metric_name
 from cranectl.report.campaign_pair_tables import (
     controller_differences,
     disagreements,
@@ -124,13 +126,16 @@ def _influence(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
         figures += [figure for parts in plants for figure in _correlations(parts, numbers)]
         figures += [_bands(analysis, parts, next(numbers)) for parts in plants]
     if figures:
-        yield Section("influence", "What decides", (_SPREAD,), tuple(tables), tuple(figures))
+        few = campaign.settings.sampling == "saltelli" and not tables
+        texts = (_SPREAD, _FEW) if few else (_SPREAD,)
+        yield Section("influence", "What decides", texts, tuple(tables), tuple(figures))
 
 
 _SPREAD = (
     "Influence is measured over completed runs. Colour marks what is beyond chance, corrected for the number "
     "of fields; parameters that were sampled with a correlation share their influence."
 )
+_FEW = f"Sobol indices take {LEAST} base points all of whose runs completed, and an output that varies."
 _STEPS = "Each parameter by itself is put at a low and at a high value, the others stay nominal."
 
 
@@ -190,7 +195,7 @@ def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str], numbers: Number
         if having and matter not in seen:
             seen.append(matter)
             k = next(numbers)
-            title = f"Sobol indices of {metric}, {parts[0].group.plant}"
+            title = f"Sobol indices of the {metric_name(metric)}, {parts[0].group.plant}"
             verdict = sentences.sobol_sentence(having, names, metric)
             yield Figure(str(k), title, sobol_svg(having, names, metric, f"f{k}"), verdict)
 

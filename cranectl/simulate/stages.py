@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.effects.delay import make_line, transport
+from cranectl.effects.installation import Misreading, make_misreading
 from cranectl.effects.limits import SetpointLimits, limited, make_limits
 from cranectl.effects.sensing import Encoders, make_encoders, read_encoder
 from cranectl.effects.settings import Sensing
@@ -30,6 +31,8 @@ from cranectl.tracker import SETPOINT
 
 Array = NDArray[np.float64]
 
+ROPE = 2  # among the joints
+
 
 class Stages(NamedTuple):
     """The stages of one run, with their memories and their part of the record."""
@@ -38,6 +41,7 @@ class Stages(NamedTuple):
     encoders: Encoders
     observer: Observer
     estimate: Array  # the observer's memory
+    misreading: Misreading
     limits: SetpointLimits
     previous: Array  # (3,) last command given
     line: Array  # (samples of delay, 3) commands under way
@@ -72,6 +76,7 @@ def make_stages(
         encoders=make_encoders(sensing, samples if effects.sensing else 1),
         observer=make_observer(bandwidth, period=period, gravity=known.rig.gravity),
         estimate=initial_estimate(start),
+        misreading=make_misreading(effects.installation),
         limits=make_limits(effects.limits, period),
         previous=first.copy(),
         line=make_line(effects.delay, period, first),
@@ -88,13 +93,15 @@ def whole_record(record: Array, stages: Stages | None) -> Array:
 @jit
 def sense(stages, row, told):
     """Write what the tracker is told of the state in `row` into `told` (STAGE_WIDTH,)."""
+    offset = stages.misreading.rope_offset
     if not stages.sensed:
         for i in range(2 * JOINTS):
             told[i] = row[STATE_COLUMN + i]
+        told[2 * ROPE] += offset
         return
     estimate = stages.estimate
     for joint in range(JOINTS):
-        position = row[STATE_COLUMN + 2 * joint]
+        position = row[STATE_COLUMN + 2 * joint] + (offset if joint == ROPE else 0.0)
         correct(
             stages.observer,
             joint,
@@ -122,6 +129,7 @@ def act(stages, command_column, row, memory, told):
             memory[SETPOINT + axis] += command[axis] - wanted
             told[COMMAND_COLUMN + 3 + axis] = 1.0
         stages.previous[axis] = command[axis]
+        command[axis] *= stages.misreading.drive_gain[axis]
     if stages.sensed:
         predict(stages.observer, row[INPUT_COLUMN : INPUT_COLUMN + 3], stages.estimate)
     transport(stages.line, stages.clock[0], command)

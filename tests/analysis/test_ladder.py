@@ -23,7 +23,7 @@ from cranectl.simulate import simulate_run
 
 def test_there_is_a_rung_for_every_effect_and_in_the_same_order() -> None:
     assert tuple(name for name in NAMES if name in EFFECTS) == EFFECTS
-    assert ALL_EFFECTS.names == EFFECTS
+    assert ALL_EFFECTS.names == (*EFFECTS, "installation")
     assert NAMES.index(BASE) == NAMES.index(EFFECTS[0]) - 1
 
 

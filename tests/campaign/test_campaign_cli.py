@@ -117,7 +117,11 @@ def test_limits_given_later_judge_without_running(
     finished: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(finished, "mine")
-    monkeypatch.setattr("cranectl.campaign.engine.run_batches", None)
+
+    def nothing_is_run(*_arguments: object, **_named: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("cranectl.campaign.engine.run_batches", nothing_is_run)
     limit = ["--set", "limits.max_error_m=0.5", "--resume", "--out", "mine", "--json", "-"]
     assert main(["campaign", "run", "small.toml", *limit]) == 0
     found = json.loads(capsys.readouterr().out)

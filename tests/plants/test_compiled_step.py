@@ -6,15 +6,15 @@ from typing import Any
 
 import numba
 import numpy as np
-import pytest
 
-from cranectl.effects.settings import NO_EFFECTS, EffectSettings, Friction, Wind
+from cranectl.effects.settings import NO_EFFECTS, EffectSettings, Friction, Installation, Wind
 from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
 from tests.conftest import STILL
 
 FRICTION = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3)
+LEVEL = (0.0, 0.0, 0.0)
 
 
 def rig(effects: EffectSettings) -> AnalyticRig:
@@ -58,7 +58,9 @@ def test_a_rig_without_passive_forces_has_none() -> None:
     assert rig(NO_EFFECTS).passive is None
     assert rig(EffectSettings(friction=frictionless)).passive is None
     assert rig(EffectSettings(friction=FRICTION)).passive == (
-        0.0, FRICTION.pivot_viscous, FRICTION.pivot_coulomb
+        0.0, FRICTION.pivot_viscous, FRICTION.pivot_coulomb, LEVEL
     )  # fmt: skip
     wind = Wind(drag_area=0.4, density=1.3)
-    assert rig(EffectSettings(wind=wind)).passive == pytest.approx((0.5 * 1.3 * 0.4, 0.0, 0.0))
+    assert rig(EffectSettings(wind=wind)).passive == (0.5 * 1.3 * 0.4, 0.0, 0.0, LEVEL)
+    assert rig(EffectSettings(installation=Installation())).passive is None
+    assert rig(EffectSettings(installation=Installation(tilt=(0.01, 0.0)))).passive is not None

@@ -126,7 +126,18 @@ def test_nothing_but_constants_has_no_influence() -> None:
     assert sections(page) == ["outcome", "worst", "uncertainty"]
 
 
-@pytest.mark.parametrize("missing", [1, 3, 4])
+def test_too_few_base_points_for_sobol_indices_are_told() -> None:
+    few, enough = (
+        page_of(synthetic_results(three(sampling="saltelli", runs=5 * points, **ONE), never_fails))
+        for points in (8, 16)
+    )
+    assert "Sobol indices take 16 base points" in few
+    assert "Total Sobol indices" not in few
+    assert "Sobol indices take" not in enough
+    assert "Total Sobol indices" in enough
+
+
+@pytest.mark.parametrize("missing", [1, 4])
 def test_an_incomplete_result_says_so(missing: int) -> None:
     of = three(runs=32, controllers=["lqr"])
     page = page_of(synthetic_results(of, noisy, missing=missing))
@@ -147,7 +158,7 @@ def test_the_page_is_whole_and_the_same_again(usual: tuple[Results, str]) -> Non
     assert numbers == [str(k) for k in range(1, len(numbers) + 1)]
     assert not re.search(r'(?:src|href)="https?:', page), "it needs no network"
     assert "#0f1e" not in page, "every stand-in colour became one of the page's"
-    small = synthetic_results(three(runs=30, controllers=["lqr"]), noisy)
+    small = synthetic_results(three(runs=30, **ONE), noisy)
     assert page_of(small) == page_of(small)
 
 
@@ -200,11 +211,10 @@ def test_figures_in_the_page_are_those_of_the_analysis(usual: tuple[Results, str
         assert f"--run {example.sample} " in page
 
 
-def test_many_samples_are_drawn_as_hexagons_and_quantiles() -> None:
-    """Ten times the samples, and hardly a larger page."""
-    few = page_of(synthetic_results(three(runs=500, controllers=["lqr"]), noisy))
-    many = page_of(synthetic_results(three(runs=5000, controllers=["lqr"]), noisy))
-    assert len(many) < 1.3 * len(few) < 1_500_000
+def test_many_samples_are_drawn_as_hexagons_and_quantiles(usual: tuple[Results, str]) -> None:
+    """Forty times the samples with half the groups, and no larger page."""
+    many = page_of(synthetic_results(three(runs=40 * 128, controllers=["lqr"]), noisy))
+    assert len(many) < len(usual[1]) < 1_000_000
 
 
 def test_the_command_writes_page_and_json(

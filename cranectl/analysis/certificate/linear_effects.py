@@ -49,6 +49,8 @@ def left_out(effects: EffectSettings) -> list[str]:
         ]
     if wind and wind.gust > 0.0:
         found.append("wind.gust")
+    if effects.installation:
+        found.append("installation")
     return found
 
 

@@ -206,7 +206,7 @@ def test_effects_are_taken_in_or_named() -> None:
         "limits",
         "sensing.position_resolution", "sensing.angle_resolution", "sensing.angle_noise",
         "friction.coulomb", "friction.pivot_coulomb",
-        "wind.gust",
+        "wind.gust", "installation",
     ]  # fmt: skip
     assert taken_in(ALL_EFFECTS) == [
         "delay", "rope", "body", "frame", "sensing.observer_bandwidth",

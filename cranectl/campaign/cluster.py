@@ -1,0 +1,219 @@
+"""Run the batches of a campaign on a Dask cluster: the rows are those of the threads, to the last bit.
+
+Dask runs a batch again if its worker dies. Whatever ends a campaign early, such as a scheduler that is gone,
+leaves the batches that came in to the caller, who can go on later with the rest.
+"""
+
+import hashlib
+import importlib
+import logging
+import queue
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from cranectl.campaign.batches import Batch
+from cranectl.campaign.definition import Campaign
+from cranectl.campaign.remote import SOURCES, Order, check_software, make_order, run_ordered
+from cranectl.campaign.rows import Row
+from cranectl.campaign.worker import Stop, never
+from cranectl.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+CONNECT_S = 10.0  # until a scheduler answers
+WORKERS_S = 30.0  # until it has a worker
+POLL_S = 0.1  # between questions whether to stop
+NO_PACKAGES = ("machine", SOURCES)  # of what is compared
+TRIES = 3  # of a batch on which something fails that is no part of it, such as memory
+RESUME = "go on with the same command and --resume: finished batches are kept"
+
+
+@contextmanager
+def cluster_client(scheduler: str | None, workers: int) -> Iterator["Client"]:
+    """A client of the cluster at `scheduler`; without one, of `workers` new processes on this machine.
+
+    Raises InputError if Dask is not installed, if no scheduler answers, or if it has no workers.
+    """
+    distributed = _import_distributed()
+    logging.disable(logging.CRITICAL)  # what Dask logs of lost connections is one message here
+    try:
+        with (
+            _local(distributed, workers)
+            if scheduler is None
+            else _connected(distributed, scheduler) as client
+        ):
+            yield client
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+def run_batches_on(
+    client: "Client", campaign: Campaign, batches: Sequence[Batch], *, stop: Stop = never
+) -> Iterator[tuple[Batch, list[Row]]]:
+    """Run `batches` on the cluster of `client`; yields each with all its rows, in the order of their ends.
+
+    Once `stop` says so, or the caller leaves the loop, what is left is cancelled, and workers leave their
+    batches within milliseconds. Raises InputError if the nominal crane cannot be run, if a worker has other
+    software than this process, if workers die of a batch, or if the scheduler is gone.
+    """
+    order = make_order(campaign)
+    _check_installed(client, order.software)
+    left = dict(zip((_key(order, batch) for batch in batches), batches, strict=True))
+    futures = {
+        future.key: future
+        for future in client.map(run_ordered, batches, order=order, key=list(left), retries=TRIES - 1)
+    }
+    ended: queue.SimpleQueue[str] = queue.SimpleQueue()
+    for future in futures.values():
+        future.add_done_callback(lambda future: ended.put(future.key))
+    try:
+        while left and not stop():
+            try:
+                key = ended.get(timeout=POLL_S)
+            except queue.Empty:
+                continue
+            rows = _rows(client, futures[key])
+            futures.pop(key).release()
+            yield left.pop(key), rows
+    finally:
+        if left and client.status == "running":
+            client.cancel(list(futures.values()))
+
+
+def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
+    """Raise InputError if a package is absent or another one; later workers are asked with a batch."""
+    # By Dask's own means: where there is no cranectl, none of our functions can be called.
+    ours = {name: version for name, version in wanted.items() if name not in NO_PACKAGES}
+    found: Any = client.get_versions(packages=list(ours))
+    # The scheduler only loads cranectl, so that its other packages do not matter.
+    places = {"scheduler": ours | _packages(found["scheduler"], ["cranectl"])}
+    for address, there in found["workers"].items():
+        places[f"worker {address}"] = _packages(there, ours)
+    for where, packages in places.items():
+        check_software(packages, ours, where)
+
+
+def _packages(found: Any, names: Collection[str]) -> dict[str, str]:
+    return {name: found["packages"][name] or "absent" for name in names}
+
+
+def _key(order: Order, batch: Batch) -> str:
+    """The same batch of the same campaign with the same software has the same key, whoever asks for it."""
+    digest = hashlib.sha256(order.record + repr(sorted(order.software.items())).encode()).hexdigest()
+    return f"cranectl-{digest[:16]}-{'-'.join(map(str, batch))}"
+
+
+def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
+    """What came of a batch; raises InputError for what keeps the campaign from going on."""
+    from distributed import KilledWorker
+    from distributed.comm.core import CommClosedError
+
+    try:
+        found: list[Row] | InputError = _result(client, future)
+    except (CancelledError, CommClosedError, ConnectionError) as error:
+        raise InputError(
+            f"the scheduler at {_address(client)} is gone, or has dropped this campaign",
+            allowed="a scheduler that stays until the campaign is finished",
+            remedy=f"start it and its workers again, then {RESUME}",
+        ) from error
+    except KilledWorker as error:
+        raise InputError(
+            f"all workers died that ran {error.task}, the last one at {error.last_worker.address}",
+            allowed="workers that live as long as a batch takes",
+            remedy=f"look into their logs (was memory short?), then {RESUME}",
+        ) from error
+    except (ImportError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "deserialization" not in str(error):
+            raise
+        raise InputError(
+            f"the scheduler or a worker cannot load what it is to run: {error.__cause__ or error}",
+            allowed="the same cranectl on the scheduler and on all workers",
+            remedy=f"install it there, then {RESUME}",
+        ) from error
+    if isinstance(found, InputError):
+        raise found
+    return found
+
+
+def _result(client: "Client", future: "Future[Any]") -> Any:
+    """Fetch a result; raises ConnectionError rather than wait for a scheduler that is gone."""
+    while client.status == "running":
+        try:
+            return future.result(timeout=1.0)
+        except TimeoutError:
+            continue
+    raise ConnectionError
+
+
+def _address(client: "Client") -> str:
+    return str(client.scheduler.address) if client.scheduler else "its address"
+
+
+@contextmanager
+def _connected(distributed: Any, scheduler: str) -> Iterator["Client"]:
+    _check_address(scheduler)
+    try:
+        client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+    except OSError as error:
+        raise InputError(
+            f"no scheduler answers at {scheduler}: {error}",
+            allowed="the address of a Dask scheduler that runs",
+            remedy="start one with `dask scheduler`, and workers with `dask worker ADDRESS`",
+        ) from None
+    try:
+        client.wait_for_workers(1, timeout=WORKERS_S)
+        yield client
+    except TimeoutError:
+        raise InputError(
+            f"the scheduler at {scheduler} has no workers",
+            allowed="at least one worker",
+            remedy=f"start some with `dask worker {scheduler} --nworkers 16 --nthreads 1`",
+        ) from None
+    finally:
+        client.close(timeout=2.0)
+
+
+def _check_address(scheduler: str) -> None:
+    parts = urlsplit(scheduler)
+    try:
+        complete = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
+    except ValueError:  # no number of a port
+        complete = False
+    if not complete:
+        raise InputError(
+            f"'{scheduler}' is no address of a scheduler",
+            allowed="tcp://host:port or tls://host:port",
+            remedy="`dask scheduler` prints its address when it starts",
+        )
+
+
+@contextmanager
+def _local(distributed: Any, workers: int) -> Iterator["Client"]:
+    # No limit of memory: a campaign needs little, and a limit would be a guess.
+    with (
+        distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            memory_limit=0,
+            preload=["cranectl.campaign.remote"],
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+def _import_distributed() -> Any:
+    try:
+        return importlib.import_module("distributed")
+    except ImportError as error:
+        raise InputError(
+            f"a cluster needs Dask: {error}",
+            allowed="threads of this process, without --scheduler and --cluster",
+            remedy="pip install 'cranectl[cluster]', here, on the scheduler and on the workers",
+        ) from None

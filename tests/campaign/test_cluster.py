@@ -1,0 +1,273 @@
+"""Campaigns on a Dask cluster: the bytes of the threads, whatever dies on the way."""
+
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from distributed import Client, LocalCluster
+
+from cranectl.campaign import Campaign, load_campaign
+from cranectl.campaign.batches import Batch, batches_of
+from cranectl.campaign.cluster import cluster_client, run_batches_on
+from cranectl.campaign.engine import run_batches
+from cranectl.campaign.remote import check_software, make_order, run_ordered
+from cranectl.campaign.results import PARTS
+from cranectl.campaign.store import Store, open_store
+from cranectl.cli.main import main
+from cranectl.errors import InputError
+from tests.campaign.results import SMALL
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The parts that threads write."""
+    folder = tmp_path_factory.mktemp("threads")
+    (folder / "small.toml").write_text(SMALL)
+    small = load_campaign(folder / "small.toml")
+    with open_store(small, folder / "result") as store:
+        for batch, rows in run_batches(small, store.missing):
+            store.write(batch, rows)
+    return parts_of(folder / "result")
+
+
+@pytest.fixture(autouse=True)
+def in_directory_with_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(SMALL)
+
+
+@pytest.fixture
+def cluster() -> Iterator[LocalCluster]:
+    """Workers in threads: no start of a process to wait for; all the rest is as between machines."""
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        dashboard_address=None,
+        memory_limit=0,
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
+        yield cluster
+
+
+def parts_of(directory: Path | str) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (Path(directory) / PARTS).iterdir()}
+
+
+def small(*overrides: str) -> Campaign:
+    return load_campaign("small.toml", overrides=overrides)
+
+
+def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Standard error of a call that must end with exit code 2 and no traceback."""
+    assert main(["campaign", "run", "small.toml", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+    return captured.err
+
+
+def wait_until(true: Callable[[], bool]) -> None:
+    end = time.monotonic() + 5.0
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_a_cluster_writes_the_bytes_of_the_threads(finished: dict[str, bytes], cluster: LocalCluster) -> None:
+    run = ["campaign", "run", "small.toml", "--scheduler", cluster.scheduler_address]
+    assert main([*run, "--out", "mine"]) == 0
+    assert parts_of("mine") == finished
+    assert main([*run, "--out", "other", "--set", "uncertain.disturbances.0.magnitude.high=29.9"]) == 0
+    other = parts_of("other")
+    assert other.keys() == finished.keys()
+    assert not any(other[name] == finished[name] for name in finished)
+    assert not cluster.scheduler.tasks  # nothing of ours is left there
+    assert logging.root.manager.disable == logging.NOTSET
+
+
+def die(_batch: Batch, **_: Any) -> None:
+    os._exit(1)
+
+
+def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
+    finished: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = small()
+    with cluster_client(None, 2) as client, open_store(made, Path("mine")) as store:
+        before = client.run(os.getpid)
+        killed = ""
+        for batch, rows in run_batches_on(client, made, store.missing):
+            store.write(batch, rows)
+            if not killed:
+                killed = next(address for address, keys in client.processing().items() if keys)
+                os.kill(before[killed], signal.SIGKILL)
+        assert parts_of("mine") == finished
+        wait_until(lambda: killed not in client.scheduler_info()["workers"])
+        monkeypatch.setattr("cranectl.campaign.cluster.run_ordered", die)
+        client.cluster.scheduler.allowed_failures = 0
+        with pytest.raises(InputError, match=r"all workers died that ran .*tcp://[^$]*--resume"):
+            list(run_batches_on(client, made, batches_of(made)[:1]))
+        after = client.cluster.scheduler.workers
+    assert not after
+    for pid in before.values():
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
+    finished: dict[str, bytes],
+    cluster: LocalCluster,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    write, written = Store.write, []
+
+    def write_and_end(store: Store, batch: Batch, rows: Any) -> None:
+        write(store, batch, rows)
+        written.append(batch)
+        if len(written) == 2:
+            cluster.close()
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Store, "write", write_and_end)
+        error = bad_input(capsys, "--out", "cut", "--scheduler", cluster.scheduler_address)
+    assert "is gone" in error
+    assert "--resume: finished batches are kept" in error
+    kept = parts_of("cut")
+    assert len(kept) == 2
+    assert main(["campaign", "run", "small.toml", "--out", "cut", "--resume"]) == 0
+    assert parts_of("cut") == finished
+    assert kept.items() < finished.items()
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster, asked: bool) -> None:
+    """A batch of half a minute; `asked`: the loop is told to stop, else its client goes without a word."""
+    long = small("set=['duration=600.0']", "uncertain.disturbances.0.magnitude.high=3.0")
+    workers = cluster.workers.values()
+
+    def running() -> bool:
+        return any(worker.state.executing for worker in workers)
+
+    began: list[bool] = []
+
+    def stop() -> bool:
+        began.append(running())
+        return began[-1]
+
+    with cluster_client(cluster.scheduler_address, 1) as client:
+        if asked:
+            assert list(run_batches_on(client, long, batches_of(long), stop=stop)) == []
+            assert began[-1]
+            wait_until(lambda: not running())
+        else:
+            future = client.submit(run_ordered, batches_of(long)[0], make_order(long))
+            assert future.status == "pending"
+            wait_until(running)
+    wait_until(lambda: not running())
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("numpy", ", here 1.0"),
+        ("cranectl", "the scheduler has"),
+        ("sources of cranectl", "the worker tcp://"),
+    ],
+)
+def test_other_software_is_refused(
+    name: str,
+    said: str,
+    cluster: LocalCluster,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def other_order(made: Campaign) -> Any:
+        order = make_order(made)
+        return order._replace(software={**order.software, name: "1.0"})
+
+    monkeypatch.setattr("cranectl.campaign.cluster.make_order", other_order)
+    error = bad_input(capsys, "--scheduler", cluster.scheduler_address)
+    assert "has other software" in error
+    assert f"{name} is " in error
+    assert said in error
+    assert not Path("logs/campaign-small/campaign.json").exists()
+
+
+def test_software_differs_by_a_version_a_package_or_a_source() -> None:
+    same = {"mujoco": "4.0.0", "sources of cranectl": "ab"}
+    check_software(same, same, "worker")
+    for changed, said in (
+        ({"mujoco": "4.0.1"}, "mujoco is 4.0.1, here 4.0.0"),
+        ({"sources of cranectl": "ac"}, "sources of cranectl is ac, here ab"),
+        ({"numba": "1"}, "numba is 1, here absent"),
+    ):
+        with pytest.raises(InputError, match=said):
+            check_software(same | changed, same, "worker")
+
+
+def test_a_crane_that_cannot_be_run_is_refused(
+    cluster: LocalCluster, capsys: pytest.CaptureFixture[str]
+) -> None:
+    unstable = ["design.state_weights=[1e9,1.0,1.0,1.0]", "design.input_weight=1e-9", "control.period=0.05"]
+    options = [part for each in unstable for part in ("--set", each)]
+    error = bad_input(capsys, *options, "--scheduler", cluster.scheduler_address)
+    assert "unstable when sampled" in error
+
+
+def test_without_dask(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("mine").mkdir()
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    for where in (["--cluster", "local"], ["--scheduler", "tcp://127.0.0.1:1"]):
+        error = bad_input(capsys, *where, "--out", "mine", "--overwrite")
+        assert "a cluster needs Dask" in error
+        assert "pip install 'cranectl[cluster]'" in error
+    assert not list(Path("mine").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--scheduler", "host"], "'host' is no address"),
+        (["--scheduler", "http://host:1"], "is no address"),
+        (["--scheduler", "tcp://host"], "is no address"),
+        (["--scheduler", "tcp://host:99999"], "is no address"),
+        (["--scheduler", "tcp://127.0.0.1:1"], "no scheduler answers at tcp://127.0.0.1:1"),
+        (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], "it excludes --workers and --cluster"),
+        (["--scheduler", "tcp://127.0.0.1:1", "--cluster", "local"], "excludes --workers and --cluster"),
+        (["--cluster", "moon"], "'moon' is not 'local'"),
+    ],
+)
+def test_a_place_that_is_none(
+    arguments: list[str],
+    expected: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("cranectl.campaign.cluster.CONNECT_S", 0.3)
+    assert expected in bad_input(capsys, *arguments)
+    assert [path.name for path in Path().iterdir()] == ["small.toml"]
+
+
+def test_a_scheduler_without_workers(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cranectl.campaign.cluster.WORKERS_S", 0.2)
+    with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address=None) as empty:
+        error = bad_input(capsys, "--scheduler", empty.scheduler_address)
+    assert "has no workers" in error
+    assert "--nworkers 16" in error
+
+
+def test_the_client_is_a_plain_one(cluster: LocalCluster) -> None:
+    with cluster_client(cluster.scheduler_address, 1) as client:
+        assert isinstance(client, Client)
+        assert len(client.scheduler_info()["workers"]) == 2

@@ -1,0 +1,38 @@
+"""Figures of a benchmark: medians of repeats with their spread and limit."""
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure; `limit` is an upper bound, or a lower one where `at_least`."""
+
+    name: str
+    value: float
+    unit: str
+    spread: tuple[float, float]
+    limit: float | None = None
+    at_least: bool = False
+
+    @property
+    def good(self) -> bool:
+        if self.limit is None:
+            return True
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Wall-clock time of a call [s]."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def figure(
+    name: str, values: list[float], unit: str, limit: float | None = None, *, at_least: bool = False
+) -> Figure:
+    """The median of `values` and their spread."""
+    return Figure(name, statistics.median(values), unit, (min(values), max(values)), limit, at_least)
