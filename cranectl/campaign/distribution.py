@@ -5,6 +5,7 @@ same in whatever block it is computed.
 """
 
 import math
+from abc import ABC, abstractmethod
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -20,7 +21,7 @@ Levels = Annotated[int, Field(ge=1, le=10_000)]
 TAILS = (0.05, 0.95)  # quantiles that stand for low and high where a distribution has no ends
 
 
-class Distribution(Settings):
+class Distribution(Settings, ABC):
     """Base of all distributions; numbers are factors of the nominal value where `relative`."""
 
     relative: bool = Field(False, description="whether the numbers are factors of the nominal value")
@@ -57,11 +58,13 @@ class Distribution(Settings):
         low, high = (0.0, 1.0) if all(map(math.isfinite, self._ends())) else TAILS
         return np.linspace(low, high, levels) if levels > 1 else np.array([0.5])
 
+    @abstractmethod
     def _inverse(self, u: Array, mean: float) -> Array:
-        raise NotImplementedError
+        """Values at the points `u` of (0, 1), for the mean that a distribution without its own takes."""
 
+    @abstractmethod
     def _ends(self) -> Ends:
-        raise NotImplementedError
+        """Smallest and largest value as given; infinite where there is none."""
 
 
 D = TypeVar("D", bound=Distribution)

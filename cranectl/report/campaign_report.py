@@ -36,7 +36,8 @@ from cranectl.report.campaign_tables import (
     uncertainty_table,
     worst_table,
 )
-from cranectl.report.page import Cell, Figure, Page, Section, Table
+from cranectl.report.page import Figure, Page, Section
+from cranectl.report.table import Cell, Table
 
 SHOWN = 4  # parameters that have a panel of their own
 FAINT = 1e-6  # stands for what may be chance

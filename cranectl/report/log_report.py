@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from cranectl.compare import Comparison, agreement_limits, compare_runs, judge
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.report.metrics_table import metrics_table
-from cranectl.report.page import Cell, Figure, Page, Section, Table
+from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run_figures import FAMILIES, Curve, distance_svg, family_svg
+from cranectl.report.table import Cell, Table
 from cranectl.report.theme import SERIES
 from cranectl.report.verdicts import agreement, verdict
 from cranectl.simulate import Run

@@ -8,8 +8,7 @@ from markupsafe import Markup
 
 from cranectl.errors import InputError
 from cranectl.files import check_replaceable, write_text
-from cranectl.report.table import Cell as Cell
-from cranectl.report.table import Table as Table
+from cranectl.report.table import Table
 from cranectl.report.theme import css_variables
 
 

@@ -13,8 +13,9 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.colours import COLOURS
 from cranectl.report.log_report import log_page
-from cranectl.report.page import Cell, Figure, Page, Section, Table, render
+from cranectl.report.page import Figure, Page, Section, render
 from cranectl.report.run_figures import FAMILIES, Curve, family_svg, largest_difference
+from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
 from cranectl.report.verdicts import agreement, verdict
 from cranectl.scenario import Scenario

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from cranectl.analysis.budget.propagation import Deviation, Ports, no_errors
+from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, analytic_rig
 from cranectl.jit import jit
 from cranectl.plants.analytic import derivative
@@ -33,7 +34,7 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
     those less a deviation `predicted` from them.
     """
     ports, period = no_errors(loop), loop.period
-    extension, robustifier = len(loop.kept) + 3, len(loop.kept) + 5
+    extension, robustifier = len(loop.kept) + EXTENSION, len(loop.kept) + ROBUSTIFIER
     u, v, error = (run.block(n)[:, :3].copy() for n in ("input", "virtual_input", "error"))
     if predicted is not None:
         u[:-1] -= predicted.commanded

@@ -95,17 +95,26 @@ def _beside(found: Prediction, path: _Path, lost: bool) -> Prediction:
 
 
 def _find_path(nominal: Nominal, effects: tuple[str, ...], start: Deviation) -> _Path:
-    """The motion under `effects`, each taken on the motion itself; `start` is the first guess."""
+    """The motion under `effects` with its higher orders; `start` is the first guess."""
+    deviation, ports, change = _find_motion(nominal, effects, start)
+    loop, delay = _loop(nominal, effects), _delay(nominal, effects)
+    return _Path(deviation, *higher_orders(nominal.run, loop, ports, deviation, delay), change)
+
+
+def _find_motion(
+    nominal: Nominal, effects: tuple[str, ...], start: Deviation
+) -> tuple[Deviation, Ports, float]:
+    """The motion under `effects`, each taken on the motion itself, their signals, and the last change [m]."""
     loop, delay = _loop(nominal, effects), _delay(nominal, effects)
     rubbing = friction_of(nominal.run, nominal.effects.friction) if "friction" in effects else NO_RUBBING
+    repeated = bool(set(effects) & set(REPEATED))
     deviation, change = start, 0.0
-    for _ in range(REPETITIONS if set(effects) & set(REPEATED) else 1):
+    for _ in range(REPETITIONS if repeated else 1):
         ports = _join(nominal, effects, loop, deviation)
         found = propagate(loop, ports, delay, rubbing)
         change = float(np.abs(found.load - deviation.load).max())
         deviation = found
-    second, third = higher_orders(nominal.run, loop, ports, deviation, delay)
-    return _Path(deviation, second, third, change if set(effects) & set(REPEATED) else 0.0)
+    return deviation, ports, change if repeated else 0.0
 
 
 def _left(below: _Path, found: _Path) -> float:
@@ -189,7 +198,7 @@ def _bound_friction(
     worst = max(worst_rubbing(loop, rubbing, path.deviation, delay) for path in (below, found))
     size = size_of(found.deviation.load - below.deviation.load).max
     without = tuple(name for name in effects if name != "observer")
-    told = [_find_path(nominal, names, below.deviation).deviation.load for names in (without, without[:-1])]
+    told = [_find_motion(nominal, names, below.deviation)[0].load for names in (without, without[:-1])]
     by_observer = size_of(found.deviation.load - below.deviation.load - (told[0] - told[1])).max
     scale = worst / size if size else 1.0
     scaled = found._replace(

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop
 from cranectl.jit import jit
 
@@ -119,7 +120,7 @@ def propagate_signals(loop, ports, delay, rubbing, found):
     """Fills `found`, all but its load."""
     state, given, commanded = found.state, found.given, found.commanded
     size, p = state.shape[1], loop.kept.shape[0]
-    extension, robustifier = p + 3, p + 5
+    extension, robustifier = p + EXTENSION, p + ROBUSTIFIER
     m, period = loop.robustifier_input.shape[0], loop.period
     told, arrived, line = np.zeros(size), np.zeros(3), np.zeros((delay + 1, 3))
     coulomb = np.zeros(5)

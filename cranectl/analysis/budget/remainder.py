@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.analysis.budget.propagation import Deviation, Ports, no_errors, propagate
+from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, miss
 from cranectl.flatness import flat_output, linearising_input
 from cranectl.jit import jit
@@ -51,7 +52,7 @@ def higher_orders(
 def law_defect(tracker, loop, states, controller, inputs, virtual, flats, ports, predicted, defect):
     """Commands and controller states by the true law at the prediction, less the linear ones."""
     m, period, p = loop.robustifier_input.shape[0], loop.period, loop.kept.shape[0]
-    extension, robustifier = p + 3, p + 5
+    extension, robustifier = p + EXTENSION, p + ROBUSTIFIER
     told, flat, v = np.zeros(12), np.zeros(12), np.zeros(3)
     for k in range(len(defect.law)):
         for i in range(10):

@@ -11,6 +11,7 @@ from cranectl.tracker import Tracker
 
 Array = NDArray[np.float64]
 
+EXTENSION, ROBUSTIFIER = 3, 5  # places in X after the plant's states, which w follows
 DIFFERENCE = 1e-6  # half width of the central differences, SI units
 
 
@@ -54,7 +55,7 @@ def law_rows(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array, Array]:
     )
     linearise_law(tracker.gravity, state, controller, virtual, flat_by, input_by, input_by_virtual)
     output = dense_robustifier(tracker)[2]
-    extension, robustifier, m = p + 3, p + 5, len(output)
+    extension, robustifier, m = p + EXTENSION, p + ROBUSTIFIER, len(output)
     told = [*range(10), extension, extension + 1]
     v = np.zeros((samples, 3, robustifier + 3 * m))
     for axis in range(3):

@@ -19,7 +19,13 @@ from numpy.typing import NDArray
 
 from cranectl.analysis.budget.crane_equations import Work, advance, make_work
 from cranectl.analysis.budget.real_crane import RealCrane, kept_states, load_positions, nominal_states
-from cranectl.analysis.budget.trajectory_law import DIFFERENCE, dense_robustifier, law_rows
+from cranectl.analysis.budget.trajectory_law import (
+    DIFFERENCE,
+    EXTENSION,
+    ROBUSTIFIER,
+    dense_robustifier,
+    law_rows,
+)
 from cranectl.jit import jit
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
@@ -220,7 +226,7 @@ def loop_matrix(loop, k, matrix):
 def controller_rows(loop, k, matrix):
     """The rows of w, zeta, zeta' and the robustifier by X at sample k, into `matrix` (n, n)."""
     period, m, p = loop.period, loop.robustifier_input.shape[0], loop.kept.shape[0]
-    extension, robustifier = p + 3, p + 5
+    extension, robustifier = p + EXTENSION, p + ROBUSTIFIER
     for j in range(matrix.shape[1]):
         for axis in range(3):
             matrix[p + axis, j] = period * loop.command[k, axis, j]

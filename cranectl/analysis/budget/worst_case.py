@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cranectl.analysis.budget.estimator import flush
 from cranectl.analysis.budget.propagation import Deviation, Rubbing
-from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, controller_rows
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, controller_rows, loop_matrix
 from cranectl.jit import jit
 
 Array = NDArray[np.float64]
@@ -35,7 +35,11 @@ def worst_rubbing(loop: TrajectoryLoop, rubbing: Rubbing, about: Deviation, dela
 @jit
 def delayed_matrix(loop, delay, k, matrix):
     """X and the commands under way, the youngest first, at sample k + 1 by those at k."""
+    if delay == 0:
+        loop_matrix(loop, k, matrix)
+        return
     size, p, at = loop.virtual.shape[2], loop.kept.shape[0], k // loop.stride
+    arriving = size + 3 * (delay - 1)
     matrix[:] = 0.0
     controller_rows(loop, k, matrix[:size, :size])
     matrix[:p, :p] = loop.by_state[at]
@@ -43,22 +47,14 @@ def delayed_matrix(loop, delay, k, matrix):
         row = p + axis
         matrix[row, :] = 0.0
         matrix[row, row] = 1.0
-        if delay == 0:
-            for j in range(size):
-                matrix[row, j] += loop.period * loop.command[k, axis, j]
-        else:
-            matrix[row, size + 3 * (delay - 1) + axis] = loop.period
-            matrix[size + axis, :size] = loop.command[k, axis]
-            for late in range(1, delay):
-                matrix[size + 3 * late + axis, size + 3 * (late - 1) + axis] = 1.0
+        matrix[row, arriving + axis] = loop.period
+        matrix[size + axis, :size] = loop.command[k, axis]
+        for late in range(1, delay):
+            matrix[size + 3 * late + axis, size + 3 * (late - 1) + axis] = 1.0
         for i in range(p):
             by_command = loop.by_command[at, i, axis]
             matrix[i, row] += by_command * loop.integral
-            if delay == 0:
-                for j in range(size):
-                    matrix[i, j] += by_command * loop.lead[axis] * loop.command[k, axis, j]
-            else:
-                matrix[i, size + 3 * (delay - 1) + axis] = by_command * loop.lead[axis]
+            matrix[i, arriving + axis] = by_command * loop.lead[axis]
 
 
 @jit
