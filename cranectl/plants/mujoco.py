@@ -29,6 +29,7 @@ from cranectl.plants.mujoco_effects.stability import check_step
 from cranectl.plants.mujoco_model import (
     compiled_model,
     drive_addresses,
+    model_description,
     model_entries,
     rate_addresses,
     sensor_addresses,
@@ -156,7 +157,7 @@ class MujocoPlant:
     ) -> None:
         self.drive = drive
         self.parameters, self.effects = rig, _physical(effects)
-        self.model = copy.copy(compiled_model(rig, drive, step, self.effects)[0])
+        self.model = copy.copy(compiled_model(rig, drive, step, self.effects))
         self.data = mujoco.MjData(self.model)
         self.rig = MujocoRig(
             model=self.model._address,
@@ -185,7 +186,7 @@ class MujocoPlant:
     @property
     def description(self) -> str:
         """MJCF."""
-        return compiled_model(self.parameters, self.drive, self.rig.step, self.effects)[1]
+        return model_description(self.parameters, self.drive, self.rig.step, self.effects)
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
         physical = _physical(effects)

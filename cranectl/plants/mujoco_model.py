@@ -17,6 +17,7 @@ from cranectl.plants.mujoco_effects.frame import add_frame, frame_entries
 from cranectl.plants.mujoco_effects.friction import add_friction, friction_entries
 from cranectl.plants.mujoco_effects.limits import limit_entries, limit_forces
 from cranectl.plants.mujoco_effects.rope import DISTANCE, add_rope, rope_entries
+from cranectl.plants.mujoco_lean import leave_out_idle
 
 JOINTS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
 BODIES = ("bridge", "trolley", "load")
@@ -31,16 +32,27 @@ IDEAL_INERTIA = 1e12  # per kg of load
 @functools.lru_cache(maxsize=8)
 def compiled_model(
     rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
-) -> tuple[mujoco.MjModel, str]:
-    """The compiled model and its MJCF; plants of the same rig copy it, and must not change it."""
+) -> mujoco.MjModel:
+    """The model of runs, without drawing; plants of the same rig copy it, and must not change it."""
     spec = model_spec(rig, drive=drive, step=step, effects=effects)
-    return spec.compile(), str(spec.to_xml())
+    leave_out_idle(spec, effects)
+    return spec.compile()
+
+
+@functools.lru_cache(maxsize=8)
+def model_description(
+    rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
+) -> str:
+    """MJCF of the model as drawn."""
+    spec = model_spec(rig, drive=drive, step=step, effects=effects)
+    spec.compile()  # which writing it needs
+    return str(spec.to_xml())
 
 
 def model_spec(
     rig: RigParameters, *, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> mujoco.MjSpec:
-    """The filed model with the parameters, drives, effects and physics step [s] of one run."""
+    """The filed model, as drawn, with the parameters, drives, effects and physics step [s] of one run."""
     spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
     spec.option.timestep = step
     # The file's joint ranges are the rig's end stops. Leaving them is judged by the run, the same on every

@@ -21,7 +21,7 @@ from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.parameters import RigParameters
 from cranectl.plants.interface import DRIVES, PLANTS, Drive
 from cranectl.plants.mujoco import MujocoPlant
-from cranectl.plants.mujoco_model import DRAWN_LENGTH, model_spec
+from cranectl.plants.mujoco_model import DRAWN_LENGTH, compiled_model
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run, simulate_run
 from tests.campaign.campaigns import LAG, MASS, PUSH, campaign
@@ -188,7 +188,7 @@ def test_a_model_changed_in_place_is_the_one_compiled_anew(drive: Drive) -> None
         plant.advance(np.zeros(3), np.ones(2), np.ones(3), np.zeros(7))
         assert plant.retune(rig, effects)
         physical = effects.model_copy(update=dict.fromkeys(("sensing", "delay", "wind")))
-        new = model_spec(rig, drive=drive, step=5e-4, effects=physical).compile()
+        new = compiled_model(rig, drive, 5e-4, physical)
         assert raw(plant.model) == raw(new)
 
 
@@ -199,12 +199,12 @@ def test_it_is_so_for_each_effect_alone_and_none(drive: Drive) -> None:
         after = EffectSettings.model_validate({name: OTHER[name]} if name else {})
         plant = plant_of(RigParameters(), drive, before)
         assert plant.retune(OTHER_RIG, after)
-        new = model_spec(OTHER_RIG, drive=drive, step=5e-4, effects=after).compile()
+        new = compiled_model(OTHER_RIG, drive, 5e-4, after)
         assert raw(plant.model) == raw(new), name
 
 
 def test_a_byte_that_differs_is_noticed() -> None:
-    model = model_spec(RigParameters(), drive="velocity", step=1e-3).compile()
+    model = compiled_model(RigParameters(), "velocity", 1e-3)
     other = copy.copy(model)
     assert raw(other) == raw(model)
     other.stat.meaninertia *= 1.0 + 1e-15

@@ -12,6 +12,7 @@ from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
 from cranectl.plants.interface import DRIVES, PLANTS, Plant
 from cranectl.plants.mujoco import MujocoPlant, apply_disturbance
+from cranectl.plants.mujoco_model import model_spec, rate_addresses, state_addresses
 from tests.conftest import ROOT, STILL, random_states, split
 
 KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}
@@ -224,16 +225,17 @@ def test_every_element_of_the_model_has_a_name() -> None:
 
 
 def test_sensors_measure_what_the_rig_measures() -> None:
-    plant = MujocoPlant(RIG, drive="velocity", step=1e-3, substeps=1)
+    model = model_spec(RIG, drive="velocity", step=1e-3).compile()
+    data = mujoco.MjData(model)
     state = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.1, 0.4, 0.5, -0.3, 0.6])
-    plant._set_state(state)
-    mujoco.mj_forward(plant.model, plant.data)
+    data.qpos[state_addresses(model)], data.qvel[rate_addresses(model)] = state[0::2], state[1::2]
+    mujoco.mj_forward(model, data)
     names = [
         "bridge_position", "bridge_velocity", "trolley_position", "trolley_velocity", "rope_length",
         "rope_length_rate", "alpha", "alpha_rate", "beta", "beta_rate",
     ]  # fmt: skip
-    assert [plant.data.sensor(name).data[0] for name in names] == pytest.approx(state)
-    length = plant.data.tendon("rope").length[0]
+    assert [data.sensor(name).data[0] for name in names] == pytest.approx(state)
+    length = data.tendon("rope").length[0]
     assert length == pytest.approx(0.8), "the drawn rope has the length of the rope"
 
 
