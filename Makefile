@@ -33,6 +33,7 @@ lint: setup ## format, style, types, import directions
 	$(BIN)/lint-imports --no-cache
 
 bench: setup ## measure, and write docs/performance.md
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench]'
 	$(BIN)/python validation/benchmark.py --json logs/bench.json --write docs/performance.md
 
 mutations: setup ## change every term of the physics and see a test fail; write docs/mutations.md

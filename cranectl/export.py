@@ -5,7 +5,6 @@ share, as reference.SIGNAL. SI units and radians, time in seconds.
 """
 
 import csv
-import importlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,10 +88,8 @@ def chosen_format(name: str | None, out: Path | None) -> str:
     return ending
 
 
-def check_export(path: Path, file_format: str) -> None:
-    """Raise InputError now if `path` cannot be written or the library of the format is missing."""
-    if file_format == "parquet":
-        _pyarrow("pyarrow")
+def check_export(path: Path) -> None:
+    """Raise InputError now if `path` cannot be written."""
     try:
         check_replaceable(path)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
@@ -161,7 +158,9 @@ def _write_csv(table: ExportTable, path: Path) -> None:
 
 def _write_parquet(table: ExportTable, path: Path) -> None:
     """Units and descriptions are metadata of the columns, scenario and outcome of the table."""
-    arrow = _pyarrow("pyarrow")
+    import pyarrow as arrow
+    from pyarrow import parquet
+
     fields = [arrow.field("time", arrow.float64(), metadata={"unit": "s", "description": "simulation time"})]
     arrays = [arrow.array(table.time)]
     for column in table.columns:
@@ -169,7 +168,7 @@ def _write_parquet(table: ExportTable, path: Path) -> None:
         fields.append(arrow.field(column.name, arrow.float64(), metadata=metadata))
         arrays.append(arrow.array(column.values, mask=column.missing))
     schema = arrow.schema(fields, metadata={name: str(value) for name, value in table.info.items()})
-    _pyarrow("pyarrow.parquet").write_table(arrow.Table.from_arrays(arrays, schema=schema), path)
+    parquet.write_table(arrow.Table.from_arrays(arrays, schema=schema), path)
 
 
 def _write_mat(table: ExportTable, path: Path) -> None:
@@ -192,17 +191,6 @@ def _put(tree: dict[str, Any], name: str, value: Any) -> None:
     for branch in branches:
         tree = tree.setdefault(branch, {})
     tree[leaf] = value
-
-
-def _pyarrow(module: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        raise InputError(
-            "Parquet needs the package pyarrow, which is not installed",
-            allowed="csv and mat without it",
-            remedy="install it with pip install 'cranectl[parquet]', or choose another --format",
-        ) from None
 
 
 FORMATS: dict[str, Callable[[ExportTable, Path], None]] = {

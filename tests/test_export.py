@@ -2,7 +2,6 @@
 
 import csv
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -299,15 +298,6 @@ def test_unreadable_logs_are_explained(capsys: pytest.CaptureFixture[str]) -> No
     Path("empty.mcap").write_bytes(b"")
     assert "is empty" in bad_input(capsys, "empty.mcap")
     assert not list(Path().glob("*.csv"))
-
-
-def test_parquet_without_pyarrow_says_how_to_get_it(
-    capsys: pytest.CaptureFixture[str], log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    error = bad_input(capsys, "absent.mcap", "--out", "a.parquet")
-    assert "pip install 'cranectl[parquet]'" in error, "told before the log is read"
-    assert main(["export", str(log), "--out", "a.mat"]) == 0
 
 
 def test_a_full_disk_leaves_what_was_there(runs: list[Run], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,15 +17,15 @@ from dataclasses import asdict
 from pathlib import Path
 
 import foxglove
-import mujoco
 import numpy as np
 from campaign_benchmark import (
+    Bare,
     campaign_against_engine,
-    memory_of_a_campaign,
+    many_runs,
     other_ways,
     plants_and_threads,
 )
-from figures import Figure, figure, seconds
+from figures import Figure, figure, interleaved, seconds
 from foxglove.mcap import MCAPWriteOptions
 
 from cranectl.design import CONTROLLERS, design_controller
@@ -34,7 +34,6 @@ from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.streams import streams
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order
 from cranectl.parallel import available_cores
-from cranectl.plants.mujoco import MujocoPlant
 from cranectl.scenario import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run, tracker_of
 from cranectl.tracker import control_step, initial_memory
@@ -56,17 +55,17 @@ def run_against_bare_steps(repeats: int) -> list[Figure]:
     def run() -> None:
         assert len(simulate_run(scenario, plant="mujoco", design=design, plan=plan).table) == steps
 
-    bare = MujocoPlant(scenario.rig, drive="ideal", step=1e-3, substeps=1)
-    ratios, times, analytic = [], [], []
-    for _ in range(repeats + 1):  # the first is a rehearsal: kernels are loaded
-        times.append(seconds(run))
-        bare.reset(plan.initial_state)
-        ratios.append(times[-1] / seconds(lambda: mujoco.mj_step(bare.model, bare.data, nstep=steps)))
-        analytic.append(seconds(lambda: simulate_run(scenario, plant="analytic", design=design, plan=plan)))
+    works = {
+        "run": run,
+        "bare": Bare(filed=True),
+        "analytic": lambda: simulate_run(scenario, plant="analytic", design=design, plan=plan),
+    }
+    times = interleaved(works, repeats)
+    ratios = [t / b for t, b in zip(times["run"], times["bare"], strict=True)]
     return [
-        figure(f"MuJoCo run of 25 s, {name} / bare mj_step calls", ratios[1:], "", 1.15),
-        figure("MuJoCo run of 25 s", times[1:], "s"),
-        figure("analytic run of 25 s", analytic[1:], "s"),
+        figure(f"MuJoCo run of 25 s, {name} / bare mj_step calls of the model file", ratios, "", 1.15),
+        figure("MuJoCo run of 25 s", times["run"], "s"),
+        figure("analytic run of 25 s", times["analytic"], "s"),
     ]
 
 
@@ -176,7 +175,7 @@ PARTS = (
     run_against_bare_steps,
     campaign_against_engine,
     plants_and_threads,
-    memory_of_a_campaign,
+    many_runs,
     other_ways,
     log_against_library,
     control_step_alone,

@@ -1,19 +1,25 @@
 """What a campaign costs against bare steps of the engine, and against what one would write otherwise.
 
-Part of `benchmark.py`. Bare steps are the engine's `mj_step` called from a compiled loop, on the same model,
-without the engine's clock, which cranectl takes away for all.
+Part of `benchmark.py`. Bare steps are the engine's `mj_step` called from a compiled loop, without the
+engine's clock, which cranectl takes away for all: of the model file, and of the model that runs take, which
+has the same motion to the bit but neither drawing nor idle forces.
 """
 
-import statistics
+import subprocess
+import sys
+import tempfile
 import threading
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
-from figures import Figure, figure, seconds
-from mujoco.rollout import Rollout
+import other_ways as other
+from figures import Figure, figure, interleaved
+from other_ways import Task
 
+from cranectl import resources
 from cranectl.campaign import Campaign, make_campaign
 from cranectl.campaign.batches import Batch
 from cranectl.campaign.engine import run_batches
@@ -22,18 +28,30 @@ from cranectl.campaign.settings import parse_campaign
 from cranectl.campaign.worker import Worker
 from cranectl.design import design_controller
 from cranectl.jit import jit
-from cranectl.plants.mujoco import MujocoPlant
+from cranectl.plants.mujoco_model import compiled_model, rate_addresses, state_addresses
 from cranectl.plants.mujoco_step import mj_step
 from cranectl.scenario import load_scenario
-from cranectl.signals import INPUT_COLUMN, STATE_COLUMN
-from cranectl.simulate import make_plant, plan_scenario, simulate_run, tracker_of
+from cranectl.simulate import make_plant, plan_scenario, tracker_of
 from cranectl.simulate.runner import record_width, start_run
 from cranectl.simulate.stream import stream_run
-from cranectl.tracker import control_step, initial_memory
 
 SCENARIO, DRIVE = "settled-trajectory", "velocity"
 HEAVY = ("lqr+hinf", "lqr+loop-shaping")
 BLOCK = 1000
+MANY = """
+name = "many"
+scenario = "settled-trajectory"
+set = ["duration=0.05", "reference.segments=[]", "disturbances=[]"]
+controllers = ["lqr"]
+plants = ["analytic"]
+drive = "velocity"
+runs = 100000
+
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.8
+high = 1.2
+"""
 UNCERTAIN = {
     "rig": {
         "load_mass": {"distribution": "uniform", "low": 0.8, "high": 1.2},
@@ -60,16 +78,24 @@ def campaign_of(controller: str, plant: str) -> Campaign:
 
 
 class Bare:
-    """A plant and as many bare steps as a run has."""
+    """A model and as many bare steps as a run has; `filed`: that of `models/crane.xml`, else that of runs."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, filed: bool) -> None:
         scenario = load_scenario(SCENARIO)
-        self.plan, self.steps = plan_scenario(scenario), scenario.steps + 1
-        self.plant = MujocoPlant(scenario.rig, drive=DRIVE, step=1e-3, substeps=1)
+        self.steps, state = scenario.steps + 1, plan_scenario(scenario).initial_state
+        if filed:
+            self.model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+        else:
+            self.model = compiled_model(scenario.rig, DRIVE, 1e-3)
+        state[7], state[9] = 0.5, 0.5  # it swings: the engine is faster where nothing moves
+        self.data, self.start, self.rates = mujoco.MjData(self.model), np.zeros(5), np.zeros(5)
+        self.start[state_addresses(self.model)] = state[0::2]
+        self.rates[rate_addresses(self.model)] = state[1::2]
 
     def __call__(self) -> None:
-        self.plant.reset(self.plan.initial_state)
-        bare_steps(self.plant.model._address, self.plant.data._address, self.steps)
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:], self.data.qvel[:] = self.start, self.rates
+        bare_steps(self.model._address, self.data._address, self.steps)
 
 
 def together(works: Sequence[Callable[[], object]]) -> None:
@@ -96,52 +122,51 @@ def loop_alone(controller: str) -> Callable[[], object]:
 
 def campaign_against_engine(repeats: int) -> list[Figure]:
     """Closed-loop campaigns, in parts and whole, on one thread and on two."""
-    found, bare = [], [Bare(), Bare()]
+    found = []
+    filed, lean = ([Bare(filed=each), Bare(filed=each)] for each in (True, False))
     for controller in HEAVY:
         prepared = Prepared(campaign_of(controller, "mujoco"))
-        workers, alone = [Worker(prepared), Worker(prepared)], loop_alone(controller)
-        works: dict[str, Callable[[], object]] = {
-            "loop": alone,
-            "one": lambda c=controller, w=workers: w[0].run_batch(Batch("mujoco", c, 0, 1)),
-            "two": lambda c=controller, w=workers: together(
-                [lambda k=k: w[k].run_batch(Batch("mujoco", c, k, k + 1)) for k in range(2)]
-            ),
-        }
-        ratios: dict[str, list[float]] = {name: [] for name in works}
-        for _ in range(repeats + 1):
-            for name, work in works.items():
-                steps = bare[0] if name != "two" else lambda: together(bare)
-                before, time, after = seconds(steps), seconds(work), seconds(steps)
-                ratios[name].append(0.5 * (before + after) / time)
-        found += [
-            figure(f"{controller}: bare steps / loop alone", ratios["loop"][1:], "", 0.97, at_least=True),
-            figure(
-                f"{controller}: bare steps / campaign, 1 thread", ratios["one"][1:], "", 0.9, at_least=True
-            ),
-            figure(
-                f"{controller}: bare steps / campaign, 2 threads", ratios["two"][1:], "", 0.9, at_least=True
-            ),
+        workers = [Worker(prepared), Worker(prepared)]
+        runs: list[Callable[[], object]] = [
+            lambda k=k, c=controller, w=workers: w[k].run_batch(Batch("mujoco", c, k, k + 1))
+            for k in range(2)
         ]
+        works: dict[str, Callable[[], object]] = {
+            "filed": filed[0],
+            "loop alone": loop_alone(controller),
+            "lean": lean[0],
+            "campaign, 1 thread": runs[0],
+            "filed, both": lambda: together(filed),
+            "campaign, 2 threads": lambda r=runs: together(r),
+        }
+        times = interleaved(works, repeats)
+        for name, limit in (("loop alone", 0.97), ("campaign, 1 thread", 0.9), ("campaign, 2 threads", 0.9)):
+            bare = times["filed, both" if "2" in name else "filed"]
+            ratios = [b / t for b, t in zip(bare, times[name], strict=True)]
+            found.append(
+                figure(
+                    f"{controller}: bare steps of the model file / {name}", ratios, "", limit, at_least=True
+                )
+            )
+        for name in ("loop alone", "campaign, 1 thread"):
+            ratios = [b / t for b, t in zip(times["lean"], times[name], strict=True)]
+            found.append(figure(f"{controller}: bare steps of the model that runs take / {name}", ratios, ""))
     return found
 
 
 def plants_and_threads(repeats: int) -> list[Figure]:
     """Runs per second: analytic against MuJoCo, two threads against one; whole batches through the engine."""
-    times: dict[tuple[str, int], list[float]] = {}
     works: dict[tuple[str, int], Callable[[], object]] = {}
-    for plant, runs in (("mujoco", 2), ("analytic", 16)):
+    for plant, runs in (("mujoco", 8), ("analytic", 32)):
         campaign = campaign_of(HEAVY[0], plant)
         batches = [Batch(plant, HEAVY[0], k * runs, (k + 1) * runs) for k in range(4)]
         for threads in (1, 2):
             works[plant, threads] = lambda c=campaign, b=batches, t=threads: list(
                 run_batches(c, b, workers=t)
             )
-    for _ in range(max(3, repeats // 2) + 1):
-        for key, work in works.items():
-            times.setdefault(key, []).append(seconds(work))
-    later = {key: values[1:] for key, values in times.items()}
-    rate = [8.0 / t for t in later["mujoco", 2]]
-    faster = [8.0 * m / a for m, a in zip(later["mujoco", 2], later["analytic", 2], strict=True)]
+    later = interleaved(works, max(3, repeats // 2))
+    rate = [32.0 / t for t in later["mujoco", 2]]
+    faster = [4.0 * m / a for m, a in zip(later["mujoco", 2], later["analytic", 2], strict=True)]
     speedup = [a / b for a, b in zip(later["mujoco", 1], later["mujoco", 2], strict=True)]
     return [
         figure("campaign on MuJoCo, 2 threads, runs of 25 s", rate, "1/s"),
@@ -150,75 +175,62 @@ def plants_and_threads(repeats: int) -> list[Figure]:
     ]
 
 
-def memory_of_a_campaign(_repeats: int) -> list[Figure]:
-    """What 256 more runs add to the process."""
-    worker = Worker(Prepared(campaign_of("lqr", "analytic")))
-    worker.run_batch(Batch("analytic", "lqr", 0, 32))
-    before = _resident()
-    for _ in range(4):
-        worker.run_batch(Batch("analytic", "lqr", 0, 64))
+def many_runs(_repeats: int) -> list[Figure]:
+    """A hundred thousand runs, cut to a few samples each, by the command as anyone starts it."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "many.toml").write_text(MANY, encoding="utf-8")
+        peak, took = peak_memory(["campaign", "run", "many.toml", "--out", "many"], folder)
+        report, _ = peak_memory(["campaign", "report", "many"], folder)
+        size = sum(part.stat().st_size for part in (Path(folder) / "many" / "parts").iterdir())
     return [
-        figure("memory of a campaign", [before], "MB", 1000.0),
-        figure("more after 256 more runs", [_resident() - before], "MB", 2.0),
+        figure("100 000 short runs: memory", [peak], "MB", 1000.0),
+        figure("their report: memory", [report], "MB", 1000.0),
+        figure("their result", [size / 1e5], "B a run"),
+        figure("a run besides its samples, 2 threads", [took / 1e5 * 1e3], "ms"),
     ]
 
 
-def _resident() -> float:
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * 4096 / 1e6
+def peak_memory(arguments: list[str], folder: str) -> tuple[float, float]:
+    """Largest resident memory [MB] of a command of cranectl, and its time [s]."""
+    program = (
+        "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, capture_output=True);"
+        "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+    )
+    command = [sys.executable, "-c", program, sys.executable, "-m", "cranectl", *arguments]
+    start = time.perf_counter()
+    done = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    return int(done.stdout) / 1e3, time.perf_counter() - start
 
 
 def other_ways(repeats: int) -> list[Figure]:
-    """The same closed loop as one would write it: time of a run over ours, one thread."""
-    scenario = load_scenario(SCENARIO, overrides=["duration=5.0", "reference.segments=[]", "disturbances=[]"])
-    design = design_controller(HEAVY[0], scenario.design)
-    plan = plan_scenario(scenario)
-    ours: list[float] = []
-    others: dict[str, list[float]] = {"python": [], "rollout": []}
-    batch = 16
-    for _ in range(max(3, repeats // 3)):
-        ours.append(seconds(lambda: simulate_run(scenario, design=design, plan=plan, drive=DRIVE)))
-        others["python"].append(
-            seconds(lambda: simulate_run(scenario, design=design, plan=plan, drive=DRIVE, compiled=False))
+    """The same closed loop as one would write it otherwise: time of a run over that of a campaign's."""
+    controller = HEAVY[0]
+    task = Task(controller)
+    campaign = make_campaign(
+        parse_campaign(
+            {
+                "name": "ways", "scenario": other.SCENARIO, "set": other.OVERRIDES, "drive": DRIVE,
+                "controllers": [controller], "plants": ["mujoco"], "runs": 8, "uncertain": UNCERTAIN,
+            },
+            "ways",
         )
-        others["rollout"].append(seconds(lambda: _rollout_loop(scenario, design, plan, batch)) / batch)
-    base = statistics.median(ours)
-    names = {
-        "python": "Python loop over the engine's binding, compiled law / compiled loop",
-        "rollout": f"`mujoco.rollout` step by step for {batch} cranes at once, compiled law / compiled loop",
+    )  # fmt: skip
+    worker = Worker(Prepared(campaign))
+    ways: dict[str, tuple[int, Callable[[], object]]] = {
+        "ours": (8, lambda: worker.run_batch(Batch("mujoco", controller, 0, 8))),
+        "crane after crane in Python, law in NumPy": (1, lambda: other.python_loop(task, 1)),
+        "`mujoco.rollout`, law in NumPy, 64 cranes": (64, lambda: other.rollout_loop(task, 64)),
+        "`mujoco.batch`, law in NumPy, 64 cranes": (64, lambda: other.batch_loop(task, 64)),
     }
-    return [figure(names[key], [t / base for t in values], "") for key, values in others.items()]
-
-
-@jit
-def _control_all(tracker, states, reference, memories, rows, commands):
-    for i in range(len(states)):
-        control_step(tracker, states[i], reference, memories[i], rows[i])
-        for axis in range(3):
-            commands[i, 0, axis] = rows[i, INPUT_COLUMN + 3 + axis]
-
-
-def _rollout_loop(scenario, design, plan, batch: int) -> None:
-    """One step of all cranes by the engine's rollout on one thread, then the law for all, and again."""
-    plant = MujocoPlant(scenario.rig, drive=DRIVE, step=1e-3, substeps=1)
-    plant.reset(plan.initial_state)
-    tracker, spec = tracker_of(scenario, design), mujoco.mjtState.mjSTATE_FULLPHYSICS
-    state = np.zeros(mujoco.mj_stateSize(plant.model, spec))
-    mujoco.mj_getState(plant.model, plant.data, state, spec)
-    full = np.tile(state, (batch, 1))
-    memories = np.tile(initial_memory(tracker, plan.initial_state, plan.reference[0]), (batch, 1))
-    rows, commands = np.zeros((batch, record_width(design))), np.zeros((batch, 1, plant.model.nu))
-    joints = np.zeros((batch, 10))
-    sensors = np.zeros((batch, 1, plant.model.nsensordata))
-    following = np.zeros((batch, 1, len(state)))
-    positions, rates = 1 + plant.rig.joints, 1 + plant.model.nq + plant.rig.rates
-    with Rollout(nthread=0) as rollout:
-        for k in range(len(plan.time_ns)):
-            joints[:, 0::2], joints[:, 1::2] = full[:, positions], full[:, rates]
-            rows[:, STATE_COLUMN : STATE_COLUMN + 10] = joints
-            _control_all(tracker, joints, plan.reference[k], memories, rows, commands)
-            rollout.rollout(
-                [plant.model] * batch, [plant.data], full, commands, nstep=1, state=following,
-                sensordata=sensors, skip_checks=False,
-            )  # fmt: skip
-            full = following[:, 0].copy()
+    try:
+        mjx = other.MjxLoop(task, 64)
+        ways["MJX, law in JAX, 64 cranes, all cores"] = (64, mjx)
+    except ImportError:
+        print("MJX is not installed (pip install 'cranectl[bench]'): left out", file=sys.stderr)
+    times = interleaved({name: work for name, (_, work) in ways.items()}, max(3, repeats // 3))
+    each = {name: [t / ways[name][0] for t in values] for name, values in times.items()}
+    return [
+        figure(f"{name} / campaign, 1 thread", [t / o for t, o in zip(values, each["ours"], strict=True)], "")
+        for name, values in each.items()
+        if name != "ours"
+    ]

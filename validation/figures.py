@@ -2,8 +2,11 @@
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
+
+K = TypeVar("K", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,12 @@ def seconds(work: Callable[[], object]) -> float:
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
+
+
+def interleaved(works: Mapping[K, Callable[[], object]], repeats: int) -> dict[K, list[float]]:
+    """Times of each work [s], which take turns; a first turn is a rehearsal."""
+    rounds = [{name: seconds(work) for name, work in works.items()} for _ in range(repeats + 1)]
+    return {name: [times[name] for times in rounds[1:]] for name in works}
 
 
 def figure(

@@ -45,7 +45,7 @@ def export_command(log: Path, format_name: str | None, patterns: tuple[str, ...]
     file_format = chosen_format(format_name, out)
     path = out or Path(f"{log.stem}.{file_format}")
     refuse_overwriting([log], path, "--out")
-    check_export(path, file_format)
+    check_export(path)
     table = export_table(list(read_log(log).values()), patterns)
     write_table(table, path, file_format)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
