@@ -69,10 +69,10 @@ def bare_steps(model, data, n):
 
 
 def campaign_of(controller: str, plant: str) -> Campaign:
-    """A campaign of 64 runs of 25 s, three parameters of the rig uncertain."""
+    """A campaign of 128 runs of 25 s, three parameters of the rig uncertain."""
     table = {
         "name": "bench", "scenario": SCENARIO, "controllers": [controller], "plants": [plant],
-        "drive": DRIVE, "runs": 64, "uncertain": UNCERTAIN,
+        "drive": DRIVE, "runs": 128, "uncertain": UNCERTAIN,
     }  # fmt: skip
     return make_campaign(parse_campaign(table, "bench"))
 
@@ -164,7 +164,7 @@ def plants_and_threads(repeats: int) -> list[Figure]:
             works[plant, threads] = lambda c=campaign, b=batches, t=threads: list(
                 run_batches(c, b, workers=t)
             )
-    later = interleaved(works, max(3, repeats // 2))
+    later = interleaved(works, repeats)
     rate = [32.0 / t for t in later["mujoco", 2]]
     faster = [4.0 * m / a for m, a in zip(later["mujoco", 2], later["analytic", 2], strict=True)]
     speedup = [a / b for a, b in zip(later["mujoco", 1], later["mujoco", 2], strict=True)]
