@@ -9,6 +9,7 @@ import numpy as np
 from cranectl.campaign.correlation import gaussian_copula
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.discrete import Choice
+from cranectl.campaign.idle import check_acting
 from cranectl.campaign.parameters import Parameter, nominal_scenario, parameters_of
 from cranectl.campaign.sampling import levels_of, sample_values, tails_of
 from cranectl.campaign.scenarios import sampled_scenario
@@ -38,6 +39,7 @@ def make_campaign(settings: CampaignSettings) -> Campaign:
             allowed="correlations with monte-carlo, latin-hypercube or sobol",
             remedy="leave the correlations out or take another sampling",
         )
+    check_acting(settings, parameters, nominal)
     copula = gaussian_copula(settings.correlation, parameters)
     campaign = Campaign(settings, nominal, parameters, copula, _runs(settings, parameters))
     _check_values(campaign)

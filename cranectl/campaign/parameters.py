@@ -8,16 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.continuous import LEAST_MASS, Normal
+from cranectl.campaign.discrete import Choice, Fixed
 from cranectl.campaign.distribution import Distribution
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.effects.settings import ALL_EFFECTS, EffectSettings
 from cranectl.errors import InputError, is_near, nearest_first
 from cranectl.patterns import SHOWN
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario import NANOSECONDS, Scenario, load_scenario
 
 Array = NDArray[np.float64]
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # of a scenario; the rest is the controller's
+PERIOD = "control.period"  # which the controller knows: it is made for that of each run
 TIMES = ("start", "end", "seconds")  # of disturbances and of the delay: whole control periods
 
 
@@ -67,29 +69,57 @@ def nominal_scenario(settings: CampaignSettings) -> Scenario:
 def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parameter, ...]:
     """The uncertain parameters in the order of the campaign; raises InputError for what `nominal` lacks."""
     leaves = dict(_leaves(nominal.model_dump(), ""))
+    step = _common_period(settings.uncertain.get(PERIOD), nominal)
     return tuple(
-        _parameter(name, distribution, leaves, nominal.control.period)
-        for name, distribution in settings.uncertain.items()
+        _parameter(name, distribution, leaves, step) for name, distribution in settings.uncertain.items()
     )
 
 
-def _parameter(
-    name: str, distribution: Distribution, leaves: dict[str, Any], control_period: float
-) -> Parameter:
+def numbers_of(scenario: Scenario) -> dict[str, float]:
+    """Every number of a scenario by its dotted name."""
+    leaves = _leaves(scenario.model_dump(), "")
+    return {name: value for name, value in leaves if _is_number(value)}
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _common_period(distribution: Distribution | None, nominal: Scenario) -> float:
+    """What times must be multiples of [s], whatever control period a run has."""
+    if distribution is None:
+        return nominal.control.period
+    if not isinstance(distribution, Choice | Fixed):
+        raise InputError(
+            f"uncertain.{PERIOD}: it takes single periods",
+            allowed="distribution choice or fixed: periods that divide all times of the scenario",
+            remedy=f'take \'distribution = "choice"\' with "values", such as {_examples(nominal)}',
+        )
+    at = distribution.grid(len(distribution.values)) if isinstance(distribution, Choice) else np.array([0.5])
+    periods = distribution.quantile(at, nominal.control.period)
+    return math.lcm(*(max(1, round(period * NANOSECONDS)) for period in periods)) / NANOSECONDS
+
+
+def _examples(nominal: Scenario) -> str:
+    period = nominal.control.period
+    return f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]"
+
+
+def _parameter(name: str, distribution: Distribution, leaves: dict[str, Any], time_step: float) -> Parameter:
     section, _, rest = name.partition(".")
     if name not in leaves:
         raise _unknown(name, leaves)
     nominal = leaves[name]
-    if isinstance(nominal, bool) or not isinstance(nominal, int | float):
+    if not _is_number(nominal):
         raise InputError(
             f"uncertain.{name}: its value in the scenario is {nominal!r}, no number",
             allowed="parameters that have a number as nominal value",
             remedy=f"give it one in the scenario or by 'set = [\"{name}=...\"]'" if nominal is None else "",
         )
-    if section not in PHYSICAL:
+    if section not in PHYSICAL and name != PERIOD:
         raise InputError(
             f"uncertain.{name}: '{section}' belongs to the controller and the run, not to the crane",
-            allowed=f"parameters of the crane and what acts on it: {', '.join(PHYSICAL)}",
+            allowed=f"{PERIOD}, and parameters of the crane and what acts on it: {', '.join(PHYSICAL)}",
             remedy="compare other values with a campaign each",
         )
     whole = isinstance(nominal, int)
@@ -112,7 +142,7 @@ def _parameter(
             remedy="correct mean, low or high",
         )
     timed = not distribution.discrete and (section == "disturbances" or rest.startswith("delay."))
-    multiple = control_period if timed and name.rpartition(".")[2] in TIMES else 0.0
+    multiple = time_step if timed and name.rpartition(".")[2] in TIMES else 0.0
     return _fitting(Parameter(name, distribution, float(nominal), whole, multiple))
 
 
@@ -146,7 +176,7 @@ def _unknown(name: str, leaves: dict[str, Any]) -> InputError:
     known = [
         leaf
         for leaf, value in everything.items()
-        if leaf.split(".")[0] in PHYSICAL and isinstance(value, int | float) and not isinstance(value, bool)
+        if (leaf.split(".")[0] in PHYSICAL or leaf == PERIOD) and _is_number(value)
     ]
     below = [leaf for leaf in known if leaf.startswith(f"{name}.")]
     if below:

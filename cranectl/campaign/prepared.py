@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.sampling import sample_values
-from cranectl.design import design_controller
+from cranectl.campaign.scenarios import known_scenario
+from cranectl.design import Design, design_controller
+from cranectl.scenario import Scenario
 from cranectl.simulate import PlannedReference, plan_reference, tracker_of
 from cranectl.simulate.runner import record_width
 from cranectl.tracker import Tracker
@@ -18,27 +20,38 @@ from cranectl.tracker import Tracker
 Array = NDArray[np.float64]
 
 BLOCK = 8192  # samples drawn together: some methods take as long for one
+PERIODS = 16  # control periods for which references and trackers are kept
 
 
 @dataclass(frozen=True)
 class Controller:
-    """A controller as it runs on the nominal crane."""
+    """A controller as it runs on the crane that it knows."""
 
+    known: Scenario
+    reference: PlannedReference
     tracker: Tracker
     width: int  # columns of its record
 
 
 class Prepared:
-    """The controllers and the reference, both of the nominal crane, and the samples."""
+    """The controllers and their reference, both of the nominal crane, and the samples."""
 
     def __init__(self, campaign: Campaign, controllers: Sequence[str] | None = None) -> None:
         """`controllers`: by default those of the campaign. Raises InputError where one cannot be run."""
         self.campaign = campaign
-        self.reference: PlannedReference = plan_reference(campaign.nominal)
         names = campaign.settings.controllers if controllers is None else controllers
-        self.controllers = {name: _controller(campaign, name) for name in names}
+        self._designs = {name: design_controller(name, campaign.nominal.design) for name in names}
         self._drawn = functools.lru_cache(maxsize=4)(self._draw)
+        self._planned = functools.lru_cache(maxsize=PERIODS)(plan_reference)
+        self._made = functools.lru_cache(maxsize=PERIODS * len(names))(self._make)
         self._lock = threading.Lock()
+        for name in names:
+            self._made(name, campaign.nominal)
+
+    def controller(self, name: str, sampled: Scenario) -> Controller:
+        """The controller `name`, made for the control period of a sample; raises InputError as above."""
+        with self._lock:
+            return self._made(name, known_scenario(self.campaign, sampled))
 
     def values(self, sample: int) -> Array:
         """Values (d,) of one sample."""
@@ -50,7 +63,6 @@ class Prepared:
         first = block * BLOCK
         return sample_values(self.campaign, first, min(first + BLOCK, self.campaign.runs))
 
-
-def _controller(campaign: Campaign, name: str) -> Controller:
-    design = design_controller(name, campaign.nominal.design)
-    return Controller(tracker_of(campaign.nominal, design), record_width(design))
+    def _make(self, name: str, known: Scenario) -> Controller:
+        design: Design = self._designs[name]
+        return Controller(known, self._planned(known), tracker_of(known, design), record_width(design))

@@ -12,7 +12,7 @@ import numpy as np
 from cranectl.campaign.results import Results
 from cranectl.campaign.rows import FAILED, METRIC_COLUMNS, metric_values
 from cranectl.campaign.sampling import sample_values
-from cranectl.campaign.scenarios import sampled_scenario
+from cranectl.campaign.scenarios import known_scenario, sampled_scenario
 from cranectl.campaign.summary import worst_first
 from cranectl.errors import InputError, unknown_name
 from cranectl.log import write_log
@@ -120,9 +120,10 @@ def replay_run(
             remedy="choose another with --run",
         )
     (values,) = sample_values(campaign, sample, sample + 1)
+    sampled = sampled_scenario(campaign, values, f"sample {sample}")
     run = simulate_run(
-        sampled_scenario(campaign, values, f"sample {sample}"),
-        known=campaign.nominal,
+        sampled,
+        known=known_scenario(campaign, sampled),
         plant=plant,
         drive=campaign.settings.drive,
         controller=controller,

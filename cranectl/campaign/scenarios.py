@@ -19,6 +19,11 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     return parse_settings(Scenario, table, source)
 
 
+def known_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
+    """What the controller takes a sample for: the nominal crane, with the control period that it runs at."""
+    return campaign.nominal.model_copy(update={"control": sampled.control})
+
+
 def _assign(node: Any, keys: Sequence[str], value: float) -> None:
     """Set the leaf at `keys` of a dumped model, whose tuples become lists on the way."""
     *above, last = [int(key) if key.isdecimal() else key for key in keys]

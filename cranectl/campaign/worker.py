@@ -40,7 +40,7 @@ class Worker:
 
     def __init__(self, prepared: Prepared) -> None:
         self._prepared = prepared
-        self._plants: dict[str, Plant] = {}
+        self._plants: dict[tuple[str, int], Plant] = {}  # by name and steps of a control period
         self._records: dict[int, Array] = {}  # by width
         self._stages = np.zeros((BLOCK, STAGE_WIDTH))
 
@@ -60,21 +60,20 @@ class Worker:
         except StoppedError:
             raise
         except Exception as error:
-            self._plants.pop(key.plant, None)  # in an unknown state
+            self._plants.clear()  # one of them is in an unknown state
             return row(None, status=FAILED, reason=reason_of(error), end_s=0.0)
 
     def _run(self, key: Key, values: Array, row: Callable[..., Row], stop: Stop) -> Row:
-        prepared = self._prepared
-        campaign, controller = prepared.campaign, prepared.controllers[key.controller]
-        scenario = sampled_scenario(campaign, values, f"sample {key.sample}")
-        plan = plan_run(prepared.reference, scenario)
+        scenario = sampled_scenario(self._prepared.campaign, values, f"sample {key.sample}")
+        controller = self._prepared.controller(key.controller, scenario)
+        plan = plan_run(controller.reference, scenario)
         crane = self._plant(key.plant, scenario)
         run = start_run(
             crane,
             scenario,
             controller.tracker,
             plan,
-            known=campaign.nominal,
+            known=controller.known,
             stages_record=self._stages,
         )
         setup, tally = metrics_setup(scenario, crane.drive), empty_tally()
@@ -87,12 +86,12 @@ class Worker:
     def _plant(self, name: str, scenario: Scenario) -> Plant:
         """The plant of `scenario`: one used before, changed in place, where that can be."""
         drive = self._prepared.campaign.settings.drive
-        plant = self._plants.get(name)
+        plant = self._plants.get((name, scenario.substeps))
         if plant is not None:
             check_effects(scenario.effects, plant=name, drive=drive)
             if plant.retune(scenario.rig, scenario.effects):
                 return plant
-        self._plants[name] = made = make_plant(name, scenario, drive)
+        self._plants[name, scenario.substeps] = made = make_plant(name, scenario, drive)
         return made
 
     def _record(self, width: int) -> Array:

@@ -14,6 +14,7 @@ from cranectl.campaign.batches import Batch
 from cranectl.campaign.engine import run_batch, run_batches, run_campaign
 from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.rows import METRIC_COLUMNS, Row, metric_values, row_columns
+from cranectl.campaign.scenarios import known_scenario
 from cranectl.campaign.worker import StoppedError, Worker
 from cranectl.effects.settings import ALL_EFFECTS, NO_EFFECTS, EffectSettings
 from cranectl.errors import InputError
@@ -33,14 +34,12 @@ UNCERTAIN = {
     "disturbances": {"0": {"magnitude": PUSH}},
     "effects": {
         "friction": {"pivot_viscous": {"distribution": "uniform", "low": 0.0, "high": 0.01}},
-        "sensing": {
-            "seed": {"distribution": "integers"},
-            "observer_bandwidth": {"distribution": "choice", "values": [50.0, 70.0]},
-        },
+        "sensing": {"seed": {"distribution": "integers"}},
         "delay": {"seconds": {"distribution": "uniform", "low": 0.0, "high": 0.005}},
         "wind": {"seed": {"distribution": "integers"}},
     },
     "initial": {"load_offset": {"0": OFFSET}, "alpha_offset": OFFSET},
+    "control": {"period": {"distribution": "choice", "values": [0.001, 0.002]}},
 }
 NO_FORCES = ["effects.friction.coulomb=[0.0,0.0,0.0]", "effects.friction.viscous=[0.0,0.0,0.0]"]
 HEAVY = "lqr+hinf"
@@ -65,9 +64,10 @@ def both() -> Campaign:
 def alone(made: Campaign, sample: int, plant: str, controller: str) -> Run:
     """The same run by itself."""
     (values,) = sample_values(made, sample, sample + 1)
+    sampled = sampled_scenario(made, values)
     return simulate_run(
-        sampled_scenario(made, values),
-        known=made.nominal,
+        sampled,
+        known=known_scenario(made, sampled),
         plant=plant,
         drive=made.settings.drive,
         controller=controller,
@@ -89,7 +89,23 @@ def test_rows_are_those_of_single_runs(both: Campaign, plant: str, controller: s
     for row in rows:
         assert_row_is(row, alone(both, int(row["sample"] or 0), plant, controller))
     assert rows[0]["rms_error_m"] != rows[1]["rms_error_m"]
+    assert {row["control.period"] for row in rows} == {0.001, 0.002}
     assert list(rows[0]) == [column.name for column in row_columns(both)]
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_sampled_control_period_is_that_of_the_scenario(plant: str) -> None:
+    """The controller is made for the period that it runs at, and so is the plant's number of steps."""
+    period = {"control": {"period": {"distribution": "choice", "values": [0.001, 0.005]}}}
+    mass = {"rig": {"load_mass": {"distribution": "fixed", "value": 1.0}}}
+    fine = short(period, sampling="grid", runs=None, plants=[plant])
+    coarse = short(mass, "control.period=0.005", "control.physics_step=0.001", runs=1, plants=[plant])
+    found = run_batch(fine, Batch(plant, "lqr", 0, 2))[1]
+    (expected,) = run_batch(coarse, Batch(plant, "lqr", 0, 1))
+    assert found["control.period"] == 0.005
+    assert found["status"] == "completed"
+    names = [name for name in METRIC_COLUMNS if found[name] == found[name]]
+    assert [found[name] for name in names] == [expected[name] for name in names]
 
 
 def test_a_row_that_differs_is_noticed(both: Campaign) -> None:

@@ -60,6 +60,18 @@ def uniform(low: float, high: float, **more: Any) -> dict[str, Any]:
         ({"effects": {"rope": {"on_slack": MASS}}}, "'stop', no number", "number", ""),
         ({"control": {"lag_compensation": MASS}}, "True, no number", "number", ""),
         ({"design": {"hinf": {"gamma": MASS}}}, "None, no number", "number", "set = "),
+        (
+            {"control": {"period": {"distribution": "uniform", "low": 0.001, "high": 0.002}}},
+            "it takes single periods",
+            "choice or fixed",
+            '"values", such as [0.001, 0.002, 0.005]',
+        ),
+        (
+            {"control": {"period": {"distribution": "choice", "values": [0.001, 0.003]}}},
+            "uncertain.control.period reaches 0.003: duration must be a multiple",
+            "",
+            "",
+        ),
         ({"duration": MASS}, "'duration' belongs to the controller", "rig, effects", "campaign each"),
         ({"reference": {"start": {"0": MASS}}}, "'reference' belongs to the controller", "initial", ""),
         ({"rig": {"load_mass": {}}}, "[uncertain.rig.load_mass] is empty", "uniform", "add 'distribution"),

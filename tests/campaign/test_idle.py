@@ -1,0 +1,153 @@
+"""Every number that can be uncertain changes the outcome, on each plant with each drive, or is refused."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from cranectl.campaign import Campaign
+from cranectl.campaign.batches import Batch
+from cranectl.campaign.engine import run_batch
+from cranectl.campaign.parameters import PERIOD, PHYSICAL, numbers_of
+from cranectl.campaign.rows import METRIC_COLUMNS
+from cranectl.effects.settings import ALL_EFFECTS
+from cranectl.errors import InputError
+from cranectl.plants.interface import DRIVES, PLANTS, Drive
+from cranectl.scenario import load_scenario
+from tests.campaign.campaigns import campaign
+
+# A crane pushed about there and back, with drives at their limits.
+SCENARIO = "off-reference"
+MOVING = [
+    "duration=2", "workspace.on_exit=record", "control.physics_step=0.0005",
+    'reference.segments=[{kind="line",to=[0.8,0.6,-0.7],duration=0.7},'
+    '{kind="line",to=[0.5,0.3,-0.4],duration=1.3}]',
+    "initial.load_offset=[-0.02,0.02,0.01]",
+    'disturbances=[{joint="alpha",start=0.1,end=0.5,magnitude=1.0},{joint="beta",start=0.2,magnitude=1.0}]',
+]  # fmt: skip
+TIGHT = [
+    "effects.limits.velocity=[0.4,0.4,0.3]", "effects.limits.acceleration=[2.0,2.0,2.0]",
+    "effects.wind.mean=[1.0,1.0,1.0]", "effects.wind.drag_area=0.1",
+]  # fmt: skip
+FORCES = ["effects.limits.force=[8.0,4.0,11.0]"]
+NO_FORCES = [
+    "effects.friction.coulomb=[0.0,0.0,0.0]", "effects.friction.viscous=[0.0,0.0,0.0]",
+    "effects.limits.force=[1e9,1e9,1e9]",
+]  # fmt: skip
+OF_MUJOCO = ("rope", "body", "frame")  # effects
+OTHER = {
+    "rig.bridge_range.0": 0.66, "rig.bridge_range.1": 0.7, "rig.trolley_range.0": 0.5,
+    "rig.trolley_range.1": 0.55, "rig.rope_range.0": 0.58, "rig.rope_range.1": 0.61,
+    "effects.delay.seconds": 0.01, PERIOD: 0.002,
+}  # fmt: skip
+
+
+def overrides_of(plant: str, drive: str) -> list[str]:
+    """As much as the plant and its drives can show."""
+    effects = [name for name in type(ALL_EFFECTS).model_fields if plant == "mujoco" or name not in OF_MUJOCO]
+    if drive == "ideal":
+        effects.remove("limits")
+    forces = FORCES if (plant, drive) == ("mujoco", "velocity") else NO_FORCES
+    told = [*TIGHT, *forces]
+    shown = [line for line in told if line.split(".")[1] in effects]
+    return [*MOVING, *(f"effects.{name}={{}}" for name in effects), *shown]
+
+
+def names() -> list[str]:
+    """Everything that can be uncertain, and what the other plant can show."""
+    everything = numbers_of(load_scenario(SCENARIO, overrides=overrides_of("mujoco", "velocity")))
+    return [name for name in everything if name.split(".")[0] in PHYSICAL or name == PERIOD]
+
+
+def other_value(name: str, nominal: float) -> float:
+    return OTHER.get(name, nominal + 1 if name.endswith("seed") else 0.8 * nominal if nominal else 0.05)
+
+
+def uncertain(name: str, value: float) -> dict[str, Any]:
+    distribution: dict[str, Any] = {"distribution": "fixed", "value": value}
+    for key in reversed(name.split(".")):
+        distribution = {key: distribution}
+    return distribution
+
+
+def outcome(made: Campaign) -> list[Any]:
+    (row,) = run_batch(made, Batch(made.settings.plants[0], "lqr", 0, 1))
+    assert row["status"] != "failed", row["reason"]
+    return [row[metric] for metric in METRIC_COLUMNS]
+
+
+def made_campaign(name: str, value: float, plant: str, drive: Drive) -> Campaign:
+    told = overrides_of(plant, drive)
+    return campaign(
+        uncertain(name, value),
+        scenario=SCENARIO,
+        set=told,
+        runs=1,
+        controllers=["lqr"],
+        plants=[plant],
+        drive=drive,
+    )
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_every_parameter_changes_the_outcome_or_is_refused(plant: str, drive: Drive) -> None:
+    nominal = numbers_of(load_scenario(SCENARIO, overrides=overrides_of(plant, drive)))
+    usual = outcome(made_campaign("rig.gravity", nominal["rig.gravity"], plant, drive))
+    refused = set()
+    for name in names():
+        value = other_value(name, nominal.get(name, 1.0))
+        try:
+            made = made_campaign(name, value, plant, drive)
+        except InputError as error:
+            refused.add((name, bool(error.allowed and error.remedy)))
+            continue
+        assert outcome(made) != usual, name
+    assert refused == {(name, True) for name in expected(plant, drive)}
+
+
+def expected(plant: str, drive: str) -> Iterator[str]:
+    """What must be refused, by hand."""
+    for name in names():
+        section, *rest = name.split(".")
+        masses = rest[0] in ("bridge_mass", "trolley_mass", "winch_mass")
+        if section == "rig" and masses and (plant == "analytic" or drive == "ideal"):
+            yield name
+        if section == "rig" and rest[0].endswith("time_constant") and drive == "ideal":
+            yield name
+        if name == "effects.sensing.observer_bandwidth":
+            yield name
+        if section == "effects" and rest[0] in OF_MUJOCO and plant == "analytic":
+            yield name
+        if section == "effects" and rest[0] == "limits" and drive == "ideal":
+            yield name
+        without_forces = plant == "analytic" or drive == "ideal"
+        if without_forces and name.startswith(("effects.friction.coulomb", "effects.friction.viscous")):
+            yield name
+        if plant == "analytic" and drive == "velocity" and name.startswith("effects.limits.force"):
+            yield name
+
+
+@pytest.mark.parametrize(
+    ("name", "zeros"),
+    [
+        ("effects.wind.gust_time", ["effects.wind.gust=0.0"]),
+        ("effects.wind.seed", ["effects.wind.gust=0.0"]),
+        ("effects.wind.mean.0", ["effects.wind.drag_area=0.0"]),
+        ("effects.wind.density", ["effects.wind.drag_area=0.0"]),
+        ("effects.sensing.seed", ["effects.sensing.angle_noise=0.0"]),
+        ("disturbances.1.start", ["disturbances.1.magnitude=0.0"]),
+    ],
+)
+def test_a_factor_that_is_always_zero_is_found(name: str, zeros: list[str]) -> None:
+    told = [*MOVING, "effects.wind={}", "effects.sensing={}"]
+    value = other_value(name, 1.0)
+    campaign(uncertain(name, value), scenario=SCENARIO, set=told, runs=1)
+    with pytest.raises(InputError, match="is 0 in all runs"):
+        campaign(uncertain(name, value), scenario=SCENARIO, set=[*told, *zeros], runs=1)
+
+
+def test_a_factor_that_is_uncertain_itself_is_not_zero() -> None:
+    both = uncertain("effects.wind.seed", 3.0)
+    both["effects"]["wind"]["gust"] = {"distribution": "uniform", "low": 0.0, "high": 1.0}
+    campaign(both, scenario=SCENARIO, set=[*MOVING, "effects.wind.gust=0.0"], runs=1)
