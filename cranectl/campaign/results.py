@@ -2,6 +2,7 @@
 
     campaign.json                              what was run: enough to resume it and to repeat any run
     parts/part-PLANT-CONTROLLER-FIRST.parquet  one batch each
+    replays/PLANT-CONTROLLER-SAMPLE.mcap       logs of runs that were repeated, unless put elsewhere
 
 Which parts there are follows from the campaign, not from the number of workers. A result that was cut short
 is one whose parts are not all there.
@@ -25,6 +26,7 @@ from cranectl.settings import Table
 
 RECORD_FILE = "campaign.json"
 PARTS = "parts"
+REPLAYS = "replays"
 SHOWN = 3  # damaged parts named in a message
 
 

@@ -12,7 +12,7 @@ from cranectl.campaign.definition import Campaign
 from cranectl.campaign.lock import LOCK_FILE, locked
 from cranectl.campaign.parts import part_name, write_part
 from cranectl.campaign.record import differences, identity, record_of
-from cranectl.campaign.results import PARTS, RECORD_FILE, read_record, survey
+from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_record, survey
 from cranectl.campaign.rows import Row
 from cranectl.errors import InputError
 from cranectl.files import write_text
@@ -59,9 +59,9 @@ def open_store(
     _make(directory)
     with locked(directory):
         record = record_of(campaign)
+        _check_empty(directory)  # again: another process may have been faster
         if overwrite:
             _clear(directory)
-        _check_empty(directory)
         if (directory / RECORD_FILE).exists():
             _check_same(directory, read_record(directory), record, resume=resume)
         _write_record(directory, record)
@@ -135,8 +135,10 @@ def _prepared(directory: Path, campaign: Campaign, known_as: str) -> Store:
 
 
 def _clear(directory: Path) -> None:
-    """Remove a result, and nothing else."""
-    for path in (directory / PARTS).glob("part-*.parquet*"):
+    """Remove a result with the logs of its replays, and nothing else."""
+    for path in (*(directory / PARTS).glob("part-*.parquet*"), *(directory / REPLAYS).glob("*.mcap*")):
         path.unlink()
+    with suppress(OSError):  # it is not there, or holds something else
+        (directory / REPLAYS).rmdir()
     with suppress(FileNotFoundError):
         (directory / RECORD_FILE).unlink()

@@ -48,7 +48,7 @@ def replay_campaign(
     cranectl campaign replay logs/campaign-lab-rig --run 17 --run 230
     """
     from cranectl.campaign.replay import chosen_rows, replay_run
-    from cranectl.campaign.results import read_results
+    from cranectl.campaign.results import REPLAYS, read_results
     from cranectl.cli.output import FAILED, PASSED, console, progress_bar, write_json
 
     if samples and worst is not None:
@@ -61,7 +61,7 @@ def replay_campaign(
     with progress_bar(results.campaign.nominal.duration * len(rows)) as (advance, describe):
         for row in rows:
             describe(f"run {results.row(row)['sample']}")
-            replays.append(replay_run(results, row, out or result / "replays", every=every, progress=advance))
+            replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
     screen = console(json_file)
     for replay in replays:
         screen.print(f"{replay.log}: {PASSED if replay.same else FAILED}, {replay.text}", soft_wrap=True)

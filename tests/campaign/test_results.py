@@ -16,7 +16,7 @@ from cranectl.campaign.batches import LEAST, batches_of
 from cranectl.campaign.columns import METRICS, describe
 from cranectl.campaign.parts import DamageError, part_name, read_part
 from cranectl.campaign.record import campaign_of, differences, identity, record_of
-from cranectl.campaign.results import PARTS, RECORD_FILE, read_results
+from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_results
 from cranectl.campaign.rows import METRIC_COLUMNS, row_columns
 from cranectl.campaign.store import open_store
 from cranectl.errors import InputError
@@ -273,6 +273,19 @@ def test_a_result_is_not_overwritten_unless_told(directory: Path) -> None:
     assert "--overwrite" in error.remedy
     assert len(read_results(directory)) == 80
     assert opened(CAMPAIGN, directory, overwrite=True) == (6, ())
+
+
+def test_overwriting_takes_old_replays_along_and_leaves_what_is_not_ours(directory: Path) -> None:
+    (directory / REPLAYS).mkdir()
+    (directory / REPLAYS / "mujoco-lqr-0000001.mcap").write_text("of the old result")
+    assert opened(CAMPAIGN, directory, overwrite=True) == (6, ())
+    assert not (directory / REPLAYS).exists()
+    (directory / REPLAYS).mkdir()
+    notes = [directory / REPLAYS / "notes.txt", directory / "notes.txt"]
+    for path in notes:
+        path.write_text("mine")
+    assert opened(CAMPAIGN, directory, overwrite=True) == (6, ())
+    assert [path.read_text() for path in notes] == ["mine", "mine"]
 
 
 @pytest.mark.parametrize(
