@@ -15,7 +15,7 @@ name = "small"
 scenario = "fixed-position"
 controllers = ["lqr", "pole-placement"]
 plants = ["analytic"]
-runs = 40
+runs = 160
 set = ["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
 
 [uncertain.rig.winch_time_constant]

@@ -61,7 +61,7 @@ def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 def test_a_result_has_all_runs(finished: Path) -> None:
     results = read_results(finished)
-    assert len(results) == 80
+    assert len(results) == 320
     assert set(results.column("status")) == {"completed"}
     assert results.record["versions"]["mujoco"]
     assert results.campaign.settings.name == "small"
@@ -82,9 +82,11 @@ def test_a_run_cut_short_is_resumed_to_the_same_table(
     out, error = process.communicate(timeout=60)
     assert "Traceback" not in error
     assert process.returncode == (130 if sent == signal.SIGINT else -sent)
-    assert ("of 80 runs are kept; go on with the same command and --resume" in out) == (sent == signal.SIGINT)
+    assert ("of 320 runs are kept; go on with the same command and --resume" in out) == (
+        sent == signal.SIGINT
+    )
     before = len(read_results("cut", unfinished=True))
-    assert 0 < before < 80
+    assert 0 < before < 320
     assert "is not finished" in bad_input(capsys, "report", "cut")
     assert main(["campaign", *resume]) == 0
     assert read_results("cut").table.equals(read_results(finished).table, check_metadata=True)
@@ -105,7 +107,7 @@ def test_summary_as_table_and_json(finished: Path, capsys: pytest.CaptureFixture
     assert main(["campaign", "run", "small.toml", "--out", "mine", "--resume", "--json", "-"]) == 0
     captured = capsys.readouterr()
     found = json.loads(captured.out)
-    assert (found["finished"], found["runs"], found["missing"]) == (True, 80, 0)
+    assert (found["finished"], found["runs"], found["missing"]) == (True, 320, 0)
     assert [group["controller"] for group in found["groups"]] == ["lqr", "pole-placement"]
     assert found["groups"][0]["failures"] == 0
     assert "small on analytic" in captured.err
@@ -126,7 +128,7 @@ def test_limits_given_later_judge_without_running(
     assert main(["campaign", "run", "small.toml", *limit]) == 0
     found = json.loads(capsys.readouterr().out)
     results = read_results("mine")
-    beyond = int((results.column("max_error_m")[:40] > 0.5).sum())
+    beyond = int((results.column("max_error_m")[:160] > 0.5).sum())
     assert 0 < beyond == found["groups"][0]["failures"] == found["groups"][0]["broken"]["max_error_m"]
 
 
@@ -151,13 +153,13 @@ def test_a_replay_that_differs_fails_loudly(finished: Path, capsys: pytest.Captu
     """One bit of one metric of one run, in a part that is otherwise whole."""
     shutil.copytree(finished, "mine")
     results = read_results("mine")
-    change_one_bit(results, Batch("analytic", "lqr", 16, 32), "rms_error_m")
-    assert main(["campaign", "replay", "mine", "--run", "16", "--run", "17"]) == 1
+    change_one_bit(results, Batch("analytic", "lqr", 64, 128), "rms_error_m")
+    assert main(["campaign", "replay", "mine", "--run", "64", "--run", "65"]) == 1
     out = " ".join(capsys.readouterr().out.split())
     assert out.count("passed, run") == 3
-    assert "FAILED, run 16 with lqr on analytic" in out
+    assert "FAILED, run 64 with lqr on analytic" in out
     assert "rms_error_m is" in out
-    assert Path("mine/replays/analytic-lqr-0000016.mcap").exists()
+    assert Path("mine/replays/analytic-lqr-0000064.mcap").exists()
 
 
 def change_one_bit(results: Results, batch: Batch, column: str) -> None:
@@ -228,6 +230,6 @@ def test_bad_input_is_explained(
 
 def test_replay_of_what_is_not_there(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = str(finished)
-    assert "has no run 40" in bad_input(capsys, "replay", result, "--run", "40")
+    assert "has no run 160" in bad_input(capsys, "replay", result, "--run", "160")
     assert "did you mean 'max_error_m'?" in bad_input(capsys, "replay", result, "--by", "max_eror_m")
     assert "unknown plant 'mujoco'" in bad_input(capsys, "replay", result, "--plant", "mujoco")

@@ -20,7 +20,8 @@ from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_results
 from cranectl.campaign.rows import METRIC_COLUMNS, row_columns
 from cranectl.campaign.store import open_store
 from cranectl.errors import InputError
-from tests.campaign.campaigns import campaign
+from cranectl.plants.interface import PLANTS
+from tests.campaign.campaigns import MASS, campaign
 from tests.campaign.results import invented_rows, two_controllers, write_all
 
 CAMPAIGN = two_controllers()
@@ -56,9 +57,12 @@ def opened(*arguments: Any, **options: Any) -> tuple[int, tuple[str, ...]]:
         return len(store.missing), store.aside
 
 
-@pytest.mark.parametrize("runs", [1, LEAST, LEAST + 1, 1000, 100_000])
-def test_batches_hold_every_sample_once(runs: int) -> None:
-    of = two_controllers(runs=runs)
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("runs", [1, 16, 17, 64, 65, 1000, 100_000])
+def test_batches_hold_every_sample_once(plant: str, runs: int) -> None:
+    uncertain = {"rig": {"load_mass": MASS}}
+    of = two_controllers(uncertain=uncertain, runs=runs, plants=[plant])
+    assert batches_of(of)[0].last == min(runs, LEAST[plant] if runs < 100_000 else 98)
     for controller in of.settings.controllers:
         ends = [(b.first, b.last) for b in batches_of(of) if b.controller == controller]
         assert ends[0][0] == 0
