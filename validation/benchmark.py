@@ -27,6 +27,7 @@ from campaign_benchmark import (
 )
 from figures import Figure, figure, interleaved, seconds
 from foxglove.mcap import MCAPWriteOptions
+from scaling import result_costs, scaling
 
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.jit import jit
@@ -176,6 +177,7 @@ PARTS = (
     campaign_against_engine,
     plants_and_threads,
     many_runs,
+    result_costs,
     other_ways,
     log_against_library,
     control_step_alone,
@@ -185,7 +187,14 @@ PARTS = (
 PAGE = """# Performance
 
 Written by `make bench`. Ratios are medians of interleaved repeats in one process, so they hold on other
-machines; times are of the machine that wrote this page. Runs record every signal of every sample.
+machines; times are of the machine that wrote this page, with two cores. Runs record every signal of every
+sample, campaigns keep metrics.
+
+Bare steps are RK4 of 1 ms without effects, called from a compiled loop, without the engine's clock, which
+cranectl takes away for all. They are of `models/crane.xml`; and of the model that runs take, which moves alike
+to the bit, but is not drawn, nor searched for springs, dampers and constraints that it does not have. Other
+ways to write the same closed loop (`validation/other_ways.py`) step the model file, record nothing, and reach
+the same last state.
 
 """
 
@@ -216,7 +225,7 @@ def main() -> int:
         measured = [{**asdict(f), "good": f.good} for f in figures]
         arguments.json.write_text(json.dumps({"figures": measured}, indent=2, ensure_ascii=False) + "\n")
     if arguments.write is not None:
-        arguments.write.write_text(PAGE + table(figures), encoding="utf-8")
+        arguments.write.write_text(PAGE + table(figures) + scaling(figures), encoding="utf-8")
     return 0 if all(f.good for f in figures) else 1
 
 

@@ -38,6 +38,9 @@ from cranectl.simulate.stream import stream_run
 SCENARIO, DRIVE = "settled-trajectory", "velocity"
 HEAVY = ("lqr+hinf", "lqr+loop-shaping")
 BLOCK = 1000
+RATE = "campaign on MuJoCo, 2 threads, runs of 25 s"
+MEMORY = "{} short runs: memory"
+RESULT = "a row of their result"
 MANY = """
 name = "many"
 scenario = "settled-trajectory"
@@ -169,24 +172,28 @@ def plants_and_threads(repeats: int) -> list[Figure]:
     faster = [4.0 * m / a for m, a in zip(later["mujoco", 2], later["analytic", 2], strict=True)]
     speedup = [a / b for a, b in zip(later["mujoco", 1], later["mujoco", 2], strict=True)]
     return [
-        figure("campaign on MuJoCo, 2 threads, runs of 25 s", rate, "1/s"),
+        figure(RATE, rate, "1/s"),
         figure("analytic campaign / MuJoCo campaign, rate", faster, "", 3.0, at_least=True),
         figure("2 threads / 1 thread, rate", speedup, "", 1.9, at_least=True),
     ]
 
 
 def many_runs(_repeats: int) -> list[Figure]:
-    """A hundred thousand runs, cut to a few samples each, by the command as anyone starts it."""
+    """Ten and a hundred thousand runs, cut to a few samples each, by the command as anyone starts it."""
+    found = []
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "many.toml").write_text(MANY, encoding="utf-8")
-        peak, took = peak_memory(["campaign", "run", "many.toml", "--out", "many"], folder)
+        run = ["campaign", "run", "many.toml", "--out", "many", "--overwrite"]
+        for runs, name in ((10_000, "10 000"), (100_000, "100 000")):
+            peak, took = peak_memory([*run, "--runs", str(runs)], folder)
+            found.append(figure(MEMORY.format(name), [peak], "MB", 1000.0))
         report, _ = peak_memory(["campaign", "report", "many"], folder)
         size = sum(part.stat().st_size for part in (Path(folder) / "many" / "parts").iterdir())
     return [
-        figure("100 000 short runs: memory", [peak], "MB", 1000.0),
-        figure("their report: memory", [report], "MB", 1000.0),
-        figure("their result", [size / 1e5], "B a run"),
-        figure("a run besides its samples, 2 threads", [took / 1e5 * 1e3], "ms"),
+        *found,
+        figure("report of 100 000: memory", [report], "MB", 1000.0),
+        figure(RESULT, [size / runs], "B"),
+        figure("a run besides its samples, 2 threads", [took / runs * 1e3], "ms"),
     ]
 
 
