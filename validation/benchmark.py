@@ -191,10 +191,10 @@ machines; times are of the machine that wrote this page, with two cores. Runs re
 sample, campaigns keep metrics.
 
 Bare steps are RK4 of 1 ms without effects, called from a compiled loop, without the engine's clock, which
-cranectl takes away for all. They are of `models/crane.xml`; and of the model that runs take, which moves alike
-to the bit, but is not drawn, nor searched for springs, dampers and constraints that it does not have. Other
-ways to write the same closed loop (`validation/other_ways.py`) step the model file, record nothing, and reach
-the same last state.
+cranectl takes away for all. They are of `models/crane.xml`; and of the model that runs take, which moves
+alike to the bit, but is not drawn, nor searched for springs, dampers and constraints that it does not have.
+Other ways to write the same closed loop (`validation/other_ways.py`) step the model file, record nothing, and
+reach the same last state.
 
 """
 

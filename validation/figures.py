@@ -45,3 +45,11 @@ def figure(
 ) -> Figure:
     """The median of `values` and their spread."""
     return Figure(name, statistics.median(values), unit, (min(values), max(values)), limit, at_least)
+
+
+def ratio_of_best(
+    name: str, above: list[float], below: list[float], limit: float | None = None, *, at_least: bool = False
+) -> Figure:
+    """The least of `above` over the least of `below`, which neighbours on the machine disturb the least."""
+    ratios = [a / b for a, b in zip(above, below, strict=True)]
+    return Figure(name, min(above) / min(below), "", (min(ratios), max(ratios)), limit, at_least)
