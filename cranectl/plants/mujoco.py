@@ -236,6 +236,8 @@ class MujocoPlant:
         data.qpos[self.rig.joints] = state[0::2]
         data.qvel[self.rig.rates] = state[1::2]
         if self.rig.rope.active:
+            if self.drive == "velocity":
+                data.ctrl[self.rig.drives] = state[1:6:2]  # else they would brake, and the rope with them
             start_taut(self.model, data, self.rig.rope)
 
     def measure(self, state: Array) -> None:

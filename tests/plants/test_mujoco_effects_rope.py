@@ -72,6 +72,15 @@ def test_the_load_bounces_with_the_frequency_and_damping_ratio_of_the_settings()
     assert np.abs(np.array(record) / 1e-4 - np.exp(-1.1 * ratio * omega * t) * wave).max() > 0.02
 
 
+@pytest.mark.parametrize("rate", [0.0, -0.3, 0.3])
+def test_a_rope_that_starts_while_it_is_hoisted_is_as_taut_as_one_that_hangs(rate: float) -> None:
+    start = HANGING.copy()
+    start[5] = rate
+    plant = make(rope(stiffness=2e4), drive="velocity", start=start)
+    _, loads = simulate(plant, 200, (0.0, 0.0, rate))
+    assert loads[:, 6] == pytest.approx(RIG.weight, rel=0.02)
+
+
 def test_stiffness_and_damping_follow_the_length() -> None:
     """Hoisted from 0.8 m to 0.4 m: twice the stiffness and damping, half the stretch."""
     plant = make(rope(stiffness=2e4), substeps=10)
