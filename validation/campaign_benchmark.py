@@ -72,10 +72,10 @@ def bare_steps(model, data, n):
 
 
 def campaign_of(controller: str, plant: str) -> Campaign:
-    """A campaign of 128 runs of 25 s, three parameters of the rig uncertain."""
+    """A campaign of 256 runs of 25 s, three parameters of the rig uncertain."""
     table = {
         "name": "bench", "scenario": SCENARIO, "controllers": [controller], "plants": [plant],
-        "drive": DRIVE, "runs": 128, "uncertain": UNCERTAIN,
+        "drive": DRIVE, "runs": 256, "uncertain": UNCERTAIN,
     }  # fmt: skip
     return make_campaign(parse_campaign(table, "bench"))
 
@@ -160,15 +160,15 @@ def campaign_against_engine(repeats: int) -> list[Figure]:
 def plants_and_threads(repeats: int) -> list[Figure]:
     """Runs per second: analytic against MuJoCo, two threads against one; whole batches through the engine."""
     works: dict[tuple[str, int], Callable[[], object]] = {}
-    for plant, runs in (("mujoco", 8), ("analytic", 32)):
+    for plant, runs in (("mujoco", 4), ("analytic", 16)):
         campaign = campaign_of(HEAVY[0], plant)
-        batches = [Batch(plant, HEAVY[0], k * runs, (k + 1) * runs) for k in range(4)]
+        batches = [Batch(plant, HEAVY[0], k * runs, (k + 1) * runs) for k in range(16)]
         for threads in (1, 2):
             works[plant, threads] = lambda c=campaign, b=batches, t=threads: list(
                 run_batches(c, b, workers=t)
             )
-    later = interleaved(works, repeats)
-    rate = [32.0 / t for t in later["mujoco", 2]]
+    later = interleaved(works, max(4, repeats // 2))
+    rate = [64.0 / t for t in later["mujoco", 2]]
     faster = [4.0 * m / a for m, a in zip(later["mujoco", 2], later["analytic", 2], strict=True)]
     return [
         figure(RATE, rate, "1/s"),
