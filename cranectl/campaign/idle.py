@@ -60,7 +60,7 @@ def check_acting(settings: CampaignSettings, parameters: Sequence[Parameter], no
                 raise InputError(
                     f"uncertain.{parameter.name} changes nothing on the {plant} plant with "
                     f"{settings.drive} drives: {why}",
-                    allowed="parameters that every run of the campaign depends on",
+                    allowed="parameters that act on every plant of the campaign",
                     remedy="leave it out, or choose other plants or drives",
                 )
 
