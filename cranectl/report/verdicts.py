@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from cranectl.metrics import workspace_violations
+from cranectl.metrics import RunMetrics, peak_acceleration, run_metrics, workspace_violations
 from cranectl.report.run_figures import DEGREES, FAMILIES, Family, largest_difference
 from cranectl.simulate import Run
 
@@ -23,21 +23,23 @@ def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> st
 
 
 def _space(runs: Runs) -> str:
-    return f"Farthest from the reference: {_each(runs, _largest_error, 'm')}."
+    return f"Farthest from the reference: {_each(runs, lambda run: _measured(run).max_error_m, 'm')}."
 
 
 def _error(runs: Runs) -> str:
     end = next(iter(runs.values())).time[-1]
-    return f"Load off its reference at {end:g} s: {_each(runs, _final_error, 'm')}."
+    return (
+        f"Load off its reference at {end:g} s: {_each(runs, lambda run: _measured(run).final_error_m, 'm')}."
+    )
 
 
 def _linear_input(runs: Runs) -> str:
-    return f"Largest |v|: {_each(runs, lambda run: _peak(run, 'virtual_input', 3), 'm/s⁴')}."
+    return f"Largest |v|: {_each(runs, _largest_virtual_input, 'm/s⁴')}."
 
 
 def _input(runs: Runs) -> str:
-    drives = _each(runs, lambda run: _peak(run, "input", 2), "m/s²")
-    rope = _each(runs, lambda run: float(np.abs(run.block("input")[:, 2]).max()), "m/s²")
+    drives = _each(runs, lambda run: max(_largest_acceleration(run)[:2]), "m/s²")
+    rope = _each(runs, lambda run: _largest_acceleration(run)[2], "m/s²")
     return f"Largest acceleration of bridge or trolley: {drives}; of the rope: {rope}."
 
 
@@ -52,7 +54,7 @@ def _trolley(runs: Runs) -> str:
 
 
 def _angles(runs: Runs) -> str:
-    largest = _each(runs, lambda run: float(np.abs(run.block("state")[:, [6, 8]]).max() * DEGREES), "°")
+    largest = _each(runs, lambda run: max(_measured(run).max_abs_angle_rad) * DEGREES, "°")
     tilt = max(float(np.abs(run.block("state")[-1, [6, 8]]).max() * DEGREES) for run in runs.values())
     return f"Largest angle: {largest}; at the end the rope leans by up to {_quantity(tilt, '°')}."
 
@@ -76,12 +78,10 @@ _SENTENCES: dict[str, Callable[[Runs], str]] = {
 assert set(_SENTENCES) == set(FAMILIES)
 
 
-def _largest_error(run: Run) -> float:
-    return float(np.linalg.norm(run.reference[:, :3] - run.block("load")[:, :3], axis=1).max())
-
-
-def _final_error(run: Run) -> float:
-    return float(np.linalg.norm(run.reference[-1, :3] - run.block("load")[-1, :3]))
+def _measured(run: Run) -> RunMetrics:
+    metrics = run_metrics(run)
+    assert metrics is not None, "a figure has a sample at least"
+    return metrics
 
 
 def _largest_swing(run: Run) -> float:
@@ -89,8 +89,12 @@ def _largest_swing(run: Run) -> float:
     return float(np.linalg.norm(beside, axis=1).max())
 
 
-def _peak(run: Run, group: str, columns: int) -> float:
-    return float(np.abs(run.block(group)[:, :columns]).max())
+def _largest_acceleration(run: Run) -> list[float]:
+    return [abs(value) for value in peak_acceleration(_measured(run))]
+
+
+def _largest_virtual_input(run: Run) -> float:
+    return float(np.abs(run.block("virtual_input")[:, :3]).max())
 
 
 def _each(runs: Runs, figure: Callable[[Run], float], unit: str) -> str:

@@ -135,6 +135,10 @@ def test_sentences_say_what_the_run_did() -> None:
     plain = verdict(FAMILIES["error"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
     assert plain == f"Load off its reference at 25 s: {final:.3f} m."
     assert "past the end of the rig, from 15.75 s on" in verdict(FAMILIES["trolley"], {"PP": run})
+    largest = np.abs(run.block("input")[:, :3]).max(axis=0)
+    inputs = verdict(FAMILIES["input"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
+    assert run.block("input")[:, 2].min() == -largest[2], "a size, whatever its sign"
+    assert f"trolley: {largest[:2].max():.3f} m/s²; of the rope: {largest[2]:.4f} m/s²" in inputs
     good = closed_loop("settled-trajectory", "lqr", "mujoco")
     assert verdict(FAMILIES["trolley"], {"LQR": good}) == "All stay within the rig."
     both = verdict(FAMILIES["angles"], {"PP": run, "LQR": good})
