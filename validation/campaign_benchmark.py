@@ -17,7 +17,6 @@ import mujoco
 import numpy as np
 import other_ways as other
 from figures import Figure, figure, interleaved, ratio_of_best
-from other_ways import Task
 
 from cranectl import resources
 from cranectl.campaign import Campaign, make_campaign
@@ -25,7 +24,7 @@ from cranectl.campaign.batches import Batch
 from cranectl.campaign.engine import run_batches
 from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.settings import parse_campaign
-from cranectl.campaign.worker import Worker
+from cranectl.campaign.worker import BLOCK, Worker
 from cranectl.design import design_controller
 from cranectl.jit import jit
 from cranectl.plants.mujoco_model import compiled_model, rate_addresses, state_addresses
@@ -37,7 +36,6 @@ from cranectl.simulate.stream import stream_run
 
 SCENARIO, DRIVE = "settled-trajectory", "velocity"
 HEAVY = ("lqr+hinf", "lqr+loop-shaping")
-BLOCK = 1000
 RATE = "campaign on MuJoCo, 2 threads, runs of 25 s"
 MEMORY = "{} short runs: memory"
 RESULT = "a row of their result"
@@ -217,7 +215,7 @@ def peak_memory(arguments: list[str], folder: str) -> tuple[float, float]:
 def other_ways(repeats: int) -> list[Figure]:
     """The same closed loop as one would write it otherwise: time of a run over that of a campaign's."""
     controller = HEAVY[0]
-    task = Task(controller)
+    task = other.Task(controller)
     campaign = make_campaign(
         parse_campaign(
             {
