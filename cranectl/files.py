@@ -12,7 +12,7 @@ def replacing(path: Path, *, keep_after: tuple[type[Exception], ...] = ()) -> It
     """A place beside `path` to write to; renamed to `path` if the block ends well, removed if not.
 
     After an error of a class in `keep_after` it stays under its own name. Raises OSError if `path` cannot be
-    replaced. Of two processes that write the same file, the last to finish wins, whole.
+    replaced. Of processes or threads that write the same file at once, the last to finish wins, whole.
     """
     _refuse_devices(path)
     part = _part(path)
@@ -32,9 +32,7 @@ def check_replaceable(path: Path) -> None:
     """Raise OSError or ValueError now if `replacing(path)` would fail; makes missing directories."""
     _refuse_devices(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = _part(path)
-    part.touch()
-    part.unlink()
+    _part(path).unlink()
 
 
 def write_text(path: Path, text: str) -> None:
@@ -53,9 +51,18 @@ def _refuse_devices(path: Path) -> None:
 
 
 def _part(path: Path) -> Path:
-    """Of each process its own, and never one that is there: process numbers come again."""
+    """An empty file beside `path` that nobody else has; process numbers come again, threads share one."""
     names = (f"{path.name}.{os.getpid()}{again}.part" for again in chain([""], (f"-{k}" for k in count(2))))
-    return next(part for part in map(path.parent.joinpath, names) if not os.path.lexists(part))
+    return next(part for part in map(path.parent.joinpath, names) if _made(part))
+
+
+def _made(part: Path) -> bool:
+    """Make `part` unless it is there: in one step, or two threads could take the same name."""
+    try:
+        part.touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
 
 
 def _put_on_disk(part: Path) -> None:
