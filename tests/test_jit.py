@@ -17,28 +17,80 @@ def fresh_cache_directory() -> object:
     jit.cache_directory.cache_clear()
 
 
-def test_cache_is_named_after_the_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Numba would not notice a change in a callee of another file; the name of the folder does."""
-    package = tmp_path / "package"
-    package.mkdir()
-    (package / "a.py").write_text("x = 1")
-    monkeypatch.setattr(jit, "_PACKAGE", package)
-    before = jit.source_fingerprint()
-    (package / "a.py").write_text("x = 2")
-    assert jit.source_fingerprint() != before
+@pytest.mark.parametrize(
+    "through", ["from cranectl.b import y", "from cranectl import b", "import cranectl.b"]
+)
+def test_a_change_in_an_imported_module_counts(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, through: str
+) -> None:
+    """Numba would not notice a change in a callee of another file; the digest of the sources does."""
+    monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
+    contents = {
+        "a": through,
+        "b": "    from cranectl.sub import (\n    z,\n)",
+        "sub/__init__": "z = 1",
+        "d": "",
+    }
+    (tmp_path / "sub").mkdir()
+    for name, text in contents.items():
+        (tmp_path / f"{name}.py").write_text(text)
+
+    def digest() -> str:
+        jit._source.cache_clear()
+        jit._imported.cache_clear()
+        return jit.sources_digest(tmp_path / "a.py")
+
+    before = digest()
+    (tmp_path / "d.py").write_text("not imported")
+    assert digest() == before
+    (tmp_path / "sub/__init__.py").write_text("z = 2")
+    assert digest() != before
+
+
+def test_kernels_depend_on_every_module_that_they_call() -> None:
+    """What the loop over the analytic plant is compiled from, but not the command line."""
+    package = Path(jit.__file__).parent
+    seen, waiting = set(), [package / "simulate/analytic_loop.py"]
+    while waiting:
+        seen.add(waiting[-1])
+        waiting += jit._imported(waiting.pop()) - seen
+    names = {str(path.relative_to(package)) for path in seen}
+    assert {"dynamics.py", "tracker.py", "effects/wind.py", "plants/dop853.py", "signals.py"} <= names
+    assert not any(name.startswith(("cli/", "report/", "log/")) for name in names)
 
 
 def test_chosen_directory_wins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert jit.cache_directory().parent == tmp_path
+    assert jit.cache_directory() == tmp_path
 
 
-def test_unwritable_directories_are_passed_over(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+NOWHERE = """
+import subprocess, sys, tempfile
+import cranectl.jit as jit
+jit.cache_directory()
+jit.cache_directory()
+print(subprocess.run([sys.executable, "-c", "import cranectl.jit as jit; print(jit.cache_directory())"],
+                     capture_output=True, text=True, check=True))
+"""
+
+
+def test_no_place_for_the_cache_is_said_once_and_leaves_nothing(tmp_path: Path) -> None:
     """A file where a directory should be cannot be written by anyone, root included."""
     (tmp_path / "file").write_text("")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
-    assert jit.cache_directory().is_dir()
-    assert tmp_path not in jit.cache_directory().parents
+    (tmp_path / "temporary").mkdir()
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path / "file"),
+        "TMPDIR": str(tmp_path / "temporary"),
+    }
+    command = [sys.executable, "-c", NOWHERE]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    (line,) = done.stderr.splitlines()
+    assert str(tmp_path / "file") in line
+    assert "NUMBA_CACHE_DIR names" in line
+    assert str(tmp_path / "temporary" / "cranectl-") in done.stdout, "a child shares the place"
+    assert "cannot be kept" not in done.stdout, "and says nothing of it"
+    assert not list((tmp_path / "temporary").iterdir())
 
 
 def test_compiled_functions_leave_numbas_own_setting_alone() -> None:
@@ -96,6 +148,30 @@ def test_a_damaged_cache_is_compiled_anew_and_healed(tmp_path: Path) -> None:
             path.write_bytes(damage)
         assert compiled_in_a_process(tmp_path) > 0
         assert compiled_in_a_process(tmp_path) == 0
+
+
+def test_a_flipped_bit_is_never_run(tmp_path: Path) -> None:
+    """In machine code it would end the process, or change a number, without a word."""
+    assert compiled_in_a_process(tmp_path) > 0
+    for suffix, at in (("nbc", 0.5), ("nbc", 0.98), ("nbi", 0.5)):
+        for path in tmp_path.rglob(f"*.{suffix}"):
+            content = bytearray(path.read_bytes())
+            content[int(at * len(content))] ^= 1
+            path.write_bytes(content)
+        assert compiled_in_a_process(tmp_path) > 0
+        assert compiled_in_a_process(tmp_path) == 0
+
+
+def test_code_of_other_sources_is_never_run(tmp_path: Path) -> None:
+    """Two versions share a place: one renews a file between the other's reading of index and of data."""
+    file = jit._CheckedFile(str(tmp_path), "kernel", "sources 1")
+    file.save("signature", "code")
+    assert file.load("signature") == "code"
+    other = jit._CheckedFile(str(tmp_path), "kernel", "sources 2")
+    assert other.load("signature") is None
+    other.save("signature", "other code")
+    with pytest.raises(jit._DamageError):
+        file._load_data(file._data_name(1))
 
 
 def test_a_disk_too_full_for_the_cache_is_no_error(tmp_path: Path) -> None:
