@@ -27,7 +27,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
     "--record",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Log of the session. Default: logs/SCENARIO/live.mcap",
+    help="Log of the session, a new file. Default: logs/SCENARIO/CONTROLLER-DRIVE-live.mcap or …-2.mcap",
 )
 @scenario_options
 def live_command(
@@ -51,11 +51,12 @@ def live_command(
     cranectl live fixed-position --controller lqr+hinf --plant mujoco --drive velocity
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
-    from cranectl.cases import LOG_DIRECTORY
+    from cranectl.cases import LOG_DIRECTORY, default_log
     from cranectl.design import design_controller
     from cranectl.errors import unknown_name
     from cranectl.log.desk import Address
     from cranectl.log.live import LiveServer
+    from cranectl.log.place import own_place
     from cranectl.plants.interface import PLANTS
     from cranectl.scenario import load_scenario
     from cranectl.simulate import Session, checked_drive
@@ -68,8 +69,9 @@ def live_command(
     controls = Controls(loaded, design, speed=speed)
     plants = PLANTS if plant == "both" else (plant,)
     session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
-    place = record or LOG_DIRECTORY / loaded.name / "live.mcap"
-    with _until_ended() as stop:
+    log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
+    wanted = record or log.with_stem(f"{log.stem}-live")
+    with _until_ended() as stop, own_place(wanted, numbered=record is None) as place:
         server = LiveServer(session, controls, Address(host, port), place)
         if host not in HERE:
             click.echo(

@@ -29,7 +29,7 @@ class LiveServer:
     """A session, its viewers and its recording."""
 
     def __init__(self, session: Session, controls: Controls, address: Address, record: Path) -> None:
-        """Listens at once; raises InputError if it cannot, LogError if `record` cannot be written."""
+        """Listens at once, or raises InputError; records at `record`, which must be the session's own."""
         session.prepare()
         self._session, self._controls = session, controls
         self._context = foxglove.Context()
@@ -40,11 +40,7 @@ class LiveServer:
         self._pieces = Pieces(session.scenario, session.plan, plants)
         self._desk = Desk(controls)
         self._server = listen(address, session.scenario.name, self._desk, self._context)
-        try:
-            self._recorder = Recorder(record, self._context, self._outlet)
-        except BaseException:
-            self._server.stop()
-            raise
+        self._recorder = Recorder(record, self._context, self._outlet)
         self.port: int = self._server.port
 
     @property

@@ -5,7 +5,6 @@ through all of them, and a viewer that opens them together shows the session as 
 """
 
 import contextlib
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -14,11 +13,11 @@ from pathlib import Path
 import foxglove
 from foxglove.mcap import MCAPWriteOptions
 
-from cranectl.errors import LogError
-from cranectl.files import check_replaceable, replacing
+from cranectl.files import replacing
 from cranectl.interrupts import interrupts_wait
 from cranectl.log import topics
 from cranectl.log.outlet import Outlet
+from cranectl.log.place import REMEDY, next_file
 from cranectl.log.writer import (
     CHUNK_SIZE,
     FAILURES,
@@ -31,8 +30,6 @@ from cranectl.log.writer import (
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 
-REMEDY = "choose another place with --record"
-
 
 class _DiscardedError(Exception):
     """The file holds no motion."""
@@ -42,16 +39,10 @@ class Recorder:
     """Writes what an outlet sends into files that are renamed once closed and checked."""
 
     def __init__(self, path: Path, context: foxglove.Context, outlet: Outlet) -> None:
-        """Removes later takes of an earlier session at `path`; raises LogError if it cannot be written."""
-        try:
-            check_replaceable(path)
-        except (OSError, ValueError) as error:
-            raise LogError.unwritable(path, error, remedy=REMEDY) from None
-        for old in path.parent.iterdir():
-            if re.fullmatch(rf"{re.escape(path.stem)}\.take\d+{re.escape(path.suffix)}", old.name):
-                old.unlink()
+        """`path` is where this session may write, as `own_place` gives it."""
         self.files: list[Path] = []  # that are closed
-        self._path, self._context, self._outlet = path, context, outlet
+        self._first, self._context, self._outlet = path, context, outlet
+        self._path = path  # of the file that is open
         self._place = contextlib.ExitStack()
         self._part: Path | None = None
         self._file: foxglove.MCAPWriter | None = None
@@ -62,7 +53,7 @@ class Recorder:
 
         `from_ns` and `reason` say when and why it begins. Raises LogError.
         """
-        path = self._next_path()
+        path = self._path = next_file(self._first)
         try:
             self._part = self._place.enter_context(replacing(path, keep_after=FAILURES))
             options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
@@ -88,7 +79,7 @@ class Recorder:
         """
         if self._file is None:
             return
-        path, part, file = self._next_path(), self._part, self._file
+        path, part, file = self._path, self._part, self._file
         assert part is not None
         self._file = None
         sent = self._outlet.sent - self._before
@@ -107,7 +98,3 @@ class Recorder:
                 self.files.append(path)
         except FAILURES as error:
             raise unfinished(path, self._part, error, remedy=REMEDY) from None
-
-    def _next_path(self) -> Path:
-        take = len(self.files) + 1
-        return self._path if take == 1 else self._path.with_suffix(f".take{take}{self._path.suffix}")

@@ -189,8 +189,8 @@ def test_a_machine_too_slow_says_so_once(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_gains_change_the_run_and_its_recording(tmp_path: Path) -> None:
     record = tmp_path / "live.mcap"
-    stale = tmp_path / "live.take9.mcap"
-    stale.touch()
+    old = tmp_path / "live.take9.mcap"
+    old.touch()
     with live(record, *QUIET) as (running, viewer):
         viewer.subscribe("/controller/design", "/log", "/mujoco/controller")
         viewer.rest(0.2)
@@ -209,7 +209,7 @@ def test_gains_change_the_run_and_its_recording(tmp_path: Path) -> None:
         viewer.rest(0.1)
         files = running.end()
     assert files == [record, tmp_path / "live.take2.mcap", tmp_path / "live.take3.mcap"]
-    assert sorted(tmp_path.iterdir()) == sorted(files), "nothing half-written, nothing of an earlier session"
+    assert sorted(tmp_path.iterdir()) == sorted([*files, old]), "nothing half-written"
     runs = [read_log(file)["mujoco"] for file in files]
     assert [run.design.name for run in runs] == [
         "lqr", "lqr, gains by hand", "pole-placement+loop-shaping",
@@ -426,8 +426,8 @@ sys.exit(main.main(sys.argv[1:]))
         viewer.until_closed()
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0
-    record = tmp_path / "logs/fixed-position/live.mcap"
-    assert "recorded: logs/fixed-position/live.mcap" in out
+    record = tmp_path / "logs/fixed-position/pole-placement-ideal-live.mcap"
+    assert f"recorded: {record.relative_to(tmp_path)}" in out
     assert ("warning: listening on 0.0.0.0: anyone" in err) == bool(host)
     assert "Traceback" not in err
     assert list(record.parent.iterdir()) == [record]
@@ -443,6 +443,55 @@ sys.exit(main.main(sys.argv[1:]))
     run = read_log(record)["mujoco"]
     assert run.status == RunStatus.INTERRUPTED
     assert np.abs(run.block("disturbance")).max() == 2.0
+
+
+def test_two_sessions_leave_all_that_they_print(tmp_path: Path) -> None:
+    """At once and one after the other, where nobody says where to record."""
+    command = [
+        sys.executable,
+        "-m",
+        "cranectl",
+        "live",
+        "fixed-position",
+        "--port",
+        "0",
+        "--plant",
+        "analytic",
+    ]
+    kept: dict[Path, bytes] = {}
+    for together in (2, 1):
+        sessions = [
+            subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+            for _ in range(together)
+        ]
+        for session in sessions:
+            head = list(itertools.islice(session.stdout or [], 5))
+            move_and_reset(int(head[1].rpartition(":")[2]))
+        for session in sessions:
+            session.send_signal(signal.SIGINT)
+            out, err = session.communicate(timeout=60)
+            assert (session.returncode, err) == (0, "")
+            printed = [tmp_path / line.removeprefix("recorded: ") for line in out.splitlines()]
+            assert len(printed) == 2
+            assert not kept.keys() & set(printed)
+            kept |= {file: file.read_bytes() for file in printed}
+    assert sorted((tmp_path / "logs/fixed-position").iterdir()) == sorted(kept)
+    assert all(file.read_bytes() == data for file, data in kept.items())
+    taken = str(sorted(kept)[0])
+    with pytest.raises(LogError, match="is there already"):
+        live_command.main(["fixed-position", "--port", "0", "--record", taken], standalone_mode=False)
+
+
+def move_and_reset(port: int) -> None:
+    """Make a session leave two files."""
+    with Viewer(port) as viewer:
+        viewer.until(lambda: "/tf" in viewer.channels)
+        viewer.subscribe("/analytic/state", "/log")
+        viewer.until(lambda: len(viewer.of("/analytic/state")) > 5)
+        viewer.call("/reset")
+        viewer.wait_to_hear("reset")
+        viewer.forget()
+        viewer.until(lambda: len(viewer.of("/analytic/state")) > 5)
 
 
 def test_a_port_in_use_is_explained(tmp_path: Path) -> None:
@@ -487,6 +536,7 @@ def test_a_recording_that_cannot_be_finished_is_an_error(tmp_path: Path) -> None
     scenario = load_scenario("fixed-position")
     design = design_controller("lqr", scenario.design)
     place = tmp_path / "there"
+    place.mkdir()
     session = Session(scenario, design, plants=["analytic"])
     server = LiveServer(session, Controls(scenario, design), Address(port=0), place / "live.mcap")
     stop = threading.Event()
