@@ -1,5 +1,6 @@
 """A case: one scenario, controller and drive on one or both plants, simulated, logged and judged."""
 
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any
 
 from cranectl.compare import Agreement, Comparison, compare_runs, judge
 from cranectl.design import Design, design_controller
+from cranectl.errors import InputError
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants.interface import PLANTS, Drive
@@ -26,6 +28,7 @@ class Case:
     drive: Drive
     plants: tuple[str, ...]
     log: Path
+    source: str  # how its scenario was asked for: its name or its file
 
     @property
     def simulated_seconds(self) -> float:
@@ -87,6 +90,23 @@ class CaseResult:
         return self.as_expected and (self.agreement is None or self.agreement.passed)
 
 
+@dataclass(frozen=True)
+class Failure:
+    """Why a case has no result."""
+
+    reason: str  # for people, one line or more
+    bad_input: bool  # else nobody foresaw it
+    trace: str = ""  # where in the program, unless it is bad input
+
+    @classmethod
+    def of(cls, error: Exception) -> "Failure":
+        """The failure that `error` means."""
+        if isinstance(error, InputError):
+            return cls(str(error), bad_input=True)
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        return cls(text, bad_input=False, trace="".join(traceback.format_exception(error)))
+
+
 def make_case(
     scenario: Scenario,
     *,
@@ -94,11 +114,25 @@ def make_case(
     drive: Drive = "ideal",
     plants: Sequence[str] = PLANTS,
     log: Path | None = None,
+    source: str | None = None,
 ) -> Case:
-    """A case with the scenario's own controller and the usual place for its log by default."""
+    """A case with the scenario's own controller and name and the usual place for its log by default."""
     controller = controller or scenario.controller
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, tuple(plants), log)
+    return Case(scenario, controller, drive, tuple(plants), log, source or scenario.name)
+
+
+def check_apart(cases: Sequence[Case]) -> None:
+    """Raise InputError if two cases have one log: the later one would replace the earlier one's."""
+    places: dict[Path, Case] = {}
+    for case in cases:
+        other = places.setdefault(case.log.resolve(), case)
+        if other is not case:
+            raise InputError(
+                f"{other.source} and {case.source} would share the log {case.log}",
+                allowed="scenarios of different names, each of them once",
+                remedy="change the 'name' in one of the files, or run them apart with other --out",
+            )
 
 
 def default_log(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:
@@ -131,6 +165,14 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
             break
     write_log(case.log, runs)
     return _result(case, design, runs)
+
+
+def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
+    """As `run_case`, but whatever goes wrong is a failure: one case must not end the others."""
+    try:
+        return run_case(case, progress=progress)
+    except Exception as error:
+        return Failure.of(error)
 
 
 def _result(case: Case, design: Design, runs: Sequence[Run]) -> CaseResult:

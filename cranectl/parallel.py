@@ -13,13 +13,16 @@ from multiprocessing.context import BaseContext
 from multiprocessing.synchronize import Event
 from typing import NamedTuple
 
-from cranectl.cases import Case, CaseResult, run_case
+from cranectl.cases import Case, CaseResult, Failure, try_case
 
 # Loaded once, before workers are forked; without it each worker would import for two seconds.
 PRELOADED = ["control", "mujoco", "numba", "cranectl.parallel", "cranectl.design.loop_shaping"]
 PRELOADED += ["cranectl.simulate.analytic_loop", "cranectl.simulate.mujoco_loop"]
 
 Done = Callable[[Case], None]  # called after each case
+Result = (
+    CaseResult | Failure | None
+)  # None for a case that an interrupt kept from running, or whose worker died
 
 
 def available_cores() -> int:
@@ -28,29 +31,32 @@ def available_cores() -> int:
 
 
 class Outcome(NamedTuple):
-    """The result of each case; None for one that an interrupt kept from running, or whose worker died."""
+    """What came of each case."""
 
-    results: list[CaseResult | None]
+    results: list[Result]
     interrupted: bool
 
 
 def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> Outcome:
-    """Run all cases in up to `jobs` processes; `done` is called after each.
+    """Run all cases, each with a log of its own, in up to `jobs` processes; `done` is called after each.
 
     Ctrl-C and SIGTERM end all workers after they have closed their logs; the cases they were at
-    say so in their results. Raises InputError as soon as a case turns out to be wrong input.
+    say so in their results. A case that cannot be run is a failure, the others run.
     """
     jobs = min(jobs, len(cases))
     return _in_workers(cases, jobs, done) if jobs > 1 else _one_by_one(cases, done)
 
 
 def _one_by_one(cases: Sequence[Case], done: Done | None) -> Outcome:
-    results: list[CaseResult | None] = [None] * len(cases)
+    results: list[Result] = [None] * len(cases)
     for k, case in enumerate(cases):
-        result = results[k] = run_case(case)
+        try:
+            result = results[k] = try_case(case)
+        except KeyboardInterrupt:  # before its runs began
+            return Outcome(results, interrupted=True)
         if done is not None:
             done(case)
-        if result.interrupted:
+        if isinstance(result, CaseResult) and result.interrupted:
             return Outcome(results, interrupted=True)
     return Outcome(results, interrupted=False)
 
@@ -58,7 +64,7 @@ def _one_by_one(cases: Sequence[Case], done: Done | None) -> Outcome:
 def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Outcome:
     context = _worker_context()
     stop = context.Event()
-    results: list[CaseResult | None] = [None] * len(cases)
+    results: list[Result] = [None] * len(cases)
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop,)) as pool:
         futures = {pool.submit(_work, case): k for k, case in enumerate(cases)}
         try:
@@ -88,9 +94,9 @@ def _worker_context() -> BaseContext:
 
 
 def _collect(
-    futures: dict[Future[CaseResult | None], int],
+    futures: dict[Future[Result], int],
     cases: Sequence[Case],
-    results: list[CaseResult | None],
+    results: list[Result],
     done: Done | None,
 ) -> None:
     for future in as_completed(futures):
@@ -123,11 +129,11 @@ def _start(stop: Event) -> None:
     threading.Thread(target=end_with_parent, daemon=True).start()
 
 
-def _work(case: Case) -> CaseResult | None:
+def _work(case: Case) -> Result:
     assert _stop is not None
     if _stop.is_set():
         return None
-    return run_case(case, progress=_interrupt_if_told)
+    return try_case(case, progress=_interrupt_if_told)
 
 
 def _interrupt_if_told(_seconds: float) -> None:

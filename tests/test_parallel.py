@@ -1,5 +1,6 @@
 """Many cases at once: the same results as one by one, and an honest end when told to stop or one dies."""
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.cases import Case, make_case
+from cranectl.cases import Case, CaseResult, Failure, check_apart, make_case
 from cranectl.errors import InputError, LogError
 from cranectl.log import read_log
 from cranectl.parallel import available_cores, run_cases
@@ -35,8 +36,8 @@ def test_workers_write_the_same_bytes_as_one_process(tmp_path: Path) -> None:
     assert not together.interrupted
     assert sorted(seen) == sorted(["pole-placement", "lqr", "lqr+hinf"] * 2)
     for a, b in zip(alone.results, together.results, strict=True):
-        assert a is not None
-        assert b is not None
+        assert isinstance(a, CaseResult)
+        assert isinstance(b, CaseResult)
         assert a.runs[0].controller == b.runs[0].controller, "results keep the order of cases"
         assert a.runs[0].log.read_bytes() == b.runs[0].log.read_bytes()
         assert a.agreement == b.agreement
@@ -44,10 +45,40 @@ def test_workers_write_the_same_bytes_as_one_process(tmp_path: Path) -> None:
 
 def test_wrong_input_in_a_worker_reaches_the_caller(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(LogError) as caught:
-        run_cases(cases(tmp_path / "file"), jobs=2)
-    assert "cannot write" in caught.value.found
-    assert "--out" in caught.value.remedy
+    for result in run_cases(cases(tmp_path / "file"), jobs=2).results:
+        assert isinstance(result, Failure)
+        assert result.bad_input
+        assert "cannot write" in result.reason
+        assert "--out" in result.reason
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_goes_wrong_in_one_case_leaves_the_others(tmp_path: Path, jobs: int) -> None:
+    """One that cannot be designed, and one that fails as nobody foresaw."""
+    good, unforeseen, _ = cases(tmp_path)
+    unforeseen = dataclasses.replace(unforeseen, drive=None)
+    wrong = dataclasses.replace(good, controller="pid", log=tmp_path / "wrong.mcap")
+    seen: list[Case] = []
+    outcome = run_cases([wrong, unforeseen, good], jobs=jobs, done=seen.append)
+    first, second, third = outcome.results
+    assert isinstance(first, Failure)
+    assert (first.bad_input, first.trace) == (True, "")
+    assert "unknown controller 'pid'" in first.reason
+    assert isinstance(second, Failure)
+    assert not second.bad_input
+    assert second.trace.endswith(f"{second.reason}\n")
+    assert isinstance(third, CaseResult)
+    assert third.passed
+    assert len(seen) == 3
+    assert not outcome.interrupted
+
+
+def test_two_cases_of_one_log_are_refused(tmp_path: Path) -> None:
+    first, second, third = cases(tmp_path)
+    same = dataclasses.replace(third, log=tmp_path / "a" / ".." / first.log.name, source="other.toml")
+    with pytest.raises(InputError, match=r"fixed-position and other\.toml would share the log"):
+        check_apart([first, second, same])
+    check_apart([first, second, third])
 
 
 def test_errors_survive_the_way_between_processes() -> None:
@@ -131,7 +162,7 @@ def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:
     workers = [pid for pid in children(process.pid) if not children(pid) and _is_worker(pid)]
     os.kill(workers[-1], signal.SIGKILL)
     out, error = process.communicate(timeout=120)
-    assert process.returncode == 1, error
+    assert process.returncode == 70, error
     assert "Traceback" not in error
     assert "its worker process died" in out
     assert "validation FAILED" in out

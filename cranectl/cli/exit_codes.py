@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cranectl.cases import CaseResult
+    from cranectl.parallel import Result
 
 GOOD = 0
 LIMIT_EXCEEDED = 1
 BAD_INPUT = 2
 RUN_STOPPED = 3
+UNFORESEEN = 70  # an error in the program, as sysexits.h has it
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
 
@@ -22,11 +24,21 @@ def of_run(result: "CaseResult") -> int:
     return GOOD if result.passed else LIMIT_EXCEEDED
 
 
-def of_validation(results: Sequence["CaseResult | None"], *, interrupted: bool) -> int:
-    """As `of_run`, but a run that stops as its scenario expects is good; None is a case that was lost."""
+def of_validation(results: Sequence["Result"], *, interrupted: bool) -> int:
+    """The code that says most: interrupted, unforeseen or a worker died, bad input, stopped, disagreed, good.
+
+    A run that stops as its scenario expects is good.
+    """
+    from cranectl.cases import CaseResult, Failure
+
     if interrupted:
         return INTERRUPTED
-    finished = [result for result in results if result is not None]
+    failures = [result for result in results if isinstance(result, Failure)]
+    if any(result is None for result in results) or not all(failure.bad_input for failure in failures):
+        return UNFORESEEN
+    if failures:
+        return BAD_INPUT
+    finished = [result for result in results if isinstance(result, CaseResult)]
     if any(result.stopped and not result.as_expected for result in finished):
         return RUN_STOPPED
-    return GOOD if all(result is not None and result.passed for result in results) else LIMIT_EXCEEDED
+    return GOOD if all(result.passed for result in finished) else LIMIT_EXCEEDED

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import exit_codes
 from cranectl.cli.options import drive_option, json_option, scenario_options
 
 if TYPE_CHECKING:
-    from cranectl.cases import Case
-    from cranectl.parallel import Outcome
+    from cranectl.cases import Case, Failure
+    from cranectl.scenario import Scenario
 
 
 @click.command("validate")
@@ -43,33 +42,45 @@ def validate_command(
 ) -> int:
     """Run scenarios with all controllers and drives on both plants and judge the agreement.
 
-    The limits and their reasons are in validation/tolerances.toml.
+    The limits and their reasons are in validation/tolerances.toml. A scenario that cannot be run is a failed
+    case with its reason; the others run.
 
     \b
     cranectl validate
     cranectl validate fixed-position --controller lqr --drive ideal --json -
     cranectl validate --jobs 1 --set rig.load_mass=2.5
+
+    Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
+    2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
-    from cranectl.cases import default_log, make_case
+    from cranectl.cases import check_apart, default_log, make_case
     from cranectl.cli.output import progress_bar
+    from cranectl.cli.validate_output import report_validation
     from cranectl.design import CONTROLLERS, checked_controller
+    from cranectl.log import check_writable
     from cranectl.parallel import available_cores, run_cases
     from cranectl.plants.interface import DRIVES
-    from cranectl.scenario import load_scenario, scenario_names
+    from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
 
     names = [checked_controller(name) for name in dict.fromkeys(controllers)] or CONTROLLERS
     drives = DRIVES if drive == "both" else (checked_drive(drive),)
-    loaded = [
-        load_scenario(name, rig=rig, overrides=overrides)
-        for name in dict.fromkeys(scenarios) or scenario_names()
-    ]
+    loaded, unloaded = _loaded(tuple(dict.fromkeys(scenarios)) or scenario_names(), rig, overrides)
     cases = [
-        make_case(scenario, controller=name, drive=kind, log=default_log(out, scenario, name, kind))
-        for scenario in loaded
+        make_case(
+            scenario,
+            controller=name,
+            drive=kind,
+            log=default_log(out, scenario, name, kind),
+            source=source,
+        )
+        for source, scenario in loaded.items()
         for name in names
         for kind in drives
     ]
+    check_apart(cases)
+    if cases:
+        check_writable(out / "any.mcap")  # told once, not by every case
     with progress_bar(sum(case.simulated_seconds for case in cases)) as (advance, describe):
 
         def done(case: "Case") -> None:
@@ -77,40 +88,20 @@ def validate_command(
             advance(case.simulated_seconds)
 
         outcome = run_cases(cases, jobs=jobs or available_cores(), done=done)
-    return _report(cases, outcome, out, json_file)
+    return report_validation(cases, outcome, unloaded, out, json_file)
 
 
-def _report(cases: Sequence["Case"], outcome: "Outcome", out: Path, json_file: str | None) -> int:
-    from cranectl.cli.output import FAILED, PASSED, agreement_table, console, run_notes, write_json
+def _loaded(
+    names: Sequence[str], rig: Path | None, overrides: Sequence[str]
+) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
+    """The scenarios by the names they were asked for, and why others cannot be loaded."""
+    from cranectl.cases import Failure
+    from cranectl.scenario import load_scenario
 
-    results = outcome.results
-    finished = [result for result in results if result is not None]
-    runs = [run for result in finished for run in result.runs]
-    judged = [(result.agreement, result.passed) for result in finished if result.agreement is not None]
-    agreements = [agreement for agreement, _ in judged]
-    lost = [case for case, result in zip(cases, results, strict=True) if result is None]
-    code = exit_codes.of_validation(results, interrupted=outcome.interrupted)
-    passed = code == exit_codes.GOOD
-    screen = console(json_file)
-    screen.print(agreement_table(agreements, [good for _, good in judged]))
-    for note in run_notes(finished):
-        screen.print(f"  {note}", soft_wrap=True)
-    for case in lost:
-        why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
-        name = f"{case.scenario.name}, {case.controller}, {case.drive}"
-        screen.print(f"  [bold red]{name}: no result, {why}[/]", soft_wrap=True)
-    screen.print(f"{len(runs)} runs, logs in {out}", soft_wrap=True)
-    screen.print(f"validation {PASSED if passed else FAILED}")
-    write_json(
-        json_file,
-        {
-            "passed": passed,
-            "runs": [run.to_json() for run in runs],
-            "agreements": [agreement.to_json() for agreement in agreements],
-            "lost": [
-                {"scenario": case.scenario.name, "controller": case.controller, "drive": case.drive}
-                for case in lost
-            ],
-        },
-    )
-    return code
+    loaded, unloaded = {}, {}
+    for name in names:
+        try:
+            loaded[name] = load_scenario(name, rig=rig, overrides=overrides)
+        except Exception as error:
+            unloaded[name] = Failure.of(error)
+    return loaded, unloaded

@@ -112,7 +112,7 @@ def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "fixed-position", *SHORT, "--json", "-"]) == 0
     captured = capsys.readouterr()
     result = json.loads(captured.out)
-    assert set(result) == {"passed", "runs", "agreements", "lost"}
+    assert set(result) == {"passed", "runs", "agreements", "failed", "lost"}
     assert result["passed"] is True
     assert {(r["scenario"], r["controller"], r["plant"], r["drive"]) for r in result["runs"]} == {
         ("fixed-position", controller, plant, drive)

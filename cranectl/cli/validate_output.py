@@ -1,0 +1,101 @@
+"""What `cranectl validate` says at its end: tables, failures, JSON, exit code."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+from rich.markup import escape
+
+from cranectl.cases import Case, CaseResult, Failure
+from cranectl.cli import exit_codes
+from cranectl.cli.output import FAILED, PASSED, agreement_table, console, run_notes, write_json
+from cranectl.parallel import Outcome
+
+SHOWN = 10  # failures told on the screen
+
+
+class Failed(NamedTuple):
+    """What could not be run, and why; without controller and drive it is the whole scenario."""
+
+    scenario: str  # as it was asked for
+    controller: str | None
+    drive: str | None
+    failure: Failure
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return ", ".join(part for part in (self.scenario, self.controller, self.drive) if part is not None)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "scenario": self.scenario,
+            "controller": self.controller,
+            "drive": self.drive,
+            "reason": self.failure.reason,
+            "bad_input": self.failure.bad_input,
+        }
+
+
+def report_validation(
+    cases: Sequence[Case],
+    outcome: Outcome,
+    unloaded: Mapping[str, Failure],
+    out: Path,
+    json_file: str | None,
+) -> int:
+    """Say what came of `cases`, and why scenarios could not be loaded; returns the exit code."""
+    pairs = list(zip(cases, outcome.results, strict=True))
+    failed = [Failed(name, None, None, failure) for name, failure in unloaded.items()]
+    failed += [
+        Failed(c.source, c.controller, c.drive, found) for c, found in pairs if isinstance(found, Failure)
+    ]
+    finished = [found for _, found in pairs if isinstance(found, CaseResult)]
+    lost = [case for case, found in pairs if found is None]
+    code = exit_codes.of_validation([*outcome.results, *unloaded.values()], interrupted=outcome.interrupted)
+    if finished or lost:
+        screen = console(json_file)
+        judged = [(each.agreement, each.passed) for each in finished if each.agreement is not None]
+        screen.print(agreement_table([agreement for agreement, _ in judged], [good for _, good in judged]))
+        why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
+        nowhere = [
+            f"[bold red]{escape(case.source)}, {case.controller}, {case.drive}: no result, {why}[/]"
+            for case in lost
+        ]
+        for note in (*run_notes(finished), *nowhere):
+            screen.print(f"  {note}", soft_wrap=True)
+        screen.print(f"{sum(len(each.runs) for each in finished)} runs, logs in {out}", soft_wrap=True)
+        screen.print(f"validation {PASSED if code == exit_codes.GOOD else FAILED}")
+    _tell(failed)
+    write_json(json_file, _json(finished, failed, lost, passed=code == exit_codes.GOOD))
+    return code
+
+
+def _tell(failed: Sequence[Failed]) -> None:
+    """Say on standard error why cases could not be run, each reason once for a scenario."""
+    alike: dict[tuple[str, Failure], list[str]] = {}
+    for each in failed:
+        alike.setdefault((each.scenario, each.failure), []).append(each.name)
+    for (scenario, failure), names in list(alike.items())[:SHOWN]:
+        name = names[0] if len(names) == 1 else f"{scenario}, {len(names)} cases"
+        what = "could not be run" if failure.bad_input else "an error in cranectl"
+        click.echo(f"{name}: {what}\n{failure.reason}\n{failure.trace}".rstrip(), err=True)
+    if len(alike) > SHOWN:
+        click.echo(f"and {len(alike) - SHOWN} more", err=True)
+
+
+def _json(
+    finished: Sequence[CaseResult], failed: Sequence[Failed], lost: Sequence[Case], *, passed: bool
+) -> dict[str, Any]:
+    return {
+        "passed": passed,
+        "runs": [run.to_json() for result in finished for run in result.runs],
+        "agreements": [result.agreement.to_json() for result in finished if result.agreement is not None],
+        "failed": [each.to_json() for each in failed],
+        "lost": [
+            {"scenario": case.scenario.name, "controller": case.controller, "drive": case.drive}
+            for case in lost
+        ],
+    }

@@ -1,0 +1,102 @@
+"""`cranectl validate` with scenarios of which some cannot be run, or would write over each other."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cranectl import cases, resources
+from cranectl.cli.main import main
+from cranectl.log import read_log
+from cranectl.simulate import Run
+
+GOOD = """\
+name = "good"
+duration = 0.3
+reference = { start = [1.0, 0.77, -0.7] }
+"""
+# The observer and its law at 0.1 s: the loop is unstable when sampled.
+UNSTABLE = GOOD.replace("good", "unstable") + "control = { period = 0.1, physics_step = 0.001 }\n"
+FOLLOWED = ["--controller", "lqr+hinf", "--drive", "ideal", "--json", "found.json"]
+
+
+@pytest.fixture(autouse=True)
+def in_directory_with_scenarios(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("good.toml").write_text(GOOD)
+    Path("also.toml").write_text(GOOD)
+    Path("unstable.toml").write_text(UNSTABLE)
+    Path("broken.toml").write_text("name = 'broken'\nduration =")
+
+
+def shipped(name: str) -> str:
+    return str(resources.SCENARIO_DIRECTORY / f"{name}.toml")
+
+
+@pytest.mark.parametrize(
+    "pair", [("good.toml", "also.toml"), ("good.toml", "./good.toml"), ("slack-rope", shipped("slack-rope"))]
+)
+def test_scenarios_of_one_name_are_refused(pair: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", *pair, *FOLLOWED]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert f"{pair[0]} and {pair[1]} would share the log logs/" in captured.err
+    assert "allowed: " in captured.err
+    assert "remedy: " in captured.err
+    assert not Path("logs").exists(), "before anything is run"
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_scenarios_that_cannot_be_run_leave_the_others(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["broken.toml", "unstable.toml", "absent.toml", "good.toml"]
+    assert main(["validate", *names, *FOLLOWED, "--jobs", jobs]) == 2
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    assert "2 runs, logs in logs" in captured.out
+    assert "validation FAILED" in captured.out
+    assert "broken.toml: could not be run\nfound:   broken.toml is not valid TOML" in captured.err
+    assert "unstable.toml, lqr+hinf, ideal: could not be run\nfound: " in captured.err
+    assert "absent.toml: could not be run\nfound:   cannot read absent.toml" in captured.err
+    found = json.loads(Path("found.json").read_text())
+    assert found["passed"] is False
+    assert [run["scenario"] for run in found["runs"]] == ["good", "good"]
+    (agreement,) = found["agreements"]
+    assert agreement["passed"] is True
+    failed = {each["scenario"]: each for each in found["failed"]}
+    assert failed.keys() == {"broken.toml", "unstable.toml", "absent.toml"}
+    assert all(each["bad_input"] for each in failed.values())
+    assert failed["absent.toml"]["controller"] is None
+    assert failed["unstable.toml"]["controller"] == "lqr+hinf"
+    assert "unstable when sampled" in failed["unstable.toml"]["reason"]
+    assert len(read_log("logs/good/lqr+hinf-ideal.mcap")) == 2
+
+
+def test_one_reason_of_many_cases_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+    text = GOOD.replace("start = [1.0, 0.77, -0.7]", "start = [1.0, 0.77, 0.7]")
+    Path("above.toml").write_text(text.replace("good", "above"))
+    assert main(["validate", "above.toml", "--json", "found.json", "--jobs", "1"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "", "nothing was run"
+    assert captured.err.count("could not be run") == 1
+    assert json.loads(Path("found.json").read_text())["failed"]
+
+
+def test_an_error_that_nobody_foresaw_is_no_verdict(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulate = cases.simulate_run
+
+    def sometimes(*arguments: object, **named: object) -> Run:
+        if named["drive"] == "velocity":
+            raise ZeroDivisionError("of our own making")
+        return simulate(*arguments, **named)
+
+    monkeypatch.setattr(cases, "simulate_run", sometimes)
+    assert main(["validate", "good.toml", "--controller", "lqr", "--jobs", "1", "--json", "found.json"]) == 70
+    captured = capsys.readouterr()
+    assert "good.toml, lqr, velocity: an error in cranectl" in captured.err
+    assert "ZeroDivisionError: of our own making" in captured.err
+    assert "validation FAILED" in captured.out
+    found = json.loads(Path("found.json").read_text())
+    assert [run["drive"] for run in found["runs"]] == ["ideal", "ideal"]
+    assert [each["bad_input"] for each in found["failed"]] == [False]
