@@ -1,7 +1,6 @@
 """Compare two runs sample by sample; runs come in memory, the caller reads files."""
 
 import functools
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl import resources
+from cranectl.documents import read_toml
 from cranectl.errors import InputError
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import Signal
@@ -138,7 +138,7 @@ def judge(a: Run, b: Run) -> Agreement:
 @functools.cache
 def agreement_limits(drive: str) -> Limits:
     """What two plants with these drives may differ in closed loop."""
-    tolerances = tomllib.loads(resources.TOLERANCE_FILE.read_text(encoding="utf-8"))
+    tolerances = read_toml(resources.TOLERANCE_FILE)
     return Limits(**tolerances["closed-loop"][drive])
 
 

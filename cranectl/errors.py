@@ -5,6 +5,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Self
 
+from cranectl.text import printable
+
+COMPARED = 80  # [characters] of a name: the time to compare goes with their square
+LONGEST = 4000  # [characters] of a phrase; all signals of a log are named in fewer
+
 
 class CranectlError(Exception):
     """Base of all errors that the command line reports without a traceback."""
@@ -16,7 +21,8 @@ class InputError(CranectlError):
     def __init__(self, found: str, *, allowed: str = "", remedy: str = "") -> None:
         self.found, self.allowed, self.remedy = found, allowed, remedy
         labelled = (("found", found), ("allowed", allowed), ("remedy", remedy))
-        super().__init__("\n".join(f"{label + ':':9}{text}" for label, text in labelled if text))
+        lines = (f"{label + ':':9}{printable(text, longest=LONGEST)}" for label, text in labelled if text)
+        super().__init__("\n".join(lines))
 
     @classmethod
     def unwritable(cls, path: Path, error: Exception, *, remedy: str = "choose another place") -> Self:
@@ -62,4 +68,4 @@ def is_near(name: str, candidate: str) -> bool:
 
 
 def _similarity(a: str, b: str) -> float:
-    return difflib.SequenceMatcher(None, a.lower(), b.lower()).ratio()
+    return difflib.SequenceMatcher(None, a[:COMPARED].lower(), b[:COMPARED].lower()).ratio()

@@ -10,10 +10,11 @@ from pydantic import Field
 
 from cranectl import resources
 from cranectl.compare import COMPARED_GROUPS, compare_runs, compared_signals, named_signals
+from cranectl.documents import read_toml
 from cranectl.errors import InputError, unknown_name
 from cranectl.patterns import matching, unmatched
 from cranectl.scenario import NANOSECONDS
-from cranectl.settings import Settings, parse_settings, read_toml
+from cranectl.settings import Settings, parse_settings
 from cranectl.simulate import Run
 
 TOLERANCE_DIRECTORY = resources.TOLERANCE_FILE.parent / "regression"

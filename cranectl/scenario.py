@@ -7,10 +7,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from cranectl import resources
+from cranectl.documents import Table, read_toml
 from cranectl.effects.settings import NO_EFFECTS, EffectSettings
 from cranectl.errors import unknown_name
 from cranectl.parameters import Position, RigParameters
-from cranectl.settings import Settings, Table, override, parse_settings, read_toml
+from cranectl.settings import Settings, override, parse_settings
 
 NANOSECONDS = 1_000_000_000
 MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms

@@ -1,16 +1,14 @@
 """Strict settings: TOML in, frozen pydantic models out, every mistake told at once and in full."""
 
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
+from cranectl.documents import MAX_DEPTH, Table, toml_value
 from cranectl.errors import InputError, is_near, nearest_first
-
-Table = dict[str, Any]
+from cranectl.text import printable
 
 
 class Settings(BaseModel):
@@ -18,6 +16,8 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
+
+MAX_PROBLEMS = 10  # told in one message
 
 S = TypeVar("S", bound=Settings)
 
@@ -27,24 +27,13 @@ def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
     try:
         return model.model_validate(dict(table))
     except ValidationError as error:
-        problems = [_explain(model, details) for details in error.errors()]
+        problems = [_explain(model, details) for details in error.errors()[:MAX_PROBLEMS]]
+        more = error.error_count() - len(problems)
     raise InputError(
-        f"{source}: " + "; ".join(found for found, _, _ in problems),
+        f"{source}: " + "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else ""),
         allowed="; ".join(allowed for _, allowed, _ in problems if allowed),
         remedy="; ".join(remedy for _, _, remedy in problems if remedy) or "correct the fields above",
     ) from None
-
-
-def read_toml(path: Path) -> Table:
-    """Read a TOML file; raises InputError when it is missing or not TOML."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read {path}: {error}", remedy="name a readable TOML file") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            f"{path} is not valid TOML: {error}", remedy="correct the file at that place"
-        ) from None
 
 
 def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
@@ -58,7 +47,12 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
                 allowed="key=value, with dots between tables",
                 remedy="for example --set rig.load_mass=2.5",
             )
-        _assign(result, key.strip().split("."), _toml_value(text.strip()), assignment)
+        keys = key.strip().split(".")
+        if len(keys) > MAX_DEPTH:
+            raise InputError(f"--set {assignment}", allowed=f"keys of at most {MAX_DEPTH} parts")
+        _assign(
+            result, keys, toml_value(text.strip(), f"--set {printable(assignment, longest=80)}"), assignment
+        )
     return result
 
 
@@ -89,14 +83,6 @@ def _copied(node: Any) -> Any:
     return [_copied(value) for value in node] if isinstance(node, list) else node
 
 
-def _toml_value(text: str) -> Any:
-    try:
-        table = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
-        return text
-    return table["value"] if len(table) == 1 else text
-
-
 def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, str]:
     """(found, allowed, remedy) for one pydantic error."""
     location, value = details["loc"], details["input"]
@@ -112,7 +98,11 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
     if details["type"] == "value_error":  # a rule across fields; its text names them
         return str(details["ctx"]["error"]), "", ""
     message = details["msg"]
-    return f"{where} = {value!r}", f"{where}: {message[0].lower()}{message[1:]}", ""
+    return (
+        f"{where} = {printable(repr(value), longest=80)}",
+        f"{where}: {message[0].lower()}{message[1:]}",
+        "",
+    )
 
 
 def _model_at(model: type[BaseModel], location: Sequence[int | str]) -> type[BaseModel] | None:

@@ -1,6 +1,5 @@
 """The thesis's numbers beside ours: norms and tables 5.1 to 5.4, on both plants."""
 
-import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +8,7 @@ import numpy as np
 
 from cranectl import resources
 from cranectl.design import CONTROLLERS, Design, design_controller
+from cranectl.documents import read_toml
 from cranectl.metrics import WorkspaceViolation, workspace_violations
 from cranectl.plants.interface import Drive
 from cranectl.scenario import DesignSettings, Scenario, load_scenario
@@ -201,7 +201,7 @@ def total_simulated_seconds() -> float:
 
 
 def _read(name: str) -> dict[str, Any]:
-    return tomllib.loads((resources.THESIS_DIRECTORY / name).read_text(encoding="utf-8"))
+    return read_toml(resources.THESIS_DIRECTORY / name)
 
 
 def _settings(scenario: Scenario, controller: str, norms: dict[str, float]) -> DesignSettings:

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from cranectl.documents import read_toml
 from cranectl.errors import InputError
 from cranectl.scenario import load_scenario
-from cranectl.settings import override, read_toml
+from cranectl.settings import override
 
 BASE = "settled-trajectory"
 

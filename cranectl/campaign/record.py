@@ -10,10 +10,11 @@ from cranectl.campaign.correlation import gaussian_copula
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.parameters import parameters_of
 from cranectl.campaign.settings import parse_campaign
+from cranectl.documents import Table
 from cranectl.errors import InputError
 from cranectl.log import versions
 from cranectl.scenario import Scenario
-from cranectl.settings import Table, parse_settings
+from cranectl.settings import parse_settings
 
 FORMAT = 1
 NOT_DECISIVE = ("title", "limits", "scenario", "set")  # of a campaign: the scenario itself is recorded

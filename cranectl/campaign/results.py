@@ -8,7 +8,6 @@ Which parts there are follows from the campaign, not from the number of workers.
 is one whose parts are not all there.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,8 @@ from cranectl.campaign.columns import arrow_schema
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.parts import DamageError, part_name, read_part
 from cranectl.campaign.record import campaign_of, checked_record, identity
+from cranectl.documents import Table, read_json
 from cranectl.errors import InputError
-from cranectl.settings import Table
 
 RECORD_FILE = "campaign.json"
 PARTS = "parts"
@@ -98,17 +97,17 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
 def read_record(directory: Path) -> Table:
     """The record of the result in `directory`; raises InputError where there is none."""
     path = directory / RECORD_FILE
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    if not path.exists():
         raise InputError(
             f"{directory} holds no result: {RECORD_FILE} is missing",
             allowed="a directory that 'cranectl campaign run' has written",
             remedy="check the place",
-        ) from None
-    except (OSError, ValueError) as error:  # ValueError: neither UTF-8 nor JSON
+        )
+    try:
+        record = read_json(path)
+    except InputError as error:
         raise InputError(
-            f"cannot read {path}: {error}",
+            error.found,
             allowed="a result as 'cranectl campaign run' has written it",
             remedy="restore the file, or run the campaign again with --overwrite",
         ) from None

@@ -11,9 +11,10 @@ from cranectl.campaign.distribution import Distribution
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution
 from cranectl.campaign.limits import Limits
 from cranectl.design import checked_controller
+from cranectl.documents import Table, read_toml
 from cranectl.errors import InputError, unknown_name
 from cranectl.plants.interface import Drive
-from cranectl.settings import Settings, Table, override, parse_settings, read_toml
+from cranectl.settings import Settings, override, parse_settings
 
 MAX_RUNS = 1_000_000
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters

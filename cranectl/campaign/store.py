@@ -14,9 +14,9 @@ from cranectl.campaign.parts import part_name, write_part
 from cranectl.campaign.record import differences, identity, record_of
 from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_record, survey
 from cranectl.campaign.rows import Row
+from cranectl.documents import Table
 from cranectl.errors import InputError
 from cranectl.files import write_text
-from cranectl.settings import Table
 
 ASIDE = ".corrupt"  # ending of a damaged part that was put aside
 SHOWN = 5  # differences named in a message
