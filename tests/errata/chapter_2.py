@@ -23,11 +23,49 @@ def kinetic_energy() -> tuple[float, float]:
     return float(np.median(errors[:, 0])), float(errors[:, 1].max())  # at xd = 0 there is no difference
 
 
+@erratum("2.3 (arguments)")
+def velocity_of_the_bridge() -> tuple[float, float]:
+    """T is said to depend on a velocity x_t', which no coordinate has: x_c would then have no momentum."""
+
+    def check(state: np.ndarray) -> tuple[float, float]:
+        q, qd, _, m, *_ = manipulator(state)
+        momentum = (m @ qd)[0]
+        one = np.eye(5)[0]  # a central difference of a quadratic form is exact
+        right = 0.5 * (dynamics.kinetic_energy(q, qd + one, RIG) - dynamics.kinetic_energy(q, qd - one, RIG))
+        return abs(momentum), abs(right - momentum)
+
+    return over_states(check)
+
+
 @erratum("2.6")
 def acceleration_in_the_model() -> tuple[float, float]:
     def check(state: np.ndarray) -> tuple[float, float]:
         _, qd, qdd, m, coriolis, gravity, force = manipulator(state)
         return apart(m @ qd + coriolis + gravity, force), apart(m @ qdd + coriolis + gravity, force)
+
+    return over_states(check)
+
+
+@erratum("q_1 (before 2.7a)")
+def actuated_coordinates() -> tuple[float, float]:
+    """Four entries, c between y_c and l: with the two angles six coordinates of a crane that has five."""
+
+    def check(state: np.ndarray) -> tuple[float, float]:
+        q, _, qdd, m, coriolis, gravity, force = manipulator(state)
+        rows = m[:3, :3] @ qdd[:3] + m[:3, 3:] @ qdd[3:] + (coriolis + gravity)[:3]
+        return float(abs(4 + 2 - len(q))), apart(rows, force[:3])
+
+    return over_states(check)
+
+
+@erratum("F_1 (before 2.7a)")
+def forces_of_the_drives() -> tuple[float, float]:
+    """A coordinate y stands where the trolley's force belongs: (2.7a) would set a force equal to a place."""
+
+    def check(state: np.ndarray) -> tuple[float, float]:
+        q, _, qdd, m, coriolis, gravity, force = manipulator(state)
+        rows = (m @ qdd + coriolis + gravity)[:3]
+        return abs(rows[1] - q[1]), apart(rows, force[:3])
 
     return over_states(check)
 
@@ -72,6 +110,18 @@ def shape_of_the_coupling() -> tuple[float, float]:
     rows = [[0, np.cos(b)], [np.cos(a) * np.cos(b), -np.sin(a) * np.sin(b)], [0, 0]]
     return float(abs(2 - 3)), apart(
         RIG.load_mass * length * np.array(rows), dynamics.mass_matrix(q, RIG)[:3, 3:]
+    )
+
+
+@erratum("M21 (shape)")
+def shape_of_the_coupling_back() -> tuple[float, float]:
+    """Printed 2 x 2; it multiplies three accelerations. The column that is lost, the rope's, is zero."""
+    q, _, qdd, m, coriolis, gravity, _ = manipulator(random_states(1)[0])
+    _, _, length, a, b = q
+    rows = [[0, np.cos(a) * np.cos(b), 0], [np.cos(b), -np.sin(a) * np.sin(b), 0]]
+    right = RIG.load_mass * length * np.array(rows)
+    return float(abs(2 - len(qdd[:3]))), apart(
+        right @ qdd[:3] + m[3:, 3:] @ qdd[3:] + (coriolis + gravity)[3:], 0.0
     )
 
 
