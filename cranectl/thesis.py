@@ -1,10 +1,9 @@
 """The thesis's numbers beside ours: norms and tables 5.1 to 5.4, on both plants."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from cranectl import resources
 from cranectl.design import CONTROLLERS, Design, design_controller
@@ -43,6 +42,7 @@ class Number:
     tolerance: float  # absolute
     explained: bool
     reason: str
+    decimals: int | None = None  # printed, where print alone may differ: ours must give the same digits
 
     @property
     def difference(self) -> float:
@@ -51,7 +51,9 @@ class Number:
 
     @property
     def within(self) -> bool:
-        return abs(self.difference) <= self.tolerance
+        ours = [self.ours[source] for source in JUDGED if source in self.ours]
+        digits = self.decimals is None or all(prints_as(v, self.printed, self.decimals) for v in ours)
+        return digits and abs(self.difference) <= self.tolerance
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,13 @@ def reproduce(
     )
 
 
+def prints_as(value: float, printed: float, decimals: int) -> bool:
+    """Whether `value`, rounded or cut off to so many decimals, is what was printed."""
+    size, unit = abs(value), 10.0**-decimals
+    digits = round(abs(printed) / unit)
+    return value * printed >= 0.0 and digits in (math.floor(size / unit), math.floor(size / unit + 0.5))
+
+
 def total_simulated_seconds() -> float:
     """Simulated time of all runs of `reproduce`."""
     names = dict.fromkeys(table["scenario"] for table in _read("printed.toml")["tables"].values())
@@ -240,9 +249,7 @@ def _table(
         numbers = {}
         for column, printed in zip(table["columns"], values, strict=True):
             ours = {source: found[name, controller, source][column] for source in SOURCES}
-            tolerance = tolerances[column]
-            own = tolerance.get("rows", {}).get(controller, tolerance)
-            numbers[column] = _number(printed, ours, own)
+            numbers[column] = _number(printed, ours, tolerances[column], controller)
         rows.append(Row(controller, numbers))
     return ThesisTable(name, table["title"], table["page"], tuple(rows))
 
@@ -251,13 +258,19 @@ def _norm_row(entry: dict[str, Any], tolerance: dict[str, Any], scenarios: dict[
     settings = next(iter(scenarios.values())).design
     gamma = design_controller(entry["controller"], settings).gamma
     assert gamma is not None
-    kind = tolerance[entry["controller"].partition("+")[2]]
-    return Row(entry["controller"], {"gamma": _number(entry["gamma"], {"analytic": gamma}, kind)})
+    controller = entry["controller"]
+    kind = tolerance[controller.partition("+")[2]]
+    return Row(controller, {"gamma": _number(entry["gamma"], {"analytic": gamma}, kind, controller)})
 
 
-def _number(printed: float, ours: dict[str, float], tolerance: dict[str, Any]) -> Number:
-    allowed = tolerance.get("absolute", tolerance.get("relative", 0.0) * float(np.abs(printed)))
-    return Number(printed, ours, allowed, tolerance["explained"], tolerance["reason"])
+def _number(printed: float, ours: dict[str, float], column: dict[str, Any], controller: str) -> Number:
+    tolerance = column.get("rows", {}).get(controller, column)
+    decimals = tolerance.get("decimals")
+    if decimals is not None:
+        allowed = 10.0**-decimals
+    else:
+        allowed = tolerance.get("absolute", tolerance.get("relative", 0.0) * abs(printed))
+    return Number(printed, ours, allowed, tolerance["explained"], tolerance["reason"], decimals)
 
 
 def _row_json(row: Row) -> dict[str, Any]:

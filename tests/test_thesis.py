@@ -9,17 +9,21 @@ import re
 import runpy
 import tomllib
 from dataclasses import replace
+from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cranectl import resources
+from cranectl.analysis.continuous import simulate_continuous
 from cranectl.cli.main import main
+from cranectl.design import design_controller
 from cranectl.plants.interface import PLANTS
 from cranectl.report.page import render
 from cranectl.report.thesis_report import FIRST_FIGURE, ChapterFigures, thesis_page
-from cranectl.thesis import Reproduction, reproduce, total_simulated_seconds
+from cranectl.scenario import load_scenario
+from cranectl.thesis import Number, Reproduction, reproduce, total_simulated_seconds
 from tests.conftest import ROOT, closed_loop
 from tests.report.test_report import read_page
 
@@ -84,11 +88,73 @@ def test_every_printed_number_is_within_its_tolerance_and_the_open_ones_are_name
     assert open_points == {
         ("5.1", "bridge_acceleration"), ("5.1", "trolley_acceleration"),
         ("5.3", "bridge_acceleration"), ("5.3", "trolley_acceleration"), ("5.3", "rope_acceleration"),
-        ("5.4", "load_x"), ("5.4", "load_y"),
+        ("5.4", "load_x"), ("5.4", "load_y"), ("5.4", "load_z"), ("norms", "gamma"),
     }  # fmt: skip
-    assert {controller for table, controller in smooth if table != "5.3"} == {"pole-placement+loop-shaping"}
+    assert {controller for table, controller in smooth if table == "norms"} == {"pole-placement+loop-shaping"}
     for *_, number in found.numbers():
         assert len(number.reason) > 5
+
+
+def prints(value: float, printed: float, decimals: int) -> bool:
+    """Rounded or cut off, in decimal arithmetic."""
+    unit, exact = Decimal(1).scaleb(-decimals), Decimal(value)
+    shown = [exact.quantize(unit, rounding) for rounding in (ROUND_HALF_UP, ROUND_DOWN)]
+    return Decimal(str(printed)).quantize(unit) in shown
+
+
+@functools.cache
+def continuous_extremes(controller: str) -> dict[str, float]:
+    """Of Table 5.1, without a hold."""
+    scenario = load_scenario("fixed-position")
+    gammas = {norm["controller"]: norm["gamma"] for norm in PRINTED["norms"]}
+    hinf = {"gamma": gammas[controller]} if controller.endswith("+hinf") else {}
+    settings = scenario.design.model_copy(update={"hinf": scenario.design.hinf.model_copy(update=hinf)})
+    run = simulate_continuous(scenario, design=design_controller(controller, settings))
+    bridge, trolley, rope = run.block("input")[:, :3].T
+    return {
+        "bridge_acceleration": bridge.max(),
+        "trolley_acceleration": trolley.max(),
+        "rope_acceleration": rope[run.time >= 12.0].min(),
+    }
+
+
+def test_what_print_is_said_to_explain_it_explains() -> None:
+    """Ours, rounded or cut off, is the printed number; of Table 5.1 in continuous time, as is said."""
+    checked = 0
+    for table, controller, column, number in reproduction()[0].numbers():
+        if not number.explained or table == "5.3" or (table, "+hinf") == ("norms", controller[-5:]):
+            continue  # explained by a path found by search and by a solver's tolerance, not by print
+        if table == "5.1":
+            assert prints(continuous_extremes(controller)[column], number.printed, 4), (controller, column)
+        else:
+            for plant in ("analytic", "mujoco"):
+                ours = number.ours.get(plant, number.ours["analytic"])
+                decimals = 4 if table == "norms" else 2
+                assert prints(ours, number.printed, decimals), (table, controller, column, ours)
+        checked += 1
+    assert checked == 1 + 8 + 18 + 13
+
+
+def test_no_time_of_reading_explains_the_open_cells_of_table_5_4() -> None:
+    """At 20 s three are open beside loop shaping on pole placement's; at no other time do all print right."""
+    right: dict[tuple[str, int], set[float]] = {}
+    for controller in set(TABLE_5_4) - {"pole-placement+loop-shaping"}:
+        run = closed_loop("settled-trajectory", controller, "analytic")
+        for axis, printed in enumerate(TABLE_5_4[controller]):
+            near = zip(run.time[19_000:21_001], run.block("load")[19_000:21_001, axis], strict=True)
+            right[controller, axis] = {time for time, value in near if prints(float(value), printed, 2)}
+    open_cells = {cell for cell, times in right.items() if 20.0 not in times}
+    assert open_cells == {("pole-placement", 1), ("lqr+hinf", 0), ("lqr+loop-shaping", 2)}
+    assert all(right.values())
+    assert not set.intersection(*right.values())
+
+
+def test_a_number_that_print_alone_may_move_must_print_the_same() -> None:
+    number = Number(-0.71, {"analytic": -0.7053}, 0.01, True, "printed to 0.01", 2)
+    assert number.within
+    for within, ours in ((True, -0.7199), (False, -0.7037), (False, -0.7201), (False, 0.71)):
+        assert replace(number, ours={"analytic": ours}).within is within, ours
+    assert replace(number, ours={"analytic": -0.7037}, decimals=None).within
 
 
 def test_both_plants_give_the_same_tables_and_the_drives_nearly() -> None:
