@@ -1,7 +1,22 @@
-"""`python -m cranectl`."""
+"""`python -m cranectl`, and the command `cranectl`."""
 
 import sys
 
-from cranectl.cli.main import main
+from cranectl.cli import exit_codes
+from cranectl.interrupts import heed_interrupts, interrupt
 
-sys.exit(main())
+
+def main() -> int:
+    """Run the command line; an interrupt counts from now on, also while that is being loaded."""
+    try:
+        heed_interrupts(interrupt)
+        from cranectl.cli.main import main
+
+        return main()
+    except KeyboardInterrupt:
+        sys.stderr.write("cranectl: interrupted\n")
+        return exit_codes.INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

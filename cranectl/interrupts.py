@@ -1,10 +1,48 @@
-"""Ctrl-C and SIGTERM wait while a file is finished."""
+"""What ends a run in order: Ctrl-C, SIGTERM and, where there is such a thing, the hang-up of a terminal.
+
+A signal that is ignored when a process starts stays ignored: so does `nohup` with hang-ups, and a script with
+Ctrl-C for what it starts in the background.
+"""
 
 import contextlib
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
+from typing import Any
+
+SIGNALS = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Interruption(KeyboardInterrupt):
+    """A KeyboardInterrupt that leaves the exit code to us.
+
+    After one of Python's own that passed through `exec` of a string, as in the making of a dataclass, the
+    interpreter ends by SIGINT, even though it was caught.
+    """
+
+
+def interrupt() -> None:
+    """Interrupt what is running."""
+    raise Interruption
+
+
+def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
+    """Have `act` called at each signal that is not ignored; returns the handlers before.
+
+    Once a run ends a hang-up says nothing new, and a terminal that is closed tells more than once.
+    """
+
+    def interrupted(_signal: int, _frame: FrameType | None) -> None:
+        if hasattr(signal, "SIGHUP"):
+            signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        act()
+
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    heeded = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
+    for number in heeded:
+        signal.signal(number, interrupted)
+    return heeded
 
 
 @contextlib.contextmanager
@@ -17,7 +55,7 @@ def interrupts_wait() -> Iterator[None]:
         yield
         return
     came: list[tuple[int, FrameType | None]] = []
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
     replaced = {number: handler for number, handler in handlers.items() if callable(handler)}
     for number in replaced:
         signal.signal(number, lambda *which: came.append(which))
@@ -28,3 +66,16 @@ def interrupts_wait() -> Iterator[None]:
             signal.signal(number, handler)
         if came:
             replaced[signal.Signals(came[0][0])](*came[0])
+
+
+@contextlib.contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Processes started in the block never get the signals; this one gets those that come at its end."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -7,13 +7,14 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
 from multiprocessing.synchronize import Event
 from typing import NamedTuple
 
 from cranectl.cases import Case, CaseResult, Failure, try_case
+from cranectl.interrupts import SIGNALS, interrupts_blocked, interrupts_wait
 
 # Loaded once, before workers are forked; without it each worker would import for two seconds.
 PRELOADED = ["control", "mujoco", "numba", "cranectl.parallel", "cranectl.design.loop_shaping"]
@@ -40,7 +41,7 @@ class Outcome(NamedTuple):
 def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> Outcome:
     """Run all cases, each with a log of its own, in up to `jobs` processes; `done` is called after each.
 
-    Ctrl-C and SIGTERM end all workers after they have closed their logs; the cases they were at
+    Ctrl-C, SIGTERM and SIGHUP end all workers after they have closed their logs; the cases they were at
     say so in their results. A case that cannot be run is a failure, the others run.
     """
     jobs = min(jobs, len(cases))
@@ -66,8 +67,10 @@ def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Outcome:
     stop = context.Event()
     results: list[Result] = [None] * len(cases)
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop,)) as pool:
-        futures = {pool.submit(_work, case): k for k, case in enumerate(cases)}
+        futures: dict[Future[Result], int] = {}
         try:
+            with interrupts_wait():  # or a worker would be told half of what it needs
+                futures |= {pool.submit(_work, case): k for k, case in enumerate(cases)}
             _collect(futures, cases, results, done)
         except KeyboardInterrupt:
             stop.set()
@@ -84,13 +87,23 @@ def _worker_context() -> BaseContext:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
-    # A SIGTERM to the whole process group must not take the server from under its workers.
-    previous = signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    try:
-        forkserver.ensure_running()
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+    # Signals go to the whole process group, also while the server loads: all but the parent are deaf to them.
+    for helper in (resource_tracker, forkserver):
+        with interrupts_blocked():  # for each anew: the tracker unblocks some of them
+            helper.ensure_running()
+    _wait_until_loaded(context)
     return context
+
+
+def _wait_until_loaded(context: BaseContext) -> None:
+    """The server answers once it has loaded everything; an interrupt need not wait for that."""
+    first = context.Process(target=_do_nothing)  # type: ignore[attr-defined]
+    first.start()
+    first.join()
+
+
+def _do_nothing() -> None:
+    """A worker's first task."""
 
 
 def _collect(
@@ -117,8 +130,8 @@ def _start(stop: Event) -> None:
     """Make a worker end with its parent and, in order, when told to; the parent alone takes Ctrl-C."""
     global _stop
     _stop = stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
 

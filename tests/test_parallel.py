@@ -97,14 +97,19 @@ def test_cores_are_counted() -> None:
 VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=25", "--jobs", "2"]
 
 
-def children(pid: int) -> list[int]:
-    """All descendants of a process."""
+def descendants(pid: int) -> list[tuple[int, int]]:
+    """All descendants of a process with their generation: 1 for its children."""
     found = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
     pairs = [tuple(map(int, line.split())) for line in found.splitlines()]
-    tree = [pid]
-    for parent in tree:
-        tree += [child for child, its_parent in pairs if its_parent == parent]
+    tree = [(pid, 0)]
+    for parent, age in tree:
+        tree += [(child, age + 1) for child, its_parent in pairs if its_parent == parent]
     return tree[1:]
+
+
+def children(pid: int) -> list[int]:
+    """All descendants of a process."""
+    return [child for child, _ in descendants(pid)]
 
 
 def wait_until(condition, timeout: float = 60.0) -> None:
@@ -130,8 +135,16 @@ def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
     return process, logs
 
 
-@pytest.mark.parametrize("to_group", [True, False])
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("sent", "to_group"),
+    [
+        (signal.SIGINT, True),
+        (signal.SIGINT, False),
+        (signal.SIGTERM, True),
+        (signal.SIGTERM, False),
+        (signal.SIGHUP, True),
+    ],
+)
 def test_a_signal_ends_all_workers_and_closes_their_logs(
     tmp_path: Path, sent: signal.Signals, to_group: bool
 ) -> None:
@@ -154,6 +167,25 @@ def test_a_signal_ends_all_workers_and_closes_their_logs(
         assert log.suffix == ".mcap", "no half-written file is left"
         statuses = {run.status for run in read_log(log).values()}
         assert statuses <= {RunStatus.COMPLETED, RunStatus.INTERRUPTED}
+
+
+@pytest.mark.parametrize("generation", [1, 2])
+def test_an_interrupt_in_the_first_seconds(tmp_path: Path, generation: int) -> None:
+    """While the server that forks workers loads, or while the first worker starts."""
+    process = subprocess.Popen(
+        [sys.executable, *VALIDATE],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    wait_until(lambda: any(age == generation for _, age in descendants(process.pid)))
+    os.killpg(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130, error
+    assert "Traceback" not in error
+    assert not list(tmp_path.rglob("*.part"))
 
 
 def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from cranectl.campaign.record import HARMLESS, campaign_of, record_of
 from cranectl.campaign.rows import Row
 from cranectl.campaign.worker import Stop, Worker
 from cranectl.errors import InputError
+from cranectl.interrupts import SIGNALS
 from cranectl.jit import source_fingerprint
 from cranectl.log import versions
 
@@ -49,8 +50,10 @@ def run_ordered(batch: Batch, order: Order) -> list[Row] | InputError:
 
 
 def dask_setup(_worker: Any) -> None:
-    """Dask calls it in every process of a local cluster: Ctrl-C is for the command that started them."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Dask calls it in every process of a local cluster: who ends them is the command that started them."""
+    for number in SIGNALS:
+        if number != signal.SIGTERM:  # by which Dask itself ends them
+            signal.signal(number, signal.SIG_IGN)
 
 
 @functools.cache

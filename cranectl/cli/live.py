@@ -5,12 +5,12 @@ import signal
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from types import FrameType
 
 import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.options import drive_option, scenario_options
+from cranectl.interrupts import heed_interrupts, interrupt
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
@@ -94,18 +94,17 @@ def live_command(
 
 @contextlib.contextmanager
 def _until_ended() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set, instead of stopping in the middle of a block; once."""
+    """An event that a signal sets, instead of stopping in the middle of a block; once."""
     stop = threading.Event()
 
-    def end(_signal: int, _frame: FrameType | None) -> None:
+    def end() -> None:
         if stop.is_set():
-            raise KeyboardInterrupt
+            interrupt()
         stop.set()
 
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, end) for number in signals]
+    before = heed_interrupts(end)
     try:
         yield stop
     finally:
-        for number, handler in zip(signals, before, strict=True):
+        for number, handler in before.items():
             signal.signal(number, handler)

@@ -4,9 +4,7 @@ Command modules import what they need inside their functions, so that `--help` s
 """
 
 import os
-import signal
 import sys
-from types import FrameType
 
 import click
 
@@ -30,6 +28,7 @@ from cranectl.cli.run import run_command
 from cranectl.cli.thesis import thesis_command
 from cranectl.cli.validate import validate_command
 from cranectl.errors import CranectlError
+from cranectl.interrupts import heed_interrupts, interrupt
 
 HELP = """Validate crane controllers against independent physics.
 
@@ -81,7 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     # Matrices here are small: threads of the linear algebra library only wait for one another.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    signal.signal(signal.SIGTERM, _terminate)
+    heed_interrupts(interrupt)
     try:
         code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False)
     except click.ClickException as error:
@@ -98,8 +97,3 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return exit_codes.GOOD
     return code if isinstance(code, int) else exit_codes.GOOD
-
-
-def _terminate(_signal: int, _frame: FrameType | None) -> None:
-    """Treat a termination request like Ctrl-C: stop in order, close the log."""
-    raise KeyboardInterrupt

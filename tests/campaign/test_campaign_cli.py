@@ -67,7 +67,7 @@ def test_a_result_has_all_runs(finished: Path) -> None:
     assert results.campaign.settings.name == "small"
 
 
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT, signal.SIGHUP])
 def test_a_run_cut_short_is_resumed_to_the_same_table(
     finished: Path, sent: signal.Signals, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -81,9 +81,9 @@ def test_a_run_cut_short_is_resumed_to_the_same_table(
     process.send_signal(sent)
     out, error = process.communicate(timeout=60)
     assert "Traceback" not in error
-    assert process.returncode == (130 if sent == signal.SIGINT else -sent)
+    assert process.returncode == (-sent if sent == signal.SIGKILL else 130)
     assert ("of 320 runs are kept; go on with the same command and --resume" in out) == (
-        sent == signal.SIGINT
+        sent != signal.SIGKILL
     )
     before = len(read_results("cut", unfinished=True))
     assert 0 < before < 320

@@ -393,7 +393,7 @@ def test_json_may_go_to_a_device() -> None:
     assert Path(os.devnull).is_char_device()
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
     """Sent as soon as the simulation is under way; the run is far longer than that."""
     script = (

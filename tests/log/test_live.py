@@ -468,7 +468,7 @@ def test_two_sessions_leave_all_that_they_print(tmp_path: Path) -> None:
             head = list(itertools.islice(session.stdout or [], 5))
             move_and_reset(int(head[1].rpartition(":")[2]))
         for session in sessions:
-            session.send_signal(signal.SIGINT)
+            session.send_signal(signal.SIGHUP)
             out, err = session.communicate(timeout=60)
             assert (session.returncode, err) == (0, "")
             printed = [tmp_path / line.removeprefix("recorded: ") for line in out.splitlines()]

@@ -280,7 +280,7 @@ def test_the_command(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
 WRITE = """
 import os, random, signal, sys, time
 from pathlib import Path
-from cranectl.cli.main import _terminate
+from cranectl.interrupts import heed_interrupts, interrupt
 from cranectl.log import read_log, write_log, writer
 
 runs = list(read_log(sys.argv[1]).values())
@@ -300,7 +300,7 @@ def killed_before_the_new_name(*_):
     os.kill(os.getpid(), number)
 
 def write(path):
-    signal.signal(signal.SIGTERM, _terminate)
+    heed_interrupts(interrupt)
     if moment >= 0:
         writer.open_channel = Channel
     elif moment == -1:
