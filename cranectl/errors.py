@@ -19,10 +19,10 @@ class InputError(CranectlError):
     """Wrong input. `found`, `allowed` and `remedy` are complete phrases for people (exit code 2)."""
 
     def __init__(self, found: str, *, allowed: str = "", remedy: str = "") -> None:
-        self.found, self.allowed, self.remedy = found, allowed, remedy
-        labelled = (("found", found), ("allowed", allowed), ("remedy", remedy))
-        lines = (f"{label + ':':9}{printable(text, longest=LONGEST)}" for label, text in labelled if text)
-        super().__init__("\n".join(lines))
+        phrases = (printable(text, longest=LONGEST) for text in (found, allowed, remedy))
+        self.found, self.allowed, self.remedy = phrases
+        labelled = (("found", self.found), ("allowed", self.allowed), ("remedy", self.remedy))
+        super().__init__("\n".join(f"{label + ':':9}{text}" for label, text in labelled if text))
 
     @classmethod
     def unwritable(cls, path: Path, error: Exception, *, remedy: str = "choose another place") -> Self:

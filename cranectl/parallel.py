@@ -63,9 +63,12 @@ def _one_by_one(cases: Sequence[Case], done: Done | None) -> Outcome:
 
 
 def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Outcome:
-    context = _worker_context()
-    stop = context.Event()
     results: list[Result] = [None] * len(cases)
+    try:
+        context = _worker_context()
+    except KeyboardInterrupt:  # before any run began
+        return Outcome(results, interrupted=True)
+    stop = context.Event()
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop,)) as pool:
         futures: dict[Future[Result], int] = {}
         try:

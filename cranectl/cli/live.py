@@ -54,6 +54,7 @@ def live_command(
     from cranectl.cases import LOG_DIRECTORY, default_log
     from cranectl.design import design_controller
     from cranectl.errors import unknown_name
+    from cranectl.log.complaints import complaints
     from cranectl.log.desk import Address
     from cranectl.log.live import LiveServer
     from cranectl.log.place import own_place
@@ -71,13 +72,16 @@ def live_command(
     session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     wanted = record or log.with_stem(f"{log.stem}-live")
-    with _until_ended() as stop, own_place(wanted, numbered=record is None) as place:
+    with (
+        _until_ended() as stop,
+        complaints(_warn),
+        own_place(wanted, numbered=record is None) as place,
+    ):
         server = LiveServer(session, controls, Address(host, port), place)
         if host not in HERE:
-            click.echo(
-                f"cranectl: warning: listening on {host}: anyone who reaches port {server.port} there can "
-                "watch this run and steer it; nothing is encrypted, nobody is asked for a password",
-                err=True,
+            _warn(
+                f"listening on {host}: anyone who reaches port {server.port} there can "
+                "watch this run and steer it; nothing is encrypted, nobody is asked for a password"
             )
         address = f"[{host}]" if ":" in host else host
         layout = "comparison view.json" if len(plants) == 2 else f"single view.json --plant {plant}"
@@ -90,6 +94,10 @@ def live_command(
     for path in server.recorded or ("nothing recorded",):
         click.echo(f"recorded: {path}")
     return exit_codes.GOOD
+
+
+def _warn(text: str) -> None:
+    click.echo(f"cranectl: warning: {text}", err=True)
 
 
 @contextlib.contextmanager

@@ -16,6 +16,7 @@ from cranectl.design import CONTROLLERS, Design, design_controller, with_gain
 from cranectl.errors import InputError, unknown_name
 from cranectl.scenario import Scenario
 from cranectl.simulate.runner import tracker_of
+from cranectl.text import printable
 
 Value = bool | float | str
 
@@ -25,6 +26,7 @@ KICK_SECONDS = 0.2
 DEFAULT_KICK = {"kick_alpha": 2.0, "kick_beta": 0.0}  # [rad/s²]
 GAINS = ("k0", "k1", "k2", "k3")
 MAX_GAIN = 1e9
+MAX_CHANGES = 100  # in one request: each that is refused takes its time and a line
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,10 @@ class Controls:
 
         Controller and gains that come together are one change, so gains need not be stable one by one.
         """
+        if len(changes) > MAX_CHANGES:
+            text = f"{len(changes)} parameters at once refused; allowed: {MAX_CHANGES}"
+            self._say(text, warning=True)
+            return
         with self._lock:
             law = {name: value for name, value in changes.items() if name in ("controller", *GAINS)}
             if law:
@@ -122,7 +128,9 @@ class Controls:
             change()
         except InputError as error:
             parts = (error.found, error.allowed and f"allowed: {error.allowed}", error.remedy)
-            self._say(f"{what} refused: " + "; ".join(part for part in parts if part), warning=True)
+            self._say(
+                f"{printable(what)} refused: " + "; ".join(part for part in parts if part), warning=True
+            )
 
     def _set(self, name: str, value: object) -> None:
         if name not in self._values:

@@ -409,6 +409,7 @@ sys.exit(main.main(sys.argv[1:]))
     assert "ws://" in line
     with Viewer(int(line.rpartition(":")[2])) as viewer:
         viewer.until(lambda: "/tf" in viewer.channels)
+        viewer.send_nonsense(100)
         viewer.call("/pause")
         viewer.subscribe()
         viewer.rest(0.3)
@@ -430,6 +431,8 @@ sys.exit(main.main(sys.argv[1:]))
     assert f"recorded: {record.relative_to(tmp_path)}" in out
     assert ("warning: listening on 0.0.0.0: anyone" in err) == bool(host)
     assert "Traceback" not in err
+    assert err.count("Invalid message") == 1
+    assert "100 complaints of clients in all" in err
     assert list(record.parent.iterdir()) == [record]
     with record.open("rb") as stream:
         recorded = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]

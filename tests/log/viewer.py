@@ -102,6 +102,10 @@ class Viewer:
         answer: dict[str, Any] = json.loads(self.answers[call])
         return answer
 
+    def send_nonsense(self, times: int) -> None:
+        for _ in range(times):
+            self._socket.send("nonsense")
+
     def of(self, topic: str) -> list[tuple[int, bytes]]:
         """Times and messages of a topic."""
         return [(time_ns, data) for name, time_ns, data in self.messages if name == topic]

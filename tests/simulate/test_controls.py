@@ -1,5 +1,7 @@
 """What may be changed in a session, and what is refused."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -115,6 +117,27 @@ def test_wrong_values_are_refused_and_change_nothing(
     assert "refused" in refusal.message
     assert said in refusal.message
     assert controls.values() == before
+
+
+def test_a_long_name_takes_no_time_and_little_room(controls: Controls) -> None:
+    """Names are compared with those that exist, in a time that goes with their square."""
+    start = time.process_time()
+    controls.set({"controller": "lqr+" * 250_000})
+    controls.set({"x" * 1_000_000: 1.0})
+    controls.set({"speed": "7" * 1_000_000})
+    assert time.process_time() - start < 1.0
+    said = controls.commands()
+    assert [said.warning for said in said if isinstance(said, Say)] == [True, True, True]
+    assert all(len(said.message) < 10_000 for said in said if isinstance(said, Say))
+
+
+def test_a_crowd_of_changes_is_refused_as_one(controls: Controls) -> None:
+    before = controls.values()
+    controls.set({"speed": 2.0, **{f"x{k}": 1.0 for k in range(100)}})
+    assert controls.values() == before
+    (said,) = controls.commands()
+    assert isinstance(said, Say)
+    assert said == Say("101 parameters at once refused; allowed: 100", warning=True)
 
 
 def test_a_wrong_value_does_not_spoil_the_others(controls: Controls) -> None:
