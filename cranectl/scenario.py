@@ -159,7 +159,9 @@ class WorkspaceSettings(Settings):
 class LogSettings(Settings):
     """What goes into a log."""
 
-    every: Annotated[int, Field(ge=1)] = Field(4, description="log every n-th control sample")
+    every: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
+        4, description="log every n-th control sample"
+    )
 
 
 class Scenario(Settings):

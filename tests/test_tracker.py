@@ -1,11 +1,14 @@
 """The sampled kernel."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
 from cranectl import signals
 from cranectl.design import Design, Robustifier, design_controller
+from cranectl.design.axis import closed_loop_matrix
 from cranectl.errors import InputError
 from cranectl.flatness import flat_output, linearising_input, states_and_inputs
 from cranectl.scenario import DesignSettings
@@ -26,7 +29,8 @@ def robust_design() -> Design:
     a = np.array([[-1.0, 5.0, 0.0, 0.0], [-5.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, -4e4]])
     robustifier = Robustifier(a, np.array([1.0, -2.0, 0.5, 4e4]), np.array([0.3, 0.4, 2.0, -1.0]), 0.7)
     plain = design_controller("lqr")
-    return Design(**{**plain.__dict__, "robustifier": robustifier})
+    poles = np.linalg.eigvals(closed_loop_matrix(plain.gain, robustifier)).astype(complex)
+    return replace(plain, robustifier=robustifier, closed_loop_poles=poles)
 
 
 def step(

@@ -5,23 +5,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from cranectl.design.linear import Array
+from cranectl.design.axis import Array, loop_matrices
 from cranectl.design.record import Margins
-
-CHAIN_A: Array = np.diag(np.ones(3), 1)
-CHAIN_B: Array = np.eye(4)[:, 3:]
 
 
 def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpace:
-    """The loop cut at v: chain z'''' = v, then gain · (z, z', z'', z''') + robustifier z."""
-    n = robustifier.nstates
-    c = np.asarray(gain).reshape(1, 4) + robustifier.D @ np.eye(4)[:1]
-    return control.ss(
-        np.block([[CHAIN_A, np.zeros((4, n))], [robustifier.B @ np.eye(4)[:1], robustifier.A]]),
-        np.vstack([CHAIN_B, np.zeros((n, 1))]),
-        np.hstack([c, robustifier.C]),
-        0.0,
-    )
+    """The loop cut at v: the chain of four integrators, state feedback and robustifier of one axis."""
+    k = robustifier
+    return control.ss(*loop_matrices(gain, k.A, k.B, k.C, k.D), 0.0)
 
 
 def closed_loop_poles(loop: control.StateSpace) -> NDArray[np.complex128]:

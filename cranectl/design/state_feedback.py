@@ -3,8 +3,8 @@
 import control
 import numpy as np
 
+from cranectl.design.axis import CHAIN_A, CHAIN_B
 from cranectl.design.linear import Array
-from cranectl.design.loop import CHAIN_A, CHAIN_B
 from cranectl.errors import InputError
 from cranectl.scenario import DesignSettings
 

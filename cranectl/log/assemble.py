@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from cranectl.log import schema, topics
 from cranectl.log.chunks import Column
-from cranectl.log.header import LogHeader, Outcome
+from cranectl.log.consistency import check_run
+from cranectl.log.header import LogHeader
+from cranectl.log.outcome import Outcome
 from cranectl.log.records import DamageError
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, groups_of
@@ -74,17 +76,13 @@ def decoded(topic: str, column: Column, n_signals: int) -> Block:
 
 
 def check_samples(topic: str, block: Block, outcome: Outcome) -> None:
-    """Raise DamageError unless a topic has all samples of a run that ended so, and none beyond its end."""
+    """Raise DamageError unless a topic has all samples of a run that ended so."""
     if len(block.time_ns) != outcome.samples:
         raise DamageError(f"{len(block.time_ns)} of {outcome.samples} samples of {topic[1:]}")
-    if outcome.samples and not 0 <= block.time_ns[0] <= block.time_ns[-1] <= outcome.end_ns:
-        raise DamageError(
-            f"the samples of {topic[1:]} do not lie between 0 and the end at {outcome.end_ns} ns"
-        )
 
 
 def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcome: Outcome) -> Run:
-    """The run of `plant` from the blocks of its topics; raises DamageError if they do not fit together."""
+    """The run of `plant` from the blocks of its topics; raises DamageError if it contradicts itself."""
     groups = groups_of(header.scenario, header.design, header.drive)
     own = [blocks[topics.plant_topic(plant, group.name)] for group in groups]
     time_ns = own[0].time_ns
@@ -92,7 +90,7 @@ def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcom
         check_samples(topics.plant_topic(plant, group.name), block, outcome)
         if (block.time_ns != time_ns).any():
             raise DamageError(f"{plant}/{group.name} has other times than {plant}/{groups[0].name}")
-    return Run(
+    run = Run(
         scenario=header.scenario,
         design=header.design,
         plant=plant,
@@ -104,11 +102,13 @@ def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcom
         status=outcome.status,
         end_ns=outcome.end_ns,
     )
+    check_run(run, header.clock)
+    return run
 
 
 def _at(block: Block, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The rows of `block` at `time_ns`; NaN where it has none."""
-    rows = np.full((len(time_ns), block.values.shape[1]), np.nan)
-    _, here, there = np.intersect1d(time_ns, block.time_ns, assume_unique=True, return_indices=True)
-    rows[here] = block.values[there]
-    return rows
+    """The rows of the reference at `time_ns`; raises DamageError if it has not all of them."""
+    common, _, rows = np.intersect1d(time_ns, block.time_ns, assume_unique=True, return_indices=True)
+    if len(common) < len(time_ns):
+        raise DamageError(f"the reference has {len(common)} of {len(time_ns)} samples")
+    return block.values[rows]

@@ -9,6 +9,8 @@ from typing import Any
 from cranectl.design import Design
 from cranectl.errors import InputError, LogError
 from cranectl.log import topics
+from cranectl.log.consistency import check_design
+from cranectl.log.outcome import MAX_NS, Clock, Outcome, check_outcome
 from cranectl.log.records import DamageError
 from cranectl.plants.interface import PLANTS, Drive
 from cranectl.scenario import Scenario
@@ -18,15 +20,6 @@ from cranectl.simulate import checked_drive, groups_of
 from cranectl.status import RunStatus
 
 MAX_JSON = 2**20  # [bytes]; scenarios and designs have a few thousand
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a run ended."""
-
-    status: RunStatus
-    end_ns: int
-    samples: int
 
 
 @dataclass(frozen=True)
@@ -40,11 +33,17 @@ class LogHeader:
     models: Mapping[str, str]  # the plants' own descriptions, by plant
     versions: Mapping[str, str]
     outcomes: Mapping[str, Outcome]  # by plant, where known
+    from_ns: int | None  # where a take of a live session begins
 
     @property
     def plants(self) -> tuple[str, ...]:
         """In the order of the log."""
         return tuple(self.models)
+
+    @property
+    def clock(self) -> Clock:
+        """When its runs have samples."""
+        return Clock.of(self.scenario, self.every, self.from_ns)
 
     def outcome(self, plant: str) -> Outcome:
         """How the run of `plant` ended; raises DamageError if that is missing."""
@@ -100,7 +99,8 @@ def _header(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str,
     design = _design(_json(attachments, "design.json"))
     if (said["scenario"], said["controller"]) != (scenario.name, design.name):
         raise ValueError(f"it is said to be of {said['scenario']} and {said['controller']}")
-    return LogHeader(
+    check_design(design)
+    header = LogHeader(
         scenario=scenario,
         design=design,
         drive=checked_drive(said["drive"]),
@@ -108,7 +108,11 @@ def _header(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str,
         models={plant: _model(attachments, plant) for plant in plants},
         versions=metadata["versions"],
         outcomes={p: _outcome(metadata[f"run/{p}"]) for p in plants if f"run/{p}" in metadata},
+        from_ns=_count(metadata["live"]["from_ns"]) if "live" in metadata else None,
     )
+    for plant, outcome in header.outcomes.items():
+        check_outcome(plant, outcome, header.clock)
+    return header
 
 
 def _model(attachments: Mapping[str, bytes], plant: str) -> str:
@@ -123,8 +127,10 @@ def _outcome(said: Mapping[str, str]) -> Outcome:
 
 
 def _count(text: str, *, least: int = 0) -> int:
-    if not (text.isascii() and text.isdecimal() and int(text) >= least):
-        raise ValueError(f"'{text}' is no number from {least}")
+    """Samples or nanoseconds, no more than there can be."""
+    digits = len(str(MAX_NS))
+    if not (text.isascii() and text.isdecimal() and len(text) <= digits and least <= int(text) <= MAX_NS):
+        raise ValueError(f"'{text[: 2 * digits]}' is no number from {least} to {MAX_NS}")
     return int(text)
 
 

@@ -1,7 +1,7 @@
 """Read logs back to NumPy, bit for bit what was written, or say what is wrong with them."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.errors import LogError, nearest_first, unknown_name
+from cranectl.log import topics
 from cranectl.log.assemble import (
     Block,
     assembled,
@@ -18,6 +19,7 @@ from cranectl.log.assemble import (
     decoded,
     signal_names,
 )
+from cranectl.log.consistency import check_numbers, finite_samples
 from cranectl.log.container import (
     Summary,
     open_container,
@@ -26,6 +28,7 @@ from cranectl.log.container import (
     read_metadata,
 )
 from cranectl.log.header import LogHeader, parse_header
+from cranectl.log.outcome import check_times
 from cranectl.log.records import MAGIC, PIECE, DamageError
 from cranectl.log.schema import row_layout
 from cranectl.scenario import NANOSECONDS
@@ -63,9 +66,7 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
             names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
             raise unknown_name("signal", name, nearest_first(name, names)[:NEAREST])
         block = _blocks(stream, summary, {topic: known[topic]}, all_chunks=False)[topic]
-        plant = topic.split("/")[1]
-        if plant in header.plants:
-            check_samples(topic, block, header.outcome(plant))
+        _check_block(header, topic, known[topic], block)
         return block.time_ns / NANOSECONDS, block.values[:, known[topic].index(field)].copy()
 
 
@@ -123,6 +124,21 @@ def _blocks(
     for topic, channel in channels.items():
         found[topic] = decoded(topic, columns.pop(channel.id), len(names[topic]))
     return found
+
+
+def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: Block) -> None:
+    """Raise DamageError unless one topic agrees with what is said of the runs."""
+    plant = topic.split("/")[1]
+    if plant in header.plants:
+        outcome = header.outcome(plant)
+        check_samples(topic, block, outcome)
+        check_times(topic, block.time_ns, header.clock, [outcome])
+        check_numbers(topic, names, block.values[: finite_samples(outcome)])
+    elif topic == topics.REFERENCE_LOAD:
+        check_numbers(topic, names, block.values)
+        if header.from_ns is None:
+            outcomes = [header.outcome(plant) for plant in header.plants]
+            check_times(topic, block.time_ns, header.clock, outcomes)
 
 
 def _signals(summary: Summary) -> dict[str, tuple[str, ...]]:

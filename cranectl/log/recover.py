@@ -11,7 +11,8 @@ import numpy as np
 from cranectl.errors import LogError
 from cranectl.log import schema, topics
 from cranectl.log.assemble import Block, assembled, channels_of, check_group, decoded
-from cranectl.log.header import LogHeader, Outcome, parse_header
+from cranectl.log.header import LogHeader, parse_header
+from cranectl.log.outcome import Outcome
 from cranectl.log.reader import check_begin, opened
 from cranectl.log.salvage import Salvage, salvage
 from cranectl.log.schema import row_layout
@@ -128,7 +129,7 @@ def _run(header: LogHeader, plant: str, blocks: Mapping[str, Block]) -> Run:
     own = {topic: block for topic, block in blocks.items() if topic.startswith(f"/{plant}/")}
     samples = min(len(block.time_ns) for block in own.values())
     cut = {topic: Block(block.time_ns[:samples], block.values[:samples]) for topic, block in own.items()}
-    end_ns = max((int(block.time_ns[-1]) for block in cut.values() if samples), default=0)
+    end_ns = max((int(block.time_ns[-1]) for block in cut.values() if samples), default=header.clock.begin_ns)
     said = header.outcomes.get(plant)
     outcome = said if said and said.samples == samples else Outcome(RunStatus.INTERRUPTED, end_ns, samples)
     return assembled(header, plant, {**blocks, **cut}, outcome)

@@ -20,6 +20,7 @@ from cranectl.errors import LogError
 from cranectl.files import check_replaceable, replacing
 from cranectl.interrupts import interrupts_wait
 from cranectl.log import topics
+from cranectl.log.consistency import check_runs
 from cranectl.log.container import open_container
 from cranectl.log.records import DamageError
 from cranectl.log.stream import Stream
@@ -45,7 +46,7 @@ def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None
     """Write one or two runs of the same scenario, design and drive to `path`.
 
     `every`: log every n-th control sample, by default as the scenario says; the last sample always.
-    Returns `path`; raises LogError if it cannot be written.
+    Returns `path`; raises LogError if it cannot be written, or nobody could read it.
     """
     path = Path(path)
     check_writable(path)
@@ -56,6 +57,14 @@ def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None
 
 def write_logged(path: Path, runs: Sequence[Run], every: int) -> None:
     """Write runs that hold every n-th sample already, as those read from a log do; raises LogError."""
+    try:
+        check_runs(runs, every)
+    except DamageError as error:
+        raise LogError(
+            f"cannot write {path}: it would contradict itself: {error}",
+            allowed="runs as they were simulated, every n-th control sample and the last",
+            remedy="simulate the scenario again",
+        ) from None
     write_container(path, file_metadata(runs, every), file_attachments(runs), streams(runs))
 
 

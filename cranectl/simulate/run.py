@@ -65,13 +65,16 @@ class Run:
         return block[:, names.index(signal)]
 
     def every(self, n: int) -> "Run":
-        """Every n-th sample, and always the last, where a run that stopped shows why."""
-        rows = np.arange(0, len(self.time_ns), n)
-        if len(rows) and rows[-1] != len(self.time_ns) - 1:
-            rows = np.append(rows, len(self.time_ns) - 1)
+        """Every n-th control sample, and always the last, where a run that stopped shows why.
+
+        Of a run that was logged, those that are there.
+        """
+        samples = (self.time_ns - self.time_ns[:1]) // self.scenario.period_ns
+        chosen = samples % n == 0
+        chosen[-1:] = True
         return replace(
             self,
-            time_ns=self.time_ns[rows],
-            table=self.table[rows],
-            reference=self.reference[rows],
+            time_ns=self.time_ns[chosen],
+            table=self.table[chosen],
+            reference=self.reference[chosen],
         )

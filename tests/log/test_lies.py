@@ -2,6 +2,7 @@
 
 import functools
 import json
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -25,6 +26,7 @@ from mcap.records import (
     McapRecord,
     Message,
     MessageIndex,
+    Metadata,
     MetadataIndex,
     Schema,
     Statistics,
@@ -316,8 +318,98 @@ def reverse_chunks(parts: Parts) -> None:
     parts.chunks.reverse()
 
 
-NAN = float("nan")
-ORDER_2 = {"A": [[1.0] * 2] * 2, "B": [[1.0]] * 2, "C": [[1.0] * 2], "D": [[0.0]]}
+def number(topic: str, nth: int, signal: int, change: Callable[[float], float]) -> Callable[[Parts], None]:
+    """Change one number: each takes a byte of tag and eight of its own."""
+
+    def apply(parts: Parts) -> None:
+        message, start = parts.messages(topic)[nth], 9 * signal + 1
+        data = bytearray(message.data)
+        struct.pack_into("<d", data, start, change(*struct.unpack_from("<d", data, start)))
+        message.data = bytes(data)
+
+    return apply
+
+
+def becomes(value: float) -> Callable[[float], float]:
+    return lambda _: value
+
+
+def every_message(change: Callable[[Message], Message | None]) -> Callable[[Parts], None]:
+    """Change or drop messages of all topics."""
+
+    def apply(parts: Parts) -> None:
+        for chunk in parts.chunks:
+            changed = [change(r) if isinstance(r, Message) else r for r in chunk]
+            chunk[:] = [record for record in changed if record is not None]
+
+    return apply
+
+
+def also(*changes: Callable[[Parts], None]) -> Callable[[Parts], None]:
+    def apply(parts: Parts) -> None:
+        for change in changes:
+            change(parts)
+
+    return apply
+
+
+def both(**values: str) -> Callable[[Parts], None]:
+    """Say something of the outcomes of both runs."""
+    return also(*(meta(f"run/{plant}", **values) for plant in ("analytic", "mujoco")))
+
+
+only_the_start = every_message(lambda m: m if m.log_time == 0 else None)
+halved = every_message(lambda m: replace(m, log_time=m.log_time // 2))
+
+
+def without_reference(parts: Parts) -> None:
+    wanted = parts.channel("/reference/load").id
+    every_message(lambda m: None if m.channel_id == wanted else m)(parts)
+
+
+def without_topic_of_reference(parts: Parts) -> None:
+    without_reference(parts)
+    for chunk in parts.chunks:
+        chunk[:] = [r for r in chunk if not isinstance(r, Channel) or r.topic != "/reference/load"]
+
+
+def raised_reference(parts: Parts) -> None:
+    """By a metre, and the crane with it, as its tracker sees it."""
+    for topic in ("/reference/load", "/analytic/flat_output", "/mujoco/flat_output"):
+        for nth in range(len(parts.messages(topic))):
+            number(topic, nth, 2, lambda z: z + 1.0)(parts)
+
+
+def live(from_ns: str) -> Callable[[Parts], None]:
+    return lambda parts: parts.metadata.append(Metadata("live", {"from_ns": from_ns}))
+
+
+def gains(factor: float) -> Callable[[Parts], None]:
+    def apply(parts: Parts) -> None:
+        gain = json.loads(parts.attachment("design.json").data)["gain"]
+        values("design.json", gain=[factor * k for k in gain])(parts)
+
+    return apply
+
+
+def pole(nth: int, real: float) -> Callable[[Parts], None]:
+    def apply(parts: Parts) -> None:
+        poles = json.loads(parts.attachment("design.json").data)["closed_loop_poles"]
+        poles[nth] = [real, 0.0]
+        values("design.json", closed_loop_poles=poles)(parts)
+
+    return apply
+
+
+def more_order(parts: Parts) -> None:
+    """A robustifier that does nothing, and its poles."""
+    poles = json.loads(parts.attachment("design.json").data)["closed_loop_poles"]
+    robustifier = {"A": [[-1.0, 0.0], [0.0, -1.0]], "B": [[0.0]] * 2, "C": [[0.0] * 2], "D": [[0.0]]}
+    values("design.json", robustifier=robustifier, closed_loop_poles=[*poles, *[[-1.0, 0.0]] * 2])(parts)
+
+
+NAN, INFINITE = float("nan"), float("inf")
+LOAD, REFERENCE = "/mujoco/load", "/reference/load"
 INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
     "fields exchanged": (definition(swap_fields), "has the signals"),
     "numbers of fields exchanged": (definition(swap_numbers), "no row of signals"),
@@ -345,7 +437,7 @@ INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
     "message of a strange channel": (message(7, channel_id=400), "channel 400 has 1 of|samples"),
     "message at another time": (message(7, log_time=28_000_001), "other times"),
     "message before the start": (message(0, log_time=2**64 - 1), "times of a chunk"),
-    "message after the end": (message(-1, log_time=300_000_001), "do not lie between"),
+    "message after the end": (message(-1, log_time=300_000_001), "other times"),
     "message missing": (drop_message, "75 of 76 samples"),
     "sample missing": (drop_sample, "75 of 76 samples"),
     "messages exchanged": (swap_messages, "do not increase"),
@@ -371,7 +463,72 @@ INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
     "strange status": (meta("run/mujoco", status="splendid"), "unknown status 'splendid'"),
     "fewer samples": (meta("run/mujoco", samples="75"), "76 of 75 samples"),
     "negative samples": (meta("run/mujoco", samples="-76"), "'-76' is no number"),
-    "end before the last sample": (meta("run/mujoco", end_ns="299999999"), "do not lie between"),
+    "end that is no sample": (meta("run/mujoco", end_ns="299999999"), "where it has no control sample"),
+    "end before the last sample": (
+        meta("run/mujoco", end_ns="299000000", status="interrupted"),
+        "last sample of mujoco/state is at 0.3 s, the end at 0.299 s",
+    ),
+    "end long after the last sample": (
+        also(
+            both(end_ns="290000000", status="angle-singular", samples="71"),
+            every_message(lambda m: m if m.log_time < 284_000_000 else None),
+        ),
+        "is at 0.28 s, the end at 0.289 s or 0.29 s",
+    ),
+    "end after that of the scenario": (
+        meta("run/mujoco", end_ns="301000000"), "completed at 0.301 s, its scenario to end at 0.3 s",
+    ),
+    "end before that of the scenario": (
+        meta("run/mujoco", end_ns="200000000"), "completed at 0.2 s, its scenario to end at 0.3 s",
+    ),
+    "end of 400 digits": (meta("run/mujoco", end_ns="9" * 400), "is no number from 0"),
+    "end in another century": (meta("run/mujoco", end_ns=str(2**62)), "is no number from 0"),
+    "end that is none": (meta("run/mujoco", status="running"), "is no end"),
+    "end without samples": (
+        also(both(samples="0"), every_message(lambda _: None)), "completed at 0.3 s, without a sample",
+    ),
+    "one sample": (
+        also(only_the_start, both(samples="1")), "sample of analytic/state is at 0 s, the end at 0.3 s",
+    ),
+    "every 7": (meta("cranectl", every="7"), "not logged every 7 control samples"),
+    "every 2": (meta("cranectl", every="2"), "not logged every 2 control samples"),
+    "every of 400 digits": (meta("cranectl", every="9" * 400), "is no number from 1"),
+    "every of 18 digits": (meta("cranectl", every="9" * 18), "not logged every"),
+    "times halved": (halved, "is at 0.15 s, the end at 0.3 s"),
+    "times and end halved": (
+        also(halved, both(end_ns="150000000")), "completed at 0.15 s, its scenario to end at 0.3 s",
+    ),
+    "times and duration halved": (
+        also(halved, both(end_ns="150000000"), values("scenario.json", duration=0.15, disturbances=[])),
+        "not logged every 4 control samples",
+    ),
+    "times and period halved": (
+        values("scenario.json", control={"period": 0.0005, "physics_step": 0.0005}),
+        "not logged every 4 control samples",
+    ),
+    "take of a session without end": (
+        also(
+            live("0"),
+            both(end_ns=f"{2**61 // 10**9}000000000", status="interrupted"),
+            every_message(
+                lambda m: replace(m, log_time=2**61 // 10**9 * 10**9) if m.log_time == 300_000_000 else m
+            ),
+        ),
+        "not logged every 4 control samples",
+    ),
+    "take of a session that begins later": (live("4000000"), "begins at 0 s instead of 0.004 s"),
+    "take of a session in another century": (live("9" * 400), "is no number from 0"),
+    "no reference": (without_reference, "0 of 76 samples"),
+    "no topic of the reference": (without_topic_of_reference, "0 of 76 samples"),
+    "reference that is no number": (number(REFERENCE, 7, 2, becomes(NAN)), "load.load_z is nan in sample 7"),
+    "reference of another crane": (number(REFERENCE, 7, 2, lambda z: z + 1e-12), "not from the reference"),
+    "reference of another scenario": (raised_reference, "not that of its scenario"),
+    "scenario of another reference": (
+        values("scenario.json", reference={"start": [1.0, 0.77, -0.71]}), "not that of its scenario",
+    ),
+    "state that is no number": (number(STATE, 7, 6, becomes(NAN)), "state.alpha is nan in sample 7"),
+    "state without bound": (number(STATE, -1, 6, becomes(INFINITE)), "state.alpha is inf in sample 75"),
+    "load that is no number": (number(LOAD, -1, 6, becomes(NAN)), "rope_tension is nan in sample 75"),
     "no end": (meta("run/mujoco", end_ns=None), "end_ns"),
     "no outcome": (without("run/mujoco"), "how the run of mujoco ended"),
     "no versions": (without("versions"), "versions"),
@@ -394,7 +551,13 @@ INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
     "design of huge gains": (values("design.json", gain=[10**400] * 4), "not a log"),
     "design of more": (values("design.json", extra=1), "not a log"),
     "design without margins": (values("design.json", margins=None), "not a log"),
-    "design of another order": (values("design.json", robustifier=ORDER_2), "controller has the signals"),
+    "design of another order": (more_order, "controller has the signals"),
+    "design that is unstable": (gains(-1.0), "do not stabilise the loop"),
+    "design of infinite gains": (gains(INFINITE), "do not stabilise the loop"),
+    "design of other gains": (gains(1.01), "not those of its gains"),
+    "design of another pole": (pole(0, -2.6), "not those of its gains"),
+    "design of a pole too few": (values("design.json", closed_loop_poles=[[-2.5, 0.0]] * 3), "not those of"),
+    "design of infinite poles": (pole(0, -INFINITE), "not those of its gains"),
     "design with broken matrices": (
         values("design.json", robustifier={"A": [1.0], "B": [[1.0]], "C": [[1.0]], "D": [[0.0], [5.0]]}),
         "do not fit together",

@@ -399,7 +399,7 @@ runs = list(read_log(sys.argv[1]).values())
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 try:
-    write_log(sys.argv[2], runs, every=1)
+    write_log(sys.argv[2], runs)
 except LogError as error:
     print(error.found)
 """

@@ -208,6 +208,21 @@ def test_damage_in_the_middle_ends_what_is_saved(log: Path, tmp_path: Path) -> N
     assert_beginning(read_log(recovery.log)["mujoco"], read_log(log)["mujoco"])
 
 
+@pytest.mark.parametrize(
+    ("end_ns", "text"),
+    [("9" * 400, "is no number"), (str(2**62), "is no number"), ("290000000", "to end at")],
+)
+def test_what_contradicts_itself_is_not_recovered(log: Path, tmp_path: Path, end_ns: str, text: str) -> None:
+    parts = take_apart(log)
+    parts.meta("run/mujoco").metadata["end_ns"] = end_ns
+    part = tmp_path / "a.mcap.1.part"
+    part.write_bytes(put_together(parts))
+    for read in (read_log, recover_log):
+        with pytest.raises(LogError, match=text):
+            read(part)
+    assert list(tmp_path.iterdir()) == [part]
+
+
 # Where it goes.
 
 
@@ -306,7 +321,7 @@ def write(path):
     elif moment == -1:
         Path.replace = killed_before_the_new_name
     try:
-        write_log(path, runs, every=1)
+        write_log(path, runs)
     except KeyboardInterrupt:
         os._exit(130)
     os._exit(0)
@@ -390,7 +405,7 @@ def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Pat
 def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path, number: int) -> None:
     """A run that is finished is not thrown away because Ctrl-C comes while it is written."""
     moments = [1, 10_000, 25_000]
-    whole = write_log(tmp_path / "whole.mcap", list(read_log(long_log).values()), every=1).read_bytes()
+    whole = write_log(tmp_path / "whole.mcap", list(read_log(long_log).values())).read_bytes()
     for path, part, status in kill(long_log, tmp_path, [f"{number}:{moment}" for moment in moments]):
         assert os.waitstatus_to_exitcode(status) == 130
         assert path.read_bytes() == whole
@@ -406,7 +421,7 @@ signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 for size in sys.argv[2:]:
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(size), resource.RLIM_INFINITY))
     try:
-        write_log("full.mcap", runs, every=1)
+        write_log("full.mcap", runs)
         print("written")
     except LogError as error:
         print(error.found)
@@ -415,9 +430,7 @@ for size in sys.argv[2:]:
 
 def test_a_disk_that_goes_full_leaves_what_can_be_recovered(log: Path, tmp_path: Path) -> None:
     """A limit on the size of files stops the writer as a full disk does, at any byte."""
-    whole = write_log(tmp_path / "whole.mcap", list(read_log(log).values()), every=1).rename(
-        tmp_path.parent / "whole.mcap"
-    )
+    whole = write_log(tmp_path.parent / "whole.mcap", list(read_log(log).values()))
     size = whole.stat().st_size
     sizes = [0, 1, 100, 11_000, size // 2, size - 3000, size - 100, size - 30, size - 9, size - 8, size - 1]
     command = [sys.executable, "-c", FULL, str(log), *map(str, [*sizes, size])]

@@ -20,6 +20,7 @@ from cranectl.log.overlay import write_overlay
 from cranectl.plants.mujoco_geometry import rig_solids
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
 from tests.conftest import closed_loop
 
 Messages = dict[str, list[tuple[int, Any]]]  # by topic: (time [ns], decoded message)
@@ -265,7 +266,7 @@ def test_a_run_that_ends_first_stays_where_it_ended(short: Scenario, tmp_path: P
     whole = simulate_run(short, plant="analytic")
     cut = replace(
         whole, time_ns=whole.time_ns[:201], table=whole.table[:201], reference=whole.reference[:201],
-        end_ns=int(whole.time_ns[200]),
+        status=RunStatus.INTERRUPTED, end_ns=int(whole.time_ns[200]),
     )  # fmt: skip
     path = write_log(tmp_path / "a.mcap", [cut, long], every=1)
     times = [time for time, _ in decode(path)["/tf"]]

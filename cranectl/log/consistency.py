@@ -1,0 +1,100 @@
+"""Whether a run agrees with what is said of it: one check for those who read logs and who write them.
+
+What is checked can only be so in a run of cranectl, whatever the plant: a log that contradicts itself is
+damaged, and none is written.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.design import Design
+from cranectl.design.axis import closed_loop_matrix
+from cranectl.log import topics
+from cranectl.log.outcome import Clock, Outcome, check_outcome, check_times
+from cranectl.log.records import DamageError
+from cranectl.reference import build_trajectory
+from cranectl.scenario import NANOSECONDS
+from cranectl.signals import ERROR, REFERENCE
+from cranectl.simulate import Run
+from cranectl.status import RunStatus
+
+Array = NDArray[np.float64]
+
+COMPARED = 100  # samples of the reference, evenly over the run: all would take as long as reading them
+ROUNDING = 1e-9  # of the reference, to its largest value: other machines' cosines
+
+# Of the coefficients of the characteristic polynomial. Without a robustifier the same matrix is taken again
+# (5e-11 seen over all poles that a scenario may ask for); a robustifier is recorded in another form than that
+# which its poles were computed in (1e-10 as shipped, up to 0.04 in 325 random designs).
+POLYNOMIAL_ERROR = {False: 1e-6, True: 0.25}
+
+
+def check_runs(runs: Sequence[Run], every: int) -> None:
+    """Raise DamageError unless these runs, with every n-th sample, make a log that can be read."""
+    first = runs[0]
+    check_design(first.design)
+    clock = Clock.of(first.scenario, every)
+    for run in runs:
+        if run.groups != first.groups or [other.plant for other in runs].count(run.plant) > 1:
+            raise DamageError(f"the runs of {first.plant} and {run.plant} cannot be in one log")
+        check_run(replace(run, scenario=first.scenario, design=first.design, drive=first.drive), clock)
+
+
+def check_run(run: Run, clock: Clock) -> None:
+    """Raise DamageError unless times, numbers and reference of a run are those of its scenario and end."""
+    outcome = Outcome(run.status, run.end_ns, len(run.time_ns))
+    check_outcome(run.plant, outcome, clock)
+    sound = finite_samples(outcome)
+    start = 0
+    for group in run.groups:
+        topic = topics.plant_topic(run.plant, group.name)
+        if not start:
+            check_times(topic, run.time_ns, clock, [outcome])
+        check_numbers(topic, group.names, run.table[:sound, start : start + len(group)])
+        start += len(group)
+    check_numbers(topics.REFERENCE_LOAD, REFERENCE.names, run.reference)
+    _check_reference(run, sound, planned=clock.from_ns is None)
+
+
+def finite_samples(outcome: Outcome) -> int:
+    """How many samples must be finite: a run may have stopped because of the numbers of its last."""
+    return outcome.samples if outcome.status == RunStatus.COMPLETED else max(outcome.samples - 1, 0)
+
+
+def check_numbers(topic: str, names: Sequence[str], values: Array) -> None:
+    """Raise DamageError for numbers that are not finite; `values` (N, signals)."""
+    finite = np.isfinite(values)
+    if not finite.all():
+        row, column = np.argwhere(~finite)[0]
+        raise DamageError(f"{topic[1:]}.{names[column]} is {values[row, column]} in sample {row}")
+
+
+def check_design(design: Design) -> None:
+    """Raise DamageError unless the poles of a design are those of its gains and robustifier, and stable."""
+    with np.errstate(all="ignore"):  # of numbers that overflow
+        loop = closed_loop_matrix(design.gain, design.robustifier)
+        poles = np.linalg.eigvals(loop) if np.isfinite(loop).all() else np.full(len(loop), np.nan)
+        expected, said = np.poly(poles), np.poly(design.closed_loop_poles)
+        tolerance = POLYNOMIAL_ERROR[design.robustifier.order > 0]
+        same = said.shape == expected.shape and (abs(said - expected) <= tolerance * abs(expected)).all()
+    if not poles.real.max() < 0.0:
+        raise DamageError("the gains of its design do not stabilise the loop")
+    if not same:
+        raise DamageError("the poles of its design are not those of its gains")
+
+
+def _check_reference(run: Run, sound: int, *, planned: bool) -> None:
+    """Against the tracking error in every sample, and against the scenario."""
+    width = len(ERROR)
+    error = run.reference[:sound, :width] - run.block("flat_output")[:sound, :width]
+    if not np.array_equal(error, run.block("error")[:sound]):
+        raise DamageError(f"the errors of {run.plant} are not from the reference")
+    if planned and len(run.time_ns):
+        rows = np.linspace(0, len(run.time_ns) - 1, COMPARED).round().astype(np.intp)
+        found = run.reference[rows]
+        expected = build_trajectory(run.scenario.reference).sample(run.time_ns[rows] / NANOSECONDS)
+        if (np.abs(found - expected) > ROUNDING * np.maximum(1.0, np.abs(expected).max(axis=0))).any():
+            raise DamageError("the reference is not that of its scenario")

@@ -1,0 +1,303 @@
+"""A run that contradicts itself is neither written nor read, whatever has been changed in it."""
+
+import functools
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from cranectl.design import CONTROLLERS, Design, design_controller
+from cranectl.errors import LogError
+from cranectl.log import read_log, read_signal, write_log
+from cranectl.log.consistency import check_design, check_run, check_runs
+from cranectl.log.header import LogHeader, parse_header
+from cranectl.log.outcome import Clock
+from cranectl.log.records import DamageError
+from cranectl.log.writer import file_attachments, file_metadata, write_logged
+from cranectl.scenario import DesignSettings, default_scenario, load_scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from tests.conftest import closed_loop
+
+EVERY = 4
+MOST = settings(max_examples=200, deadline=None)
+
+
+@functools.cache
+def completed() -> Run:
+    """26 samples on the grid and one beside it."""
+    scenario = load_scenario(
+        "fixed-position", overrides=["duration=0.102", "disturbances=[{joint='beta', start=0, magnitude=1}]"]
+    )
+    return simulate_run(scenario, plant="analytic", controller="lqr+hinf").every(EVERY)
+
+
+@functools.cache
+def stopped() -> Run:
+    """The rope reaches no length at all; the run ends a sample after its last."""
+    overrides = ["duration=2", "disturbances=[{joint='alpha', start=0.5, magnitude=20.0}]"]
+    return simulate_run(load_scenario("fixed-position", overrides=overrides), plant="analytic").every(EVERY)
+
+
+def refused(run: Run, every: int = EVERY) -> str:
+    with pytest.raises(DamageError) as caught:
+        check_runs([run], every)
+    return str(caught.value)
+
+
+def row_removed(run: Run, row: int) -> Run:
+    return replace(
+        run,
+        time_ns=np.delete(run.time_ns, row),
+        table=np.delete(run.table, row, axis=0),
+        reference=np.delete(run.reference, row, axis=0),
+    )
+
+
+def changed(values: np.ndarray, place: tuple[int, ...], value: float) -> np.ndarray:
+    copy = values.copy()
+    copy[place] = value
+    return copy
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize("every", [1, EVERY, 7, 10**9])
+def test_whole_runs_are_consistent(plant: str, controller: str, every: int) -> None:
+    check_runs([closed_loop("fixed-position", controller, plant).every(every)], every)
+
+
+@pytest.mark.parametrize("every", [1, EVERY, 7])
+@pytest.mark.parametrize("name", ["slack-rope", "near-slack", "settled-trajectory"])
+def test_runs_of_other_scenarios_are_consistent(name: str, every: int) -> None:
+    check_runs([closed_loop(name, "lqr", "mujoco").every(every)], every)
+    check_runs([stopped(), replace(stopped(), plant="mujoco")], EVERY)
+
+
+RUNS = st.sampled_from([completed, stopped])
+
+
+@MOST
+@given(made=RUNS, data=st.data())
+def test_one_time_is_changed(made: Callable[[], Run], data: st.DataObject) -> None:
+    run = made()
+    row = data.draw(st.integers(0, len(run.time_ns) - 1))
+    low = int(run.time_ns[row - 1]) + 1 if row else -(10**9)
+    high = int(run.time_ns[row + 1]) - 1 if row < len(run.time_ns) - 1 else 3 * 10**9
+    time_ns = data.draw(st.integers(low, high))
+    # A run that stopped may have its last sample where it ended.
+    assume(time_ns not in (run.time_ns[row], *([run.end_ns] if row == len(run.time_ns) - 1 else [])))
+    refused(replace(run, time_ns=changed(run.time_ns, (row,), time_ns)))
+
+
+@MOST
+@given(made=RUNS, data=st.data())
+def test_one_sample_is_missing(made: Callable[[], Run], data: st.DataObject) -> None:
+    run = made()
+    refused(row_removed(run, data.draw(st.integers(0, len(run.time_ns) - 1))))
+
+
+@MOST
+@given(data=st.data(), value=st.sampled_from([np.nan, np.inf, -np.inf]))
+def test_one_number_is_not_finite(data: st.DataObject, value: float) -> None:
+    run = completed()
+    row, column = (data.draw(st.integers(0, size - 1)) for size in run.table.shape)
+    assert f"is {value} in sample {row}" in refused(
+        replace(run, table=changed(run.table, (row, column), value))
+    )
+
+
+@MOST
+@given(data=st.data(), value=st.floats())
+def test_one_desired_value_is_another(data: st.DataObject, value: float) -> None:
+    run = completed()
+    place = tuple(data.draw(st.integers(0, size - 1)) for size in run.reference.shape)
+    assume(not abs(value - run.reference[place]) <= 1e-9)
+    refused(replace(run, reference=changed(run.reference, place, value)))
+
+
+@MOST
+@given(made=RUNS, end_ns=st.integers(-(10**9), 10**10) | st.integers(0, 2500).map(lambda ms: ms * 10**6))
+def test_the_end_is_another(made: Callable[[], Run], end_ns: int) -> None:
+    run = made()
+    last_ns = int(run.time_ns[-1])
+    assume(end_ns not in ((run.end_ns,) if run.status == RunStatus.COMPLETED else (last_ns, run.end_ns)))
+    refused(replace(run, end_ns=end_ns))
+
+
+@given(every=st.integers(1, 2**70))
+def test_the_rate_is_another(every: int) -> None:
+    if every != EVERY:
+        refused(completed(), every)
+        refused(stopped(), every)
+
+
+@pytest.mark.parametrize("status", [RunStatus.RUNNING, RunStatus.COMPLETED, RunStatus.INTERRUPTED])
+def test_a_run_that_stopped_did_not_end_otherwise(status: RunStatus) -> None:
+    refused(replace(stopped(), status=status))
+
+
+def test_a_run_without_samples_ended_at_its_start() -> None:
+    empty = row_removed(replace(stopped(), end_ns=0), slice(None))  # type: ignore[arg-type]
+    check_runs([empty], EVERY)
+    assert "without a sample" in refused(replace(empty, end_ns=1_000_000))
+    assert "its scenario to end" in refused(replace(empty, status=RunStatus.COMPLETED))
+
+
+def test_only_the_last_sample_of_a_run_that_stopped_may_hold_what_stopped_it() -> None:
+    run = stopped()
+    check_runs([replace(run, table=changed(run.table, (-1, 3), np.nan))], EVERY)
+    assert "is nan" in refused(replace(run, table=changed(run.table, (-2, 3), np.nan)))
+    assert "reference/load" in refused(replace(run, reference=changed(run.reference, (-1, 3), np.nan)))
+
+
+def test_takes_of_a_session_begin_where_they_say_and_end_when_they_like() -> None:
+    whole = completed()
+    take = replace(
+        whole,
+        time_ns=whole.time_ns + 7_000_000,
+        end_ns=whole.end_ns + 7_000_000,
+        status=RunStatus.INTERRUPTED,
+    )
+    clock = Clock.of(take.scenario, EVERY, 7_000_000)
+    check_run(take, clock)
+    check_run(take, replace(clock, from_ns=4_000_000))
+    check_run(replace(take, status=RunStatus.COMPLETED), clock)
+    for from_ns in (3_000_000, 8_000_000, 6_999_999):
+        with pytest.raises(DamageError, match=r"begins at|no control sample"):
+            check_run(take, replace(clock, from_ns=from_ns))
+    with pytest.raises(DamageError, match="every 4 control samples"):
+        check_run(row_removed(take, 3), clock)
+
+
+def test_runs_of_one_log_record_the_same() -> None:
+    other = replace(completed(), plant="mujoco")
+    check_runs([completed(), other], EVERY)
+    with pytest.raises(DamageError, match="cannot be in one log"):
+        check_runs([completed(), replace(other, design=design_controller("lqr"))], EVERY)
+    with pytest.raises(DamageError, match="cannot be in one log"):
+        check_runs([completed(), completed()], EVERY)
+
+
+# The writer.
+
+
+def test_what_contradicts_itself_is_not_written(tmp_path: Path) -> None:
+    run = completed()
+    logged = write_log(tmp_path / "good.mcap", [run], every=EVERY)
+    before = logged.read_bytes()
+    for wrong, every in (
+        (replace(run, table=changed(run.table, (3, 3), np.nan)), EVERY),
+        (replace(run, design=replace(run.design, gain=2.0 * run.design.gain)), EVERY),
+        (row_removed(run, 3), EVERY),
+        (run, 1),
+        (run, 6),
+    ):
+        with pytest.raises(LogError, match="it would contradict itself") as caught:
+            write_log(logged, [wrong], every=every)
+        assert str(logged) in caught.value.found
+    with pytest.raises(LogError, match="every 8 control samples"):
+        write_logged(logged, [run], 8)
+    assert logged.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [logged]
+
+
+def test_a_log_is_thinned_by_control_samples(tmp_path: Path) -> None:
+    """Not by those that it happens to hold, of which it would then tell the wrong rate."""
+    logged = write_log(tmp_path / "a.mcap", [completed()], every=EVERY)
+    run = read_log(logged)["analytic"]
+    assert write_log(tmp_path / "b.mcap", [run], every=EVERY).read_bytes() == logged.read_bytes()
+    thin = read_log(write_log(tmp_path / "c.mcap", [run], every=12))["analytic"]
+    assert np.diff(thin.time_ns)[:-1].tolist() == [12_000_000] * 8
+    assert thin.time_ns[-1] == run.time_ns[-1]
+
+
+def test_a_stopped_run_with_what_stopped_it_is_written_and_read(tmp_path: Path) -> None:
+    run = stopped()
+    wrong = replace(run, table=changed(run.table, (-1, 20), np.inf))
+    path = write_log(tmp_path / "a.mcap", [wrong], every=EVERY)
+    assert read_log(path)["analytic"].table.tobytes() == wrong.table.tobytes()
+    names = [f"analytic/{group.name}.{name}" for group in run.groups for name in group.names]
+    assert np.isinf(read_signal(path, names[20])[1][-1])
+
+
+# The header.
+
+
+@functools.cache
+def header() -> tuple[dict[str, dict[str, str]], dict[str, bytes]]:
+    return (
+        file_metadata([completed()], EVERY),
+        {a.name: a.data for a in file_attachments([completed()])},
+    )
+
+
+def parsed(record: str, **values: str) -> LogHeader:
+    metadata, attachments = header()
+    return parse_header("a.mcap", {**metadata, record: {**metadata.get(record, {}), **values}}, attachments)
+
+
+NUMBERS = (
+    st.integers(-(2**70), 2**70).map(str) | st.text(max_size=30) | st.sampled_from(["9" * 400, "1" * 5000])
+)
+
+
+@MOST
+@given(text=NUMBERS, place=st.sampled_from([("cranectl", "every"), ("run/analytic", "end_ns"),
+                                            ("run/analytic", "samples"), ("live", "from_ns")]))  # fmt: skip
+def test_numbers_of_a_header_are_whole_and_bounded(text: str, place: tuple[str, str]) -> None:
+    """Each is refused, as it stands or with the run that it speaks of, unless it says what was said."""
+    record, name = place
+    try:
+        found = parsed(record, **{name: text})
+        outcome = found.outcome("analytic")
+        assert (outcome.end_ns, outcome.status) == (completed().end_ns, RunStatus.COMPLETED)
+        assert max(found.every, outcome.samples, found.clock.begin_ns) < 2**63
+        check_run(completed(), found.clock)
+        assert outcome.samples == len(completed().time_ns) or name == "samples"
+    except (LogError, DamageError):
+        assert text != str(header()[0].get(record, {}).get(name))
+
+
+# The design.
+
+
+@MOST
+@given(data=st.data(), factor=st.floats(-10.0, 10.0))
+def test_a_gain_or_pole_is_another(data: st.DataObject, factor: float) -> None:
+    assume(not abs(factor - 1.0) <= 1e-3)
+    design = design_controller("lqr")
+    check_design(design)
+    k = data.draw(st.integers(0, 3))
+    gain, poles = design.gain.copy(), design.closed_loop_poles.copy()
+    gain[k] *= factor
+    poles[k] *= factor
+    for wrong in (replace(design, gain=gain), replace(design, closed_loop_poles=poles)):
+        with pytest.raises(DamageError, match="of its design"):
+            check_design(wrong)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"poles": (-0.1, -20.0, -20.0, -20.0), "state_weights": (1e6, 1e-3, 1e3, 1e-6)},
+        {"hinf": {"peak": 1.5, "offset": 1e-3, "bandwidth": 0.2}, "loop_shaping": {"proportional": 0.5}},
+    ],
+)
+def test_every_design_has_the_poles_of_its_gains(controller: str, changes: dict[str, Any]) -> None:
+    design = design_controller(controller, DesignSettings(**changes))
+    check_design(design)
+    check_design(Design.from_json(json.loads(json.dumps(design.to_json()))))
+
+
+def test_the_default_scenario_is_consistent() -> None:
+    run = simulate_run(default_scenario(overrides=["duration=0.05"]), plant="analytic")
+    check_runs([run], 1)
