@@ -65,7 +65,9 @@ def write_logged(path: Path, runs: Sequence[Run], every: int) -> None:
             allowed="runs as they were simulated, every n-th control sample and the last",
             remedy="simulate the scenario again",
         ) from None
-    write_container(path, file_metadata(runs, every), file_attachments(runs), streams(runs))
+    with np.errstate(invalid="ignore"):  # of a last sample that may hold what stopped its run
+        sent = streams(runs)
+    write_container(path, file_metadata(runs, every), file_attachments(runs), sent)
 
 
 def write_container(

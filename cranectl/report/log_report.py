@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from cranectl.compare import Comparison, agreement_limits, compare_runs, judge
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.report.metrics_table import metrics_table
@@ -16,6 +18,7 @@ Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 Metrics = Mapping[tuple[str, str], RunMetrics | None]  # by label and plant
 
 
+@np.errstate(invalid="ignore")  # of a last sample that may hold what stopped its run
 def log_page(logs: Logs, remade_by: str) -> Page:
     """A page of up to four logs, each with the runs of one or both plants."""
     runs = [run for log in logs.values() for run in log.values()]

@@ -1,5 +1,6 @@
 """What each figure shows, in a sentence with the figures of the runs in it."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -105,8 +106,13 @@ def _each(runs: Runs, figure: Callable[[Run], float], unit: str) -> str:
 
 
 def _quantity(value: float, unit: str) -> str:
-    """Three digits, small numbers with powers of ten, kept on one line with their unit."""
-    if value == 0.0 or value >= 1e-3:
+    """Three digits, small numbers with powers of ten, kept on one line with their unit.
+
+    A run that stopped may have done so because a number was none.
+    """
+    if not math.isfinite(value):
+        number = f"{value}"
+    elif value == 0.0 or value >= 1e-3:
         number = f"{value:#.3g}".rstrip(".")
     else:
         mantissa, _, exponent = f"{value:.1e}".partition("e")

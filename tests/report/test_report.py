@@ -12,6 +12,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.colours import COLOURS
+from cranectl.log import read_log, write_log
 from cranectl.report.log_report import log_page
 from cranectl.report.page import Figure, Page, Section, render
 from cranectl.report.run_figures import FAMILIES, Curve, family_svg, largest_difference
@@ -20,6 +21,7 @@ from cranectl.report.theme import STAND_IN
 from cranectl.report.verdicts import agreement, verdict
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
 from tests.conftest import closed_loop
 
 SHORT = ["--set", "duration=0.5", "--set", "disturbances=[]"]
@@ -196,6 +198,31 @@ def test_report_of_one_plant_whose_run_stopped(tmp_path: Path, monkeypatch: pyte
     assert page.tags["figure"] == len(FAMILIES)
     assert "length-singular" in page.text
     assert re.search(r"drives the trolley [\d.]+ m past the end of the rig, from 0\.\d\d s on", page.text)
+
+
+@pytest.mark.parametrize("value", [np.nan, -np.inf])
+def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
+    tmp_path: Path, runs: dict[str, Run], value: float
+) -> None:
+    """It is written, read, reported and compared like any other, and no verdict calls it good."""
+    ended = []
+    for run in runs.values():
+        table = run.table[:205].copy()
+        table[-1] = value
+        ended.append(
+            replace(
+                run, time_ns=run.time_ns[:205], table=table, reference=run.reference[:205],
+                status=RunStatus.ENGINE_WARNING, end_ns=204_000_000,
+            )
+        )  # fmt: skip
+    log = {run.plant: run for run in ended}
+    back = read_log(write_log(tmp_path / "a.mcap", ended))
+    assert np.array_equal(back["mujoco"].table[-1], log["mujoco"].table[-1], equal_nan=True)
+    page = read_page(render(log_page({"a": back, "b": {"mujoco": back["mujoco"]}}, "")))
+    assert "engine-warning" in page.text
+    assert re.search(r"Load off its reference at 0\.204 s: (nan|inf)\sm", page.text)
+    assert "FAILED" in page.text
+    assert "passed" not in page.text
 
 
 def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
