@@ -66,10 +66,10 @@ def advise_command(
     if found.best is not None:
         screen.print(screen_table(improvements_table(found)))
     for line in recommendation(found):
-        screen.print(line, soft_wrap=True, markup=False)
+        screen.print(line)
     if report is not None and found.best is not None:
         _write_report(found, report, f"cranectl advise {scenario} --report {report}")
-        screen.print(f"report: {report}", soft_wrap=True, markup=False)
+        screen.print(f"report: {report}")
     write_json(json_file, found.to_json())
     if found.best is None:
         return exit_codes.RUN_STOPPED

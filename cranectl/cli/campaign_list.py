@@ -47,7 +47,7 @@ def list_campaigns(json_file: str | None) -> None:
     screen = console(json_file)
     screen.print(screen_table(Table("Campaigns", headings, rows, labels=3)))
     for each in campaigns:
-        screen.print(f"{each.settings.name}: {each.settings.title}", soft_wrap=True, markup=False)
+        screen.print(f"{each.settings.name}: {each.settings.title}")
     write_json(json_file, {"campaigns": [_facts(each) for each in campaigns]})
 
 
@@ -90,7 +90,7 @@ def show_campaign(
     screen = console(json_file)
     screen.print(screen_table(parameters_table(loaded)))
     for line in _lines(loaded):
-        screen.print(line, soft_wrap=True, markup=False)
+        screen.print(line)
     facts = _facts(loaded)
     if not no_estimate:
         from cranectl.campaign.estimate import estimated_seconds

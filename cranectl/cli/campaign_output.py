@@ -37,8 +37,8 @@ def show_result(results: "Results", json_file: str | None, more: dict[str, Any] 
         title = f"{settings.name} on {plant}, {settings.drive} drives"
         screen.print(screen_table(summary_table(of_plant, title)))
         for note in failure_notes(of_plant):
-            screen.print(f"  {note}", soft_wrap=True, markup=False)
-    screen.print(f"result: {results.directory}", soft_wrap=True, markup=False)
+            screen.print(f"  {note}")
+    screen.print(f"result: {results.directory}")
     write_json(json_file, result_json(results, groups) | (more or {}))
 
 

@@ -5,8 +5,9 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+from cranectl.cli.screen import progress
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
@@ -33,17 +34,15 @@ def campaign_progress(
     total = campaign.runs * len(settings.plants) * len(settings.controllers)
     there = total - sum(batch.last - batch.first for batch in missing)
     runs, failures, simulated, start = 0, 0, 0.0, monotonic()
-    with Progress(*COLUMNS, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(settings.name, total=total, completed=there, rates="preparing")
+    with progress(*COLUMNS) as shown:
+        task = shown.add_task(settings.name, total=total, completed=there, rates="preparing")
 
         def advance(rows: Sequence["Row"]) -> None:
             nonlocal runs, failures, simulated
             runs += len(rows)
             failures += sum(row_failed(campaign, row) for row in rows)
             simulated += sum(float(row["end_s"] or 0.0) for row in rows)
-            progress.update(
-                task, advance=len(rows), rates=rates(runs, failures, simulated, monotonic() - start)
-            )
+            shown.update(task, advance=len(rows), rates=rates(runs, failures, simulated, monotonic() - start))
 
         yield advance
 

@@ -64,8 +64,8 @@ def replay_campaign(
             replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
     screen = console(json_file)
     for replay in replays:
-        screen.print(f"{replay.log}: {PASSED if replay.same else FAILED}, {replay.text}", soft_wrap=True)
+        screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
         for line in replay.differences:
-            screen.print(f"  {line}", soft_wrap=True, markup=False)
+            screen.print(f"  {line}")
     write_json(json_file, {"replays": [replay.to_json() for replay in replays]})
     return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED

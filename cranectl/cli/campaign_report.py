@@ -50,4 +50,4 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     command = f"cranectl campaign report {shlex.quote(str(result))}{' --unfinished' if unfinished else ''}"
     write_page(campaign_page(analysis, outcome, command), page)
     show_result(results, json_file, analysis_json(analysis))
-    console(json_file).print(f"report: {page}", soft_wrap=True, markup=False)
+    console(json_file).print(f"report: {page}")

@@ -96,7 +96,7 @@ def run_campaign_command(
         open_store(loaded, directory, resume=resume, overwrite=overwrite) as store,
     ):
         for note in store.aside:
-            screen.print(f"  {note}", soft_wrap=True, markup=False)
+            screen.print(f"  {note}")
         interrupted = _run(loaded, store, engine)
         results = read_results(directory, unfinished=interrupted)
     show_result(results, json_file)
@@ -104,7 +104,6 @@ def run_campaign_command(
         total = len(results) + sum(batch.last - batch.first for batch in results.missing)
         screen.print(
             f"interrupted: {len(results)} of {total} runs are kept; go on with the same command and --resume",
-            soft_wrap=True,
         )
         return exit_codes.INTERRUPTED
     return exit_codes.RUN_STOPPED if set(results.column("status")) == {FAILED} else exit_codes.GOOD

@@ -8,11 +8,10 @@ import click
 from cranectl.cli.options import drive_option, json_option, scenario_options
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from cranectl.analysis.certificate.certify import Certificate, PointVerdict
     from cranectl.analysis.certificate.conservatism import Limits
     from cranectl.analysis.certificate.structured import DriveMargins
+    from cranectl.report.table import Cell, Table
 
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
 TILTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
@@ -97,6 +96,7 @@ def certify_command(
     from cranectl.analysis.certificate.structured import drive_margins
     from cranectl.cli import exit_codes
     from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.cli.screen_table import screen_table
     from cranectl.design import design_controller
     from cranectl.scenario import default_scenario, load_scenario
     from cranectl.simulate import checked_drive
@@ -127,22 +127,22 @@ def certify_command(
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(judge, loaded, point, checked) for point in ends]
     screen = console(json_file)
-    screen.print(_map_table(found))
+    screen.print(screen_table(_map_table(found)))
     for line in _summary(found):
-        screen.print(line, soft_wrap=True)
-    screen.print(_drive_table(margins, found.worst))
+        screen.print(line)
+    screen.print(screen_table(_drive_table(margins, found.worst)))
     if limit_list:
-        screen.print(_limit_table(limit_list))
+        screen.print(screen_table(_limit_table(limit_list)))
     taken, left = taken_in(loaded.effects), left_out(loaded.effects)
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:
-            screen.print(f"{what}: {', '.join(names)}", soft_wrap=True)
+            screen.print(f"{what}: {', '.join(names)}")
     if plot is not None:
         from cranectl.report.certificate_figure import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.figure_file import save_figure
 
         save_figure(certificate_figure(found, judge, inner_loop_of(worst, design.gain)), plot)
-        screen.print(f"picture: {plot}", soft_wrap=True)
+        screen.print(f"picture: {plot}")
     data = found.to_json() | {
         "drive_margins_at_worst": margins.to_json(),
         "taken_in": taken,
@@ -155,25 +155,29 @@ def certify_command(
 
 
 def _map_table(found: "Certificate") -> "Table":
-    table = _table(
+    from cranectl.report.table import Cell, Table
+
+    title = (
         f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}\n"
-        "columns: tilting disturbance \\[rad/s²], hoisting speed \\[m/s]"
+        "columns: tilting disturbance [rad/s²], hoisting speed [m/s]"
     )
     columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in found.points))
-    table.add_column("rope\n[m]", justify="right", no_wrap=True)
-    for (d_alpha, d_beta), speed in columns:
-        table.add_column(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}", justify="right", no_wrap=True)
+    headings = tuple(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}" for (d_alpha, d_beta), speed in columns)
     at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in found.points}
-    for length in dict.fromkeys(verdict.point.rope_length for verdict in found.points):
-        table.add_row(f"{length:g}", *(_cell(at[length, *column]) for column in columns))
-    return table
+    lengths = dict.fromkeys(verdict.point.rope_length for verdict in found.points)
+    rows = ((Cell(f"{length:g}"), *(_cell(at[length, *column]) for column in columns)) for length in lengths)
+    return Table(title, ("rope\n[m]", *headings), tuple(rows))
 
 
-def _cell(verdict: "PointVerdict") -> str:
+def _cell(verdict: "PointVerdict") -> "Cell":
+    from cranectl.report.table import Cell
+
     if not verdict.stable:
-        return f"[bold red]{verdict.gap:.3f} u[/]"
-    mark = {"gap": "[green]{}  [/]", "by frequency": "[green]{} f[/]", "refused": "[yellow]{} r[/]"}
-    return mark[verdict.grade].format(f"{verdict.gap:.3f}")
+        return Cell(f"{verdict.gap:.3f} u", "bad")
+    letter, mark = {"gap": (" ", "good"), "by frequency": ("f", "good"), "refused": ("r", "open")}[
+        verdict.grade
+    ]
+    return Cell(f"{verdict.gap:.3f} {letter}", mark)
 
 
 def _summary(found: "Certificate") -> list[str]:
@@ -194,40 +198,30 @@ def _summary(found: "Certificate") -> list[str]:
 
 
 def _drive_table(margins: "DriveMargins", worst: "PointVerdict") -> "Table":
-    table = _table(f"The three drives at once, each on its own: {worst.point}")
-    table.add_column("what changes")
-    table.add_column("tolerated", justify="right")
+    from cranectl.report.table import Cell, Table
+
     low, high = margins.gain_range
-    table.add_row("gain and phase, disk margin", f"{margins.disk_margin:.3f}")
-    table.add_row("gains alone", f"{low:.2f} … {high:.2f}")
-    table.add_row("phases alone", f"± {57.29577951308232 * margins.phase:.0f}°")
+    rows = [
+        ("gain and phase, disk margin", f"{margins.disk_margin:.3f}"),
+        ("gains alone", f"{low:.2f} … {high:.2f}"),
+        ("phases alone", f"± {57.29577951308232 * margins.phase:.0f}°"),
+    ]
     for spread, delay in margins.delays:
         tolerated = f"{1e3 * delay:.1f} ms" if delay > 0.0 else "not known"
-        table.add_row(f"gains ± {100 * spread:.0f} % and further delay up to", tolerated)
-    return table
+        rows.append((f"gains ± {100 * spread:.0f} % and further delay up to", tolerated))
+    title = f"The three drives at once, each on its own: {worst.point}"
+    cells = tuple((Cell(what), Cell(tolerated)) for what, tolerated in rows)
+    return Table(title, ("what changes", "tolerated"), cells)
 
 
 def _limit_table(limits: list["Limits"]) -> "Table":
-    table = _table("How conservative: largest certified, largest survived by the linear loop")
-    for heading in (
-        "rope\n[m]",
-        "delay certified\n[ms]",
-        "survived\n[ms]",
-        "lag certified\n[ms]",
-        "survived\n[ms]",
-    ):
-        table.add_column(heading, justify="right", no_wrap=True)
+    from cranectl.report.table import Cell, Table
+
+    title = "How conservative: largest certified, largest survived by the linear loop"
+    headings = ("rope\n[m]", "delay certified\n[ms]", "survived\n[ms]")
+    rows = []
     for limit in limits:
         values = (limit.delay_certified, limit.delay_stable, limit.lag_certified, limit.lag_stable)
-        cells = ("-" if value is None else f"{1e3 * value:.0f}" for value in values)
-        table.add_row(f"{limit.point.rope_length:g}", *cells)
-    return table
-
-
-def _table(title: str) -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    width = max(len(line) for line in title.splitlines())
-    padding = (0, 1, 0, 0)
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=padding, min_width=width)
+        cells = (Cell("-" if value is None else f"{1e3 * value:.0f}") for value in values)
+        rows.append((Cell(f"{limit.point.rope_length:g}"), *cells))
+    return Table(title, (*headings, "lag certified\n[ms]", "survived\n[ms]"), tuple(rows))

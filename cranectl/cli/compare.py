@@ -80,6 +80,7 @@ def _check_usage(
 
 def _compare(pairs: list[tuple["Run", "Run"]], json_file: str | None, merged: Path | None) -> None:
     from cranectl.cli.output import comparison_table, console, write_json
+    from cranectl.cli.screen import styled
     from cranectl.compare import compare_runs
 
     comparisons = [compare_runs(a, b) for a, b in pairs]
@@ -90,18 +91,15 @@ def _compare(pairs: list[tuple["Run", "Run"]], json_file: str | None, merged: Pa
             f"loads at most {comparison.max_load_error_m:.3e} m apart, "
             f"at {comparison.max_load_error_at_s:g} s; "
             f"angles {comparison.max_angle_error_rad:.3e} rad; {comparison.samples} common samples",
-            soft_wrap=True,
         )
         if not comparison.same_length:
-            screen.print("[yellow]the runs did not end at the same time[/]")
+            screen.print(styled("the runs did not end at the same time", "yellow"))
     if merged is not None:
-        screen.print(f"log: {merged}", soft_wrap=True, markup=False)
+        screen.print(f"log: {merged}")
     write_json(json_file, {"comparisons": [comparison.to_json() for comparison in comparisons]})
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:
-    from rich.markup import escape
-
     from cranectl.cli.compare_output import regression_table
     from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.compare import differing_fields
@@ -123,10 +121,10 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
         )
     for plant in sorted(new.keys() ^ golden.keys()):
         only = new_log if plant in new else golden_log
-        screen.print(f"not compared: {plant}, only in {only}", soft_wrap=True, markup=False)
+        screen.print(f"not compared: {plant}, only in {only}")
     for difference in differences:
-        screen.print(f"golden and new differ in {difference}", soft_wrap=True, markup=False)
-    screen.print(f"{escape(new_log.name)}: {PASSED if passed else FAILED}", soft_wrap=True)
+        screen.print(f"golden and new differ in {difference}")
+    screen.print(f"{new_log.name}:", PASSED if passed else FAILED)
     write_json(
         json_file,
         {

@@ -1,8 +1,8 @@
 """The table of `cranectl compare --tolerances`."""
 
 from rich import box
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from cranectl.cli.output import FAILED, PASSED
 from cranectl.regression import RegressionVerdict
@@ -10,11 +10,11 @@ from cranectl.regression import RegressionVerdict
 
 def regression_table(verdict: RegressionVerdict, title: str) -> Table:
     """One row a signal, then how the runs ended."""
-    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=0)
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=0)
     for heading in ("signal", "unit"):
         table.add_column(heading, no_wrap=True)
     for heading in ("max |diff|", "at [s]", "limit"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
+        table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for row in verdict.signals:
         cells = (f"{row.max_abs:.1e}", f"{row.at_s:.3f}", f"{row.limit:.1e}", _verdict(row.passed))
@@ -31,5 +31,5 @@ def _status(verdict: RegressionVerdict) -> str:
     return f"{verdict.status}, was {verdict.golden_status}"
 
 
-def _verdict(passed: bool) -> str:
+def _verdict(passed: bool) -> Text:
     return PASSED if passed else FAILED

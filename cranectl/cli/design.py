@@ -57,5 +57,5 @@ def design_command(
     for table in design_tables(design):
         screen.print(table)
     if plot is not None:
-        screen.print(f"picture: {plot}", soft_wrap=True)
+        screen.print(f"picture: {plot}")
     write_json(json_file, design.to_json())

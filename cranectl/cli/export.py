@@ -49,4 +49,4 @@ def export_command(log: Path, format_name: str | None, patterns: tuple[str, ...]
     table = export_table(list(read_log(log).values()), patterns)
     write_table(table, path, file_format)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
-    console(None).print(f"export: {path}, {size}", soft_wrap=True, markup=False)
+    console(None).print(f"export: {path}, {size}")

@@ -29,7 +29,7 @@ def info_command(log: Path, json_file: str | None) -> None:
     agreement = judge(*pair) if both else None
     screen = console(json_file)
     for line in info_lines(description, pair, agreement):
-        screen.print(line, soft_wrap=True)
+        screen.print(line)
     screen.print(topic_table(description))
     write_json(
         json_file,

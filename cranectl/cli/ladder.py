@@ -81,15 +81,15 @@ def ladder_command(
     write_overlay(log, {step.rung.name: step.run for step in steps}, every=EVERY)
     screen = console(json_file)
     screen.print(screen_table(ladder_table(steps)))
-    screen.print(f"log: {log}", soft_wrap=True, markup=False)
-    screen.print("view: cranectl layout ladder view.json", soft_wrap=True, markup=False)
+    screen.print(f"log: {log}")
+    screen.print("view: cranectl layout ladder view.json")
     if report is not None:
         from cranectl.report.ladder_report import ladder_page
         from cranectl.report.page import write_page
 
         command = f"cranectl ladder {scenario} --controller {name} --top {top}"
         write_page(ladder_page(loaded, name, steps, command), report)
-        screen.print(f"report: {report}", soft_wrap=True, markup=False)
+        screen.print(f"report: {report}")
     write_json(
         json_file,
         {"scenario": loaded.name, "controller": name, "rungs": [step.to_json() for step in steps]},

@@ -3,8 +3,10 @@
 Command modules import what they need inside their functions, so that `--help` stays fast.
 """
 
+import io
 import os
 import sys
+import traceback
 
 import click
 
@@ -25,10 +27,14 @@ from cranectl.cli.recover import recover_command
 from cranectl.cli.render import render_command
 from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
+from cranectl.cli.streams import steady_streams
 from cranectl.cli.thesis import thesis_command
 from cranectl.cli.validate import validate_command
 from cranectl.errors import CranectlError
 from cranectl.interrupts import heed_interrupts, interrupt
+from cranectl.text import printable
+
+TRACEBACK = "--traceback"  # anywhere on the command line
 
 HELP = """Validate crane controllers against independent physics.
 
@@ -42,9 +48,8 @@ model and a MuJoCo model of the rig. Every run is an MCAP log that opens in Foxg
   cranectl validate                          run everything, judge, exit 1 if a limit is exceeded
 
 \b
-Exit codes: 0 good, 1 a validation limit exceeded, 2 bad input, 3 a run stopped early (its log is readable),
-130 interrupted.
-"""
+Exit codes:
+""" + "\n".join(f"  {code:3}  {meaning}" for code, meaning in exit_codes.MEANINGS.items())
 
 
 cli = click.Group(
@@ -80,20 +85,31 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     # Matrices here are small: threads of the linear algebra library only wait for one another.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ["MPLBACKEND"] = "agg"  # pictures go into files, whatever the user's own plots need
     heed_interrupts(interrupt)
+    given = sys.argv[1:] if arguments is None else arguments
+    with steady_streams():
+        return _run([argument for argument in given if argument != TRACEBACK], TRACEBACK in given)
+
+
+def _run(arguments: list[str], full_traceback: bool) -> int:
     try:
         code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False)
     except click.ClickException as error:
-        error.show()
+        shown = io.StringIO()
+        error.show(file=shown)
+        print("\n".join(map(printable, shown.getvalue().rstrip().split("\n"))), file=sys.stderr)
         return exit_codes.BAD_INPUT
     except CranectlError as error:
-        click.echo(f"cranectl: bad input\n{error}", err=True)
+        print(f"cranectl: bad input\n{error}", file=sys.stderr)
         return exit_codes.BAD_INPUT
     except (KeyboardInterrupt, click.Abort):
-        click.echo("cranectl: interrupted", err=True)
+        print("cranectl: interrupted", file=sys.stderr)
         return exit_codes.INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output has gone; nothing to tell, and nothing left to flush at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return exit_codes.GOOD
+    except Exception as error:
+        if full_traceback:
+            traceback.print_exc()
+        what = printable(f"{type(error).__name__}: {error}")
+        print(f"cranectl: unforeseen {what}; please report it with what {TRACEBACK} adds", file=sys.stderr)
+        return exit_codes.UNFORESEEN
     return code if isinstance(code, int) else exit_codes.GOOD

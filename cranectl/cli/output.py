@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich import box
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
+from cranectl.cli.screen import Screen, heading, progress, styled
 from cranectl.errors import InputError
 from cranectl.files import write_text
+from cranectl.text import printable
 
 if TYPE_CHECKING:
     from cranectl.cases import CaseResult, RunSummary
@@ -26,23 +27,19 @@ if TYPE_CHECKING:
     from cranectl.scenario import Scenario
     from cranectl.simulate import Run
 
-FILE_WIDTH = 160  # what the widest table, of the ladder, takes
-PASSED, FAILED = "[green]passed[/]", "[bold red]FAILED[/]"
+PASSED, FAILED = styled("passed", "green"), styled("FAILED", "bold red")
 
 
-def console(json_file: str | None) -> Console:
+def console(json_file: str | None) -> Screen:
     """Where tables go: standard error when standard output carries JSON."""
-    screen = Console(stderr=json_file == "-", highlight=False)
-    if not screen.is_terminal:  # into a file or a CI log: as wide as the tables are
-        screen.width = FILE_WIDTH
-    return screen
+    return Screen(stderr=json_file == "-")
 
 
 def write_json(json_file: str | None, data: dict[str, Any]) -> None:
     """Write `data` to a file or, for `-`, to standard output."""
     if json_file is None:
         return
-    text = json.dumps(_finite(data), indent=2, ensure_ascii=False)
+    text = json.dumps(_finite(data), indent=2)
     if json_file == "-":
         print(text)
         return
@@ -69,16 +66,16 @@ def progress_bar(
 ) -> Iterator[tuple[Callable[[float], None], Callable[[str], None]]]:
     """A bar on standard error, over simulated seconds; yields (advance, describe). Silent if no terminal."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} s {done}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("preparing", total=total)
+    with progress(*columns) as shown:
+        task = shown.add_task("preparing", total=total)
         yield (
-            lambda amount: progress.advance(task, amount),
-            lambda text: progress.update(task, description=text),
+            lambda amount: shown.advance(task, amount),
+            lambda text: shown.update(task, description=printable(text)),
         )
 
 
@@ -86,14 +83,14 @@ def run_table(runs: Sequence["RunSummary"]) -> Table:
     """One row a run, grouped by scenario."""
     drives = ", ".join(dict.fromkeys(run.drive for run in runs))
     table = _table(f"Runs, {drives} drives", ("controller", "plant", "status"))
-    for heading in ("max\nerror\n[m]", "final\nerror\n[m]", "peak\nẍ_c ÿ_c l̈\n[m/s²]"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for name in ("max\nerror\n[m]", "final\nerror\n[m]", "peak\nẍ_c ÿ_c l̈\n[m/s²]"):
+        table.add_column(heading(name), justify="right", no_wrap=True)
     scenario = ""
     for run in runs:
         if run.scenario != scenario:
-            table.add_row(f"[bold]{run.scenario}[/]")
+            table.add_row(styled(run.scenario, "bold"))
             scenario = run.scenario
-        status = f"[bold red]{run.status.label}[/]" if run.status.stopped else run.status.label
+        status = styled(run.status.label, "bold red" if run.status.stopped else "")
         table.add_row(f"  {run.controller}", run.plant, status, *_metric_cells(run))
     return table
 
@@ -145,8 +142,7 @@ def agreement_table(agreements: Sequence["Agreement"], passed: Sequence[bool]) -
     table = _table("Agreement of the plants", ("controller",))
     for drive, (limit_m, limit_rad) in limits.items():
         for what, limit in (("load [m]", limit_m), ("angle [rad]", limit_rad)):
-            heading = f"{drive}\n{what}\n< {limit:g}"
-            table.add_column(escape(heading), justify="right", no_wrap=True)
+            table.add_column(heading(f"{drive}\n{what}\n< {limit:g}"), justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     rows: dict[tuple[str, str], dict[str, tuple[Agreement, bool]]] = {}
     for agreement, good in zip(agreements, passed, strict=True):
@@ -154,9 +150,9 @@ def agreement_table(agreements: Sequence["Agreement"], passed: Sequence[bool]) -
     last = ""
     for (scenario, controller), drives in rows.items():
         if scenario != last:
-            table.add_row(f"[bold]{scenario}[/]")
+            table.add_row(styled(scenario, "bold"))
             last = scenario
-        cells = []
+        cells: list[str | Text] = []
         for drive in limits:
             found = drives.get(drive)
             cells += _apart(found[0]) if found else ["-", "-"]
@@ -166,9 +162,9 @@ def agreement_table(agreements: Sequence["Agreement"], passed: Sequence[bool]) -
     return table
 
 
-def _apart(agreement: "Agreement") -> list[str]:
+def _apart(agreement: "Agreement") -> list[Text]:
     return [
-        f"[bold red]{value:.1e}[/]" if value > limit else f"{value:.1e}"
+        styled(f"{value:.1e}", "bold red" if value > limit else "")
         for value, limit in (
             (agreement.max_load_error_m, agreement.limit_m),
             (agreement.max_angle_error_rad, agreement.limit_rad),
@@ -179,8 +175,8 @@ def _apart(agreement: "Agreement") -> list[str]:
 def comparison_table(comparison: "Comparison") -> Table:
     """One row a signal."""
     table = _table(f"{comparison.b} minus {comparison.a}", ("signal", "unit"))
-    for heading in ("max |diff|", "at [s]", "RMS", "final"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for name in ("max |diff|", "at [s]", "RMS", "final"):
+        table.add_column(name, justify="right", no_wrap=True)
     for row in comparison.signals:
         table.add_row(
             row.signal,
@@ -263,7 +259,8 @@ def info_lines(
     ]
     if agreement is not None:
         apart = f"{agreement.max_load_error_m:.1e} m, {agreement.max_angle_error_rad:.1e} rad"
-        facts.append(("verdict", f"plants at most {apart} apart: {PASSED if agreement.passed else FAILED}"))
+        verdict = (PASSED if agreement.passed else FAILED).plain
+        facts.append(("verdict", f"plants at most {apart} apart: {verdict}"))
     size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
     facts += [
         ("versions", ", ".join(f"{name} {version}" for name, version in description.versions.items())),
@@ -276,8 +273,8 @@ def info_lines(
 def topic_table(description: "LogDescription") -> Table:
     """One row a topic."""
     table = _table("Topics", ("topic", "message"))
-    for heading in ("messages", "rate [Hz]"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for name in ("messages", "rate [Hz]"):
+        table.add_column(name, justify="right", no_wrap=True)
     for topic in description.topics:
         rate = f"{topic.rate_hz:g}" if topic.rate_hz is not None else "-"
         table.add_row(topic.topic, topic.schema, str(topic.messages), rate)
@@ -295,6 +292,6 @@ def scenario_table(scenarios: Sequence["Scenario"]) -> Table:
 
 def _table(title: str, headings: Sequence[str]) -> Table:
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=0)
-    for heading in headings:
-        table.add_column(heading, no_wrap=True)
+    for name in headings:
+        table.add_column(name, no_wrap=True)
     return table

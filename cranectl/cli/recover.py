@@ -29,11 +29,11 @@ def recover_command(file: Path, out: Path | None, json_file: str | None) -> None
 
     recovery = recover_log(file, out)
     screen = console(json_file)
-    screen.print(f"{recovery.messages} messages of {file} are whole", soft_wrap=True)
+    screen.print(f"{recovery.messages} messages of {file} are whole")
     for run in recovery.runs:
         expected = f" of {run.expected}" if run.expected is not None else ""
         screen.print(f"  {run.plant}: {run.status} at {run.end_s:g} s, {run.samples}{expected} samples")
     if recovery.lost:
         screen.print(f"  the last {recovery.lost} of {recovery.size} bytes are no whole chunk, and lost")
-    screen.print(f"log: {recovery.log}", soft_wrap=True)
+    screen.print(f"log: {recovery.log}")
     write_json(json_file, recovery.to_json())

@@ -60,5 +60,5 @@ def render_command(
         describe(out.name)
         shown = draw_runs(runs, settings, progress=advance)
     what = f"picture at {shown:g} s" if settings.still else f"video of {shown:g} s"
-    console(None).print(f"{what}: {out}", soft_wrap=True, markup=False)
+    console(None).print(f"{what}: {out}")
     return exit_codes.GOOD

@@ -50,7 +50,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
     labels = _labels(logs)
     command = f"cranectl report {' '.join(map(str, logs))}"
     write_page(log_page(dict(zip(labels, runs, strict=True)), command), out)
-    console(None).print(f"report: {out}", soft_wrap=True, markup=False)
+    console(None).print(f"report: {out}")
 
 
 def _labels(logs: tuple[Path, ...]) -> list[str]:

@@ -67,17 +67,15 @@ def run_command(
     screen = console(json_file)
     screen.print(run_table(result.runs))
     for note in run_notes([result]):
-        screen.print(f"  {note}", soft_wrap=True)
+        screen.print(f"  {note}")
     screen.print(screen_table(metrics_table({run.plant: run.metrics for run in result.runs})))
     if result.agreement is not None:
         screen.print(agreement_table([result.agreement], [result.passed]))
-    screen.print(f"log: {case.log}", soft_wrap=True)
+    screen.print(f"log: {case.log}")
     layout = "comparison view.json" if len(case.plants) == 2 else f"single view.json --plant {plant}"
     screen.print(
         f"view: cranectl layout {layout}; open the log in Foxglove or Lichtblick and import the layout, "
         f"or: rerun {case.log}",
-        soft_wrap=True,
-        markup=False,
     )
     agreements = [result.agreement] if result.agreement is not None else []
     write_json(

@@ -74,9 +74,9 @@ def _print(found: "Reproduction", json_file: str | None, report: Path | None) ->
     for table in (norms_table(found), *printed_tables(found).values()):
         screen.print(screen_table(table))
     for line in found.notes():
-        screen.print(line, soft_wrap=True)
+        screen.print(line)
     verdict = f"{PASSED}: every printed number is within its tolerance, ? marks tolerances without a reason"
-    screen.print(verdict if found.passed else f"{FAILED}: see the numbers in red", soft_wrap=True)
+    screen.print(verdict if found.passed else f"{FAILED}: see the numbers in red")
     if report is not None:
-        screen.print(f"report: {report}", soft_wrap=True, markup=False)
+        screen.print(f"report: {report}")
     write_json(json_file, found.to_json())

@@ -65,8 +65,8 @@ def report_validation(
             for case in lost
         ]
         for note in (*run_notes(finished), *nowhere):
-            screen.print(f"  {note}", soft_wrap=True)
-        screen.print(f"{sum(len(each.runs) for each in finished)} runs, logs in {out}", soft_wrap=True)
+            screen.print(f"  {note}")
+        screen.print(f"{sum(len(each.runs) for each in finished)} runs, logs in {out}")
         screen.print(f"validation {PASSED if code == exit_codes.GOOD else FAILED}")
     _tell(failed)
     write_json(json_file, _json(finished, failed, lost, passed=code == exit_codes.GOOD))

@@ -148,10 +148,13 @@ def test_validate_fails_when_a_limit_is_exceeded(
 def test_tables_fit_a_terminal_of_80_columns(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cranectl.cli.output.FILE_WIDTH", 80)
+    monkeypatch.setattr("cranectl.cli.screen.FILE_WIDTH", 80)
     assert main(["run", "settled-trajectory", "--set", "workspace.on_exit=stop"]) == 3
     assert main(["compare", "logs/settled-trajectory/pole-placement-ideal.mcap"]) == 0
-    assert "…" not in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "…" not in out
+    assert out.count("  pole-placement") == 2, "a line for each plant: no table is in parts"
+    assert out.count("max |diff|") == 1
 
 
 def test_a_run_that_stops_says_why_and_leaves_a_readable_log(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,85 @@
+"""The terminal: nothing that comes from outside acts on it, no number is cut, whatever its width."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import copy
+from typing import Any
+
+from rich.console import Console
+from rich.measure import Measurement
+from rich.progress import Progress, ProgressColumn
+from rich.table import Table
+from rich.text import Text
+
+from cranectl.text import printable
+
+FILE_WIDTH = 160  # what the widest table, of the ladder, takes
+
+
+class Screen(Console):
+    """A console that takes every string for text: one line without markup or control characters."""
+
+    def __init__(self, *, stderr: bool) -> None:
+        super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
+        if not self.is_terminal:  # into a file or a CI log: as wide as the tables are
+            self.width = FILE_WIDTH
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str(printable(text), **options)
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """A line of strings and styled texts, never wrapped, or a table, in parts where it is too wide."""
+        if len(objects) == 1 and isinstance(objects[0], Table):
+            width = self.width
+            for part in self._parts(objects[0]):
+                self.width = max(width, self._needed(part))
+                super().print(part, crop=False)
+                self.width = width
+        else:
+            super().print(*objects, **{"soft_wrap": True, **options})
+
+    def _parts(self, table: Table) -> Iterator[Table]:
+        """`table`, or tables of its first column and as many others as there is room for."""
+        if self._needed(table) <= self.width:
+            yield table
+            return
+        labels, left = table.columns[:1], table.columns[1:]
+        while left:
+            part = copy(table)
+            fitting = 1
+            while fitting < len(left):
+                part.columns = [*labels, *left[: fitting + 1]]
+                if self._needed(part) > self.width:
+                    break
+                fitting += 1
+            part.columns = [*labels, *left[:fitting]]
+            yield part
+            left = left[fitting:]
+
+    def _needed(self, table: Table) -> int:
+        """What `table` needs at least, its foldable columns folded."""
+        options = self.options.update(max_width=10_000)
+        needed = Measurement.get(self, options, table).maximum
+        for column in table.columns:
+            if not column.no_wrap:
+                cells = [Measurement.get(self, options, cell) for cell in (column.header, *column.cells)]
+                needed -= max(cell.maximum for cell in cells) - max(cell.minimum for cell in cells)
+        return needed
+
+
+def styled(text: str, style: str) -> Text:
+    """Text from outside in a style of ours."""
+    return Text(printable(text), style=style)
+
+
+def heading(text: str) -> Text:
+    """A heading or title of our own, on several lines."""
+    return Text("\n".join(map(printable, text.split("\n"))))
+
+
+@contextmanager
+def progress(*columns: ProgressColumn) -> Iterator[Progress]:
+    """Progress on standard error, gone at the end; silent where there is no terminal."""
+    screen = Screen(stderr=True)
+    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as shown:
+        yield shown

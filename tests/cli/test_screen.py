@@ -1,0 +1,90 @@
+"""What comes from outside is text on a screen and nothing else; no number is cut by a narrow one."""
+
+import io
+import re
+
+import pytest
+from rich.table import Table
+from rich.text import Text
+
+from cranectl.cli.screen import Screen, heading, styled
+from cranectl.cli.screen_table import screen_table
+from cranectl.report import table as report
+from cranectl.text import LONGEST, printable
+
+MALICE = "e[red].mcap [/] \x1b[2J\x07 a\nforged: line\r \u202e\u2028 \udcff :smile:"
+
+
+def screen(width: int = 80) -> Screen:
+    made = Screen(stderr=False)
+    made.file, made.width = io.StringIO(), width
+    return made
+
+
+def shown(on: Screen) -> str:
+    assert isinstance(on.file, io.StringIO)
+    return on.file.getvalue()
+
+
+@pytest.mark.parametrize(
+    "place", ["line", "style", "cell", "title", "report cell", "report heading", "report title"]
+)
+def test_text_from_outside_is_one_line_of_characters(place: str) -> None:
+    on = screen(200)
+    table = Table(title=MALICE if place == "title" else "t")
+    table.add_column("c", no_wrap=True)
+    table.add_row(MALICE if place == "cell" else "x")
+    said = report.Table("t", ("h", "i"), ((report.Cell(MALICE, "bad"), report.Cell("1")),))
+    if place == "line":
+        on.print(MALICE)
+    elif place == "style":
+        on.print("before", styled(MALICE, "bold"))
+    elif place in ("cell", "title"):
+        on.print(table)
+    elif place == "report cell":
+        on.print(screen_table(said))
+    elif place == "report heading":
+        on.print(screen_table(report.Table("t", (MALICE.replace("\n", " "), "i"), said.rows)))
+    else:
+        on.print(screen_table(report.Table(MALICE.replace("\n", " "), ("h", "i"), said.rows)))
+    text = shown(on)
+    together = "".join(line.strip() for line in text.split("\n"))  # a title is folded to its table
+    for part in ("e[red].mcap[/]", ":smile:", r"\x1b[2J\x07", r"\udcff"):
+        assert part in together.replace(" ", "")
+    assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202e\u2028\ud800-\udfff]", text)
+    assert "\nforged" not in text
+
+
+def test_length_has_an_end() -> None:
+    text = printable("a" * 10_000_000)
+    assert len(text) < LONGEST + 50
+    assert "9999500 characters" in text
+    assert printable("short ẍ_c") == "short ẍ_c"
+
+
+NUMBERS = [f"{k}.67e-0{k}" for k in range(9)]
+
+
+@pytest.mark.parametrize("width", [200, 80, 40, 12])
+def test_no_number_is_cut(width: int) -> None:
+    table = Table()
+    table.add_column("what is measured", no_wrap=True)
+    for k in range(9):
+        table.add_column(heading(f"heading {k}\n[mm]"), justify="right", no_wrap=True)
+    table.add_row("friction of the axes", *NUMBERS)
+    on = screen(width)
+    on.print(table)
+    text = shown(on)
+    assert all(number in text for number in NUMBERS)
+    assert "…" not in text
+    assert text.count("friction of the axes") == (1 if width == 200 else text.count("what is measured"))
+
+
+def test_lines_are_not_wrapped() -> None:
+    on = screen(20)
+    on.print("log:", "a" * 50)
+    assert shown(on) == "log: " + "a" * 50 + "\n"
+
+
+def test_own_headings_may_have_several_lines() -> None:
+    assert heading("a\nb") == Text("a\nb")

@@ -1,0 +1,89 @@
+"""Standard output of any encoding, full or closed, never changes a verdict."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = """
+import sys
+from cranectl.cli import main as module
+from cranectl.cli.main import cli, main
+import click
+@cli.command("speak")
+@click.option("--code", type=int, default=0)
+def speak(code):
+    from cranectl.cli.screen import Screen
+    screen = Screen(stderr=False)
+    for k in range(3000):
+        screen.print(f"{k} \\u1e8d_c [m/s\\u00b2]")
+    return code
+@cli.command("stumble")
+def stumble():
+    raise KeyError("nobody\\nknows")
+sys.exit(main())
+"""
+
+
+def run(arguments: list[str], shell: str = "", **environment: str) -> subprocess.CompletedProcess[bytes]:
+    command = ["bash", "-c", f'"$@" {shell}; exit "${{PIPESTATUS[0]}}"', "bash"]
+    command += [sys.executable, "-c", PROGRAM, *arguments]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **environment}
+    return subprocess.run(command, capture_output=True, env=env, check=False, timeout=60)
+
+
+@pytest.mark.parametrize("code", [0, 1])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    "shell", [">/dev/full", ">&-", "| head -1", ">/dev/full 2>&1", ">&- 2>&-", "2>/dev/full"]
+)
+def test_output_that_cannot_be_written_changes_no_exit_code(shell: str, unbuffered: str, code: int) -> None:
+    done = run(["speak", "--code", str(code)], shell, PYTHONUNBUFFERED=unbuffered)
+    assert done.returncode == code, done.stderr
+    assert b"Traceback" not in done.stderr
+    assert b"Exception" not in done.stderr
+    if shell == ">/dev/full":
+        assert b"No space left" in done.stderr
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-16", "utf-8"])
+def test_any_encoding_will_do(encoding: str) -> None:
+    done = run(["speak"], PYTHONIOENCODING=encoding)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.decode(encoding).splitlines()) == 3000
+
+
+def test_the_unforeseen_is_one_line_and_code_70() -> None:
+    done = run(["stumble"])
+    assert done.returncode == 70
+    (line,) = done.stderr.decode().splitlines()
+    assert "KeyError" in line
+    assert "--traceback" in line
+    for where in (["--traceback", "stumble"], ["stumble", "--traceback"]):
+        more = run(where)
+        assert more.returncode == 70
+        assert b"in stumble" in more.stderr
+
+
+def test_other_settings_of_the_user_do_not_matter(tmp_path: Path) -> None:
+    """A display for the user's own plots, of a kind that is not installed."""
+    picture = tmp_path / "d.svg"
+    done = run(["design", "lqr", "--plot", str(picture)], MPLBACKEND="nonsense")
+    assert done.returncode == 0, done.stderr
+    assert picture.stat().st_size > 1000
+
+
+def test_every_exit_code_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    from cranectl.cli import exit_codes
+    from cranectl.cli.main import main
+
+    codes = {value for name, value in vars(exit_codes).items() if name.isupper() and isinstance(value, int)}
+    assert codes == exit_codes.MEANINGS.keys()
+    main(["--help"])
+    text = capsys.readouterr().out
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    for code, meaning in exit_codes.MEANINGS.items():
+        assert f"{code:3}  {meaning}" in text
+        assert f"| {code} | {meaning} |" in readme
