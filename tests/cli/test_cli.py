@@ -153,8 +153,8 @@ def test_tables_fit_a_terminal_of_80_columns(
     assert main(["compare", "logs/settled-trajectory/pole-placement-ideal.mcap"]) == 0
     out = capsys.readouterr().out
     assert "…" not in out
-    assert out.count("  pole-placement") == 2, "a line for each plant: no table is in parts"
-    assert out.count("max |diff|") == 1
+    for first in ("status", "max |diff|"):  # of the columns that would begin another part
+        assert out.count(first) == 1
 
 
 def test_a_run_that_stops_says_why_and_leaves_a_readable_log(capsys: pytest.CaptureFixture[str]) -> None:
