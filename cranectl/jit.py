@@ -122,14 +122,6 @@ class _DamageError(Exception):
     """A cached file was changed since it was written, or is of other sources."""
 
 
-def source_fingerprint() -> str:
-    """Short hash of all Python sources of the package."""
-    digest = hashlib.sha256()
-    for path in sorted(_PACKAGE.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
 def sources_digest(path: Path) -> str:
     """Digest of a source file and of all files of the package that it imports, directly or not."""
     waiting, seen = [path], {path}

@@ -1,6 +1,6 @@
 """Two runs of different plants as the pair that one log holds; the caller reads and writes files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -38,15 +38,6 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
         raise _apart(a, b, "different references")
     first, second = sorted((a, b), key=lambda run: PLANTS.index(run.plant))
     return first, second
-
-
-def version_differences(written: Mapping[str, str], installed: Mapping[str, str]) -> tuple[str, ...]:
-    """What wrote a log and is not what would write the merged one: `mujoco: 4.0.0 and 4.1.0`."""
-    return tuple(
-        f"{name}: {written.get(name, 'nothing')} and {version}"
-        for name, version in installed.items()
-        if written.get(name) != version
-    )
 
 
 def refuse_differences(what: str, differences: Sequence[str]) -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from cranectl.errors import InputError
-from cranectl.merge import merged_pair, refuse_differences, version_differences
+from cranectl.merge import merged_pair, refuse_differences
 from cranectl.plants.interface import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -64,12 +64,3 @@ def test_differences_are_named_up_to_ten() -> None:
         refuse_differences("the runs differ in", ["duration: 1.0 and 2.0"])
     assert caught.value.found == "the runs differ in: duration: 1.0 and 2.0"
     assert "--despite-differences" in caught.value.remedy
-
-
-def test_versions_that_differ() -> None:
-    installed = {"mujoco": "4.0.0", "numpy": "2.4.6"}
-    assert version_differences(installed, installed) == ()
-    assert version_differences({"mujoco": "3.9"}, installed) == (
-        "mujoco: 3.9 and 4.0.0",
-        "numpy: nothing and 2.4.6",
-    )

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from cranectl.provenance import fingerprints
 from tests.conftest import ALL_SCENARIOS, ROOT
 
 
@@ -35,6 +36,20 @@ def test_wheel_carries_what_runs_need_and_nothing_generated(wheel: Path) -> None
     assert not [
         name for name in names if name.endswith((".pyc", ".mcap", ".nbi", ".nbc")) or name.startswith("tests")
     ]
+
+
+def test_a_wheel_is_the_same_program_as_its_checkout(wheel: Path, tmp_path: Path) -> None:
+    zipfile.ZipFile(wheel).extractall(tmp_path)
+    command = "import json; from cranectl.provenance import fingerprints; print(json.dumps(fingerprints()))"
+    found = subprocess.run(
+        [sys.executable, "-c", command],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(found.stdout) == fingerprints()
 
 
 def test_validate_works_from_the_wheel_away_from_the_checkout(wheel: Path, tmp_path: Path) -> None:

@@ -16,10 +16,11 @@ from urllib.parse import urlsplit
 
 from cranectl.campaign.batches import Batch
 from cranectl.campaign.definition import Campaign
-from cranectl.campaign.remote import SOURCES, Order, check_software, make_order, run_ordered
+from cranectl.campaign.remote import Order, check_software, make_order, run_ordered
 from cranectl.campaign.rows import Row
 from cranectl.campaign.worker import Stop, never
 from cranectl.errors import InputError
+from cranectl.provenance import HARMLESS, PACKAGES
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 CONNECT_S = 10.0  # until a scheduler answers
 WORKERS_S = 30.0  # until it has a worker
 POLL_S = 0.1  # between questions whether to stop
-NO_PACKAGES = ("machine", SOURCES)  # of what is compared
 TRIES = 3  # of a batch on which something fails that is no part of it, such as memory
 RESUME = "go on with the same command and --resume: finished batches are kept"
 
@@ -87,14 +87,14 @@ def run_batches_on(
 def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
     """Raise InputError if a package is absent or another one; later workers are asked with a batch."""
     # By Dask's own means: where there is no cranectl, none of our functions can be called.
-    ours = {name: version for name, version in wanted.items() if name not in NO_PACKAGES}
-    found: Any = client.get_versions(packages=list(ours))
+    names = [name for name in PACKAGES if name not in HARMLESS]
+    found: Any = client.get_versions(packages=names)
     # The scheduler only loads cranectl, so that its other packages do not matter.
-    places = {"scheduler": ours | _packages(found["scheduler"], ["cranectl"])}
+    places = {"scheduler": _packages(found["scheduler"], ["cranectl"])}
     for address, there in found["workers"].items():
-        places[f"worker {address}"] = _packages(there, ours)
+        places[f"worker {address}"] = _packages(there, names)
     for where, packages in places.items():
-        check_software(packages, ours, where)
+        check_software({**wanted, **packages}, wanted, where)
 
 
 def _packages(found: Any, names: Collection[str]) -> dict[str, str]:
@@ -162,7 +162,7 @@ def _connected(distributed: Any, scheduler: str) -> Iterator["Client"]:
         raise InputError(
             f"no scheduler answers at {scheduler}: {error}",
             allowed="the address of a Dask scheduler that runs",
-            remedy="start one with `dask scheduler`, and workers with `dask worker ADDRESS`",
+            remedy="start one with `dask scheduler --host ADDRESS`, and workers with `dask worker ADDRESS`",
         ) from None
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)

@@ -5,7 +5,6 @@ The rows of a batch follow from its order alone: run twice, or elsewhere, they a
 
 import functools
 import json
-import platform
 import signal
 import zlib
 from collections.abc import Mapping
@@ -14,27 +13,24 @@ from typing import Any, NamedTuple
 from cranectl.campaign.batches import Batch
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.prepared import Prepared
-from cranectl.campaign.record import HARMLESS, campaign_of, record_of
+from cranectl.campaign.record import campaign_of, record_of
 from cranectl.campaign.rows import Row
 from cranectl.campaign.worker import Stop, Worker
 from cranectl.errors import InputError
 from cranectl.interrupts import SIGNALS
-from cranectl.jit import source_fingerprint
-from cranectl.log import versions
-
-SOURCES = "sources of cranectl"  # what is not released has no version of its own
+from cranectl.provenance import provenance, provenance_differences
 
 
 class Order(NamedTuple):
     """Sent with every batch, some 2 kB; data kept on workers would be lost with them."""
 
     record: bytes  # of the campaign: JSON, compressed
-    software: Mapping[str, str]  # of whoever orders
+    software: Mapping[str, str]  # versions and fingerprints, of whoever orders
 
 
 def make_order(campaign: Campaign) -> Order:
     """What to send so that batches of `campaign` can be run."""
-    return Order(zlib.compress(json.dumps(record_of(campaign)).encode()), software())
+    return Order(zlib.compress(json.dumps(record_of(campaign)).encode()), provenance())
 
 
 def run_ordered(batch: Batch, order: Order) -> list[Row] | InputError:
@@ -42,7 +38,7 @@ def run_ordered(batch: Batch, order: Order) -> list[Row] | InputError:
     from distributed import get_worker
 
     try:
-        check_software(software(), order.software, f"worker {get_worker().address}")
+        check_software(provenance(), order.software, f"worker {get_worker().address}")
         prepared = _prepared(order.record)
     except InputError as error:
         return error
@@ -56,18 +52,9 @@ def dask_setup(_worker: Any) -> None:
             signal.signal(number, signal.SIG_IGN)
 
 
-@functools.cache
-def software() -> dict[str, str]:
-    """Versions, in this process, of what decides the bits of a row."""
-    found = {name: version for name, version in versions().items() if name not in HARMLESS}
-    return found | {"machine": platform.machine(), SOURCES: source_fingerprint()}
-
-
 def check_software(found: Mapping[str, str], wanted: Mapping[str, str], where: str) -> None:
     """Raise InputError, with names, if rows by `found` could differ from those by `wanted`."""
-    names = dict.fromkeys([*wanted, *found])
-    pairs = [(name, found.get(name, "absent"), wanted.get(name, "absent")) for name in names]
-    apart = [f"{name} is {there}, here {here}" for name, there, here in pairs if there != here]
+    apart = provenance_differences(found, wanted, word="here")
     if apart:
         raise InputError(
             f"the {where} has other software: {'; '.join(apart)}",

@@ -17,6 +17,7 @@ from cranectl.campaign.summary import worst_first
 from cranectl.errors import InputError, unknown_name
 from cranectl.log import write_log
 from cranectl.metrics import run_metrics
+from cranectl.provenance import provenance, provenance_differences
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
@@ -33,6 +34,7 @@ class Replay:
     status: str
     max_error_m: float | None
     differences: tuple[str, ...]  # from what the result says, a phrase for each figure
+    software: tuple[str, ...]  # what is installed and has not made the run, a phrase each
 
     @property
     def same(self) -> bool:
@@ -55,6 +57,7 @@ class Replay:
             "status": self.status,
             "same": self.same,
             "differences": list(self.differences),
+            "software_differences": list(self.software),
         }
 
 
@@ -110,7 +113,7 @@ def replay_run(
     The log is PLANT-CONTROLLER-SAMPLE.mcap in `directory`. Raises InputError for a run that could not be run
     in the first place, and if the log cannot be written.
     """
-    recorded = results.row(row)
+    recorded, origin = results.row(row), results.origins[results.made_by[row]]
     campaign = results.campaign
     sample, plant, controller = recorded["sample"], recorded["plant"], recorded["controller"]
     if recorded["status"] == FAILED:
@@ -147,6 +150,7 @@ def replay_run(
         status=run.status.label,
         max_error_m=None if metrics is None else metrics.max_error_m,
         differences=tuple(differences(recorded, again)),
+        software=tuple(provenance_differences(origin.versions, provenance())),
     )
 
 

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.batches import Batch, batches_of
 from cranectl.campaign.columns import arrow_schema
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.parts import DamageError, part_name, read_part
-from cranectl.campaign.record import campaign_of, checked_record, identity
+from cranectl.campaign.record import Origin, campaign_of, checked_record, origins_of
 from cranectl.documents import Table, read_json
 from cranectl.errors import InputError
 
@@ -38,6 +39,12 @@ class Results:
     record: Table  # the content of campaign.json
     missing: tuple[Batch, ...]  # none for a finished result
     table: Any  # pyarrow.Table, columns as in `rows.row_columns`
+    made_by: NDArray[np.int64]  # (runs,) index into `origins`
+
+    @property
+    def origins(self) -> list[Origin]:
+        """What may have made runs, what began the result first."""
+        return origins_of(self.record)
 
     def __len__(self) -> int:
         return int(self.table.num_rows)
@@ -64,6 +71,7 @@ class Survey(NamedTuple):
     """What there is of a result."""
 
     tables: dict[Batch, Any]  # good parts
+    made_by: dict[Batch, Origin]
     missing: tuple[Batch, ...]  # with those whose part is damaged
     damaged: tuple[Damaged, ...]
 
@@ -79,7 +87,8 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     directory = Path(directory)
     record = read_record(directory)
     campaign = campaign_of(record, str(directory / RECORD_FILE))
-    found = survey(directory, campaign, identity(record))
+    origins = origins_of(record)
+    found = survey(directory, campaign, origins)
     if found.damaged:
         raise _damaged(directory, found.damaged)
     if found.missing and not unfinished:
@@ -88,10 +97,12 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
             allowed="a result all of whose runs are there",
             remedy="complete it with the command that began it and --resume",
         )
-    schema = arrow_schema(campaign, {"campaign": campaign.settings.name, "identity": identity(record)})
+    schema = arrow_schema(campaign, {"campaign": campaign.settings.name, "identity": origins[0].identity})
     tables = [table.replace_schema_metadata(schema.metadata) for table in found.tables.values()]
     table = pyarrow.concat_tables(tables) if tables else schema.empty_table()
-    return Results(directory, campaign, record, found.missing, table.combine_chunks())
+    makers = [origins.index(found.made_by[batch]) for batch in found.tables]
+    made_by = np.repeat(np.array(makers, dtype=np.int64), [part.num_rows for part in tables])
+    return Results(directory, campaign, record, found.missing, table.combine_chunks(), made_by)
 
 
 def read_record(directory: Path) -> Table:
@@ -114,30 +125,31 @@ def read_record(directory: Path) -> Table:
     return checked_record(record, str(path))
 
 
-def survey(directory: Path, campaign: Campaign, known_as: str) -> Survey:
-    """Look at every part in `directory`; `known_as` is the identity of its campaign."""
+def survey(directory: Path, campaign: Campaign, origins: Sequence[Origin]) -> Survey:
+    """Look at every part in `directory`, each of which one of `origins` must have made."""
     parts = directory / PARTS
     expected = {part_name(batch): batch for batch in batches_of(campaign)}
     tables: dict[Batch, Any] = {}
+    made_by: dict[Batch, Origin] = {}
     damaged = []
     for name, batch in expected.items():
         path = parts / name
         if not path.exists():
             continue
         try:
-            tables[batch] = read_part(path, campaign, known_as, batch)
+            tables[batch], made_by[batch] = read_part(path, campaign, origins, batch)
         except DamageError as error:
             damaged.append(Damaged(path, str(error)))
     strays = sorted(path for path in parts.glob("*.parquet") if path.name not in expected)
-    damaged += [Damaged(path, _of_stray(path, campaign, known_as)) for path in strays]
+    damaged += [Damaged(path, _of_stray(path, campaign, origins)) for path in strays]
     missing = tuple(batch for batch in expected.values() if batch not in tables)
-    return Survey(tables, missing, tuple(damaged))
+    return Survey(tables, made_by, missing, tuple(damaged))
 
 
-def _of_stray(path: Path, campaign: Campaign, known_as: str) -> str:
+def _of_stray(path: Path, campaign: Campaign, origins: Sequence[Origin]) -> str:
     for batch in batches_of(campaign):
         try:
-            read_part(path, campaign, known_as, batch)
+            read_part(path, campaign, origins, batch)
         except DamageError:
             continue
         return f"it repeats the batch of {part_name(batch)}"

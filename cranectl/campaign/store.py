@@ -11,12 +11,13 @@ from cranectl.campaign.batches import Batch
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.lock import LOCK_FILE, locked
 from cranectl.campaign.parts import part_name, write_part
-from cranectl.campaign.record import differences, identity, record_of
+from cranectl.campaign.record import Origin, differences, origin_of, origins_of, record_of
 from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_record, survey
 from cranectl.campaign.rows import Row
 from cranectl.documents import Table
 from cranectl.errors import InputError
 from cranectl.files import write_text
+from cranectl.provenance import provenance, provenance_differences
 
 ASIDE = ".corrupt"  # ending of a damaged part that was put aside
 SHOWN = 5  # differences named in a message
@@ -28,7 +29,7 @@ class Store:
 
     directory: Path
     campaign: Campaign
-    identity: str
+    origin: Origin  # of the parts that this process makes
     missing: tuple[Batch, ...]  # what is still to be run
     aside: tuple[str, ...]  # what was damaged and has been put aside, a phrase each
 
@@ -36,7 +37,7 @@ class Store:
         """Keep the rows of `batch`; raises InputError if that cannot be done, the rest stays as it is."""
         path = self.directory / PARTS / part_name(batch)
         try:
-            write_part(path, self.campaign, self.identity, batch, rows)
+            write_part(path, self.campaign, self.origin, batch, rows)
         except OSError as error:
             full = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else str(error)
             raise InputError(
@@ -48,12 +49,18 @@ class Store:
 
 @contextmanager
 def open_store(
-    campaign: Campaign, directory: Path, *, resume: bool = False, overwrite: bool = False
+    campaign: Campaign,
+    directory: Path,
+    *,
+    resume: bool = False,
+    despite_differences: bool = False,
+    overwrite: bool = False,
 ) -> Iterator[Store]:
     """Hold the result in `directory`, made if it is not there, for writing.
 
     Raises InputError if another process holds it; if there is a result and neither `resume` nor `overwrite`
-    says what to do with it; if the result to resume is of a campaign that differs.
+    says what to do with it; if the result to resume is of a campaign that differs or, unless
+    `despite_differences`, was made by other software.
     """
     _check_empty(directory)
     _make(directory)
@@ -63,10 +70,12 @@ def open_store(
         if overwrite:
             _clear(directory)
         if (directory / RECORD_FILE).exists():
-            _check_same(directory, read_record(directory), record, resume=resume)
+            found = read_record(directory)
+            _check_same(directory, found, record, resume=resume)
+            record |= _software(directory, found, record["versions"], accepted=despite_differences)
         _write_record(directory, record)
         try:
-            yield _prepared(directory, campaign, identity(record))
+            yield _prepared(directory, campaign, record)
         except InputError:
             if not any((directory / PARTS).iterdir()):  # nothing was run: leave nothing to stand in the way
                 _clear(directory)
@@ -108,9 +117,25 @@ def _check_same(directory: Path, found: Table, wanted: Table, *, resume: bool) -
         more = f" and {len(apart) - SHOWN} more" if len(apart) > SHOWN else ""
         raise InputError(
             f"the result in {directory} is of another campaign: {'; '.join(apart[:SHOWN])}{more}",
-            allowed="the campaign, scenario and versions that the result was begun with; limits may differ",
+            allowed="the campaign and scenario that the result was begun with; limits may differ",
             remedy="choose another place with --out, or replace the result with --overwrite",
         )
+
+
+def _software(directory: Path, found: Table, installed: dict[str, str], *, accepted: bool) -> Table:
+    """What a resumed result says of what made it; raises InputError for new software unless `accepted`."""
+    known = [found["versions"], *found["accepted"]]
+    apart = [provenance_differences(each, installed) for each in known]
+    if all(apart):
+        if not accepted:
+            raise InputError(
+                f"the result in {directory} was made by other software: {'; '.join(apart[-1])}",
+                allowed="the sources, models, data and versions that made it",
+                remedy="install those, replace the result with --overwrite, or go on with --resume "
+                "--despite-differences: it then says which of its runs were made by what",
+            )
+        known.append(installed)
+    return {"versions": known[0], "accepted": known[1:]}
 
 
 def _write_record(directory: Path, record: Table) -> None:
@@ -121,17 +146,17 @@ def _write_record(directory: Path, record: Table) -> None:
         raise InputError.unwritable(directory, error, remedy="choose another place with --out") from None
 
 
-def _prepared(directory: Path, campaign: Campaign, known_as: str) -> Store:
+def _prepared(directory: Path, campaign: Campaign, record: Table) -> Store:
     """Remove what a kill has left half-written, put damaged parts aside, see what is missing."""
     for unfinished in (directory / PARTS).glob("part-*.parquet.*.part"):
         unfinished.unlink()
-    found = survey(directory, campaign, known_as)
+    found = survey(directory, campaign, origins_of(record))
     aside = []
     for path, why in found.damaged:
         place = path.with_name(f"{path.name}{ASIDE}")
         path.replace(place)
         aside.append(f"{path.name} was damaged ({why}); now {place.name}")
-    return Store(directory, campaign, known_as, found.missing, tuple(aside))
+    return Store(directory, campaign, origin_of(record, provenance()), found.missing, tuple(aside))
 
 
 def _clear(directory: Path) -> None:

@@ -60,7 +60,8 @@ def cluster_options(function: F) -> F:
         click.option(
             "--scheduler",
             metavar="ADDRESS",
-            help="Run on the workers of this Dask scheduler: tcp://host:8786",
+            help="Run on the workers of this Dask scheduler: tcp://host:8786, or tls:// with certificates. "
+            "Whoever reaches it runs programs there: start it with --host, in a closed network.",
         ),
         click.option(
             "--cluster",

@@ -26,6 +26,7 @@ NOTE = "Error: the largest of a run, over completed runs. Worst: the run with th
 
 def show_result(results: "Results", json_file: str | None, more: dict[str, Any] | None = None) -> None:
     """Print the summary of a result and write it as JSON, with what is `more`, where asked for."""
+    from cranectl.campaign.software import software_notes
     from cranectl.campaign.summary import summarize
     from cranectl.cli.screen_table import screen_table
 
@@ -38,12 +39,16 @@ def show_result(results: "Results", json_file: str | None, more: dict[str, Any] 
         screen.print(screen_table(summary_table(of_plant, title)))
         for note in failure_notes(of_plant):
             screen.print(f"  {note}")
+    for note in software_notes(results):
+        screen.print(note)
     screen.print(f"result: {results.directory}")
     write_json(json_file, result_json(results, groups) | (more or {}))
 
 
 def result_json(results: "Results", groups: Sequence["GroupSummary"]) -> dict[str, Any]:
     """The summary as plain data."""
+    from cranectl.campaign.software import makers
+
     settings = results.campaign.settings
     return {
         "campaign": settings.name,
@@ -52,6 +57,7 @@ def result_json(results: "Results", groups: Sequence["GroupSummary"]) -> dict[st
         "runs": len(results),
         "missing": sum(batch.last - batch.first for batch in results.missing),
         "limits": settings.limits.given,
+        "software": [maker.to_json() for maker in makers(results)],
         "groups": [group.to_json() for group in groups],
     }
 

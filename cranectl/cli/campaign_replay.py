@@ -39,7 +39,8 @@ def replay_campaign(
 ) -> int:
     """Run some of RESULT's runs again and log them in full, a file each.
 
-    Every figure must be the same as in the result, to the last bit; exit code 1 if one is not.
+    Every figure must be the same as in the result, to the last bit; exit code 1 if one is not. Where other
+    sources or versions made the run than are installed, they are named.
     A result that was cut short can be replayed as far as it goes.
 
     \b
@@ -65,7 +66,7 @@ def replay_campaign(
     screen = console(json_file)
     for replay in replays:
         screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
-        for line in replay.differences:
+        for line in (*replay.differences, *(f"made by other software: {each}" for each in replay.software)):
             screen.print(f"  {line}")
     write_json(json_file, {"replays": [replay.to_json() for replay in replays]})
     return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED

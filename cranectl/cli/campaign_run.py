@@ -36,6 +36,12 @@ if TYPE_CHECKING:
     help="Directory of the result. Default: logs/campaign-NAME",
 )
 @click.option("--resume", is_flag=True, help="Go on with a result that was cut short.")
+@click.option(
+    "--despite-differences",
+    is_flag=True,
+    help="With --resume: go on with other sources or versions than made the result so far; it then says "
+    "which runs were made by what.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace a result that is there.")
 @json_option
 def run_campaign_command(
@@ -51,6 +57,7 @@ def run_campaign_command(
     cluster: str | None,
     out: Path | None,
     resume: bool,
+    despite_differences: bool,
     overwrite: bool,
     json_file: str | None,
 ) -> int:
@@ -78,6 +85,8 @@ def run_campaign_command(
 
     if resume and overwrite:
         raise click.UsageError("--resume and --overwrite exclude each other")
+    if despite_differences and not resume:
+        raise click.UsageError("--despite-differences without --resume")
     if scheduler and (cluster or workers):
         raise click.UsageError("--scheduler has workers of its own: it excludes --workers and --cluster")
     loaded = chosen_campaign(
@@ -93,7 +102,13 @@ def run_campaign_command(
     screen = console(json_file)
     with (
         _engine(scheduler, cluster, workers) as engine,
-        open_store(loaded, directory, resume=resume, overwrite=overwrite) as store,
+        open_store(
+            loaded,
+            directory,
+            resume=resume,
+            despite_differences=despite_differences,
+            overwrite=overwrite,
+        ) as store,
     ):
         for note in store.aside:
             screen.print(f"  {note}")

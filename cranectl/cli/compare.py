@@ -1,5 +1,6 @@
 """`cranectl compare`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,7 +45,8 @@ def compare_command(
     """Compare the two plants of one LOG, or the same plants of two LOGs.
 
     The difference is second minus first, but NEW minus GOLDEN with --tolerances, which judges every plant
-    that both have. docs/validation.md says what a file of tolerances holds.
+    that both have. docs/validation.md says what a file of tolerances holds. Logs made by other sources or
+    versions are compared all the same, and what differs is named.
 
     \b
     cranectl compare logs/fixed-position/lqr-ideal.mcap
@@ -56,9 +58,9 @@ def compare_command(
     if tolerances is not None:
         return _judge(logs[0], logs[1], tolerances, json_file)
     if merge is not None:
-        _compare([_merged(logs[0], logs[1], merge, despite_differences)], json_file, merge)
+        _compare([_merged(logs[0], logs[1], merge, despite_differences)], (), json_file, merge)
     else:
-        _compare(_pairs(logs), json_file, None)
+        _compare(_pairs(logs), _software_differences(*logs) if len(logs) == 2 else (), json_file, None)
     return exit_codes.GOOD
 
 
@@ -78,7 +80,9 @@ def _check_usage(
         raise InputError("--despite-differences without --merge", remedy="leave it out, or name --merge FILE")
 
 
-def _compare(pairs: list[tuple["Run", "Run"]], json_file: str | None, merged: Path | None) -> None:
+def _compare(
+    pairs: list[tuple["Run", "Run"]], software: Sequence[str], json_file: str | None, merged: Path | None
+) -> None:
     from cranectl.cli.output import comparison_table, console, write_json
     from cranectl.cli.screen import styled
     from cranectl.compare import compare_runs
@@ -94,9 +98,12 @@ def _compare(pairs: list[tuple["Run", "Run"]], json_file: str | None, merged: Pa
         )
         if not comparison.same_length:
             screen.print(styled("the runs did not end at the same time", "yellow"))
+    for difference in software:
+        screen.print(f"made by other software: {difference}")
     if merged is not None:
         screen.print(f"log: {merged}")
-    write_json(json_file, {"comparisons": [comparison.to_json() for comparison in comparisons]})
+    found = {"comparisons": [comparison.to_json() for comparison in comparisons]}
+    write_json(json_file, {**found, "software_differences": list(software)})
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:
@@ -113,6 +120,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
         raise _nothing_shared()
     verdicts = [judge_regression(new[plant], golden[plant], limits) for plant in shared]
     differences = differing_fields(golden[shared[0]], new[shared[0]])
+    software = _software_differences(golden_log, new_log)
     passed = all(verdict.passed for verdict in verdicts)
     screen = console(json_file)
     for verdict in verdicts:
@@ -124,12 +132,15 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
         screen.print(f"not compared: {plant}, only in {only}")
     for difference in differences:
         screen.print(f"golden and new differ in {difference}")
+    for difference in software:
+        screen.print(f"golden was made by other software: {difference}")
     screen.print(f"{new_log.name}:", PASSED if passed else FAILED)
     write_json(
         json_file,
         {
             "passed": passed,
             "differing_fields": differences,
+            "software_differences": software,
             "verdicts": [verdict.to_json() for verdict in verdicts],
         },
     )
@@ -140,8 +151,9 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     """Write the merged log; the pair that is in it."""
     from cranectl.cli.places import refuse_overwriting
     from cranectl.compare import differing_fields
-    from cranectl.log import check_writable, describe_log, read_log, versions, write_logged
-    from cranectl.merge import merged_pair, refuse_differences, version_differences
+    from cranectl.log import check_writable, describe_log, read_log, write_logged
+    from cranectl.merge import merged_pair, refuse_differences
+    from cranectl.provenance import provenance, provenance_differences
 
     refuse_overwriting((a_log, b_log), out, "--merge")
     check_writable(out)
@@ -158,10 +170,18 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     if not despite_differences:
         refuse_differences("the runs of analytic and mujoco differ in", differing_fields(*pair))
         for description in descriptions:
-            different = version_differences(description.versions, versions())
+            different = provenance_differences(description.versions, provenance(), harmless=True)
             refuse_differences(f"{description.path} and this installation differ in", different)
     write_logged(out, pair, descriptions[0].every)
     return pair
+
+
+def _software_differences(log: Path, other: Path) -> list[str]:
+    """What may make the numbers of two logs differ besides their runs, by `log` and by `other`."""
+    from cranectl.log import describe_log
+    from cranectl.provenance import provenance_differences
+
+    return provenance_differences(describe_log(log).versions, describe_log(other).versions, word="other")
 
 
 def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:

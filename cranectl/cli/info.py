@@ -21,14 +21,16 @@ def info_command(log: Path, json_file: str | None) -> None:
     from cranectl.cli.output import console, info_lines, topic_table, write_json
     from cranectl.compare import judge
     from cranectl.log import describe_log, read_log
+    from cranectl.provenance import provenance, provenance_differences
 
     runs = read_log(log)
     description = describe_log(log)
     pair = list(runs.values())
     both = len(pair) == 2 and all(len(run.time_ns) for run in pair)
     agreement = judge(*pair) if both else None
+    software = provenance_differences(description.versions, provenance())
     screen = console(json_file)
-    for line in info_lines(description, pair, agreement):
+    for line in info_lines(description, pair, agreement, software):
         screen.print(line)
     screen.print(topic_table(description))
     write_json(
@@ -48,5 +50,6 @@ def info_command(log: Path, json_file: str | None) -> None:
                 for run in pair
             ],
             "agreement": agreement.to_json() if agreement is not None else None,
+            "software_differences": software,
         },
     )

@@ -237,9 +237,12 @@ def _pole_text(pole: complex) -> str:
 
 
 def info_lines(
-    description: "LogDescription", runs: Sequence["Run"], agreement: "Agreement | None"
+    description: "LogDescription",
+    runs: Sequence["Run"],
+    agreement: "Agreement | None",
+    software: Sequence[str],
 ) -> list[str]:
-    """What a log is, a line a fact."""
+    """What a log is, a line a fact; `software` is what differs from what is installed."""
     scenario, design = runs[0].scenario, runs[0].design
     defaults = type(scenario.rig)().model_dump()
     changed = {name: value for name, value in scenario.rig.model_dump().items() if value != defaults[name]}
@@ -264,6 +267,7 @@ def info_lines(
     size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
     facts += [
         ("versions", ", ".join(f"{name} {version}" for name, version in description.versions.items())),
+        *(("differs", difference) for difference in software),
         ("attachments", ", ".join(description.attachments)),
         ("integrity", f"format {description.format}, {size}; checksums and counts are right"),
     ]

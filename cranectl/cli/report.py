@@ -39,7 +39,8 @@ def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
 def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
     from cranectl.cli.output import console
     from cranectl.errors import InputError
-    from cranectl.log import read_log
+    from cranectl.log import describe_log, read_log
+    from cranectl.provenance import provenance, provenance_differences
     from cranectl.report.log_report import log_page
     from cranectl.report.page import check_place, write_page
 
@@ -48,8 +49,15 @@ def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
     check_place(out)
     runs = [read_log(log) for log in logs]
     labels = _labels(logs)
+    notes = [
+        f"{label} was made by other software than is installed: {difference}"
+        for label, log in zip(labels, logs, strict=True)
+        for difference in provenance_differences(describe_log(log).versions, provenance())
+    ]
     command = f"cranectl report {' '.join(map(str, logs))}"
-    write_page(log_page(dict(zip(labels, runs, strict=True)), command), out)
+    write_page(log_page(dict(zip(labels, runs, strict=True)), command, notes), out)
+    for note in notes:
+        console(None).print(note)
     console(None).print(f"report: {out}")
 
 

@@ -3,7 +3,6 @@
 from cranectl.log.describe import LogDescription, describe_log
 from cranectl.log.reader import read_log, read_signal
 from cranectl.log.recover import Recovery, recover_log
-from cranectl.log.streams import versions
 from cranectl.log.writer import check_writable, write_log, write_logged
 
 __all__ = [
@@ -14,7 +13,6 @@ __all__ = [
     "read_log",
     "read_signal",
     "recover_log",
-    "versions",
     "write_log",
     "write_logged",
 ]

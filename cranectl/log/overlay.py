@@ -14,8 +14,9 @@ from cranectl.colours import VIEWER_SERIES
 from cranectl.log import scene
 from cranectl.log.events import events, standings
 from cranectl.log.stream import Stream
-from cranectl.log.streams import log_lines, samples, signals, status, versions
+from cranectl.log.streams import log_lines, samples, signals, status
 from cranectl.log.writer import check_writable, file_attachments, write_container
+from cranectl.provenance import provenance
 from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run
 
@@ -33,7 +34,7 @@ def write_overlay(path: Path, runs: Mapping[str, Run], *, every: int) -> None:
     labelled = [replace(run.every(every), plant=label) for label, run in runs.items()]
     metadata = {
         "overlay": {"labels": ",".join(runs), "scenario": labelled[-1].scenario.name},
-        "versions": versions(),
+        "versions": provenance(),
     }
     write_container(path, metadata, file_attachments(labelled[-1:]), _streams(labelled))
 

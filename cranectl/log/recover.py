@@ -17,8 +17,9 @@ from cranectl.log.reader import check_begin, opened
 from cranectl.log.salvage import Salvage, salvage
 from cranectl.log.schema import row_layout
 from cranectl.log.stream import Stream
-from cranectl.log.streams import streams, versions
+from cranectl.log.streams import streams
 from cranectl.log.writer import check_writable, run_metadata, write_container
+from cranectl.provenance import provenance
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -174,7 +175,7 @@ def _ended(saved: Stream, made: Stream, ends: Collection[int]) -> Stream:
 
 def _with_versions(stream: Stream, header: LogHeader) -> Stream:
     """`/run/info` with the versions that made the runs, not those that save them."""
-    if stream.topic != topics.RUN_INFO or header.versions == versions():
+    if stream.topic != topics.RUN_INFO or header.versions == provenance():
         return stream
     name = stream.schema_name.removeprefix(f"{schema.PACKAGE}.")
     said = schema.decode(stream.schema, name, stream.messages[0])

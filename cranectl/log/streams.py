@@ -1,9 +1,6 @@
 """Turn runs into the messages of a log: one stream for each topic."""
 
-import functools
-import importlib.metadata
 import json
-import platform
 from collections.abc import Container, Iterable, Sequence
 
 import numpy as np
@@ -16,11 +13,10 @@ from cranectl.log import schema, topics
 from cranectl.log.events import Event, Standing, events, standings
 from cranectl.log.scene import scene_streams
 from cranectl.log.stream import Stream
+from cranectl.provenance import provenance
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
-
-VERSIONED = ("cranectl", "mujoco", "numpy", "scipy", "numba", "control", "ctrlsys", "foxglove-sdk")
 
 
 def streams(runs: Sequence[Run]) -> list[Stream]:
@@ -46,13 +42,6 @@ def samples(runs: Sequence[Run], *, groups: Container[str] | None = None) -> lis
             if groups is None or group.name in groups
         ]
     return found
-
-
-@functools.cache
-def versions() -> dict[str, str]:
-    """Versions of everything that shapes a run."""
-    found = {name: importlib.metadata.version(name) for name in VERSIONED}
-    return {"python": platform.python_version(), **found}
 
 
 def signals(
@@ -148,7 +137,7 @@ def run_info(runs: Sequence[Run]) -> Stream:
         "drive": first.drive,
         "plants": ", ".join(run.plant for run in runs),
         "status": ", ".join(f"{run.plant}: {run.status.label}" for run in runs),
-        "versions": ", ".join(f"{name} {version}" for name, version in versions().items()),
+        "versions": ", ".join(f"{name} {version}" for name, version in provenance().items()),
     }
     return _text(topics.RUN_INFO, "RunInfo", values)
 

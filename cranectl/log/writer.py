@@ -24,7 +24,8 @@ from cranectl.log.consistency import check_runs
 from cranectl.log.container import open_container
 from cranectl.log.records import DamageError
 from cranectl.log.stream import Stream
-from cranectl.log.streams import streams, versions
+from cranectl.log.streams import streams
+from cranectl.provenance import provenance
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 
@@ -126,7 +127,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
             "plants": ",".join(run.plant for run in runs),
             "every": str(every),
         },
-        "versions": versions(),
+        "versions": provenance(),
         **{f"run/{run.plant}": run_metadata(run.status, run.end_ns, len(run.time_ns)) for run in runs},
     }
 

@@ -75,7 +75,12 @@ def _outcome(analysis: Analysis, outcome: Sequence[Table], numbers: Numbers) -> 
         title = f"distributions of the metrics on {groups[0].plant}"
         svg = distributions_svg(groups, limits, f"f{k}")
         figures.append(Figure(str(k), title, svg, sentences.distributions_sentence(parts), alone=True))
-    texts = (sentences.incomplete(analysis), sentences.about(analysis), sentences.what_fails(analysis))
+    texts = (
+        sentences.incomplete(analysis),
+        *sentences.software(analysis),
+        sentences.about(analysis),
+        sentences.what_fails(analysis),
+    )
     tables = (*map(_on_one_line, outcome), *map(metrics_quantiles, by_plant(analysis)))
     return Section("outcome", "Outcome", tuple(filter(None, texts)), tables, tuple(figures))
 
@@ -222,7 +227,7 @@ def _failures(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
 
 
 def _uncertainty(analysis: Analysis) -> Section:
-    record = analysis.results.record
+    software = enumerate(analysis.results.origins, 1)
     settings = analysis.results.campaign.settings
     facts = {
         "scenario": settings.scenario,
@@ -230,7 +235,11 @@ def _uncertainty(analysis: Analysis) -> Section:
         "sampling": f"{settings.sampling}, seed {settings.seed}",
         "samples": str(analysis.results.campaign.runs),
         "runs": str(len(analysis.results)),
-        **{name: str(version) for name, version in record["versions"].items()},
+        **{
+            name if k == 1 else f"{name}, software {k}": str(version)
+            for k, (_, versions) in software
+            for name, version in versions.items()
+        },
     }
     rows = tuple((Cell(name), Cell(value)) for name, value in facts.items())
     made = Table("What was run, with what", ("", ""), rows, labels=2)

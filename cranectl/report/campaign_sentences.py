@@ -7,6 +7,7 @@ import numpy as np
 from cranectl.campaign.analysis import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.groups import MAIN_METRICS
 from cranectl.campaign.influence import Correlations
+from cranectl.campaign.software import software_notes
 from cranectl.campaign.summary import CONFIDENCE, MEASURE
 from cranectl.report.campaign_labels import metric_name, number
 
@@ -37,6 +38,11 @@ def incomplete(analysis: Analysis) -> str:
         f"others. Complete it with the command that began it and --resume, such as "
         f"'cranectl campaign run {results.campaign.settings.name} --out {results.directory} --resume'."
     )
+
+
+def software(analysis: Analysis) -> tuple[str, ...]:
+    """What made the runs, where that is not what is installed."""
+    return tuple(f"{note[0].upper()}{note[1:]}." for note in software_notes(analysis.results))
 
 
 def what_fails(analysis: Analysis) -> str:

@@ -1,6 +1,6 @@
 """Any runs as one page: what they were, how they ended, every figure, every difference."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,15 +19,15 @@ Metrics = Mapping[tuple[str, str], RunMetrics | None]  # by label and plant
 
 
 @np.errstate(invalid="ignore")  # of a last sample that may hold what stopped its run
-def log_page(logs: Logs, remade_by: str) -> Page:
-    """A page of up to four logs, each with the runs of one or both plants."""
+def log_page(logs: Logs, remade_by: str, notes: Sequence[str] = ()) -> Page:
+    """A page of up to four logs, each with the runs of one or both plants; `notes` come first."""
     runs = [run for log in logs.values() for run in log.values()]
     scenarios = dict.fromkeys(run.scenario.name for run in runs)
     title = runs[0].scenario.title if len(scenarios) == 1 else ""
     metrics = {(label, plant): run_metrics(run) for label, log in logs.items() for plant, run in log.items()}
     labelled = {f"{label}, {plant}": found for (label, plant), found in metrics.items()}
     sections = [
-        Section("runs", "Runs", tables=(_run_table(logs, metrics), metrics_table(labelled))),
+        Section("runs", "Runs", tuple(notes), (_run_table(logs, metrics), metrics_table(labelled))),
         Section("figures", "Figures", figures=_figures(logs)),
     ]
     tables = tuple(_comparison_table(label, comparison) for label, comparison in _comparisons(logs))

@@ -43,7 +43,8 @@ def synthetic_results(of: Campaign, metrics: Metrics, *, missing: int = 0) -> Re
         last = max(b.last for b in kept if (b.plant, b.controller) == (plant, controller))
         tables.append(_table(schema, of, metrics, (plant, controller), last))
     table = pyarrow.concat_tables(tables) if tables else schema.empty_table()
-    return Results(Path("logs/campaign test"), of, record_of(of), tuple(batches[len(kept) :]), table)
+    made_by = np.zeros(table.num_rows, dtype=np.int64)
+    return Results(Path("logs/campaign test"), of, record_of(of), tuple(batches[len(kept) :]), table, made_by)
 
 
 def _table(schema: Any, of: Campaign, metrics: Metrics, group: Sequence[str], n: int) -> Any:

@@ -13,7 +13,6 @@ import pytest
 from cranectl.campaign import campaign_names
 from cranectl.campaign.batches import Batch
 from cranectl.campaign.parts import part_name, write_part
-from cranectl.campaign.record import identity
 from cranectl.campaign.results import PARTS, Results, read_results
 from cranectl.cli.main import main
 from cranectl.log import read_log
@@ -167,7 +166,7 @@ def change_one_bit(results: Results, batch: Batch, column: str) -> None:
     rows = rows[batch.first : batch.last]
     rows[0][column] = float(np.nextafter(rows[0][column], 1.0))
     path = results.directory / PARTS / part_name(batch)
-    write_part(path, results.campaign, identity(results.record), batch, rows)
+    write_part(path, results.campaign, results.origins[0], batch, rows)
 
 
 def test_failures_of_the_crane_are_results(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import signal
 import sys
 import time
@@ -22,6 +23,7 @@ from cranectl.campaign.store import Store, open_store
 from cranectl.cli.main import main
 from cranectl.errors import InputError
 from tests.campaign.results import SMALL
+from tests.conftest import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -180,7 +182,7 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster, aske
     [
         ("numpy", ", here 1.0"),
         ("cranectl", "the scheduler has"),
-        ("sources of cranectl", "the worker tcp://"),
+        ("sources", "the worker tcp://"),
     ],
 )
 def test_other_software_is_refused(
@@ -197,18 +199,18 @@ def test_other_software_is_refused(
     monkeypatch.setattr("cranectl.campaign.cluster.make_order", other_order)
     error = bad_input(capsys, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
-    assert f"{name} is " in error
+    assert f" {name} " in error
     assert said in error
     assert not Path("logs/campaign-small/campaign.json").exists()
 
 
 def test_software_differs_by_a_version_a_package_or_a_source() -> None:
-    same = {"mujoco": "4.0.0", "sources of cranectl": "ab"}
+    same = {"mujoco": "4.0.0", "sources": "ab", "models": "ab", "data": "ab"}
     check_software(same, same, "worker")
     for changed, said in (
-        ({"mujoco": "4.0.1"}, "mujoco is 4.0.1, here 4.0.0"),
-        ({"sources of cranectl": "ac"}, "sources of cranectl is ac, here ab"),
-        ({"numba": "1"}, "numba is 1, here absent"),
+        ({"mujoco": "4.0.1"}, "mujoco 4.0.1, here 4.0.0"),
+        ({"sources": "ac"}, "sources ac, here ab"),
+        ({"numba": "1"}, "numba 1, here unknown"),
     ):
         with pytest.raises(InputError, match=said):
             check_software(same | changed, same, "worker")
@@ -271,3 +273,18 @@ def test_the_client_is_a_plain_one(cluster: LocalCluster) -> None:
     with cluster_client(cluster.scheduler_address, 1) as client:
         assert isinstance(client, Client)
         assert len(client.scheduler_info()["workers"]) == 2
+
+
+def test_no_recipe_opens_a_scheduler_to_everybody(capsys: pytest.CaptureFixture[str]) -> None:
+    """Whoever reaches one runs programs; as it comes it listens on all addresses."""
+    recipes = []
+    for page in ("README.md", "docs/campaigns.md"):
+        text = (ROOT / page).read_text()
+        assert "runs programs on its workers" in text
+        assert "tls://" in text
+        recipes += re.findall("^dask scheduler.*$", text, re.MULTILINE)
+    assert len(recipes) == 2
+    assert all(re.match(r"dask scheduler --host \S+", recipe) for recipe in recipes)
+    assert main(["campaign", "run", "--help"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "Whoever reaches it runs programs there: start it with --host" in told

@@ -15,7 +15,7 @@ from cranectl.campaign import campaign_names, load_campaign, sample_values
 from cranectl.campaign.batches import LEAST, batches_of
 from cranectl.campaign.columns import METRICS, describe
 from cranectl.campaign.parts import DamageError, part_name, read_part
-from cranectl.campaign.record import campaign_of, differences, identity, record_of
+from cranectl.campaign.record import Origin, campaign_of, differences, origins_of, record_of
 from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_results
 from cranectl.campaign.rows import METRIC_COLUMNS, row_columns
 from cranectl.campaign.store import open_store
@@ -25,7 +25,7 @@ from tests.campaign.campaigns import MASS, campaign
 from tests.campaign.results import invented_rows, two_controllers, write_all
 
 CAMPAIGN = two_controllers()
-KNOWN_AS = identity(record_of(CAMPAIGN))
+ORIGINS = origins_of(record_of(CAMPAIGN))
 
 
 @pytest.fixture
@@ -128,7 +128,7 @@ def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
     record = record_of(campaign(scenario=str(path)))
     path.unlink()
     assert campaign_of(record, "record").nominal.name == "fast-diagonal"
-    assert identity(record) == identity(record_of(campaign())), "the scenario counts, not its place"
+    assert origins_of(record) == origins_of(record_of(campaign())), "the scenario counts, not its place"
 
 
 def test_an_unfinished_result_says_so(tmp_path: Path) -> None:
@@ -150,20 +150,20 @@ def test_truncated_and_foreign_parts_are_found(one_part: Path, tmp_path: Path) -
     for size in (0, 3, 100, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:size])
         with pytest.raises(DamageError):
-            read_part(path, CAMPAIGN, KNOWN_AS, batch)
+            read_part(path, CAMPAIGN, ORIGINS, batch)
     path.write_bytes(whole)
-    assert read_part(path, CAMPAIGN, KNOWN_AS, batch).num_rows == 16
+    assert read_part(path, CAMPAIGN, ORIGINS, batch)[0].num_rows == 16
     with pytest.raises(DamageError, match="another campaign"):
-        read_part(path, CAMPAIGN, "other", batch)
+        read_part(path, CAMPAIGN, [Origin("other", {})], batch)
     with pytest.raises(DamageError, match="it holds the batch mujoco lqr 0"):
-        read_part(path, CAMPAIGN, KNOWN_AS, batches_of(CAMPAIGN)[1])
+        read_part(path, CAMPAIGN, ORIGINS, batches_of(CAMPAIGN)[1])
 
 
 def test_a_flipped_bit_is_found_or_does_no_harm(one_part: Path, tmp_path: Path) -> None:
     """Nearly all bytes are data or what says how to read them; a few, like the writer's name, say nothing."""
     batch = batches_of(CAMPAIGN)[0]
     whole, path = one_part.read_bytes(), tmp_path / one_part.name
-    expected = read_part(one_part, CAMPAIGN, KNOWN_AS, batch)
+    expected, _ = read_part(one_part, CAMPAIGN, ORIGINS, batch)
     rng = np.random.default_rng(0)
     found = 0
     places = rng.choice(len(whole), 150, replace=False).tolist()
@@ -172,7 +172,7 @@ def test_a_flipped_bit_is_found_or_does_no_harm(one_part: Path, tmp_path: Path) 
         changed[place] ^= 1 << int(rng.integers(8))
         path.write_bytes(changed)
         try:
-            assert read_part(path, CAMPAIGN, KNOWN_AS, batch).equals(expected)
+            assert read_part(path, CAMPAIGN, ORIGINS, batch)[0].equals(expected)
         except DamageError:
             found += 1
     assert found > 0.75 * len(places)
@@ -196,7 +196,7 @@ def test_checksums_are_what_finds_changed_data(one_part: Path, tmp_path: Path) -
         if unnoticed:
             flipped += 1
             with pytest.raises(DamageError):
-                read_part(path, CAMPAIGN, KNOWN_AS, batches_of(CAMPAIGN)[0])
+                read_part(path, CAMPAIGN, ORIGINS, batches_of(CAMPAIGN)[0])
     assert flipped > 10
 
 
@@ -316,7 +316,7 @@ def test_another_version_is_named(directory: Path) -> None:
     record = json.loads((directory / RECORD_FILE).read_text())
     record["versions"]["mujoco"] = "3.0.0"
     (directory / RECORD_FILE).write_text(json.dumps(record))
-    assert "versions.mujoco is 3.0.0, not" in caught(opened, CAMPAIGN, directory, resume=True).found
+    assert "mujoco 3.0.0, now" in caught(opened, CAMPAIGN, directory, resume=True).found
 
 
 def test_limits_may_change_afterwards(directory: Path) -> None:

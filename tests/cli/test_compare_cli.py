@@ -9,6 +9,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
 from cranectl.plants.interface import PLANTS
+from cranectl.provenance import provenance
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 
@@ -213,14 +214,12 @@ def test_logs_of_other_versions_merge_only_when_told_to(
 ) -> None:
     for plant in ("analytic", "mujoco"):
         run(f"{plant}.mcap", "--plant", plant)
-    from cranectl.log.streams import versions
-
-    newer = {**versions(), "mujoco": "99.0"}
-    monkeypatch.setattr("cranectl.log.versions", lambda: newer)
+    newer = {**provenance(), "mujoco": "99.0"}
+    monkeypatch.setattr("cranectl.provenance.provenance", lambda: newer)
     pair = ("analytic.mcap", "mujoco.mcap")
     error = bad_input(capsys, *pair, "--merge", "both.mcap")
-    assert "analytic.mcap and this installation differ in: mujoco: 4" in error
-    assert " and 99.0" in error
+    assert "analytic.mcap and this installation differ in: mujoco 4" in error
+    assert ", now 99.0" in error
     assert main(["compare", *pair, "--merge", "both.mcap", "--despite-differences"]) == 0
 
 

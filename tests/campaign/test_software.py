@@ -1,0 +1,141 @@
+"""Results that two programs have made: refused, or accepted and told run by run."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.batches import Batch
+from cranectl.campaign.parts import part_name, write_part
+from cranectl.campaign.results import PARTS, RECORD_FILE, read_results
+from cranectl.cli.main import main
+from cranectl.provenance import fingerprints
+from tests.campaign.results import SMALL
+from tests.test_provenance import copy_checkout
+
+LAST = Batch("analytic", "pole-placement", 64, 128)
+RESUME = ["campaign", "run", "small.toml", "--out", "result", "--resume"]
+CHANGED = {"sources": "00ff00ff00ff00ff"}
+FROM_ELSEWHERE = """\
+import sys
+sys.path[0] = sys.argv.pop(1)
+from cranectl.cli.main import main
+sys.exit(main())
+"""
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A result of 2 x 128 runs without its last part, not to be changed."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "small.toml").write_text(SMALL.replace("160", "128"))
+    assert main(["campaign", "run", str(folder / "small.toml"), "--out", str(folder / "result")]) == 0
+    (folder / "result" / PARTS / part_name(LAST)).unlink()
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def in_directory_of_result(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(finished, tmp_path / "work")
+    monkeypatch.chdir(tmp_path / "work")
+
+
+def contents() -> dict[str, bytes]:
+    return {str(path): path.read_bytes() for path in Path("result").rglob("*.*") if path.suffix != ".lock"}
+
+
+def test_a_result_is_not_resumed_by_other_physics(tmp_path: Path) -> None:
+    """Gravity in the sources is 5 % larger; nothing of the result says so but the fingerprint."""
+    checkout = copy_checkout(tmp_path / "checkout")
+    dynamics = checkout / "cranectl" / "dynamics.py"
+    text = dynamics.read_text()
+    changed = text.replace("- gravity * sa", "- 1.05 * gravity * sa")
+    assert changed != text
+    dynamics.write_text(changed)
+    before = contents()
+    command = [sys.executable, "-c", FROM_ELSEWHERE, str(checkout), *RESUME]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2, ended.stderr
+    assert f"made by other software: sources {fingerprints()['sources']}, now " in ended.stderr
+    assert "models" not in ended.stderr.partition("allowed")[0]
+    assert "--despite-differences" in ended.stderr
+    assert contents() == before
+
+
+def test_what_is_accepted_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = fingerprints()
+    with monkeypatch.context() as patched:
+        patched.setattr("cranectl.provenance.fingerprints", lambda: own | CHANGED)
+        assert main(RESUME) == 2
+        capsys.readouterr()
+        assert main([*RESUME, "--despite-differences", "--json", "found.json"]) == 0
+        out = capsys.readouterr().out
+        assert "made by 2 sets of sources or versions: 192 runs, 64 runs" in out
+        note = f"192 runs by other software than what is installed: sources {own['sources']}, now 00ff"
+        assert note in out
+        found = json.loads(Path("found.json").read_text())
+        assert [maker["runs"] for maker in found["software"]] == [192, 64]
+        assert found["software"][1]["versions"]["sources"] == CHANGED["sources"]
+        assert found["software"][1]["differences"] == []
+        assert main(["campaign", "report", "result", "--out", "page.html"]) == 0
+        page = Path("page.html").read_text()
+        assert "Made by 2 sets of sources or versions: 192 runs, 64 runs." in page
+        assert note in page
+        assert "sources, software 2" in page
+        assert main(RESUME) == 0, "accepted once"
+    results = read_results("result")
+    assert len(results) == 256
+    last = (results.column("controller") == LAST.controller) & (results.column("sample") >= LAST.first)
+    assert np.array_equal(results.made_by, last)
+    assert main(RESUME) == 0, "what began it may go on"
+    capsys.readouterr()
+    assert main(["campaign", "report", "result", "--out", "page.html"]) == 0
+    assert "64 runs by other software than what is installed: sources 00ff" in capsys.readouterr().out
+
+
+def test_one_program_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*RESUME, "--json", "found.json"]) == 0
+    assert "software" not in capsys.readouterr().out
+    (maker,) = json.loads(Path("found.json").read_text())["software"]
+    assert (maker["runs"], maker["differences"]) == (256, [])
+    assert json.loads(Path("result", RECORD_FILE).read_text())["accepted"] == []
+
+
+def test_a_replay_that_differs_names_the_other_program(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replay = ["campaign", "replay", "result", "--run", "0", "--controller", "lqr", "--json", "found.json"]
+    now = fingerprints() | CHANGED
+    monkeypatch.setattr("cranectl.provenance.fingerprints", lambda: now)
+    assert main(replay) == 0, "the bits decide"
+    assert "made by other software: sources " in capsys.readouterr().out
+    results = read_results("result", unfinished=True)
+    batch = Batch("analytic", "lqr", 0, 64)
+    rows = results.table.slice(0, 64).to_pylist()
+    rows[0]["rms_error_m"] *= 1.05
+    write_part(Path("result", PARTS, part_name(batch)), results.campaign, results.origins[0], batch, rows)
+    assert main(replay) == 1
+    out = " ".join(capsys.readouterr().out.split())
+    assert "FAILED, run 0 with lqr on analytic" in out
+    assert f"made by other software: sources {results.origins[0].versions['sources']}, now 00ff" in out
+    (found,) = json.loads(Path("found.json").read_text())["replays"]
+    assert len(found["software_differences"]) == 1
+    assert found["same"] is False
+
+
+def test_parts_say_what_made_them() -> None:
+    from pyarrow import parquet
+
+    metadata = parquet.read_schema(next(Path("result", PARTS).iterdir())).metadata
+    assert {name: metadata[name.encode()].decode() for name in fingerprints()} == fingerprints()
+
+
+def test_accepting_needs_a_result_to_go_on_with(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["campaign", "run", "small.toml", "--out", "new", "--despite-differences"]) == 2
+    assert "--despite-differences without --resume" in capsys.readouterr().err
