@@ -11,7 +11,6 @@ GOOD = 0
 LIMIT_EXCEEDED = 1
 BAD_INPUT = 2
 RUN_STOPPED = 3
-UNFORESEEN = 70  # an error in the program, as sysexits.h has it
 UNFORESEEN = 70  # EX_SOFTWARE of sysexits
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 

@@ -94,7 +94,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str], full_traceback: bool) -> int:
     try:
-        code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False)
+        code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False, obj=full_traceback)
     except click.ClickException as error:
         shown = io.StringIO()
         error.show(file=shown)

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
-from rich.markup import escape
 
 from cranectl.cases import Case, CaseResult, Failure
 from cranectl.cli import exit_codes
 from cranectl.cli.output import FAILED, PASSED, agreement_table, console, run_notes, write_json
+from cranectl.cli.screen import styled
 from cranectl.parallel import Outcome
 
 SHOWN = 10  # failures told on the screen
@@ -60,14 +60,13 @@ def report_validation(
         judged = [(each.agreement, each.passed) for each in finished if each.agreement is not None]
         screen.print(agreement_table([agreement for agreement, _ in judged], [good for _, good in judged]))
         why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
-        nowhere = [
-            f"[bold red]{escape(case.source)}, {case.controller}, {case.drive}: no result, {why}[/]"
-            for case in lost
-        ]
-        for note in (*run_notes(finished), *nowhere):
+        for note in run_notes(finished):
             screen.print(f"  {note}")
+        for case in lost:
+            name = f"{case.source}, {case.controller}, {case.drive}"
+            screen.print(" ", styled(f"{name}: no result, {why}", "bold red"))
         screen.print(f"{sum(len(each.runs) for each in finished)} runs, logs in {out}")
-        screen.print(f"validation {PASSED if code == exit_codes.GOOD else FAILED}")
+        screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED)
     _tell(failed)
     write_json(json_file, _json(finished, failed, lost, passed=code == exit_codes.GOOD))
     return code
@@ -75,15 +74,18 @@ def report_validation(
 
 def _tell(failed: Sequence[Failed]) -> None:
     """Say on standard error why cases could not be run, each reason once for a scenario."""
+    screen = console("-")
     alike: dict[tuple[str, Failure], list[str]] = {}
     for each in failed:
         alike.setdefault((each.scenario, each.failure), []).append(each.name)
     for (scenario, failure), names in list(alike.items())[:SHOWN]:
         name = names[0] if len(names) == 1 else f"{scenario}, {len(names)} cases"
-        what = "could not be run" if failure.bad_input else "an error in cranectl"
-        click.echo(f"{name}: {what}\n{failure.reason}\n{failure.trace}".rstrip(), err=True)
+        screen.print(f"{name}: could not be run" if failure.bad_input else f"{name}: unforeseen")
+        full_traceback = click.get_current_context().obj
+        for line in (*failure.reason.splitlines(), *(failure.trace.splitlines() if full_traceback else ())):
+            screen.print(line)
     if len(alike) > SHOWN:
-        click.echo(f"and {len(alike) - SHOWN} more", err=True)
+        screen.print(f"and {len(alike) - SHOWN} more")
 
 
 def _json(

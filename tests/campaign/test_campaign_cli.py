@@ -155,8 +155,8 @@ def test_a_replay_that_differs_fails_loudly(finished: Path, capsys: pytest.Captu
     change_one_bit(results, Batch("analytic", "lqr", 64, 128), "rms_error_m")
     assert main(["campaign", "replay", "mine", "--run", "64", "--run", "65"]) == 1
     out = " ".join(capsys.readouterr().out.split())
-    assert out.count("passed, run") == 3
-    assert "FAILED, run 64 with lqr on analytic" in out
+    assert out.count("passed run") == 3
+    assert "FAILED run 64 with lqr on analytic" in out
     assert "rms_error_m is" in out
     assert Path("mine/replays/analytic-lqr-0000064.mcap").exists()
 

@@ -122,7 +122,7 @@ def test_a_replay_that_differs_names_the_other_program(
     write_part(Path("result", PARTS, part_name(batch)), results.campaign, results.origins[0], batch, rows)
     assert main(replay) == 1
     out = " ".join(capsys.readouterr().out.split())
-    assert "FAILED, run 0 with lqr on analytic" in out
+    assert "FAILED run 0 with lqr on analytic" in out
     assert f"made by other software: sources {results.origins[0].versions['sources']}, now 00ff" in out
     (found,) = json.loads(Path("found.json").read_text())["replays"]
     assert len(found["software_differences"]) == 1

@@ -94,9 +94,12 @@ def test_an_error_that_nobody_foresaw_is_no_verdict(
     monkeypatch.setattr(cases, "simulate_run", sometimes)
     assert main(["validate", "good.toml", "--controller", "lqr", "--jobs", "1", "--json", "found.json"]) == 70
     captured = capsys.readouterr()
-    assert "good.toml, lqr, velocity: an error in cranectl" in captured.err
-    assert "ZeroDivisionError: of our own making" in captured.err
+    assert "good.toml, lqr, velocity: unforeseen\nZeroDivisionError: of our own making\n" in captured.err
+    assert "Traceback" not in captured.err
     assert "validation FAILED" in captured.out
     found = json.loads(Path("found.json").read_text())
     assert [run["drive"] for run in found["runs"]] == ["ideal", "ideal"]
     assert [each["bad_input"] for each in found["failed"]] == [False]
+    told = ["--controller", "lqr", "--drive", "velocity", "--jobs", "1", "--traceback"]
+    assert main(["validate", "good.toml", *told]) == 70
+    assert "Traceback (most recent call last)" in capsys.readouterr().err
