@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import foxglove
 import numpy as np
+from foxglove._foxglove_py import BaseChannel
 
 from cranectl.log import topics
 from cranectl.log.stream import Stream
@@ -17,7 +18,7 @@ class Outlet:
     def __init__(self, context: foxglove.Context) -> None:
         self.sent: Counter[str] = Counter()  # messages by topic
         self._context = context
-        self._channels: dict[str, foxglove.Channel] = {}
+        self._channels: dict[str, BaseChannel] = {}
         self._latest: dict[str, bytes] = {}
         self._time_ns = 0
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import foxglove
 import numpy as np
+from foxglove._foxglove_py import BaseChannel
 from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
@@ -170,14 +171,17 @@ def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
     return len(time)
 
 
-def open_channel(context: foxglove.Context, stream: Stream) -> foxglove.Channel:
-    """The channel that `stream` goes to."""
-    return foxglove.Channel(
+def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
+    """The channel that `stream` goes to.
+
+    Not a `foxglove.Channel`: the library keeps every one of those for as long as the process lives, with the
+    context and schema that it belongs to, closed or not.
+    """
+    return context._create_channel(
         stream.topic,
         message_encoding="protobuf",
         schema=foxglove.Schema(name=stream.schema_name, encoding="protobuf", data=stream.schema),
         metadata=stream.metadata,
-        context=context,
     )
 
 

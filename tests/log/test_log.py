@@ -455,3 +455,37 @@ def test_dropped_messages_are_noticed(
     monkeypatch.setattr(writer, "_send_in_order", lambda *a: send(*a) + 1)
     with pytest.raises(LogError, match="messages were written"):
         write_log(tmp_path / "a.mcap", runs)
+
+
+MANY = """
+import gc, sys
+from pathlib import Path
+from cranectl.log import write_log
+from cranectl.scenario import load_scenario
+from cranectl.simulate import simulate_run
+
+def resident():
+    gc.collect()
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return int(status["VmRSS"].split()[0]) / 1024
+
+overrides = ["duration=1", "disturbances=[]", "log.every=50"]
+scenario = load_scenario("fixed-position", overrides=overrides)
+
+def write(count):
+    for _ in range(count):
+        write_log(sys.argv[1], [simulate_run(scenario, plant="analytic")])
+
+write(100)
+before = resident()
+write(500)
+print(resident() - before)
+"""
+
+
+def test_many_runs_and_logs_in_one_process_take_no_more_memory(tmp_path: Path) -> None:
+    """The library keeps each channel made in its usual way: 500 logs took 30 MiB."""
+    command = [sys.executable, "-c", MANY, str(tmp_path / "a.mcap")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) < 10.0
