@@ -1,0 +1,132 @@
+"""Results stay readable: one of every format is kept in `samples`, written by the version that had it."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from cranectl.campaign import columns
+from cranectl.campaign.record import FORMAT, READERS
+from cranectl.campaign.results import RECORD_FILE, read_results
+from cranectl.campaign.store import open_store
+from cranectl.campaign.summary import summarize
+from cranectl.cli.main import main
+from cranectl.errors import InputError
+from cranectl.provenance import fingerprints
+
+SAMPLES = Path(__file__).parent / "samples"
+# As pyarrow alone reads it from the parts: largest error of each sample with lqr.
+ERRORS = [
+    0.04711652747316714,
+    0.07450149957616926,
+    0.03959036077762523,
+    0.030515855312749945,
+    0.05766577166052214,
+    0.10030105336646963,
+]
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of all samples to work in."""
+    shutil.copytree(SAMPLES, tmp_path / "samples")
+    monkeypatch.chdir(tmp_path / "samples")
+    return tmp_path / "samples"
+
+
+def test_there_is_a_sample_of_every_format() -> None:
+    assert sorted(path.name for path in SAMPLES.iterdir()) == [f"format-{number}" for number in READERS]
+    assert max(READERS) == FORMAT
+    for number in READERS:
+        assert json.loads((SAMPLES / f"format-{number}" / RECORD_FILE).read_text())["format"] == number
+
+
+@pytest.mark.parametrize("number", READERS)
+def test_its_numbers_are_what_they_were(number: int) -> None:
+    results = read_results(SAMPLES / f"format-{number}")
+    assert results.missing == ()
+    assert results.column("max_error_m")[:6].tolist() == ERRORS
+    assert results.row(5)["rig.winch_time_constant"] == 0.027448522737539484
+    lqr = summarize(results)[0]
+    assert (lqr.runs, lqr.failures, lqr.worst_sample) == (6, 2, 5)
+    assert lqr.median_max_error_m == pytest.approx(0.05239114956684464, rel=1e-15)
+
+
+@pytest.mark.parametrize("number", READERS)
+def test_it_can_be_reported(kept: Path, number: int, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["campaign", "report", f"format-{number}", "--out", "page.html", "--json", "found.json"]
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert "33.3  9.7-70.0     0.0524" in out
+    assert (
+        f"sources {'unknown' if number == 1 else '70bca0eedddf5057'}, now {fingerprints()['sources']}" in out
+    )
+    found = json.loads((kept / "found.json").read_text())
+    assert [maker["runs"] for maker in found["software"]] == [6] * (1 if number == 1 else 2)
+    assert "sources" in (kept / "page.html").read_text()
+
+
+def test_the_second_format_says_which_software_made_which_runs() -> None:
+    results = read_results(SAMPLES / "format-2")
+    assert results.made_by.tolist() == [0] * 6 + [1] * 6
+    assert [origin.versions["sources"] for origin in results.origins] == [
+        "70bca0eedddf5057",
+        "0123456789abcdef",
+    ]
+    assert results.column("controller")[6] == "pole-placement"
+
+
+def test_a_result_of_before_is_resumed_only_when_told_to(kept: Path) -> None:
+    before = read_results("format-1")
+    with (
+        pytest.raises(
+            InputError, match=r"sources unknown, now .*; models unknown, now .*; data unknown, now "
+        ),
+        open_store(before.campaign, Path("format-1"), resume=True),
+    ):
+        pass
+    assert json.loads((kept / "format-1" / RECORD_FILE).read_text())["format"] == 1
+    with open_store(before.campaign, Path("format-1"), resume=True, despite_differences=True) as store:
+        assert (store.missing, store.aside) == ((), ())
+    after = read_results("format-1")
+    assert after.table.equals(before.table)
+    assert json.loads((kept / "format-1" / RECORD_FILE).read_text())["format"] == FORMAT
+    assert after.origins[0] == before.origins[0]
+    assert after.origins[1].versions["sources"] == fingerprints()["sources"]
+
+
+@pytest.mark.parametrize("number", READERS)
+def test_columns_may_be_described_in_other_words(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(columns.METRICS, "max_error_m", "how far off the load was at most")
+    results = read_results(SAMPLES / f"format-{number}")
+    assert results.table.schema.field("max_error_m").metadata[b"description"].startswith(b"how far off")
+    monkeypatch.setitem(columns.UNIT_ENDINGS, "_m", "mm")
+    with pytest.raises(InputError, match="its columns are not those of the campaign"):
+        read_results(SAMPLES / f"format-{number}")
+
+
+@pytest.mark.parametrize(
+    ("text", "found", "remedy"),
+    [
+        ('{"format": 3}', "campaign.json has format 3", "newer cranectl"),
+        ('{"format": 0}', "no record of a campaign", "run the campaign again"),
+        ('{"format": [1]}', "no record of a campaign", "run the campaign again"),
+        ("[" * 20_000, "campaign.json", "--overwrite"),
+        ('{"a":' * 20_000, "campaign.json", "--overwrite"),
+    ],
+)
+def test_records_that_cannot_be_read(kept: Path, text: str, found: str, remedy: str) -> None:
+    (kept / "format-2" / RECORD_FILE).write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_results("format-2")
+    assert found in caught.value.found
+    assert remedy in caught.value.remedy
+
+
+@pytest.mark.parametrize("accepted", [None, "a", ["a"], [None]])
+def test_what_was_accepted_must_be_a_list_of_software(kept: Path, accepted: object) -> None:
+    record = json.loads((kept / "format-2" / RECORD_FILE).read_text())
+    (kept / "format-2" / RECORD_FILE).write_text(json.dumps(record | {"accepted": accepted}))
+    with pytest.raises(InputError, match="no record of a campaign"):
+        read_results("format-2")
