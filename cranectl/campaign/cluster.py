@@ -162,7 +162,7 @@ def _connected(distributed: Any, scheduler: str) -> Iterator["Client"]:
         raise InputError(
             f"no scheduler answers at {scheduler}: {error}",
             allowed="the address of a Dask scheduler that runs",
-            remedy="start one with `dask scheduler --host ADDRESS`, and workers with `dask worker ADDRESS`",
+            remedy="start `dask scheduler --host IP`, and workers with `dask worker ADDRESS --host IP`",
         ) from None
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)
@@ -171,7 +171,7 @@ def _connected(distributed: Any, scheduler: str) -> Iterator["Client"]:
         raise InputError(
             f"the scheduler at {scheduler} has no workers",
             allowed="at least one worker",
-            remedy=f"start some with `dask worker {scheduler} --nworkers 16 --nthreads 1`",
+            remedy=f"start some with `dask worker {scheduler} --host IP --nworkers 16 --nthreads 1`",
         ) from None
     finally:
         client.close(timeout=2.0)
