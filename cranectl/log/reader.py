@@ -27,7 +27,8 @@ from cranectl.log.container import (
     read_columns,
     read_metadata,
 )
-from cranectl.log.header import LogHeader, parse_header
+from cranectl.log.formats import parse_header
+from cranectl.log.header import LogHeader
 from cranectl.log.outcome import check_times
 from cranectl.log.records import MAGIC, PIECE, DamageError
 from cranectl.log.schema import row_layout

@@ -11,7 +11,8 @@ import numpy as np
 from cranectl.errors import LogError
 from cranectl.log import schema, topics
 from cranectl.log.assemble import Block, assembled, channels_of, check_group, decoded
-from cranectl.log.header import LogHeader, parse_header
+from cranectl.log.formats import parse_header
+from cranectl.log.header import LogHeader
 from cranectl.log.outcome import Outcome
 from cranectl.log.reader import check_begin, opened
 from cranectl.log.salvage import Salvage, salvage

@@ -4,9 +4,6 @@ import functools
 
 from cranectl.signals import LOAD, STATE, Signal, SignalGroup
 
-# Bump when topics or meanings change such that an older reader would misread.
-FORMAT_VERSION = "2"
-
 REFERENCE_LOAD = "/reference/load"
 DESIGN = "/controller/design"
 RUN_INFO = "/run/info"

@@ -20,7 +20,7 @@ from mcap.records import Attachment
 from cranectl.errors import LogError
 from cranectl.files import check_replaceable, replacing
 from cranectl.interrupts import interrupts_wait
-from cranectl.log import topics
+from cranectl.log import formats
 from cranectl.log.consistency import check_runs
 from cranectl.log.container import open_container
 from cranectl.log.records import DamageError
@@ -121,7 +121,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     first = runs[0]
     return {
         "cranectl": {
-            "format": topics.FORMAT_VERSION,
+            "format": formats.WRITTEN,
             "scenario": first.scenario.name,
             "controller": first.design.name,
             "drive": first.drive,

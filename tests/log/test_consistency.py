@@ -16,7 +16,8 @@ from cranectl.design import CONTROLLERS, Design, design_controller
 from cranectl.errors import LogError
 from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.consistency import check_design, check_run, check_runs
-from cranectl.log.header import LogHeader, parse_header
+from cranectl.log.formats import parse_header
+from cranectl.log.header import LogHeader
 from cranectl.log.outcome import Clock
 from cranectl.log.records import DamageError
 from cranectl.log.writer import file_attachments, file_metadata, write_logged

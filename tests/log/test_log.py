@@ -418,7 +418,7 @@ def test_a_full_disk_is_explained_and_leaves_nothing(tmp_path: Path, log: Path) 
 def test_a_log_of_another_format_version(
     tmp_path: Path, runs: list[Run], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cranectl.log.topics.FORMAT_VERSION", "99")
+    monkeypatch.setattr("cranectl.log.formats.WRITTEN", "99")
     path = write_log(tmp_path / "future.mcap", runs)
     monkeypatch.undo()
     with pytest.raises(LogError, match="log format 99") as caught:

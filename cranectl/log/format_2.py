@@ -1,0 +1,99 @@
+"""The header of logs of format 2: what their metadata and attachments mean.
+
+Once logs of another format are written this file stays as it is, and turns old into what is known then.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from cranectl.design import Design
+from cranectl.log.consistency import check_design
+from cranectl.log.header import LogHeader
+from cranectl.log.outcome import MAX_NS, Outcome, check_outcome
+from cranectl.plants.interface import PLANTS
+from cranectl.scenario import Scenario
+from cranectl.settings import parse_settings
+from cranectl.simulate import checked_drive
+from cranectl.status import RunStatus
+
+MAX_JSON = 2**20  # [bytes]; scenarios and designs have a few thousand
+
+
+def read_header(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:
+    """The header that metadata and attachments make.
+
+    Raises DamageError where it contradicts itself; InputError, KeyError, TypeError, ValueError, IndexError,
+    OverflowError or RecursionError where it is no such header.
+    """
+    said = metadata["cranectl"]
+    scenario = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
+    plants = said["plants"].split(",")
+    if not set(plants) <= set(PLANTS) or len(set(plants)) < len(plants):
+        raise ValueError(f"unknown plants {said['plants']}")
+    design = _design(_json(attachments, "design.json"))
+    if (said["scenario"], said["controller"]) != (scenario.name, design.name):
+        raise ValueError(f"it is said to be of {said['scenario']} and {said['controller']}")
+    check_design(design)
+    header = LogHeader(
+        scenario=scenario,
+        design=design,
+        drive=checked_drive(said["drive"]),
+        every=_count(said["every"], least=1),
+        models={plant: _model(attachments, plant) for plant in plants},
+        versions=metadata["versions"],
+        outcomes={p: _outcome(metadata[f"run/{p}"]) for p in plants if f"run/{p}" in metadata},
+        from_ns=_count(metadata["live"]["from_ns"]) if "live" in metadata else None,
+    )
+    for plant, outcome in header.outcomes.items():
+        check_outcome(plant, outcome, header.clock)
+    return header
+
+
+def _model(attachments: Mapping[str, bytes], plant: str) -> str:
+    return attachments.get(f"{plant}.xml", attachments.get(f"{plant}.txt", b"")).decode()
+
+
+def _outcome(said: Mapping[str, str]) -> Outcome:
+    statuses = {status.label: status for status in RunStatus}
+    if said["status"] not in statuses:
+        raise ValueError(f"unknown status '{said['status']}'")
+    return Outcome(statuses[said["status"]], _count(said["end_ns"]), _count(said["samples"]))
+
+
+def _count(text: str, *, least: int = 0) -> int:
+    """Samples or nanoseconds, no more than there can be."""
+    digits = len(str(MAX_NS))
+    if not (text.isascii() and text.isdecimal() and len(text) <= digits and least <= int(text) <= MAX_NS):
+        raise ValueError(f"'{text[: 2 * digits]}' is no number from {least} to {MAX_NS}")
+    return int(text)
+
+
+def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
+    if len(attachments[name]) > MAX_JSON:
+        raise ValueError(f"{name} has {len(attachments[name])} bytes")
+    data = json.loads(attachments[name])
+    if not isinstance(data, dict):
+        raise TypeError(f"{name} is no table")
+    return data
+
+
+def _design(data: dict[str, Any]) -> Design:
+    """The design in `data`, if it says the same as `data`: whole matrices of numbers, none of them NaN."""
+    design = Design.from_json(data)
+    for number in _leaves([value for name, value in data.items() if name != "name"]):
+        if isinstance(number, bool) or not isinstance(number, int | float) or math.isnan(number):
+            raise TypeError(f"design.json holds {number!r} where a number belongs")
+    said = design.to_json()
+    if any(said[name] != value for name, value in data.items()):
+        raise ValueError("the numbers of design.json do not fit together")
+    return design
+
+
+def _leaves(node: Any) -> Iterator[Any]:
+    if isinstance(node, dict | list):
+        for child in node.values() if isinstance(node, dict) else node:
+            yield from _leaves(child)
+    elif node is not None:
+        yield node
