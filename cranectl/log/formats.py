@@ -28,7 +28,7 @@ def parse_header(
             allowed="logs that cranectl wrote",
             remedy="name such a log, or open the file in a viewer",
         )
-    version = metadata["cranectl"].get("format")
+    version = str(metadata["cranectl"].get("format"))
     if version not in READERS:
         raise LogError(
             f"{path} has log format {version}",
