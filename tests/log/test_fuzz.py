@@ -1,5 +1,6 @@
 """Thousands of damaged logs: each is refused with a LogError, or gives exactly the runs that were written."""
 
+import json
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -8,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.opcode import Opcode
+from mcap.records import Channel, Message
 
 from cranectl.errors import LogError
 from cranectl.log import describe_log, read_log, read_signal
 from cranectl.simulate import Run
-from tests.log.forge import SIGNAL, small_log
+from tests.log.forge import SIGNAL, Parts, put_together, small_log, take_apart
 
 Place = tuple[int, int, int]  # opcode, start, stop of a record
 Case = tuple[str, bytes]
@@ -230,3 +232,89 @@ def test_malice_never_gets_through_as_an_error_of_ours(
             assert run.table.tobytes() == runs[plant].table.tobytes(), name
     assert refused >= expected * count
     assert taken or damage is edited_lengths
+
+
+# Forgery: all is right about the file, but the runs in it contradict what is said of them.
+
+
+def messages(parts: Parts) -> list[Message]:
+    return [r for chunk in parts.chunks for r in chunk if isinstance(r, Message)]
+
+
+def signal_messages(parts: Parts, rng: np.random.Generator) -> list[Message]:
+    """Of a topic of signals that a run is made of."""
+    topics = [c.topic for c in parts.definitions(Channel) if c.metadata and not c.topic.startswith("/diff")]
+    return parts.messages(topics[rng.integers(len(topics))])
+
+
+def number_gone(parts: Parts, rng: np.random.Generator) -> None:
+    """A number anywhere in a completed run, or in its reference, is none."""
+    found = signal_messages(parts, rng)
+    message = found[rng.integers(len(found))]
+    data = bytearray(message.data)
+    value = [np.nan, np.inf, -np.inf][rng.integers(3)]
+    struct.pack_into("<d", data, 9 * int(rng.integers(min(len(data) // 9, 15))) + 1, value)
+    message.data = bytes(data)
+
+
+def sample_moved(parts: Parts, rng: np.random.Generator) -> None:
+    """In all topics, between its neighbours."""
+    times = sorted({message.log_time for message in signal_messages(parts, rng)})
+    k = int(rng.integers(1, len(times) - 1))
+    new = int(rng.integers(times[k - 1] + 1, times[k + 1]))
+    for message in messages(parts):
+        if message.log_time == times[k]:
+            message.log_time = new if new != times[k] else new + 1
+
+
+def sample_gone(parts: Parts, rng: np.random.Generator) -> None:
+    """In all topics, and the runs are said to have one less."""
+    times = sorted({message.log_time for message in signal_messages(parts, rng)})
+    lost = times[rng.integers(len(times))]
+    for chunk in parts.chunks:
+        chunk[:] = [r for r in chunk if not isinstance(r, Message) or r.log_time != lost]
+    for plant in ("analytic", "mujoco"):
+        parts.meta(f"run/{plant}").metadata["samples"] = str(len(times) - 1)
+
+
+def times_scaled(parts: Parts, rng: np.random.Generator) -> None:
+    """All times, and the ends with them."""
+    top, bottom = [(1, 2), (2, 1), (1, 4), (3, 1), (1001, 1000)][rng.integers(5)]
+    for message in messages(parts):
+        message.log_time = message.log_time * top // bottom
+    for plant in ("analytic", "mujoco"):
+        told = parts.meta(f"run/{plant}").metadata
+        told["end_ns"] = str(int(told["end_ns"]) * top // bottom)
+
+
+def outcome_changed(parts: Parts, rng: np.random.Generator) -> None:
+    told = parts.meta(["run/analytic", "run/mujoco"][rng.integers(2)]).metadata
+    name = ["end_ns", "samples"][rng.integers(2)]
+    told[name] = str([int(told[name]) + int(rng.integers(1, 10**9)), 0, 2**62, 10**400][rng.integers(4)])
+
+
+def rate_changed(parts: Parts, rng: np.random.Generator) -> None:
+    parts.meta("cranectl").metadata["every"] = str([1, 2, 3, 5, 8, 10**9, 10**400][rng.integers(7)])
+
+
+def design_changed(parts: Parts, rng: np.random.Generator) -> None:
+    attachment = parts.attachment("design.json")
+    data = json.loads(attachment.data)
+    data["gain"][rng.integers(4)] *= float(rng.uniform(-2.0, 0.99))
+    attachment.data = json.dumps(data).encode()
+
+
+@pytest.mark.parametrize(
+    "forge",
+    [number_gone, sample_moved, sample_gone, times_scaled, outcome_changed, rate_changed, design_changed],
+)
+def test_forgeries_that_contradict_themselves_are_refused(
+    log: Path, tmp_path: Path, forge: Callable[[Parts, np.random.Generator], None]
+) -> None:
+    path, rng = tmp_path / "case.mcap", np.random.default_rng(3)
+    for _ in range(12):
+        parts = take_apart(log)
+        forge(parts, rng)
+        path.write_bytes(put_together(parts))
+        with pytest.raises(LogError):
+            read_log(path)
