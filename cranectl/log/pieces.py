@@ -65,6 +65,7 @@ class Pieces:
         self._dot = self._every * max(1, round(scene.TRAIL_STEP / logged))  # between points of a trail
         self._segments = segments(scenario)
         self._starts = np.array([start for start, _ in self._segments])
+        self._reference_ns = -1  # of the newest desired value that was sent
         self.start()
 
     def start(self) -> None:
@@ -99,14 +100,25 @@ class Pieces:
         for run in logged:
             newest = self._seen[run.plant].newest
             self._seen[run.plant].waiting = newest is None or newest.time_ns[0] != run.time_ns[-1]
-        return found + _samples(logged) + self._scene(logged, origin_ns)
+        return found + self._samples(logged) + self._scene(logged, origin_ns)
 
     def last(self) -> list[Stream]:
         """The newest sample of each plant where it has not been sent: a log ends with it."""
         waiting = [seen for seen in self._seen.values() if seen.waiting]
         for seen in waiting:
             seen.waiting = False
-        return _samples([seen.newest for seen in waiting if seen.newest is not None])
+        return self._samples([seen.newest for seen in waiting if seen.newest is not None])
+
+    def _samples(self, runs: Sequence[Run]) -> list[Stream]:
+        """Signals, differences, and what is desired: once, though the plants' samples may come apart."""
+        if not runs:
+            return []
+        reference, *found = samples(runs)
+        new = np.flatnonzero(reference.time_ns > self._reference_ns).tolist()
+        self._reference_ns = max(self._reference_ns, int(reference.time_ns[-1]))
+        messages = [reference.messages[k] for k in new]
+        found.insert(0, replace(reference, time_ns=reference.time_ns[new], messages=messages))
+        return found + (differences(*runs) if len(runs) == 2 else [])
 
     def _rows(self, run: Run, origin_ns: int, step: int) -> NDArray[np.intp]:
         """Every `step`-th sample since the start, and that at which a run stopped."""
@@ -184,12 +196,6 @@ class Pieces:
             found.append(scene.trail(run.plant, run.time_ns[dots], trail))
             seen.trail = trail[-scene.TRAIL_POINTS :]
         return found
-
-
-def _samples(runs: Sequence[Run]) -> list[Stream]:
-    if not runs:
-        return []
-    return samples(runs) + (differences(*runs) if len(runs) == 2 else [])
 
 
 def _chosen(run: Run, rows: NDArray[np.intp]) -> Run:

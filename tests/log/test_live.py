@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -387,6 +388,24 @@ def test_pieces_make_the_messages_of_a_log(name: str, overrides: tuple[str, ...]
             assert len(messages) - len(found[topic]) <= 1
         else:
             assert found[topic] == messages, topic
+
+
+def test_the_reference_is_sent_once_though_one_plant_stops_and_the_other_waits() -> None:
+    """At a sample that is not logged otherwise; twice the same time would be a damaged log."""
+    scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]"])
+    design = design_controller("lqr", scenario.design)
+    running = Session(scenario, design)
+    pieces = Pieces(scenario, running.plan, ["analytic", "mujoco"])
+    first, second = running.advance(22)
+    stopped = replace(first, status=RunStatus.WORKSPACE_LEFT, end_ns=21_000_000)
+    sent = [*pieces.piece([stopped, second], 0), *pieces.last()]
+    times = {topic: [] for topic in ("/reference/load", "/analytic/state", "/mujoco/state")}
+    for stream in sent:
+        if stream.topic in times:
+            times[stream.topic] += stream.time_ns.tolist()
+    assert set(map(tuple, times.values())) == {
+        (0, 4_000_000, 8_000_000, 12_000_000, 16_000_000, 20_000_000, 21_000_000)
+    }
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
