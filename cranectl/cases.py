@@ -9,6 +9,7 @@ from typing import Any
 from cranectl.compare import Agreement, Comparison, compare_runs, judge
 from cranectl.design import Design, design_controller
 from cranectl.errors import InputError
+from cranectl.limits import Limits, NoLimits, Predict, limits_for
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants.interface import PLANTS, Drive
@@ -29,6 +30,7 @@ class Case:
     plants: tuple[str, ...]
     log: Path
     source: str  # how its scenario was asked for: its name or its file
+    predict: Predict | None = None  # finds the limits of a scenario that is not shipped
 
     @property
     def simulated_seconds(self) -> float:
@@ -86,8 +88,8 @@ class CaseResult:
 
     @property
     def passed(self) -> bool:
-        """Whether the runs ended as expected and the plants agree."""
-        return self.as_expected and (self.agreement is None or self.agreement.passed)
+        """Whether the runs ended as expected and the plants agree, as far as that can be judged."""
+        return self.as_expected and (self.agreement is None or self.agreement.passed is not False)
 
 
 @dataclass(frozen=True)
@@ -115,11 +117,12 @@ def make_case(
     plants: Sequence[str] = PLANTS,
     log: Path | None = None,
     source: str | None = None,
+    predict: Predict | None = None,
 ) -> Case:
     """A case with the scenario's own controller and name and the usual place for its log by default."""
     controller = controller or scenario.controller
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, tuple(plants), log, source or scenario.name)
+    return Case(scenario, controller, drive, tuple(plants), log, source or scenario.name, predict)
 
 
 def check_apart(cases: Sequence[Case]) -> None:
@@ -150,6 +153,8 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     plan = plan_scenario(case.scenario)
     tracker_of(case.scenario, design)  # raises if sampling makes the design unstable
     check_writable(case.log)
+    predict = case.predict if len(case.plants) == 2 else None  # one plant alone is not judged
+    limits = limits_for(case.scenario, design, case.drive, predict=predict)
     runs: list[Run] = []
     for plant in case.plants:
         run = simulate_run(
@@ -163,8 +168,8 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         runs.append(run)
         if run.status == RunStatus.INTERRUPTED:
             break
-    write_log(case.log, runs)
-    return _result(case, design, runs)
+    write_log(case.log, runs, limits=limits)
+    return _result(case, design, runs, limits)
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
@@ -175,7 +180,7 @@ def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         return Failure.of(error)
 
 
-def _result(case: Case, design: Design, runs: Sequence[Run]) -> CaseResult:
+def _result(case: Case, design: Design, runs: Sequence[Run], limits: Limits | NoLimits) -> CaseResult:
     summaries = tuple(
         RunSummary(
             scenario=case.scenario.name,
@@ -191,4 +196,4 @@ def _result(case: Case, design: Design, runs: Sequence[Run]) -> CaseResult:
     )
     if len(runs) < 2 or not all(len(run.time_ns) for run in runs):
         return CaseResult(summaries, None, None, case.scenario.expected)
-    return CaseResult(summaries, compare_runs(*runs), judge(*runs), case.scenario.expected)
+    return CaseResult(summaries, compare_runs(*runs), judge(*runs, limits=limits), case.scenario.expected)

@@ -1,6 +1,5 @@
 """Compare two runs sample by sample; runs come in memory, the caller reads files."""
 
-import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -8,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl import resources
-from cranectl.documents import read_toml
 from cranectl.errors import InputError
+from cranectl.limits import Limits, NoLimits, limits_for
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import Signal
 from cranectl.simulate import Run
@@ -51,27 +49,23 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Limits:
-    """How far two plants may be apart, and why."""
-
-    load_m: float
-    angle_rad: float
-    end_s: float  # between the ends of runs that stop early
-    reason: str
-
-
-@dataclass(frozen=True)
 class Agreement:
-    """A comparison of the two plants, judged."""
+    """A comparison of the two plants, judged where their limits are known."""
 
     scenario: str
     controller: str
     drive: str
     max_load_error_m: float
     max_angle_error_rad: float
-    limit_m: float
-    limit_rad: float
-    passed: bool
+    limit_m: float | None
+    limit_rad: float | None
+    passed: bool | None  # None: not judged
+    limits: str  # where the limits come from, or why there are none
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        return "not judged" if self.passed is None else "passed" if self.passed else "FAILED"
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -110,36 +104,40 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     )
 
 
-def judge(a: Run, b: Run) -> Agreement:
-    """Judge the agreement of two plants by the limits of `validation/tolerances.toml`.
+def judge(a: Run, b: Run, *, limits: Limits | NoLimits | None = None) -> Agreement:
+    """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
 
     Plants that ended with different status, or further apart in time than the limit, do not agree, whatever
-    their difference.
+    their difference. Without limits there is no verdict.
     """
     comparison = compare_runs(a, b, signals=())
-    limits = agreement_limits(a.drive)
-    within = (
-        comparison.max_load_error_m <= limits.load_m
-        and comparison.max_angle_error_rad <= limits.angle_rad
-        and abs(a.end_ns - b.end_ns) <= limits.end_s * NANOSECONDS
-    )
+    limits = limits or limits_for(a.scenario, a.design, a.drive)
+    known = limits if isinstance(limits, Limits) else None
     return Agreement(
         scenario=a.scenario.name,
         controller=a.design.name,
         drive=a.drive,
         max_load_error_m=comparison.max_load_error_m,
         max_angle_error_rad=comparison.max_angle_error_rad,
-        limit_m=limits.load_m,
-        limit_rad=limits.angle_rad,
-        passed=within and a.status == b.status,
+        limit_m=known.load_m if known else None,
+        limit_rad=known.angle_rad if known else None,
+        passed=_within(comparison, a, b, known) if known else None,
+        limits=limits.source if isinstance(limits, Limits) else limits.reason,
     )
 
 
-@functools.cache
-def agreement_limits(drive: str) -> Limits:
-    """What two plants with these drives may differ in closed loop."""
-    tolerances = read_toml(resources.TOLERANCE_FILE)
-    return Limits(**tolerances["closed-loop"][drive])
+def _within(comparison: Comparison, a: Run, b: Run, limits: Limits) -> bool:
+    return (
+        comparison.max_load_error_m <= limits.load_m
+        and comparison.max_angle_error_rad <= limits.angle_rad
+        and abs(a.end_ns - b.end_ns) <= limits.end_s * NANOSECONDS
+        and a.status == b.status
+    )
+
+
+def ended_as_expected(run: Run) -> bool:
+    """Whether `run` ended as its scenario says that runs must."""
+    return run.status.label == run.scenario.expected
 
 
 def named_signals(run: Run) -> dict[str, Signal]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.options import json_option
+from cranectl.cli.options import json_option, predict_option
 from cranectl.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,16 +34,20 @@ if TYPE_CHECKING:
     help="With --merge: of different scenarios or versions too; the log then describes the analytic run's "
     "scenario and the installed versions.",
 )
+@predict_option
 @json_option
 def compare_command(
     logs: tuple[Path, ...],
     tolerances: str | None,
     merge: Path | None,
     despite_differences: bool,
+    predict: bool,
     json_file: str | None,
 ) -> int:
     """Compare the two plants of one LOG, or the same plants of two LOGs.
 
+    The plants of one LOG are judged as by the run that wrote it, exit code 1 if they do not agree or did not
+    end as their scenario expects.
     The difference is second minus first, but NEW minus GOLDEN with --tolerances, which judges every plant
     that both have. docs/validation.md says what a file of tolerances holds. Logs made by other sources or
     versions are compared all the same, and what differs is named.
@@ -55,12 +59,18 @@ def compare_command(
     cranectl compare analytic.mcap mujoco.mcap --merge both.mcap
     """
     _check_usage(logs, tolerances, merge, despite_differences)
+    if predict and len(logs) > 1:
+        raise InputError(
+            "--predict and two logs", allowed="one log of both plants", remedy="leave one of them out"
+        )
     if tolerances is not None:
         return _judge(logs[0], logs[1], tolerances, json_file)
     if merge is not None:
         _compare([_merged(logs[0], logs[1], merge, despite_differences)], (), json_file, merge)
-    else:
-        _compare(_pairs(logs), _software_differences(*logs) if len(logs) == 2 else (), json_file, None)
+        return exit_codes.GOOD
+    if len(logs) == 1:
+        return _compare_plants(logs[0], json_file, predict=predict)
+    _compare(_pairs(logs), _software_differences(*logs), json_file, None)
     return exit_codes.GOOD
 
 
@@ -83,27 +93,52 @@ def _check_usage(
 def _compare(
     pairs: list[tuple["Run", "Run"]], software: Sequence[str], json_file: str | None, merged: Path | None
 ) -> None:
-    from cranectl.cli.output import comparison_table, console, write_json
-    from cranectl.cli.screen import styled
+    from cranectl.cli.compare_output import print_comparison
+    from cranectl.cli.output import console, write_json
     from cranectl.compare import compare_runs
 
     comparisons = [compare_runs(a, b) for a, b in pairs]
     screen = console(json_file)
     for comparison in comparisons:
-        screen.print(comparison_table(comparison))
-        screen.print(
-            f"loads at most {comparison.max_load_error_m:.3e} m apart, "
-            f"at {comparison.max_load_error_at_s:g} s; "
-            f"angles {comparison.max_angle_error_rad:.3e} rad; {comparison.samples} common samples",
-        )
-        if not comparison.same_length:
-            screen.print(styled("the runs did not end at the same time", "yellow"))
+        print_comparison(screen, comparison)
     for difference in software:
         screen.print(f"made by other software: {difference}")
     if merged is not None:
         screen.print(f"log: {merged}")
     found = {"comparisons": [comparison.to_json() for comparison in comparisons]}
     write_json(json_file, {**found, "software_differences": list(software)})
+
+
+def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
+    """The two plants of one log, judged as by the run that wrote it."""
+    from cranectl.cli.agreement_table import agreement_table, limit_notes
+    from cranectl.cli.compare_output import print_comparison
+    from cranectl.cli.judgement import limits_of
+    from cranectl.cli.output import console, write_json
+    from cranectl.compare import compare_runs, ended_as_expected, judge
+
+    ((a, b),) = _pairs((log,))
+    comparison, agreement = compare_runs(a, b), judge(a, b, limits=limits_of(a, predict=predict))
+    unexpected = [run for run in (a, b) if not ended_as_expected(run)]
+    good = agreement.passed is not False and not unexpected
+    screen = console(json_file)
+    print_comparison(screen, comparison)
+    screen.print(agreement_table([agreement], [good]))
+    for note in limit_notes([agreement]):
+        screen.print(f"  {note}")
+    for run in unexpected:
+        screen.print(f"  {run.plant} ended with {run.status.label}, expected {run.scenario.expected}")
+    write_json(
+        json_file,
+        {
+            "passed": good,
+            "agreement": agreement.to_json(),
+            "statuses": {run.plant: run.status.label for run in (a, b)},
+            "comparisons": [comparison.to_json()],
+            "software_differences": [],
+        },
+    )
+    return exit_codes.GOOD if good else exit_codes.LIMIT_EXCEEDED
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:

@@ -1,11 +1,25 @@
-"""The table of `cranectl compare --tolerances`."""
+"""What `cranectl compare` prints."""
 
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from cranectl.cli.output import FAILED, PASSED
+from cranectl.cli.output import FAILED, PASSED, comparison_table
+from cranectl.cli.screen import Screen, styled
+from cranectl.compare import Comparison
 from cranectl.regression import RegressionVerdict
+
+
+def print_comparison(screen: Screen, comparison: Comparison) -> None:
+    """Every signal, then the largest distances."""
+    screen.print(comparison_table(comparison))
+    screen.print(
+        f"loads at most {comparison.max_load_error_m:.3e} m apart, "
+        f"at {comparison.max_load_error_at_s:g} s; "
+        f"angles {comparison.max_angle_error_rad:.3e} rad; {comparison.samples} common samples",
+    )
+    if not comparison.same_length:
+        screen.print(styled("the runs did not end at the same time", "yellow"))
 
 
 def regression_table(verdict: RegressionVerdict, title: str) -> Table:

@@ -4,13 +4,14 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.options import json_option
+from cranectl.cli.options import json_option, predict_option
 
 
 @click.command("info")
 @click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
+@predict_option
 @json_option
-def info_command(log: Path, json_file: str | None) -> None:
+def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     """Say what LOG is: scenario, design, parameters, versions, topics, verdict, integrity.
 
     Every message and checksum is read; a damaged file is refused with the reason.
@@ -18,6 +19,7 @@ def info_command(log: Path, json_file: str | None) -> None:
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap
     """
+    from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, info_lines, topic_table, write_json
     from cranectl.compare import judge
     from cranectl.log import describe_log, read_log
@@ -27,7 +29,7 @@ def info_command(log: Path, json_file: str | None) -> None:
     description = describe_log(log)
     pair = list(runs.values())
     both = len(pair) == 2 and all(len(run.time_ns) for run in pair)
-    agreement = judge(*pair) if both else None
+    agreement = judge(*pair, limits=limits_of(pair[0], predict=predict)) if both else None
     software = provenance_differences(description.versions, provenance())
     screen = console(json_file)
     for line in info_lines(description, pair, agreement, software):

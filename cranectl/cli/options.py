@@ -54,6 +54,16 @@ def scenario_options(function: F) -> F:
     return rig(assign(function))
 
 
+def predict_option(function: F) -> F:
+    """`--predict`."""
+    return click.option(
+        "--predict",
+        is_flag=True,
+        help="Judge velocity drives of a scenario or rig that is not shipped by a bound computed for it, in "
+        "some seconds a case; without it they are not judged.",
+    )(function)
+
+
 def drive_option(*, default: str) -> Callable[[F], F]:
     """`--drive`."""
     both = "; or both" if default == "both" else ""

@@ -12,7 +12,6 @@ import numpy as np
 from rich import box
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
-from rich.text import Text
 
 from cranectl.cli.screen import Screen, heading, progress, styled
 from cranectl.errors import InputError
@@ -136,42 +135,6 @@ def _notes(run: "RunSummary", expected: str) -> list[str]:
     ]
 
 
-def agreement_table(agreements: Sequence["Agreement"], passed: Sequence[bool]) -> Table:
-    """One row a scenario and controller, its drives side by side; `passed` says so for each agreement."""
-    limits = {agreement.drive: (agreement.limit_m, agreement.limit_rad) for agreement in agreements}
-    table = _table("Agreement of the plants", ("controller",))
-    for drive, (limit_m, limit_rad) in limits.items():
-        for what, limit in (("load [m]", limit_m), ("angle [rad]", limit_rad)):
-            table.add_column(heading(f"{drive}\n{what}\n< {limit:g}"), justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    rows: dict[tuple[str, str], dict[str, tuple[Agreement, bool]]] = {}
-    for agreement, good in zip(agreements, passed, strict=True):
-        rows.setdefault((agreement.scenario, agreement.controller), {})[agreement.drive] = (agreement, good)
-    last = ""
-    for (scenario, controller), drives in rows.items():
-        if scenario != last:
-            table.add_row(styled(scenario, "bold"))
-            last = scenario
-        cells: list[str | Text] = []
-        for drive in limits:
-            found = drives.get(drive)
-            cells += _apart(found[0]) if found else ["-", "-"]
-        table.add_row(
-            f" {controller}", *cells, PASSED if all(good for _, good in drives.values()) else FAILED
-        )
-    return table
-
-
-def _apart(agreement: "Agreement") -> list[Text]:
-    return [
-        styled(f"{value:.1e}", "bold red" if value > limit else "")
-        for value, limit in (
-            (agreement.max_load_error_m, agreement.limit_m),
-            (agreement.max_angle_error_rad, agreement.limit_rad),
-        )
-    ]
-
-
 def comparison_table(comparison: "Comparison") -> Table:
     """One row a signal."""
     table = _table(f"{comparison.b} minus {comparison.a}", ("signal", "unit"))
@@ -262,8 +225,7 @@ def info_lines(
     ]
     if agreement is not None:
         apart = f"{agreement.max_load_error_m:.1e} m, {agreement.max_angle_error_rad:.1e} rad"
-        verdict = (PASSED if agreement.passed else FAILED).plain
-        facts.append(("verdict", f"plants at most {apart} apart: {verdict}"))
+        facts.append(("verdict", f"plants at most {apart} apart: {_verdict_text(agreement)}"))
     size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
     facts += [
         ("versions", ", ".join(f"{name} {version}" for name, version in description.versions.items())),
@@ -272,6 +234,12 @@ def info_lines(
         ("integrity", f"format {description.format}, {size}; checksums and counts are right"),
     ]
     return [f"{name:12} {text}" for name, text in facts]
+
+
+def _verdict_text(agreement: "Agreement") -> str:
+    if agreement.passed is None:
+        return f"not judged: {agreement.limits}"
+    return agreement.verdict
 
 
 def topic_table(description: "LogDescription") -> Table:

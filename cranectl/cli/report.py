@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.options import predict_option
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -17,7 +18,8 @@ MAX_LOGS = 4  # as many as there are colours
     type=click.Path(path_type=Path),
     help="Default: thesis.html without logs, otherwise the first log's name with .html.",
 )
-def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
+@predict_option
+def report_command(logs: tuple[Path, ...], out: Path | None, predict: bool) -> int:
     """Write one HTML page of figures and tables, to be read in any browser, without a network.
 
     Of up to four LOGs: how the runs went, every figure with both plants overlaid, every difference. Without a
@@ -32,11 +34,12 @@ def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
         from cranectl.cli.thesis import run_thesis
 
         return run_thesis(None, out or Path("thesis.html"))
-    _report_logs(logs, out or Path(logs[0].stem + ".html"))
+    _report_logs(logs, out or Path(logs[0].stem + ".html"), predict=predict)
     return exit_codes.GOOD
 
 
-def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
+def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: bool) -> None:
+    from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console
     from cranectl.errors import InputError
     from cranectl.log import describe_log, read_log
@@ -55,7 +58,8 @@ def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
         for difference in provenance_differences(describe_log(log).versions, provenance())
     ]
     command = f"cranectl report {' '.join(map(str, logs))}"
-    write_page(log_page(dict(zip(labels, runs, strict=True)), command, notes), out)
+    of_logs = dict(zip(labels, runs, strict=True))
+    write_page(log_page(of_logs, command, notes, predict=predictor(wanted=predict)), out)
     for note in notes:
         console(None).print(note)
     console(None).print(f"report: {out}")

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.options import drive_option, json_option, scenario_options
+from cranectl.cli.options import drive_option, json_option, predict_option, scenario_options
 
 
 @click.command("run")
@@ -21,6 +21,7 @@ from cranectl.cli.options import drive_option, json_option, scenario_options
     type=click.Path(path_type=Path),
     help="Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap",
 )
+@predict_option
 @json_option
 def run_command(
     scenario: str,
@@ -31,6 +32,7 @@ def run_command(
     overrides: tuple[str, ...],
     every: int | None,
     out: Path | None,
+    predict: bool,
     json_file: str | None,
 ) -> int:
     """Run SCENARIO (a name or a TOML file), log it, compare the plants.
@@ -40,9 +42,12 @@ def run_command(
     cranectl run settled-trajectory --controller lqr --drive velocity
     cranectl run fixed-position --plant mujoco --set rig.load_mass=2.5 --set duration=30
     cranectl run my-scenario.toml --out my.mcap --every 1
+    cranectl run my-scenario.toml --rig my-crane.toml --drive velocity --predict
     """
     from cranectl.cases import make_case, run_case
-    from cranectl.cli.output import agreement_table, console, progress_bar, run_notes, run_table, write_json
+    from cranectl.cli.agreement_table import agreement_table, limit_notes
+    from cranectl.cli.judgement import predictor
+    from cranectl.cli.output import console, progress_bar, run_notes, run_table, write_json
     from cranectl.cli.screen_table import screen_table
     from cranectl.errors import unknown_name
     from cranectl.plants.interface import PLANTS
@@ -60,6 +65,7 @@ def run_command(
         drive=checked_drive(drive),
         plants=PLANTS if plant == "both" else (plant,),
         log=out,
+        predict=predictor(wanted=predict),
     )
     with progress_bar(case.simulated_seconds) as (advance, describe):
         describe(f"{case.scenario.name}, {case.controller}")
@@ -71,6 +77,8 @@ def run_command(
     screen.print(screen_table(metrics_table({run.plant: run.metrics for run in result.runs})))
     if result.agreement is not None:
         screen.print(agreement_table([result.agreement], [result.passed]))
+        for note in limit_notes([result.agreement]):
+            screen.print(f"  {note}")
     screen.print(f"log: {case.log}")
     layout = "comparison view.json" if len(case.plants) == 2 else f"single view.json --plant {plant}"
     screen.print(

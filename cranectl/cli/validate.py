@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.options import drive_option, json_option, scenario_options
+from cranectl.cli.options import drive_option, json_option, predict_option, scenario_options
 
 if TYPE_CHECKING:
     from cranectl.cases import Case, Failure
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 @click.option(
     "--jobs", metavar="N", type=click.IntRange(min=1), help="Worker processes. Default: one for each core."
 )
+@predict_option
 @json_option
 def validate_command(
     scenarios: tuple[str, ...],
@@ -38,12 +39,14 @@ def validate_command(
     overrides: tuple[str, ...],
     out: Path,
     jobs: int | None,
+    predict: bool,
     json_file: str | None,
 ) -> int:
     """Run scenarios with all controllers and drives on both plants and judge the agreement.
 
-    The limits and their reasons are in validation/tolerances.toml. A scenario that cannot be run is a failed
-    case with its reason; the others run.
+    The limits and their reasons are in validation/tolerances.toml. Those of velocity drives hold for the
+    shipped scenarios and their rig: others are told and not judged, or with --predict judged by their own. A
+    scenario that cannot be run is a failed case with its reason; the others run.
 
     \b
     cranectl validate
@@ -54,6 +57,7 @@ def validate_command(
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
     from cranectl.cases import check_apart, default_log, make_case
+    from cranectl.cli.judgement import predictor
     from cranectl.cli.output import progress_bar
     from cranectl.cli.validate_output import report_validation
     from cranectl.design import CONTROLLERS, checked_controller
@@ -73,6 +77,7 @@ def validate_command(
             drive=kind,
             log=default_log(out, scenario, name, kind),
             source=source,
+            predict=predictor(wanted=predict),
         )
         for source, scenario in loaded.items()
         for name in names

@@ -8,7 +8,8 @@ import click
 
 from cranectl.cases import Case, CaseResult, Failure
 from cranectl.cli import exit_codes
-from cranectl.cli.output import FAILED, PASSED, agreement_table, console, run_notes, write_json
+from cranectl.cli.agreement_table import agreement_table, limit_notes
+from cranectl.cli.output import FAILED, PASSED, console, run_notes, write_json
 from cranectl.cli.screen import styled
 from cranectl.parallel import Outcome
 
@@ -57,16 +58,19 @@ def report_validation(
     code = exit_codes.of_validation([*outcome.results, *unloaded.values()], interrupted=outcome.interrupted)
     if finished or lost:
         screen = console(json_file)
-        judged = [(each.agreement, each.passed) for each in finished if each.agreement is not None]
-        screen.print(agreement_table([agreement for agreement, _ in judged], [good for _, good in judged]))
+        pairs_found = [(each.agreement, each.passed) for each in finished if each.agreement is not None]
+        agreements = [agreement for agreement, _ in pairs_found]
+        unjudged = sum(agreement.passed is None for agreement in agreements)
+        screen.print(agreement_table(agreements, [good for _, good in pairs_found]))
         why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
-        for note in run_notes(finished):
+        for note in (*limit_notes(agreements), *run_notes(finished)):
             screen.print(f"  {note}")
         for case in lost:
             name = f"{case.source}, {case.controller}, {case.drive}"
             screen.print(" ", styled(f"{name}: no result, {why}", "bold red"))
         screen.print(f"{sum(len(each.runs) for each in finished)} runs, logs in {out}")
-        screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED)
+        aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []
+        screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
     _tell(failed)
     write_json(json_file, _json(finished, failed, lost, passed=code == exit_codes.GOOD))
     return code

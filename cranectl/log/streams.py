@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cranectl.compare import compare_runs, judge
 from cranectl.design import Design
+from cranectl.limits import Limits, NoLimits
 from cranectl.log import schema, topics
 from cranectl.log.events import Event, Standing, events, standings
 from cranectl.log.scene import scene_streams
@@ -19,14 +20,17 @@ from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
 
 
-def streams(runs: Sequence[Run]) -> list[Stream]:
-    """Every topic of a log of one run or a pair; at equal times earlier streams come first in the file."""
+def streams(runs: Sequence[Run], limits: Limits | NoLimits | None = None) -> list[Stream]:
+    """Every topic of a log of one run or a pair; at equal times earlier streams come first in the file.
+
+    A pair is judged by `limits`, as by `compare.judge`.
+    """
     found = [run_info(runs), design_info(runs[0].design)]
     found.append(log_lines(event for run in runs for event in events(run)))
     found += [status(run.plant, standings(run)) for run in runs]
     found += samples(runs)
     if len(runs) == 2 and (differing := differences(*runs)):
-        found += [*differing, _text(topics.VERDICT, "Verdict", _verdict(*runs))]
+        found += [*differing, _text(topics.VERDICT, "Verdict", _verdict(*runs, limits=limits))]
     return found + scene_streams(runs)
 
 
@@ -75,18 +79,23 @@ def differences(a: Run, b: Run) -> list[Stream]:
     return found
 
 
-def _verdict(a: Run, b: Run) -> dict[str, str]:
+def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, str]:
     """Whether the plants agree, and by how much every signal differs."""
-    found = judge(a, b)
+    found = judge(a, b, limits=limits)
     values = {
-        "verdict": "passed" if found.passed else "FAILED",
-        "load": f"{found.max_load_error_m:.1e} m, limit {found.limit_m:g} m",
-        "angles": f"{found.max_angle_error_rad:.1e} rad, limit {found.limit_rad:g} rad",
+        "verdict": found.verdict,
+        "load": _beside(found.max_load_error_m, found.limit_m, "m"),
+        "angles": _beside(found.max_angle_error_rad, found.limit_rad, "rad"),
+        "limits": found.limits,
     }
     for row in compare_runs(a, b).signals:
         text = f"at most {row.max_abs:.1e} {row.unit} at {row.at_s:g} s, RMS {row.rms:.1e}"
         values[row.signal.replace(".", "_")] = text
     return values
+
+
+def _beside(largest: float, limit: float | None, unit: str) -> str:
+    return f"{largest:.1e} {unit}, " + ("no limit" if limit is None else f"limit {limit:g} {unit}")
 
 
 def status(plant: str, found: Sequence[Standing]) -> Stream:

@@ -20,6 +20,7 @@ from mcap.records import Attachment
 from cranectl.errors import LogError
 from cranectl.files import check_replaceable, replacing
 from cranectl.interrupts import interrupts_wait
+from cranectl.limits import Limits, NoLimits
 from cranectl.log import formats
 from cranectl.log.consistency import check_runs
 from cranectl.log.container import open_container
@@ -44,20 +45,29 @@ def check_writable(path: Path) -> None:
         raise LogError.unwritable(path, error, remedy=REMEDY) from None
 
 
-def write_log(path: str | Path, runs: Sequence[Run], *, every: int | None = None) -> Path:
+def write_log(
+    path: str | Path,
+    runs: Sequence[Run],
+    *,
+    every: int | None = None,
+    limits: Limits | NoLimits | None = None,
+) -> Path:
     """Write one or two runs of the same scenario, design and drive to `path`.
 
     `every`: log every n-th control sample, by default as the scenario says; the last sample always.
+    `limits`: what the agreement of a pair is judged by, by default as `compare.judge` has it.
     Returns `path`; raises LogError if it cannot be written, or nobody could read it.
     """
     path = Path(path)
     check_writable(path)
     every = every or runs[0].scenario.log.every
-    write_logged(path, [run.every(every) for run in runs], every)
+    write_logged(path, [run.every(every) for run in runs], every, limits)
     return path
 
 
-def write_logged(path: Path, runs: Sequence[Run], every: int) -> None:
+def write_logged(
+    path: Path, runs: Sequence[Run], every: int, limits: Limits | NoLimits | None = None
+) -> None:
     """Write runs that hold every n-th sample already, as those read from a log do; raises LogError."""
     try:
         check_runs(runs, every)
@@ -68,7 +78,7 @@ def write_logged(path: Path, runs: Sequence[Run], every: int) -> None:
             remedy="simulate the scenario again",
         ) from None
     with np.errstate(invalid="ignore"):  # of a last sample that may hold what stopped its run
-        sent = streams(runs)
+        sent = streams(runs, limits)
     write_container(path, file_metadata(runs, every), file_attachments(runs), sent)
 
 

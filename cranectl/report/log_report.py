@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cranectl.compare import Comparison, agreement_limits, compare_runs, judge
+from cranectl.compare import Agreement, Comparison, compare_runs, judge
+from cranectl.limits import Limits, Predict, limits_for
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.report.metrics_table import metrics_table
 from cranectl.report.page import Figure, Page, Section
@@ -19,16 +20,23 @@ Metrics = Mapping[tuple[str, str], RunMetrics | None]  # by label and plant
 
 
 @np.errstate(invalid="ignore")  # of a last sample that may hold what stopped its run
-def log_page(logs: Logs, remade_by: str, notes: Sequence[str] = ()) -> Page:
-    """A page of up to four logs, each with the runs of one or both plants; `notes` come first."""
+def log_page(
+    logs: Logs, remade_by: str, notes: Sequence[str] = (), *, predict: Predict | None = None
+) -> Page:
+    """A page of up to four logs, each with the runs of one or both plants; `notes` come first.
+
+    `predict` finds limits where cranectl has none for the plants' agreement.
+    """
+    agreements = {label: _judged(*pair, predict) for label, pair in _pairs(logs).items()}
     runs = [run for log in logs.values() for run in log.values()]
     scenarios = dict.fromkeys(run.scenario.name for run in runs)
     title = runs[0].scenario.title if len(scenarios) == 1 else ""
     metrics = {(label, plant): run_metrics(run) for label, log in logs.items() for plant, run in log.items()}
     labelled = {f"{label}, {plant}": found for (label, plant), found in metrics.items()}
+    run_table = _run_table(logs, metrics, _verdicts(agreements))
     sections = [
-        Section("runs", "Runs", tuple(notes), (_run_table(logs, metrics), metrics_table(labelled))),
-        Section("figures", "Figures", figures=_figures(logs)),
+        Section("runs", "Runs", tuple(notes), (run_table, metrics_table(labelled))),
+        Section("figures", "Figures", figures=_figures(logs, agreements)),
     ]
     tables = tuple(_comparison_table(label, comparison) for label, comparison in _comparisons(logs))
     if tables:
@@ -36,7 +44,7 @@ def log_page(logs: Logs, remade_by: str, notes: Sequence[str] = ()) -> Page:
     return Page(", ".join(scenarios), title, tuple(sections), remade_by)
 
 
-def _run_table(logs: Logs, metrics: Metrics) -> Table:
+def _run_table(logs: Logs, metrics: Metrics, note: str) -> Table:
     headings = ("log", "plant", "controller", "drives", "ended", "at [s]", "max error [m]", "outside rig [m]")
     rows = []
     for label, log in logs.items():
@@ -45,7 +53,7 @@ def _run_table(logs: Logs, metrics: Metrics) -> Table:
             identity = (label, plant, run.design.name, run.drive)
             found = _metric_cells(metrics[label, plant])
             rows.append((*map(Cell, identity), status, Cell(f"{run.end_ns / 1e9:g}"), *found))
-    return Table("How the runs went", headings, tuple(rows), labels=5, note=_verdicts(logs))
+    return Table("How the runs went", headings, tuple(rows), labels=5, note=note)
 
 
 def _metric_cells(metrics: RunMetrics | None) -> tuple[Cell, Cell]:
@@ -55,17 +63,30 @@ def _metric_cells(metrics: RunMetrics | None) -> tuple[Cell, Cell]:
     return Cell(f"{metrics.max_error_m:.4f}"), Cell(f"{excess:.4f}", "bad" if excess else "")
 
 
-def _verdicts(logs: Logs) -> str:
+def _judged(a: Run, b: Run, predict: Predict | None) -> Agreement:
+    return judge(a, b, limits=limits_for(a.scenario, a.design, a.drive, predict=predict))
+
+
+def _verdicts(agreements: Mapping[str, Agreement]) -> str:
     """Whether the plants of each log agree."""
     sentences = []
-    for label, pair in _pairs(logs).items():
-        found = judge(*pair)
+    for label, found in agreements.items():
+        known = found.limit_m is not None and found.limit_rad is not None
+        limits = f"limits {found.limit_m:g} m and {found.limit_rad:g} rad" if known else found.limits
         sentences.append(
             f"{label}: plants at most {found.max_load_error_m:.1e} m and {found.max_angle_error_rad:.1e} rad "
-            f"apart, limits {found.limit_m:g} m and {found.limit_rad:g} rad: "
-            f"{'passed' if found.passed else 'FAILED'}."
+            f"apart, {limits}: {found.verdict}."
         )
     return " ".join(sentences)
+
+
+def _lines(agreements: Mapping[str, Agreement]) -> dict[str, float]:
+    """The limits [m] to be drawn: those of a kind of drive once, a log's own by its label."""
+    return {
+        f"{found.drive} drives" if found.limits == Limits.source else label: found.limit_m
+        for label, found in agreements.items()
+        if found.limit_m is not None
+    }
 
 
 def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
@@ -78,7 +99,7 @@ def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
     return found
 
 
-def _figures(logs: Logs) -> tuple[Figure, ...]:
+def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, ...]:
     pairs = _pairs(logs)
     curves = [
         Curve(label, colour, run, wide=bool(pairs) and plant == "analytic")
@@ -96,11 +117,9 @@ def _figures(logs: Logs) -> tuple[Figure, ...]:
             sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."
         figures.append(Figure(str(k), family.title, family_svg(family, curves, f"f{k}"), sentence))
     if pairs:
-        drives: list[str] = [run.drive for run, _ in pairs.values()]
-        limits = {drive: agreement_limits(drive).load_m for drive in drives}
         number = str(len(figures) + 1)
-        svg = distance_svg(pairs, limits, f"f{number}")
-        figures.append(Figure(number, "distance of the loads of both plants", svg, _verdicts(logs)))
+        svg = distance_svg(pairs, _lines(agreements), f"f{number}")
+        figures.append(Figure(number, "distance of the loads of both plants", svg, _verdicts(agreements)))
     return tuple(figures)
 
 

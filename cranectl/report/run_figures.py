@@ -70,7 +70,7 @@ def largest_difference(family: Family, a: Run, b: Run) -> float:
 
 
 def distance_svg(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, float], name: str) -> str:
-    """Distance of the loads of two plants over time, by label; `limits` [m] by drive."""
+    """Distance of the loads of two plants over time, by label; `limits` [m] by what they are of."""
     with styled():
         figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
         axes = figure.subplots()
@@ -79,8 +79,8 @@ def distance_svg(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, floa
             n = min(len(a.time_ns), len(b.time_ns))
             distance = np.linalg.norm(b.block("load")[:n, :3] - a.block("load")[:n, :3], axis=1)
             axes.semilogy(a.time[:n], distance.clip(min=1e-16), color=STAND_IN[role], label=label)
-        for drive, limit in limits.items():
-            axes.axhline(limit, label=f"limit, {drive} drives", **_LIMIT)
+        for whose, limit in limits.items():
+            axes.axhline(limit, label=f"limit, {whose}", **_LIMIT)
         axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(1e-13, None))
         axes.margins(x=0.0)
         figure.legend(loc="outside upper center", ncols=3)

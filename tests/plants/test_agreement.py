@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from cranectl import dynamics
-from cranectl.compare import agreement_limits, compare_runs, judge
+from cranectl.compare import compare_runs, judge
+from cranectl.limits import agreement_limits
 from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.mujoco import MujocoPlant

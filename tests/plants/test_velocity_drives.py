@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cranectl.compare import agreement_limits, compare_runs, judge
+from cranectl.compare import compare_runs, judge
+from cranectl.limits import agreement_limits
 from cranectl.metrics import run_metrics
 from cranectl.plants.interface import PLANTS
 from cranectl.scenario import load_scenario

@@ -181,12 +181,18 @@ def test_report_of_logs(
         "ideal/run",
         "velocity/run",
         "analytic: velocity/run minus ideal/run",
-        "limit, velocity drives",
+        "limit, ideal drives",
+        "not judged",
     ):
         assert text in two.text
+    assert "limit, velocity" not in two.text, "the scenario is not the shipped one"
     first = Path("two.html").read_bytes()
     assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html"]) == 0
     assert Path("two.html").read_bytes() == first
+    assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html", "--predict"]) == 0
+    predicted = read_page(Path("two.html").read_text()).text
+    assert "limit, velocity/run" in predicted
+    assert "not judged" not in predicted
 
 
 def test_report_of_one_plant_whose_run_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,11 +9,16 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.nominal import nominal_run
+from cranectl.analysis.budget.nominal import Nominal, ideal_run, linearised, nominal_run
 from cranectl.analysis.budget.propagation import Deviation, plant_errors, propagate
 from cranectl.analysis.budget.remainder import second_order
-from cranectl.analysis.budget.trajectory_loop import linearise_run
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
+from cranectl.design import Design
+from cranectl.effects.settings import NO_EFFECTS
+from cranectl.limits import Limits, NoLimits
 from cranectl.scenario import Scenario
+from cranectl.simulate import Run
+from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
 
@@ -36,19 +41,51 @@ class PlantDifference:
 
 def predict_plant_difference(scenario: Scenario, controller: str | None = None) -> PlantDifference:
     """MuJoCo plant less analytic plant, both with velocity drives, without running either so."""
-    nominal = nominal_run(scenario, controller)
-    loops = (nominal.driven(), linearise_run(nominal.run, drive="velocity"))
-    first = [propagate(loop, plant_errors(loop)) for loop in loops]
-    second = [
-        second_order(nominal.run, loop, plant_errors(loop), found)
-        for loop, found in zip(loops, first, strict=True)
-    ]
-    coarse = nominal.loop.period / (2.0 * float(scenario.rig.time_constants.min()))
-    load, angle = (_largest(first[0], first[1], what) for what in ("load", "angle"))
-    left_load, left_angle = (_largest(second[0], second[1], what) for what in ("load", "angle"))
-    return PlantDifference(
-        load, _bound(load, left_load, coarse), angle, _bound(angle, left_angle, coarse)
-    )  # fmt: skip
+    return _difference(nominal_run(scenario, controller))
+
+
+def predicted_limits(scenario: Scenario, design: Design) -> Limits | NoLimits:
+    """The bound of the plants' difference with velocity drives, as limits of their agreement.
+
+    Runs that go on to the end stop apart, if at all, by the lag of the slowest drive.
+    """
+    if scenario.effects != NO_EFFECTS:
+        return NoLimits("velocity drives beside other effects have no predicted bound")
+    run = ideal_run(scenario, design)
+    if run.status != RunStatus.COMPLETED:
+        return NoLimits(f"a run that ends early, {run.status.label}, has no predicted bound")
+    found = _difference(linearised(run, scenario))
+    if not np.isfinite([found.load_bound_m, found.angle_bound_rad]).all():
+        return NoLimits("the load's reaction on the drives is too large for a bound to first order")
+    return Limits(
+        load_m=found.load_bound_m,
+        angle_rad=found.angle_bound_rad,
+        end_s=float(scenario.rig.time_constants.max()),
+        reason="the load's reaction on the engine's servos, carried through the loop along this very run",
+        source="predicted for this scenario and controller",
+    )
+
+
+def _difference(nominal: Nominal) -> PlantDifference:
+    run = nominal.run
+    loops = (nominal.driven(), linearise_run(run, drive="velocity"))
+    first, second, third = zip(*(_orders(run, loop) for loop in loops), strict=True)
+    # Means over a sample stand for signals: of a servo of lag tau they miss T / (2 tau).
+    coarse = nominal.loop.period / (2.0 * float(run.scenario.rig.time_constants.min()))
+    found = []
+    for what in ("load", "angle"):
+        estimate, left, rest = (_largest(a, b, what) for a, b in (first, second, third))
+        found += [estimate, _bound(estimate, left, rest, coarse)]
+    return PlantDifference(*found)
+
+
+def _orders(run: Run, loop: TrajectoryLoop) -> tuple[Deviation, Deviation, Deviation]:
+    """What the drives of `loop` do to the run: first, second and third order."""
+    ports = plant_errors(loop)
+    first = propagate(loop, ports)
+    second = second_order(run, loop, ports, first)
+    better = Deviation(*(a + b for a, b in zip(first, second, strict=True)))
+    return first, second, second_order(run, loop, ports, better)
 
 
 def _largest(a: Deviation, b: Deviation, what: str) -> float:
@@ -57,6 +94,13 @@ def _largest(a: Deviation, b: Deviation, what: str) -> float:
     return float(np.abs(a.state[:, [6, 8]] - b.state[:, [6, 8]]).max())
 
 
-def _bound(estimate: float, left: float, coarse: float) -> float:
-    """As in `analysis.budget.prediction`, with the second order for what the first leaves out."""
-    return (1.0 + coarse) * estimate + 2.0 * left + ROUNDING if left <= 0.25 * estimate + ROUNDING else np.inf
+def _bound(estimate: float, second: float, third: float, coarse: float) -> float:
+    """The first order, what it leaves out, and what means over a sample miss.
+
+    Infinite where the orders do not fall: neither the third to half the second, as in
+    `analysis.budget.prediction`, nor both together to a tenth of the first.
+    """
+    left = second + 2.0 * third
+    if third > max(0.5 * second, ROUNDING) and left > 0.1 * estimate:
+        return np.inf
+    return (1.0 + coarse) * estimate + left + ROUNDING

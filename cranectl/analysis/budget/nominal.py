@@ -9,7 +9,7 @@ from cranectl.analysis.budget.real_crane import make_crane
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
 from cranectl.analysis.deviation import Size
 from cranectl.analysis.effects import AssumedEffects, assumed_effects, replace_effects
-from cranectl.design import design_controller
+from cranectl.design import Design, design_controller
 from cranectl.effects.settings import NO_EFFECTS
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, plan_scenario, simulate_run
@@ -52,5 +52,14 @@ class Nominal:
 def nominal_run(scenario: Scenario, controller: str | None = None) -> Nominal:
     """Run and linearise the sampled ideal of `scenario`."""
     design = design_controller(controller or scenario.controller, scenario.design)
-    run = simulate_run(replace_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
-    return Nominal(run, linearise_run(run), assumed_effects(scenario))
+    return linearised(ideal_run(scenario, design), scenario)
+
+
+def ideal_run(scenario: Scenario, design: Design) -> Run:
+    """The sampled ideal: the analytic plant with ideal drives and no effects."""
+    return simulate_run(replace_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
+
+
+def linearised(ideal: Run, scenario: Scenario) -> Nominal:
+    """The ideal run of `scenario` with its loop and the effects that the scenario has."""
+    return Nominal(ideal, linearise_run(ideal), assumed_effects(scenario))

@@ -17,8 +17,9 @@ from cranectl.analysis.budget.propagation import no_errors, plant_errors, propag
 from cranectl.analysis.budget.remainder import second_order
 from cranectl.analysis.deviation import Size, size_of
 from cranectl.cli.main import main
-from cranectl.compare import agreement_limits, compare_runs
+from cranectl.compare import compare_runs
 from cranectl.errors import InputError
+from cranectl.limits import agreement_limits
 from cranectl.plants.interface import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
