@@ -24,7 +24,7 @@ def budget_table(budget: Budget) -> Table:
 def _row(entry: Entry) -> tuple[Cell, ...]:
     return (
         Cell(entry.rung),
-        *_sizes(entry.estimate),
+        *(_rough(cell) if entry.rough else cell for cell in _sizes(entry.estimate)),
         *_sizes(entry.measured),
         _ratio(entry.ratio),
         Cell(_millimetres(entry.bound), "" if entry.holds else "bad"),
@@ -35,6 +35,10 @@ def _row(entry: Entry) -> tuple[Cell, ...]:
 def _remarks(budget: Budget) -> list[str]:
     """Why a bound is loose or missing, and runs that stopped early."""
     found = [f"{entry.rung}: {entry.remark}." for entry in budget.entries if entry.remark]
+    if any(entry.rough for entry in budget.entries):
+        found.append(
+            "~ marks estimates without a bound, which may be far off, as may what they leave unexplained."
+        )
     return found + [
         f"{entry.rung}: ended with {entry.status}." for entry in budget.entries if entry.status != "completed"
     ]
@@ -46,6 +50,11 @@ def _sizes(size: Size) -> tuple[Cell, ...]:
 
 def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.2g}" if math.isfinite(metres) else "none"
+
+
+def _rough(cell: Cell) -> Cell:
+    """An estimate that may be far off."""
+    return Cell(f"~{cell.text}", "open")
 
 
 def _ratio(value: float) -> Cell:

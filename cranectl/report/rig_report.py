@@ -81,4 +81,6 @@ def _budget_figure(budget: Budget) -> Figure:
     }
     bounds = [entry.bound for entry in entries]
     svg = deviation_bars([entry.rung for entry in entries], pair, "f4", bounds=bounds)
-    return Figure("4", "predicted, measured, bounded", svg, "")
+    rough = [entry.rung for entry in entries if entry.rough]
+    sentence = f"Estimates without a bound, which may be far off: {', '.join(rough)}." if rough else ""
+    return Figure("4", "predicted, measured, bounded", svg, sentence)

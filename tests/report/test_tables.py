@@ -94,7 +94,10 @@ def test_budget() -> None:
     assert cells(table, "servos")["over measured"] == ("–", "")
     assert cells(table, "all")["measured RMS"] == ("1", "")
     assert cells(table, "unexplained")["measured RMS"] == ("0.001", "")
-    assert "servos: no bound" in table.note
+    assert "servos: rough estimate, no bound" in table.note
+    for rung, estimate in (("engine", ("0.002", "")), ("servos", ("~0.002", "open"))):
+        assert cells(table, rung)["estimate max"] == estimate
+    assert "~ marks estimates without a bound, which may be far off" in table.note
     assert "servos: ended with slack-rope." in table.note
     assert "sampled" not in table.note
 

@@ -50,6 +50,12 @@ class Entry:
     bound: float
     measured: Size
     status: str  # how the measured run ended
+    above: str = ""  # the lower rung, if any, that is too large for a first order
+
+    @property
+    def rough(self) -> bool:
+        """Whether the estimate has no bound: it may be far off, a hundredfold where rungs below are."""
+        return not np.isfinite(self.bound)
 
     @property
     def ratio(self) -> float:
@@ -69,13 +75,20 @@ class Entry:
     @property
     def remark(self) -> str:
         """Why the bound is loose or absent; empty if it is neither."""
-        if not np.isfinite(self.bound):
-            return "no bound: too large for a first order, or above a rung that is"
+        if self.rough:
+            why = f"above {self.above}, which is" if self.above else "this is"
+            return f"rough estimate, no bound: {why} too large for a first order"
         return WHY_LOOSE[self.rung] if self.looseness > LOOSE and self.measured.max else ""
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        extra = {"ratio": self.ratio, "looseness": self.looseness, "holds": self.holds, "remark": self.remark}
+        extra = {
+            "rough": self.rough,
+            "ratio": self.ratio,
+            "looseness": self.looseness,
+            "holds": self.holds,
+            "remark": self.remark,
+        }
         return {**asdict(self), **extra}
 
 
@@ -157,7 +170,8 @@ def error_budget(
         estimate = prediction.estimate
         if common < len(prediction.load) and prediction.load.any():
             estimate = size_of(prediction.load[:common])
-        entries.append(Entry(prediction.rung, estimate, prediction.bound, measured, run.status.label))
+        status = run.status.label
+        entries.append(Entry(prediction.rung, estimate, prediction.bound, measured, status, prediction.above))
         explained += prediction.load
         before = run
     total = load_difference(before, first)

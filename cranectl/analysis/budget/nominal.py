@@ -27,6 +27,7 @@ class Prediction:
     estimate: Size
     bound: float  # of the largest deviation [m]; infinite where the effect is too large for a first order
     load: Array  # (N, 3) predicted deviation [m]; zero for noise, whose sign no one knows
+    above: str = ""  # the lower rung, if any, that is too large for a first order
 
 
 @dataclass(frozen=True)

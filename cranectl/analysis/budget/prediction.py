@@ -49,10 +49,15 @@ HOLD_TAIL = 0.25  # next term of the hold's expansion over the one that repetiti
 
 
 def predict_rungs(nominal: Nominal) -> Iterator[Prediction]:
-    """Every rung's prediction, in the order of RUNGS; nothing of the ladder is run for it."""
+    """Every rung's prediction, in the order of RUNGS; nothing of the ladder is run for it.
+
+    Above a rung that is too large for a first order no bound is known either: the motion is not. The first
+    rung, `sampled`, is no such one, whatever its size: all others start from the nominal run itself, which
+    is sampled and simulated, not predicted from continuous time.
+    """
     yield _predict_hold(nominal)
     rest = no_deviation(nominal.loop)
-    path, anew, lost = _Path(rest, rest.load, rest.load, 0.0), 0.0, False
+    path, anew, lost = _Path(rest, rest.load, rest.load, 0.0), 0.0, ""
     # Means over a sample stand for signals: of a servo of lag tau they miss T / (2 tau).
     coarse = 0.25 * nominal.loop.period / float(nominal.run.scenario.rig.time_constants.min())
     climbed: tuple[str, ...] = ()
@@ -75,8 +80,8 @@ def predict_rungs(nominal: Nominal) -> Iterator[Prediction]:
                 bound = _bound(size.max, _left(path, higher), other)
             else:
                 bound = ROUNDING
-            lost = lost or bound == np.inf
-            yield Prediction(rung, size, np.inf if lost else bound, load)
+            yield Prediction(rung, size, np.inf if lost else bound, load, above=lost)
+            lost = lost or (rung if bound == np.inf else "")
             path = higher
 
 
@@ -89,9 +94,9 @@ class _Path(NamedTuple):
     change: float  # of the load by the last repetition [m]
 
 
-def _beside(found: Prediction, path: _Path, lost: bool) -> Prediction:
-    """A random effect beside a motion that is known only so well, or not at all."""
-    return replace(found, bound=np.inf if lost else found.bound + 2.0 * path.change)
+def _beside(found: Prediction, path: _Path, lost: str) -> Prediction:
+    """A random effect beside a motion that is known only so well, or above the rung `lost` not at all."""
+    return replace(found, bound=np.inf if lost else found.bound + 2.0 * path.change, above=lost)
 
 
 def _find_path(nominal: Nominal, effects: tuple[str, ...], start: Deviation) -> _Path:

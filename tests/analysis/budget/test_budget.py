@@ -3,6 +3,7 @@
 import functools
 import json
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from cranectl.analysis.budget.equivalent import hold_error, integrator_error
 from cranectl.analysis.budget.error_budget import Budget, Entry, error_budget
 from cranectl.analysis.budget.level_3 import predict_plant_difference
 from cranectl.analysis.budget.nominal import Nominal, nominal_run
-from cranectl.analysis.budget.prediction import RUNGS
+from cranectl.analysis.budget.prediction import RUNGS, predict_rungs
 from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate
 from cranectl.analysis.budget.remainder import second_order
 from cranectl.analysis.deviation import Size, size_of
@@ -86,6 +87,44 @@ def test_a_bound_can_be_broken() -> None:
     assert replace(entry, bound=np.inf).remark
     assert replace(entry, bound=50.0).remark
     assert not entry.remark
+
+
+def test_above_a_rung_without_a_bound_no_estimate_looks_like_the_others() -> None:
+    """A start far aside asks the limits for tens of m/s²: what comes after them is rough, and says why."""
+    where = nominal_run(
+        load_scenario("off-reference", overrides=["duration=2.0", "reference.segments=[]"]), "lqr+hinf"
+    )
+    found = {each.rung: each for each in islice(predict_rungs(where), RUNGS.index("delay") + 1)}
+    for rung in ("sampled", "engine", "servos"):
+        assert np.isfinite(found[rung].bound)
+        assert not found[rung].above
+    assert found["limits"].bound == np.inf
+    assert not found["limits"].above
+    for rung in ("observer", "noise", "quantisation", "delay"):
+        assert (found[rung].bound, found[rung].above) == (np.inf, "limits")
+
+
+def test_the_first_rung_without_a_bound_leaves_the_others_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They start from the sampled run itself, whatever is known of its distance from continuous time."""
+    known = list(islice(predict_rungs(nominal()), 3))
+    lost = replace(known[0], bound=np.inf)
+    monkeypatch.setattr("cranectl.analysis.budget.prediction._predict_hold", lambda _: lost)
+    first, *others = islice(predict_rungs(nominal()), 3)
+    assert first.bound == np.inf
+    for other, before in zip(others, known[1:], strict=True):
+        assert (other.bound, other.estimate, other.above) == (before.bound, before.estimate, "")
+
+
+def test_a_rough_estimate_is_marked() -> None:
+    size = Size(1.0, 2.0, 0.5)
+    entry = Entry("delay", size, 2.5, size, "completed")
+    assert not entry.rough
+    own, above = replace(entry, bound=np.inf), replace(entry, bound=np.inf, above="limits")
+    assert own.rough
+    assert own.remark == "rough estimate, no bound: this is too large for a first order"
+    assert above.remark == "rough estimate, no bound: above limits, which is too large for a first order"
+    assert above.to_json()["rough"] is True
+    assert above.to_json()["above"] == "limits"
 
 
 @functools.cache
