@@ -84,9 +84,8 @@ def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, s
     found = judge(a, b, limits=limits)
     values = {
         "verdict": found.verdict,
-        "load": _beside(found.max_load_error_m, found.limit_m, "m"),
-        "angles": _beside(found.max_angle_error_rad, found.limit_rad, "rad"),
-        "limits": found.limits,
+        "load": _beside(found.max_load_error_m, found.limit_m, "m", found.limits),
+        "angles": _beside(found.max_angle_error_rad, found.limit_rad, "rad", found.limits),
     }
     for row in compare_runs(a, b).signals:
         text = f"at most {row.max_abs:.1e} {row.unit} at {row.at_s:g} s, RMS {row.rms:.1e}"
@@ -94,8 +93,12 @@ def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, s
     return values
 
 
-def _beside(largest: float, limit: float | None, unit: str) -> str:
-    return f"{largest:.1e} {unit}, " + ("no limit" if limit is None else f"limit {limit:g} {unit}")
+def _beside(largest: float, limit: float | None, unit: str, limits: str) -> str:
+    """The largest distance and its limit, or why there is none; of limits that are not the file's, whose."""
+    found = f"{largest:.1e} {unit}"
+    if limit is None:
+        return f"{found}, no limit: {limits}"
+    return f"{found}, limit {limit:g} {unit}" + ("" if limits == Limits.source else f", {limits}")
 
 
 def status(plant: str, found: Sequence[Standing]) -> Stream:
