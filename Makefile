@@ -2,7 +2,12 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup validate test test-viewer lint bench mutations package clean
+PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+# What hangs is ended after so many seconds, where there is a `timeout`.
+limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
+
+.PHONY: help setup cluster video validate test test-viewer lint bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -12,39 +17,45 @@ setup: .venv/ready ## create .venv and install cranectl into it
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "cranectl needs Python 3.11 or newer; choose one with make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 2; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python $(PIP_INSTALL) --editable '.[dev]'
+	@touch $@
+
+cluster: .venv/extra-cluster ## add what campaigns on several machines need (Dask)
+video: .venv/extra-video ## add what renders videos (PyAV)
+
+.venv/extra-%: .venv/ready
+	$(BIN)/python $(PIP_INSTALL) --editable '.[$*]'
 	@touch $@
 
 validate: setup ## run every scenario with every controller on both plants and judge
-	$(BIN)/cranectl validate
+	$(call limit,600) $(BIN)/cranectl validate
 
-test: setup ## run the tests
+test: setup cluster video ## run the tests, those of these two extras too
 	@tests/render/install
-	$(BIN)/python -m pytest
+	$(call limit,1200) $(BIN)/python -m pytest
 
 test-viewer: setup ## open logs in a real viewer, read them with other parsers
 	@viewer/install $(BIN)
-	$(BIN)/python -m pytest -n 0 viewer
+	$(call limit,900) $(BIN)/python -m pytest -n 0 viewer
 
 lint: setup ## format, style, types, import directions
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
+	$(call limit,600) $(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-bench: setup ## measure, and write docs/performance.md
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench]'
-	$(BIN)/python validation/benchmark.py --json logs/bench.json --write docs/performance.md
+bench: .venv/extra-bench ## measure, and write docs/performance.md
+	$(call limit,7200) $(BIN)/python validation/benchmark.py --json logs/bench.json --write docs/performance.md
 
 mutations: setup ## change every term of the physics and see a test fail; write docs/mutations.md
-	$(BIN)/python validation/mutations.py --write docs/mutations.md
+	$(call limit,7200) $(BIN)/python validation/mutations.py --write docs/mutations.md
 
 package: setup ## build the wheel, install it into an empty environment, validate from there
 	rm -rf build/package && mkdir -p build/package/work
 	$(BIN)/python -m hatchling build -t wheel -d build/package
 	$(PYTHON) -m venv build/package/venv
-	build/package/venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt build/package/*.whl
-	cd build/package/work && ../venv/bin/cranectl validate fixed-position slack-rope
+	build/package/venv/bin/python $(PIP_INSTALL) build/package/*.whl
+	cd build/package/work && $(call limit,300) ../venv/bin/cranectl validate fixed-position slack-rope
 
 clean: ## remove the environment and everything generated
 	rm -rf .venv viewer/node_modules viewer/failures logs build dist .mypy_cache .ruff_cache .pytest_cache

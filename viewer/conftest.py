@@ -11,6 +11,7 @@ from playwright.sync_api import sync_playwright
 
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
+from viewer import tools
 from viewer.logs import CUT_OFF, KINDS, OVERLAYS, truncated
 from viewer.serving import HERE, STUDIO, serve
 from viewer.studio import Studio
@@ -24,6 +25,7 @@ FLAGS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    *tools.CHROMIUM_FLAGS,
 )
 FAILURES = HERE / "failures"
 
@@ -53,7 +55,9 @@ def studio(files: Path) -> Iterator[Studio]:
     if browser is None or not STUDIO.is_dir():
         pytest.exit("Chromium or the viewer is not installed; run `make test-viewer`", returncode=2)
     with serve(files) as origin, sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=browser, args=FLAGS)
+        chromium = playwright.chromium.launch(
+            executable_path=browser, args=FLAGS, env={**tools.environment()}
+        )
         yield Studio(chromium.new_page(viewport={"width": 1280, "height": 800}), origin)
         chromium.close()
 

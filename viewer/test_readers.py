@@ -2,33 +2,30 @@
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import cranectl
+from viewer import tools
 from viewer.logs import BROKEN, KINDS, OVERLAYS
 from viewer.serving import HERE
 
 
 def node(log: Path) -> subprocess.CompletedProcess[str]:
     """Decode every message in JavaScript."""
-    command = [str(Path(sys.executable).with_name("node")), str(HERE / "decode.mjs"), str(log)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return tools.run("node", HERE / "decode.mjs", log)
 
 
 def doctor(log: Path) -> subprocess.CompletedProcess[str]:
     """Check the structure of the file."""
-    command = [str(Path(sys.executable).with_name("pymcap-cli")), "doctor", str(log)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return tools.run("pymcap-cli", "doctor", log)
 
 
 def rerun(log: Path) -> subprocess.CompletedProcess[str]:
     """Decode all messages and check their order in time; what it cannot decode it only warns of."""
-    command = [str(Path(sys.executable).with_name("rerun")), "mcap", "check", "--full", str(log)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = tools.run("rerun", "mcap", "check", "--full", log)
     done.returncode = done.returncode or bool(done.stderr)
     return done
 
