@@ -1,4 +1,4 @@
-"""Programs that are not ours, in a home of their own: a first run is like every other, none sends usage data."""
+"""Programs that are not ours, in a home of their own: a first run is like any, and none sends usage data."""
 
 import functools
 import os

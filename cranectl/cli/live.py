@@ -23,6 +23,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 @click.option("--speed", type=float, default=1.0, show_default=True, metavar="X", help="Times real time.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=int, default=8765, show_default=True, help="Port to listen on; 0: any free one.")
+@click.option("--allow-origin", "origins", multiple=True, metavar="URL", help="A web page that may connect.")
 @click.option(
     "--record",
     metavar="FILE",
@@ -38,6 +39,7 @@ def live_command(
     speed: float,
     host: str,
     port: int,
+    origins: tuple[str, ...],
     record: Path | None,
     rig: Path | None,
     overrides: tuple[str, ...],
@@ -56,6 +58,7 @@ def live_command(
     from cranectl.errors import unknown_name
     from cranectl.log.complaints import complaints
     from cranectl.log.desk import Address
+    from cranectl.log.guard import checked_origin
     from cranectl.log.live import LiveServer
     from cranectl.log.place import own_place
     from cranectl.plants.interface import PLANTS
@@ -70,6 +73,7 @@ def live_command(
     controls = Controls(loaded, design, speed=speed)
     plants = PLANTS if plant == "both" else (plant,)
     session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
+    address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     wanted = record or log.with_stem(f"{log.stem}-live")
     with (
@@ -77,16 +81,16 @@ def live_command(
         complaints(_warn),
         own_place(wanted, numbered=record is None) as place,
     ):
-        server = LiveServer(session, controls, Address(host, port), place)
+        server = LiveServer(session, controls, address, place)
         if host not in HERE:
             _warn(
                 f"listening on {host}: anyone who reaches port {server.port} there can "
                 "watch this run and steer it; nothing is encrypted, nobody is asked for a password"
             )
-        address = f"[{host}]" if ":" in host else host
+        machine = f"[{host}]" if ":" in host else host
         layout = "comparison view.json" if len(plants) == 2 else f"single view.json --plant {plant}"
         click.echo(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
-        click.echo(f"view: Foxglove, Open connection, ws://{address}:{server.port}")
+        click.echo(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
         click.echo(f"layout: cranectl layout {layout}, to be imported there")
         click.echo("steer: panels Parameters and Service Call")
         click.echo(f"log: {place}; Ctrl-C ends the session and closes it")

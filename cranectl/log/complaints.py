@@ -1,4 +1,4 @@
-"""What the server's library says of its clients: the first complaint is told, the others are counted."""
+"""What server and guard say of clients: the first complaint is told, the others are counted."""
 
 import contextlib
 import logging
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 from cranectl.text import printable
 
-LOGGER = "foxglove.websocket"
+LOGGERS = ("foxglove.websocket", "cranectl.log.guard")
 
 Tell = Callable[[str], None]
 
@@ -28,11 +28,13 @@ class _Counter(logging.Handler):
 @contextlib.contextmanager
 def complaints(tell: Tell) -> Iterator[None]:
     """`tell` of the first during the block, and at its end how many there were."""
-    logger, counter = logging.getLogger(LOGGER), _Counter(tell)
-    logger.addHandler(counter)
+    counter = _Counter(tell)
+    for name in LOGGERS:
+        logging.getLogger(name).addHandler(counter)
     try:
         yield
     finally:
-        logger.removeHandler(counter)
+        for name in LOGGERS:
+            logging.getLogger(name).removeHandler(counter)
         if counter.count > 1:
             tell(f"{counter.count} complaints of clients in all")

@@ -21,6 +21,7 @@ from foxglove.websocket import (
 
 from cranectl.errors import InputError
 from cranectl.log import schema
+from cranectl.log.guard import Guard, hidden_host
 from cranectl.simulate.controls import Controls, Value
 
 BACKLOG = 8192  # messages a slow viewer may fall behind before it loses some: almost two seconds
@@ -28,10 +29,11 @@ BACKLOG = 8192  # messages a slow viewer may fall behind before it loses some: a
 
 @dataclass(frozen=True)
 class Address:
-    """Where to listen; port 0 is any free one."""
+    """Where to listen, port 0 is any free one; and which web pages may connect besides Foxglove's own."""
 
     host: str = "127.0.0.1"
     port: int = 8765
+    origins: tuple[str, ...] = ()
 
 
 class Desk(ServerListener):
@@ -83,24 +85,28 @@ class Desk(ServerListener):
         ]
 
 
-def listen(address: Address, name: str, desk: Desk, context: foxglove.Context) -> WebSocketServer:
-    """Start the server; raises InputError for an address that cannot be had."""
+def listen(
+    address: Address, name: str, desk: Desk, context: foxglove.Context
+) -> tuple[WebSocketServer, Guard]:
+    """Start the server and the guard before it; raises InputError for an address that cannot be had."""
+    host = hidden_host()
+    server = foxglove.start_server(
+        name=f"cranectl live {name}",
+        host=host,
+        port=0,
+        capabilities=[Capability.Parameters, Capability.Services, Capability.Time],
+        server_listener=desk,
+        supported_encodings=["json"],
+        services=desk.services(),
+        context=context,
+        message_backlog_size=BACKLOG,
+    )
     try:
-        return foxglove.start_server(
-            name=f"cranectl live {name}",
-            host=address.host,
-            port=address.port,
-            capabilities=[Capability.Parameters, Capability.Services, Capability.Time],
-            server_listener=desk,
-            supported_encodings=["json"],
-            services=desk.services(),
-            context=context,
-            message_backlog_size=BACKLOG,
-        )
-    except (RuntimeError, OverflowError) as error:
-        reason = str(error).removeprefix("FoxgloveError: ")
+        return server, Guard((address.host, address.port), (host, server.port), address.origins)
+    except (OSError, OverflowError, UnicodeError) as error:
+        server.stop()
         raise InputError(
-            f"cannot listen on {address.host}, port {address.port}: {reason}",
+            f"cannot listen on {address.host}, port {address.port}: {error}",
             allowed="an address of this machine and a port that no other program uses",
             remedy="end the other program, or choose another port with --port (0: any free one)",
         ) from None

@@ -39,9 +39,9 @@ class LiveServer:
         plants = [run.plant for run in self._runs]
         self._pieces = Pieces(session.scenario, session.plan, plants)
         self._desk = Desk(controls)
-        self._server = listen(address, session.scenario.name, self._desk, self._context)
+        self._server, self._guard = listen(address, session.scenario.name, self._desk, self._context)
         self._recorder = Recorder(record, self._context, self._outlet)
-        self.port: int = self._server.port
+        self.port = self._guard.port
 
     @property
     def recorded(self) -> Sequence[Path]:
@@ -58,6 +58,7 @@ class LiveServer:
                 self._finish()
             finally:
                 self._server.stop()
+                self._guard.stop()
 
     def _loop(self, stop: threading.Event) -> None:
         pace, idle, slow, values = Pace(), True, False, self._controls.values()

@@ -3,6 +3,7 @@
 import contextlib
 import itertools
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -14,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from websockets.exceptions import WebSocketException
+from websockets.exceptions import InvalidStatus, WebSocketException
+from websockets.sync.client import connect
 
 from cranectl.cli.live import live_command
 from cranectl.compare import judge
@@ -516,6 +518,46 @@ def move_and_reset(port: int) -> None:
         viewer.until(lambda: len(viewer.of("/analytic/state")) > 5)
 
 
+def test_web_pages_of_others_cannot_connect(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with live(tmp_path / "live.mcap") as (running, _):
+        port = running.server.port
+
+        def page(origin: str | None, name: str = "127.0.0.1") -> contextlib.AbstractContextManager[object]:
+            return connect(
+                f"ws://{name}:{port}",
+                sock=socket.create_connection(("127.0.0.1", port)),
+                origin=origin,  # type: ignore[arg-type]
+                subprotocols=["foxglove.sdk.v1"],  # type: ignore[list-item]
+            )
+
+        for allowed in (None, "https://app.foxglove.dev", f"http://127.0.0.1:{port}"):
+            with page(allowed):
+                pass
+        for origin, name in (
+            ("https://evil.example", "127.0.0.1"),
+            ("null", "localhost"),
+            (None, "evil.example"),
+        ):
+            with pytest.raises(InvalidStatus, match="403"), page(origin, name):
+                pass
+        assert len(caplog.messages) == 3
+        # Whoever finds the library's own port does not find its address.
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", running.server._server.port))
+
+
+def test_who_says_too_much_or_nothing_is_let_go(tmp_path: Path) -> None:
+    with live(tmp_path / "live.mcap") as (running, viewer):
+        for head in (b"GET / HTTP/1.1\r\n" + b"x: y\r\n" * 10_000, b"\0\r\n\r\n", b""):
+            with socket.create_connection(("127.0.0.1", running.server.port)) as client:
+                client.settimeout(5.0)
+                with contextlib.suppress(ConnectionError):
+                    client.sendall(head)
+                    client.shutdown(socket.SHUT_WR)
+                    assert client.recv(1000)[:12] in (b"", b"HTTP/1.1 400")
+        assert viewer.get("speed") == {"speed": 1.0}
+
+
 def test_a_port_in_use_is_explained(tmp_path: Path) -> None:
     with live(tmp_path / "live.mcap") as (running, _):
         arguments = [
@@ -540,6 +582,7 @@ def test_a_port_in_use_is_explained(tmp_path: Path) -> None:
         (["--plant", "mujocco"], "unknown plant 'mujocco'"),
         (["--controller", "lqrr"], "unknown controller 'lqrr'"),
         (["--record", "/dev/null", "--port", "0"], "cannot write /dev/null"),
+        (["--allow-origin", "*"], "--allow-origin *"),
     ],
 )
 def test_bad_input_is_explained(
