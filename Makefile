@@ -38,7 +38,7 @@ test-viewer: setup ## open logs in a real viewer, read them with other parsers
 	@viewer/install $(BIN)
 	$(call limit,900) $(BIN)/python -m pytest -n 0 viewer
 
-lint: setup ## format, style, types, import directions
+lint: setup cluster video ## format, style, types, import directions
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(call limit,600) $(BIN)/mypy
