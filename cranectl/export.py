@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.errors import InputError, unknown_name
-from cranectl.files import check_replaceable, replacing
+from cranectl.files import replacing
 from cranectl.patterns import matching, unmatched
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, Signal
@@ -86,14 +86,6 @@ def chosen_format(name: str | None, out: Path | None) -> str:
             remedy="choose such an ending, or say --format",
         )
     return ending
-
-
-def check_export(path: Path) -> None:
-    """Raise InputError now if `path` cannot be written."""
-    try:
-        check_replaceable(path)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise InputError.unwritable(path, error, remedy="choose another place with --out") from None
 
 
 def write_table(table: ExportTable, path: Path, file_format: str) -> None:

@@ -1,10 +1,17 @@
 """Files that are whole or not there: written beside their place and renamed once complete."""
 
 import contextlib
+import glob
 import os
 from collections.abc import Iterator
 from itertools import chain, count
 from pathlib import Path
+from typing import BinaryIO
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 
 @contextlib.contextmanager
@@ -16,16 +23,18 @@ def replacing(path: Path, *, keep_after: tuple[type[Exception], ...] = ()) -> It
     """
     _refuse_devices(path)
     part = _part(path)
-    try:
-        yield part
-        _put_on_disk(part)
-        part.replace(path)
-    except keep_after:
-        raise
-    except BaseException:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise
+    with part.open("rb") as claim:
+        _lock(claim)
+        try:
+            yield part
+            _put_on_disk(part)
+            part.replace(path)
+        except keep_after:
+            raise
+        except BaseException:
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+            raise
 
 
 def check_replaceable(path: Path) -> None:
@@ -33,6 +42,15 @@ def check_replaceable(path: Path) -> None:
     _refuse_devices(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     _part(path).unlink()
+
+
+def being_written(path: Path) -> bool:
+    """Whether a `replacing(path)` is under way somewhere; parts that a killed process left do not count."""
+    for part in path.parent.glob(f"{glob.escape(path.name)}.*.part"):
+        with contextlib.suppress(FileNotFoundError), part.open("rb") as file:
+            if not _lock(file):
+                return True
+    return False
 
 
 def write_text(path: Path, text: str) -> None:
@@ -61,6 +79,17 @@ def _made(part: Path) -> bool:
     try:
         part.touch(exist_ok=False)
     except FileExistsError:
+        return False
+    return True
+
+
+def _lock(file: BinaryIO) -> bool:
+    """Lock `file` until it is closed; False if somebody else has. Without such locks nobody ever has."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
         return False
     return True
 

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option, scenario_options
+from cranectl.places import HTML
 
 if TYPE_CHECKING:
     from cranectl.analysis.advice import Advice
 
 
-@click.command("advise")
+@click.command("advise", cls=Command)
 @click.argument("scenario")
 @click.option(
     "--controller", "controllers", multiple=True, metavar="NAME", help="Repeatable. Default: all six."
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 @click.option(
     "--report",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(HTML),
     help="HTML page with this, the certificate, the ladder and the error budget of the best controller.",
 )
 @json_option
@@ -53,10 +55,6 @@ def advise_command(
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
-    if report is not None:
-        from cranectl.report.page import check_place
-
-        check_place(report)
     chosen = [checked_controller(name) for name in controllers] or list(CONTROLLERS)
     with progress_bar(len(chosen) + IMPROVEMENTS, done="assessed") as (advance, describe):
         describe(loaded.name)

@@ -5,10 +5,11 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, scenario_options
 
 
-@click.command("budget")
+@click.command("budget", cls=Command)
 @click.argument("scenario")
 @click.argument("controller_name", metavar="[CONTROLLER]", required=False)
 @click.option("--controller", metavar="NAME", help="The same as CONTROLLER. Default: the scenario's own.")

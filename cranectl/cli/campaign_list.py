@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cranectl.cli.campaign_options import campaign_options, chosen_campaign
+from cranectl.cli.command import Command
 from cranectl.cli.options import json_option
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 QUANTILES = (0.05, 0.95)
 
 
-@click.command("list")
+@click.command("list", cls=Command)
 @json_option
 def list_campaigns(json_file: str | None) -> None:
     """List the campaigns that come with cranectl.
@@ -51,7 +52,7 @@ def list_campaigns(json_file: str | None) -> None:
     write_json(json_file, {"campaigns": [_facts(each) for each in campaigns]})
 
 
-@click.command("show")
+@click.command("show", cls=Command)
 @click.argument("campaign")
 @campaign_options
 @click.option("--no-estimate", is_flag=True, help="Do not run anything to say how long it takes.")

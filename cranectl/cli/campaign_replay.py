@@ -6,10 +6,11 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign_options import controllers_option, plants_option
+from cranectl.cli.command import Command
 from cranectl.cli.options import json_option
 
 
-@click.command("replay")
+@click.command("replay", cls=Command)
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("--worst", metavar="N", type=click.IntRange(min=1), help="The N worst runs. Default: 3.")
 @click.option(

@@ -6,15 +6,17 @@ from pathlib import Path
 
 import click
 
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option
+from cranectl.places import HTML
 
 
-@click.command("report")
+@click.command("report", cls=Command)
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option(
     "--out",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(HTML),
     help="The page. Default: beside RESULT, with its name and .html.",
 )
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
@@ -34,12 +36,13 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     from cranectl.campaign.results import read_results
     from cranectl.cli.campaign_output import failure_notes, show_result, summary_table
     from cranectl.cli.output import console
+    from cranectl.places import check_place
     from cranectl.report.campaign_report import campaign_page
-    from cranectl.report.page import check_place, write_page
+    from cranectl.report.page import write_page
 
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
     results = read_results(result, unfinished=unfinished)
-    check_place(page)
+    check_place(page, HTML, option="--out")
     analysis = analyse(results)
     outcome = []
     for plant in results.campaign.settings.plants:

@@ -11,6 +11,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign_options import campaign_options, chosen_campaign, cluster_options
+from cranectl.cli.command import Command
 from cranectl.cli.options import json_option
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     Engine = Callable[..., Iterator[tuple[Batch, list[Row]]]]
 
 
-@click.command("run")
+@click.command("run", cls=Command)
 @click.argument("campaign")
 @campaign_options
 @click.option(

@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import drive_option, json_option, scenario_options
+from cranectl.places import PLOTS
 
 if TYPE_CHECKING:
     from cranectl.analysis.certificate.certify import Certificate, PointVerdict
@@ -19,7 +21,7 @@ HOISTING_SPEEDS = (-0.3, 0.0, 0.3)
 DRIVES = ("bridge", "trolley", "winch")
 
 
-@click.command("certify")
+@click.command("certify", cls=Command)
 @click.argument("controller")
 @click.option(
     "--scenario",
@@ -56,7 +58,7 @@ DRIVES = ("bridge", "trolley", "winch")
 @click.option(
     "--plot",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(endings=PLOTS),
     help="Draw the map, and distance and margin over frequency (.svg, .pdf, .png).",
 )
 @json_option

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option, predict_option
 from cranectl.errors import InputError
+from cranectl.places import MCAP
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 
-@click.command("compare")
+@click.command("compare", cls=Command)
 @click.argument("logs", metavar="LOG [LOG]", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--tolerances",
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 @click.option(
     "--merge",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(MCAP),
     help="Write two LOGs of different plants as one log of both.",
 )
 @click.option(
@@ -184,14 +186,11 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
 
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log; the pair that is in it."""
-    from cranectl.cli.places import refuse_overwriting
     from cranectl.compare import differing_fields
-    from cranectl.log import check_writable, describe_log, read_log, write_logged
+    from cranectl.log import describe_log, read_log, write_logged
     from cranectl.merge import merged_pair, refuse_differences
     from cranectl.provenance import provenance, provenance_differences
 
-    refuse_overwriting((a_log, b_log), out, "--merge")
-    check_writable(out)
     runs = [list(read_log(log).values()) for log in (a_log, b_log)]
     for log, held in zip((a_log, b_log), runs, strict=True):
         if len(held) != 1:

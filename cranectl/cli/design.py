@@ -4,10 +4,12 @@ from pathlib import Path
 
 import click
 
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option, scenario_options
+from cranectl.places import PLOTS
 
 
-@click.command("design")
+@click.command("design", cls=Command)
 @click.argument("name")
 @click.option(
     "--scenario",
@@ -18,7 +20,7 @@ from cranectl.cli.options import json_option, scenario_options
 @click.option(
     "--plot",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(endings=PLOTS),
     help="Draw singular values, loop gains and step responses (.svg, .pdf, .png).",
 )
 @json_option

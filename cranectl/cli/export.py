@@ -4,8 +4,10 @@ from pathlib import Path
 
 import click
 
+from cranectl.cli.command import Command
 
-@click.command("export")
+
+@click.command("export", cls=Command)
 @click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
 @click.option(
     "--format",
@@ -38,14 +40,13 @@ def export_command(log: Path, format_name: str | None, patterns: tuple[str, ...]
     cranectl export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
     from cranectl.cli.output import console
-    from cranectl.cli.places import refuse_overwriting
-    from cranectl.export import check_export, chosen_format, export_table, write_table
+    from cranectl.export import chosen_format, export_table, write_table
     from cranectl.log import read_log
+    from cranectl.places import BY_ENDING, check_place
 
     file_format = chosen_format(format_name, out)
     path = out or Path(f"{log.stem}.{file_format}")
-    refuse_overwriting([log], path, "--out")
-    check_export(path)
+    check_place(path, BY_ENDING[f".{file_format}"], inputs=[log], option="--out")
     table = export_table(list(read_log(log).values()), patterns)
     write_table(table, path, file_format)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"

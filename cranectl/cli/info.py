@@ -4,10 +4,11 @@ from pathlib import Path
 
 import click
 
+from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, predict_option
 
 
-@click.command("info")
+@click.command("info", cls=Command)
 @click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
 @predict_option
 @json_option

@@ -5,12 +5,14 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option, scenario_options
+from cranectl.places import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
 
 
-@click.command("ladder")
+@click.command("ladder", cls=Command)
 @click.argument("scenario")
 @click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
 @click.option("--top", default="frame", show_default=True, metavar="RUNG", help="Where to stop climbing.")
@@ -18,10 +20,10 @@ EVERY = 10  # samples: a dozen runs in one file for viewers
 @click.option(
     "--out",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(MCAP),
     help="Log that overlays all rungs. Default: logs/SCENARIO/CONTROLLER-ladder.mcap",
 )
-@click.option("--report", metavar="FILE", type=click.Path(path_type=Path), help="HTML page of it.")
+@click.option("--report", metavar="FILE", type=OutputFile(HTML), help="HTML page of it.")
 @json_option
 def ladder_command(
     scenario: str,
@@ -69,10 +71,6 @@ def ladder_command(
     name = controller or loaded.controller
     log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     check_writable(log)
-    if report is not None:
-        from cranectl.report.page import check_place
-
-        check_place(report)
     steps = []
     with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
         for step in climb(loaded, name, top=top, progress=advance):

@@ -4,10 +4,13 @@ from pathlib import Path
 
 import click
 
+from cranectl.cli.command import Command, OutputFile
+from cranectl.places import JSON
 
-@click.command("layout")
+
+@click.command("layout", cls=Command)
 @click.argument("name")
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=OutputFile(JSON))
 @click.option(
     "--plant", default="mujoco", show_default=True, metavar="NAME", help="Whose run a single-run log holds."
 )

@@ -4,10 +4,11 @@ from typing import Any
 
 import click
 
+from cranectl.cli.command import Command
 from cranectl.cli.options import json_option
 
 
-@click.command("list")
+@click.command("list", cls=Command)
 @json_option
 def list_command(json_file: str | None) -> None:
     """List scenarios, controllers, plants and drives.

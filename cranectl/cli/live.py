@@ -9,13 +9,15 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import drive_option, scenario_options
 from cranectl.interrupts import heed_interrupts, interrupt
+from cranectl.places import MCAP
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
 
-@click.command("live")
+@click.command("live", cls=Command)
 @click.argument("scenario")
 @click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
 @click.option("--plant", default="both", show_default=True, metavar="NAME", help="analytic, mujoco or both.")
@@ -27,7 +29,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 @click.option(
     "--record",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(MCAP),
     help="Log of the session, a new file. Default: logs/SCENARIO/CONTROLLER-DRIVE-live.mcap or …-2.mcap",
 )
 @scenario_options

@@ -6,7 +6,8 @@ from typing import Any, TypeVar
 
 import click
 
-from cranectl.errors import InputError
+from cranectl.cli.command import OutputFile
+from cranectl.places import JSON
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -17,23 +18,9 @@ def json_option(function: F) -> F:
         "--json",
         "json_file",
         metavar="FILE",
-        callback=_checked_place,
+        type=OutputFile(JSON, dash=True),
         help="Write the result as JSON; - is standard output, tables then go to standard error.",
     )(function)
-
-
-def _checked_place(_context: click.Context, _parameter: click.Parameter, file: str | None) -> str | None:
-    """Find a place that cannot be written before computing, not after."""
-    if file is None or file == "-":
-        return file
-    path = Path(file)
-    if not path.parent.is_dir() or path.is_dir():
-        raise InputError(
-            f"--json {file}: {'a directory' if path.is_dir() else 'its directory does not exist'}",
-            allowed="- or a file in an existing directory",
-            remedy="choose another place with --json",
-        )
-    return file
 
 
 def scenario_options(function: F) -> F:

@@ -4,15 +4,17 @@ from pathlib import Path
 
 import click
 
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option
+from cranectl.places import MCAP
 
 
-@click.command("recover")
+@click.command("recover", cls=Command)
 @click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
 @click.option(
     "--out",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(MCAP),
     help="Log file. Default: the place the log should have had, if it is free",
 )
 @json_option

@@ -5,11 +5,13 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, OutputFile
+from cranectl.places import VIDEOS
 
 
-@click.command("render")
+@click.command("render", cls=Command)
 @click.argument("log", type=click.Path(path_type=Path))
-@click.argument("out", metavar="OUT.mp4|.gif|.png", type=click.Path(path_type=Path))
+@click.argument("out", metavar="OUT.mp4|.gif|.png", type=OutputFile(endings=VIDEOS))
 @click.option(
     "--time",
     type=float,
@@ -48,13 +50,11 @@ def render_command(
     cranectl render logs/fixed-position/lqr-ideal.mcap run.png --time 7 --camera top --size 1600x1200
     """
     from cranectl.cli.output import console, progress_bar
-    from cranectl.cli.places import refuse_overwriting
     from cranectl.log import read_log
     from cranectl.render.draw import draw_runs
     from cranectl.render.settings import render_settings
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
-    refuse_overwriting([log], out, "OUT")
     runs = read_log(log)
     with progress_bar(max(run.end_ns for run in runs.values()) / 1e9, done="drawn") as (advance, describe):
         describe(out.name)

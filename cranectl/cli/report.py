@@ -5,17 +5,19 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import predict_option
+from cranectl.places import HTML
 
 MAX_LOGS = 4  # as many as there are colours
 
 
-@click.command("report")
+@click.command("report", cls=Command)
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--out",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(HTML),
     help="Default: thesis.html without logs, otherwise the first log's name with .html.",
 )
 @predict_option
@@ -43,13 +45,14 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: bool) -> None:
     from cranectl.cli.output import console
     from cranectl.errors import InputError
     from cranectl.log import describe_log, read_log
+    from cranectl.places import check_place
     from cranectl.provenance import provenance, provenance_differences
     from cranectl.report.log_report import log_page
-    from cranectl.report.page import check_place, write_page
+    from cranectl.report.page import write_page
 
     if len(logs) > MAX_LOGS:
         raise InputError(f"{len(logs)} logs", allowed=f"up to {MAX_LOGS}", remedy="report on fewer at a time")
-    check_place(out)
+    check_place(out, HTML, inputs=logs, option="--out")
     runs = [read_log(log) for log in logs]
     labels = _labels(logs)
     notes = [

@@ -5,10 +5,12 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import drive_option, json_option, predict_option, scenario_options
+from cranectl.places import MCAP
 
 
-@click.command("run")
+@click.command("run", cls=Command)
 @click.argument("scenario")
 @click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
 @click.option("--plant", default="both", show_default=True, metavar="NAME", help="analytic, mujoco or both.")
@@ -18,7 +20,7 @@ from cranectl.cli.options import drive_option, json_option, predict_option, scen
 @click.option(
     "--out",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(MCAP),
     help="Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap",
 )
 @predict_option

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option
+from cranectl.places import HTML
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
     from cranectl.thesis import Reproduction
 
 
-@click.command("thesis")
+@click.command("thesis", cls=Command)
 @click.option(
     "--report",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputFile(HTML),
     help="Also write tables and all figures of the thesis as one HTML page.",
 )
 @json_option
@@ -41,10 +43,9 @@ def run_thesis(json_file: str | None, report: Path | None) -> int:
     if report is None:
         found = _reproduce()
     else:
-        from cranectl.report.page import check_place, write_page
+        from cranectl.report.page import write_page
         from cranectl.report.thesis_report import ChapterFigures, thesis_page
 
-        check_place(report)
         figures = ChapterFigures()
         found = _reproduce(figures.watch)
         write_page(thesis_page(found, figures, "cranectl report"), report)

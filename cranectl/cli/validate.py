@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl.cli.command import Command
 from cranectl.cli.options import drive_option, json_option, predict_option, scenario_options
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from cranectl.scenario import Scenario
 
 
-@click.command("validate")
+@click.command("validate", cls=Command)
 @click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
 @click.option("--controller", "controllers", metavar="NAME", multiple=True, help="Default: all; repeatable.")
 @drive_option(default="both")

@@ -78,7 +78,6 @@ def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
     metadata = {**found.metadata, **{f"run/{plant}": _metadata(run) for plant, run in runs.items()}}
     if lost:
         metadata["recovered"] = {"source": source.name, "lost_bytes": str(lost)}
-    check_writable(place)
     write_container(place, metadata, list(found.attachments.values()), _streams(header, found, runs))
     return Recovery(
         source=str(source),
@@ -110,8 +109,7 @@ def _place(source: Path, out: str | Path | None) -> Path:
             )
     else:
         place = Path(out)
-    if source.absolute() == place.absolute():
-        raise LogError(f"{source} would be overwritten", remedy="choose another place with --out")
+    check_writable(place, inputs=[source])
     return place
 
 

@@ -6,7 +6,7 @@ the file is whole.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,8 @@ from foxglove._foxglove_py import BaseChannel
 from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
-from cranectl.errors import LogError
-from cranectl.files import check_replaceable, replacing
+from cranectl.errors import InputError, LogError
+from cranectl.files import replacing
 from cranectl.interrupts import interrupts_wait
 from cranectl.limits import Limits, NoLimits
 from cranectl.log import formats
@@ -27,6 +27,7 @@ from cranectl.log.container import open_container
 from cranectl.log.records import DamageError
 from cranectl.log.stream import Stream
 from cranectl.log.streams import streams
+from cranectl.places import MCAP, check_place
 from cranectl.provenance import provenance
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -37,12 +38,12 @@ REMEDY = "choose another place with --out"
 FAILURES = (OSError, RuntimeError, DamageError)  # of writing; of a full disk the library tells as it likes
 
 
-def check_writable(path: Path) -> None:
-    """Raise LogError now rather than after the simulation if `path` cannot be written."""
+def check_writable(path: Path, *, inputs: Iterable[Path] = ()) -> None:
+    """Raise LogError now rather than after the simulation if no log can be written to `path`."""
     try:
-        check_replaceable(path)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise LogError.unwritable(path, error, remedy=REMEDY) from None
+        check_place(path, MCAP, inputs=inputs, option="--out")
+    except InputError as error:
+        raise LogError(error.found, allowed=error.allowed, remedy=error.remedy) from None
 
 
 def write_log(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cranectl.errors import InputError, unknown_name
-from cranectl.files import check_replaceable
+from cranectl.places import BY_ENDING, check_place
 
 ENDINGS = (".mp4", ".gif", ".png")
 CAMERAS = ("overview", "side", "top")
@@ -77,7 +77,7 @@ def render_settings(
         if size
         else (_SIZES_WITH_PLOTS if plots else _SIZES)[ending]
     )
-    _check_place(out)
+    check_place(out, BY_ENDING[ending], option="OUT")
     return RenderSettings(
         out,
         width,
@@ -101,12 +101,3 @@ def _parsed_size(text: str, smallest: tuple[int, int]) -> tuple[int, int]:
             remedy="for example --size 1280x720",
         )
     return size
-
-
-def _check_place(path: Path) -> None:
-    try:
-        if path.is_dir():
-            raise OSError("it is a directory")
-        check_replaceable(path)
-    except (OSError, ValueError) as error:
-        raise InputError.unwritable(path, error) from None

@@ -7,7 +7,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from cranectl.errors import InputError
-from cranectl.files import check_replaceable, write_text
+from cranectl.files import write_text
 from cranectl.report.table import Table
 from cranectl.report.theme import css_variables
 
@@ -61,17 +61,6 @@ def render(page: Page) -> str:
     template = environment.get_template("page.html.jinja")
     light, dark = (Markup(css_variables(dark=dark)) for dark in (False, True))
     return template.render(page=page, light=light, dark=dark)
-
-
-def check_place(path: Path) -> None:
-    """Raise InputError before any computing if a page cannot be written to `path`."""
-    try:
-        if not path.exists() or path.is_file():
-            check_replaceable(path)
-        elif path.is_dir():
-            raise OSError("it is a directory")
-    except (OSError, ValueError) as error:
-        raise InputError.unwritable(path, error) from None
 
 
 def write_page(page: Page, path: Path) -> None:
