@@ -163,6 +163,22 @@ def test_no_command_writes_where_it_must_not(
     assert {path: path.read_bytes() for path in here.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    "line",
+    [
+        "info x.mcap --json old.json",
+        "layout single l.json",
+        "design lqr --plot d.svg --json d.json",
+        "run s.toml --plant analytic --out o.mcap --json -",
+    ],
+)
+def test_a_command_may_be_repeated(line: str) -> None:
+    """Its own output is no input."""
+    for _ in range(2):
+        assert main(line.split()) == 0
+
+
 def commands(group: click.Group) -> list[click.Command]:
     return [
         each

@@ -1,12 +1,19 @@
-"""What all commands share: every place that they are to write to is checked before they begin."""
+"""What all commands share: memory and every place to write to are checked before they begin."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 
+from cranectl.errors import InputError
 from cranectl.places import Kind, check_place, kind_of
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
+LEAST_MEMORY = 10**9  # [bytes]; a run takes 850 MB of addresses
 
 
 class OutputFile(click.Path):
@@ -19,6 +26,10 @@ class OutputFile(click.Path):
         super().__init__(path_type=None if dash else Path)
         self.kind, self.endings, self.dash = kind, endings, dash
 
+    def to_stdout(self, value: Any) -> bool:
+        """Whether `value` stands for standard output."""
+        return self.dash and str(value) == "-"
+
     def kind_of(self, path: Path) -> Kind:
         """The kind of file to be written to `path`; raises InputError for an ending that names none."""
         return self.kind or kind_of(path, self.endings)
@@ -28,20 +39,33 @@ class Command(click.Command):
     """A command that never writes onto what it reads, nor twice to one place."""
 
     def invoke(self, context: click.Context) -> Any:
-        outputs = list(_outputs(context))
-        inputs = [path for name, value in context.params.items() for path in _named(value)]
-        for option, kind, path in outputs:
-            others = [path for name, _, path in outputs if name != option]
-            own = [each for each in inputs if each is not path]
-            check_place(path, kind, inputs=[*own, *others], option=option)
+        _check_memory()
+        given = [(each, context.params.get(each.name or "")) for each in context.command.params]
+        inputs = [
+            path for each, value in given if not isinstance(each.type, OutputFile) for path in _named(value)
+        ]
+        outputs = [
+            (each.opts[0], each.type, Path(value))
+            for each, value in given
+            if isinstance(each.type, OutputFile) and value is not None and not each.type.to_stdout(value)
+        ]
+        for option, to, path in outputs:
+            others = [other for that, _, other in outputs if that != option]
+            check_place(path, to.kind_of(path), inputs=[*inputs, *others], option=option)
         return super().invoke(context)
 
 
-def _outputs(context: click.Context) -> Iterator[tuple[str, Kind, Path]]:
-    for parameter in context.command.params:
-        given, kind = context.params.get(parameter.name or ""), parameter.type
-        if isinstance(kind, OutputFile) and given is not None and not (kind.dash and given == "-"):
-            yield parameter.opts[0], kind.kind_of(Path(given)), Path(given)
+def _check_memory() -> None:
+    """Raise InputError where a limit leaves too little: the linear algebra library would wait for ever."""
+    if resource is None:
+        return
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+        raise InputError(
+            f"this process may have {limit / 1e6:.0f} MB of address space",
+            allowed=f"at least {LEAST_MEMORY / 1e6:.0f} MB",
+            remedy="raise the limit, for example with ulimit -v unlimited",
+        )
 
 
 def _named(value: Any) -> list[Path]:

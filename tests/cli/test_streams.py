@@ -75,6 +75,16 @@ def test_other_settings_of_the_user_do_not_matter(tmp_path: Path) -> None:
     assert picture.stat().st_size > 1000
 
 
+def test_too_little_memory_is_said() -> None:
+    """It used to end in tracebacks, or not at all: the linear algebra library waits for memory for ever."""
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_AS, (600 * 10**6,) * 2){PROGRAM}"
+    command = [sys.executable, "-c", limited, "design", "lqr"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 2
+    assert "600 MB of address space" in done.stderr
+    assert "ulimit" in done.stderr
+
+
 def test_every_exit_code_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     from cranectl.cli import exit_codes
     from cranectl.cli.main import main
