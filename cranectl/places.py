@@ -62,7 +62,9 @@ def check_place(path: Path, kind: Kind, *, inputs: Iterable[Path] = (), option: 
         raise InputError.unwritable(path, error, remedy=remedy) from None
     if obstacle:
         found = f"cannot write {path}: {obstacle}"
-        raise InputError(found, allowed=f"a free place, or a {kind.name} to replace", remedy=remedy)
+        raise InputError(
+            found, allowed=f"a free place, or a file of the same kind ({kind.name})", remedy=remedy
+        )
 
 
 def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:

@@ -280,7 +280,7 @@ def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--out", "."], "names no format"),
         (["--format", "csv", "--out", "."], "cannot write ."),
         (["--out", "pair.mcap/a.csv"], "cannot write pair.mcap/a.csv"),
-        (["--format", "csv", "--out", "./pair.mcap"], "is the log that is read"),
+        (["--format", "csv", "--out", "./pair.mcap"], "the same command reads it"),
         (["--signals", "mujoco.stat.*"], "did you mean 'mujoco.state.*'?"),
     ],
 )

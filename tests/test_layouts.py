@@ -103,5 +103,6 @@ def test_command_line(
     assert main(["layout", "comparison", "a.json"]) == 0
     assert "a.json" in capsys.readouterr().out
     assert Path("a.json").read_text() == layout_json("comparison")
-    assert main(["layout", "comparison", "no/a.json"]) == 2
+    Path("file").write_text("")
+    assert main(["layout", "comparison", "file/a.json"]) == 2
     assert "cannot write" in capsys.readouterr().err

@@ -239,7 +239,7 @@ def test_logs_that_cannot_be_merged(capsys: pytest.CaptureFixture[str]) -> None:
         ("fine.mcap", "new.mcap", "different times of their samples"),
         ("poles.mcap", "new.mcap", "different controllers, lqr and pole-placement"),
         ("absent.mcap", "new.mcap", "cannot read absent.mcap"),
-        ("mujoco.mcap", "./mujoco.mcap", "is the log that is read"),
+        ("mujoco.mcap", "./mujoco.mcap", "the same command reads it"),
         ("mujoco.mcap", "text/new.mcap", "cannot write text/new.mcap"),
     ):
         assert expected in bad_input(capsys, one, other, "--merge", out, "--despite-differences"), expected

@@ -156,7 +156,7 @@ def test_a_gif_loops_in_real_time_with_the_colours_of_the_legend() -> None:
         (["no.mcap", "run.png"], "cannot read no.mcap"),
         (["half.mcap", "run.mp4"], "half.mcap"),
         (["run.mcap", "run.mcap"], "ends in '.mcap'"),
-        (["log.png", "log.png"], "is the log that is read"),
+        (["log.png", "log.png"], "the same command reads it"),
     ],
 )
 def test_wrong_input_is_refused_and_nothing_is_written(
