@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cranectl.design.kept import kept_design
 from cranectl.design.record import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.errors import InputError, unknown_name
 from cranectl.scenario import DesignSettings
@@ -34,10 +35,14 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
 
     Raises InputError for a name not in `CONTROLLERS` and for settings that no controller can meet.
     """
-    feedback_name, _, robustifier_name = checked_controller(name).partition("+")
-    from cranectl.design import state_feedback  # python-control takes most of a second to import
-
     settings = settings or DesignSettings()
+    return kept_design(checked_controller(name), settings, lambda: _computed(name, settings))
+
+
+def _computed(name: str, settings: DesignSettings) -> Design:
+    from cranectl.design import state_feedback  # python-control takes more than a second to import
+
+    feedback_name, _, robustifier_name = name.partition("+")
     gains = {"pole-placement": state_feedback.pole_placement_gain, "lqr": state_feedback.lqr_gain}
     gain = gains[feedback_name](settings)
     robustifier, gamma, achieved = _robustifier(robustifier_name, gain, settings)

@@ -1,0 +1,88 @@
+"""Designs kept between processes: bit for bit what is computed, and never what is not."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cranectl.design import CONTROLLERS, Design, design_controller, kept
+from cranectl.errors import InputError
+from cranectl.scenario import DesignSettings
+
+
+@pytest.fixture(autouse=True)
+def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
+
+
+def fresh(name: str, settings: DesignSettings | None = None) -> Design:
+    return design_controller.__wrapped__(name, settings)
+
+
+def never() -> Design:
+    raise AssertionError("computed again")
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_what_is_kept_is_what_was_computed(name: str) -> None:
+    computed = fresh(name)
+    again = kept.kept_design(name, DesignSettings(), never)
+    assert again.to_json() == computed.to_json()
+    for one, other in ((again.gain, computed.gain), (again.robustifier.a, computed.robustifier.a)):
+        assert one.tobytes("A") == other.tobytes("A")
+        assert one.flags.c_contiguous == other.flags.c_contiguous
+
+
+def test_other_settings_are_another_design() -> None:
+    fresh("lqr")
+    other = fresh("lqr", DesignSettings(input_weight=1.0))
+    assert not (other.gain == fresh("lqr").gain).all()
+
+
+@pytest.mark.parametrize("damage", [b"", b"garbage\n{}", b"\xff"])
+def test_what_is_damaged_is_computed_again(tmp_path: Path, damage: bytes) -> None:
+    gain = fresh("lqr").gain
+    (file,) = tmp_path.rglob("*.json")
+    whole = file.read_bytes()
+    for content in (damage, whole.replace(b"100", b"101", 1), whole[:-1]):
+        file.write_bytes(content)
+        assert (fresh("lqr").gain == gain).all()
+        assert file.read_bytes() == whole, "and healed"
+
+
+def test_other_software_is_another_design(monkeypatch: pytest.MonkeyPatch) -> None:
+    fresh("lqr")
+    monkeypatch.setattr(kept, "provenance", lambda: {"sources": "other"})
+    with pytest.raises(AssertionError, match="computed again"):
+        kept.kept_design("lqr", DesignSettings(), never)
+
+
+def test_a_place_that_cannot_be_written_costs_time_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path / "file")
+    assert fresh("lqr").name == "lqr"
+
+
+def test_settings_that_nothing_can_meet_are_kept_nowhere(tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        fresh("lqr+hinf", DesignSettings.model_validate({"hinf": {"gamma": 1e-3}}))
+    assert not list(tmp_path.rglob("*.json"))
+
+
+def test_a_run_loads_no_library_of_control_theory(tmp_path: Path) -> None:
+    """It would be half of the time of a short command."""
+    script = (
+        "import sys\n"
+        "from cranectl.cli.main import main\n"
+        "assert main(['run', 'fixed-position', '--set', 'duration=0.1', '--set', 'disturbances=[]', "
+        "'--out', sys.argv[1]]) == 0\n"
+        "assert 'mujoco' in sys.modules\n"
+        "print([name for name in ('control', 'matplotlib', 'scipy.signal') if name in sys.modules])"
+    )
+    for _ in range(2):
+        command = [sys.executable, "-c", script, str(tmp_path / "run.mcap")]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]", done.stdout
