@@ -51,8 +51,8 @@ def test_difference_is_found_where_and_as_large_as_it_is(run: Run) -> None:
 @pytest.mark.parametrize("column", [6, 8, 10, 11, 12])
 def test_judge_fails_above_the_limit_and_passes_below(run: Run, column: int, sign: float) -> None:
     """Either sign, each of alpha, beta, load x, y, z: a comparison without abs would let one through."""
-    assert not judge(run, shifted(run, column, sign * 1.1e-6)).passed
-    assert judge(run, shifted(run, column, sign * 0.9e-6)).passed
+    assert not judge(run, shifted(run, column, sign * 1.1e-7)).passed
+    assert judge(run, shifted(run, column, sign * 0.9e-7)).passed
 
 
 def test_load_error_is_a_distance(run: Run) -> None:

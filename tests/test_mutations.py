@@ -61,7 +61,7 @@ def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
     [
         "dynamics.angular_accelerations",
         "flatness.linearising_input",
-        "plants.mujoco.apply_disturbance",
+        "plants.mujoco_stages.apply_disturbance",
         "plants.mujoco_model._set_velocity_drives",
     ],
 )

@@ -1,7 +1,7 @@
 """The MuJoCo plant: `models/crane.xml` behind the plant interface. Knows nothing of our equations."""
 
 import copy
-from math import cos, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 import mujoco
@@ -14,7 +14,6 @@ from cranectl.errors import InputError
 from cranectl.jit import jit
 from cranectl.parameters import RigParameters
 from cranectl.plants.interface import Drive
-from cranectl.plants.mujoco_effects.body import push_body
 from cranectl.plants.mujoco_effects.entries import derive_constants, views_of, write_views
 from cranectl.plants.mujoco_effects.rope import (
     DISTANCE,
@@ -36,6 +35,7 @@ from cranectl.plants.mujoco_model import (
     state_addresses,
     structure_of,
 )
+from cranectl.plants.mujoco_stages import StageWork, stage_work, step_in_stages
 from cranectl.plants.mujoco_step import mj_step
 
 Array = NDArray[np.float64]
@@ -58,11 +58,13 @@ class MujocoRig(NamedTuple):
     load_sensors: NDArray[np.int64]  # (7,)
     warnings: NDArray[np.int32]  # counts of the engine's numerical warnings
     load_mass: float
+    air: Array  # (3,) drag on the load [N]
     wrench: Array  # (6,) xfrc_applied of the load: force, torque
     reaction: Array  # (6,) of the trolley
     swings: bool  # whether the load is a body that swings under its hook
     rope: ElasticRope
     drag: float  # force over the square of the load's speed through the air [kg/m]
+    work: StageWork
     substeps: int
     step: float  # [s]
 
@@ -76,20 +78,6 @@ def measure_joints(rig, state):
 
 
 @jit
-def apply_disturbance(rig, disturbance):
-    """Hinge torques that add `disturbance` (2,) [rad/s²] to the cardan accelerations over one physics step.
-
-    The torque is held over the step while rope and angle move, so it is computed for the middle of the step.
-    """
-    half = 0.5 * rig.step
-    length = rig.qpos[rig.distance[0]] + half * rig.qvel[rig.distance[1]]
-    cos_beta = cos(rig.qpos[rig.joints[4]] + half * rig.qvel[rig.rates[4]])
-    inertia = rig.load_mass * length * length
-    rig.applied[rig.rates[3]] = inertia * cos_beta * cos_beta * disturbance[0]
-    rig.applied[rig.rates[4]] = inertia * disturbance[1]
-
-
-@jit
 def apply_drag(rig, wind):
     """Drag on the load in air that moves with `wind` (3,); held over the step."""
     if rig.drag == 0.0 and not rig.swings:
@@ -98,17 +86,15 @@ def apply_drag(rig, wind):
     v_y = wind[1] - rig.sensors[rig.load_sensors[4]]
     v_z = wind[2] - rig.sensors[rig.load_sensors[5]]
     factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
-    rig.wrench[0], rig.wrench[1], rig.wrench[2] = factor * v_x, factor * v_y, factor * v_z
+    rig.air[0], rig.air[1], rig.air[2] = factor * v_x, factor * v_y, factor * v_z
+    for i in range(3):
+        rig.wrench[i] = rig.air[i]
 
 
 @jit
-def prepare_step(rig, disturbance, wind):
+def prepare_step(rig, wind):
     """Everything that is held over one physics step besides the command."""
     apply_drag(rig, wind)
-    if rig.swings:
-        push_body(rig, disturbance)
-    else:
-        apply_disturbance(rig, disturbance)
     if rig.rope.active:
         pay_out(rig.rope, rig.qpos, rig.qvel, 0.5 * rig.step)
 
@@ -131,15 +117,19 @@ def read_load(rig, load):
 def advance_mujoco(rig, command, disturbance, wind, load):
     """One control period; see `Plant.advance`."""
     set_command(rig, command)
+    disturbed = disturbance[0] != 0.0 or disturbance[1] != 0.0
     for k in range(rig.substeps):
-        prepare_step(rig, disturbance, wind)
-        mj_step(rig.model, rig.data)
+        prepare_step(rig, wind)
+        if disturbed:
+            step_in_stages(rig, disturbance)
+        else:
+            mj_step(rig.model, rig.data)
         if k == 0:
             read_load(rig, load)
 
 
 class MujocoPlant:
-    """The MuJoCo rig behind the plant interface; steps through the Python binding.
+    """The MuJoCo rig behind the plant interface; steps through the Python binding, but for disturbed steps.
 
     The compiled loop steps the same data through `rig`, bit for bit the same.
     """
@@ -174,11 +164,13 @@ class MujocoPlant:
             load_sensors=sensor_addresses(self.model),
             warnings=self.data.warning.number,
             load_mass=rig.load_mass,
+            air=np.zeros(3),
             wrench=self.data.xfrc_applied[self.model.body("load").id],
             reaction=self.data.xfrc_applied[self.model.body("trolley").id],
             swings=effects.body is not None,
             rope=_rope(self.model, effects),
             drag=air_drag(effects),
+            work=stage_work(self.model, self.data, swings=effects.body is not None),
             substeps=substeps,
             step=step,
         )
@@ -246,8 +238,11 @@ class MujocoPlant:
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
         set_command(self.rig, command)
         for k in range(self.rig.substeps):
-            prepare_step(self.rig, disturbance, wind)
-            mujoco.mj_step(self.model, self.data)
+            prepare_step(self.rig, wind)
+            if disturbance.any():
+                step_in_stages(self.rig, disturbance)
+            else:
+                mujoco.mj_step(self.model, self.data)
             if k == 0:
                 read_load(self.rig, load)
 

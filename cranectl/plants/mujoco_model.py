@@ -25,8 +25,8 @@ DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 DRIVES = ("bridge_drive", "trolley_drive", "winch_drive")
 DRAWN_LENGTH = 0.7  # [m] of rope in the file, without which the cardan angles would have no inertia
 
-# An ideal drive is a motor on a joint so inert that the load cannot move it: acceleration = command to 1e-12.
-IDEAL_INERTIA = 1e12  # per kg of load
+# An ideal drive is a motor on a joint so inert that nothing can move it: acceleration = command to 1e-12.
+IDEAL_INERTIA = 1e12  # per kg of the crane
 
 
 @functools.lru_cache(maxsize=8)
@@ -110,11 +110,21 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
     return found
 
 
+def ideal_inertia(rig: RigParameters) -> float:
+    """Of each ideal drive [kg]: 1e12 times whatever pulls on it, be it the load, rails that slope or give."""
+    return IDEAL_INERTIA * (rig.bridge_mass + rig.trolley_mass + rig.load_mass)
+
+
 def _set_ideal_drives(rig: RigParameters) -> list[Entry]:
-    inertia = IDEAL_INERTIA * rig.load_mass
-    gear = (inertia, 0.0, 0.0, 0.0, 0.0, 0.0)
-    drives = [Entry("actuator", name, "gear", gear) for name in DRIVES]
-    return drives + [Entry("joint", name, "armature", inertia) for name in DRIVEN_JOINTS]
+    """Motors that accelerate what stands on their axes as well; the load, which hangs, only pulls."""
+    inertia = ideal_inertia(rig)
+    carried = (rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, 0.0)
+    drives = []
+    for name, joint, mass in zip(DRIVES, DRIVEN_JOINTS, carried, strict=True):
+        gear = (inertia + mass, 0.0, 0.0, 0.0, 0.0, 0.0)
+        drives.append(Entry("actuator", name, "gear", gear))
+        drives.append(Entry("joint", joint, "armature", inertia))
+    return drives
 
 
 def _set_velocity_drives(rig: RigParameters) -> list[Entry]:

@@ -262,7 +262,7 @@ def test_compare_one_log_and_two(capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert main(["compare", logs[0], "--json", "-"]) == 0
     (comparison,) = json.loads(capsys.readouterr().out)["comparisons"]
-    assert comparison["max_load_error_m"] < 1e-6
+    assert comparison["max_load_error_m"] < 1e-7
     assert {"signal", "unit", "max_abs", "at_s", "rms", "final"} == set(comparison["signals"][0])
     assert main(["compare", *logs]) == 0
     out = capsys.readouterr().out

@@ -141,7 +141,7 @@ def test_distance_and_verdict_are_those_of_the_comparison(log: Path, runs: list[
     assert largest.tolist() == [comparison.max_load_error_m, comparison.max_angle_error_rad]
     ((_, verdict),) = messages_of(log, "/diff/verdict")
     assert verdict.verdict == "passed"
-    assert verdict.load == f"{largest[0]:.1e} m, limit 1e-06 m"
+    assert verdict.load == f"{largest[0]:.1e} m, limit 1e-07 m"
     for row in comparison.signals:
         assert f"{row.max_abs:.1e} {row.unit}" in getattr(verdict, row.signal.replace(".", "_"))
 

@@ -9,10 +9,11 @@ from cranectl.compare import compare_runs, judge
 from cranectl.limits import agreement_limits
 from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant
+from cranectl.plants.interface import PLANTS
 from cranectl.plants.mujoco import MujocoPlant
 from cranectl.plants.mujoco_model import JOINTS, model_spec, state_addresses
 from cranectl.scenario import load_scenario
-from cranectl.simulate import simulate_run
+from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, STILL, closed_loop, random_states, split
 
@@ -116,23 +117,48 @@ def test_level_2_closed_loop(scenario: str, controller: str) -> None:
     if analytic.status == RunStatus.COMPLETED:
         assert len(analytic.time_ns) == len(engine.time_ns) == loaded.steps + 1
     comparison = compare_runs(analytic, engine)
-    assert comparison.max_load_error_m < 1e-6
-    assert comparison.max_angle_error_rad < 1e-6
+    assert comparison.max_load_error_m < 1e-7
+    assert comparison.max_angle_error_rad < 1e-7
     limits = agreement_limits("ideal")
-    assert (limits.load_m, limits.angle_rad, limits.end_s) == (1e-6, 1e-6, 0.0)
+    assert (limits.load_m, limits.angle_rad, limits.end_s) == (1e-7, 1e-7, 0.0)
     assert judge(analytic, engine).passed
     tension = analytic.signal("load.rope_tension") - engine.signal("load.rope_tension")
     assert abs(tension).max() < 1e-5 * RIG.weight
 
 
+def pair(scenario: str, controller: str, overrides: list[str]) -> list[Run]:
+    loaded = load_scenario(scenario, overrides=overrides)
+    return [simulate_run(loaded, plant=plant, controller=controller) for plant in PLANTS]
+
+
 @pytest.mark.parametrize(
-    "overrides", [["rig.load_mass=0.001"], ["rig.load_mass=10000"], ["control.period=0.002"]]
+    "overrides",
+    [
+        ["rig.load_mass=0.001"],
+        ["rig.load_mass=10000"],
+        ["control.period=0.002"],
+        ["rig.load_mass=0.001", "rig.bridge_mass=1e5"],
+        ["rig.load_mass=0.001", "rig.trolley_mass=1e6", "rig.bridge_mass=1e6"],
+        ["rig.load_mass=0.001", "rig.bridge_mass=1e5", "effects.installation.tilt=[0.05,-0.1]"],
+    ],
+    ids=" ".join,
 )
-def test_level_2_holds_for_any_load_and_sampling(overrides: list[str]) -> None:
-    """Neither a feather nor ten tons on ideal drives may show."""
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    runs = [simulate_run(scenario, plant=plant) for plant in ("analytic", "mujoco")]
-    assert judge(*runs).passed
+def test_level_2_holds_for_any_rig_and_sampling(overrides: list[str]) -> None:
+    """Neither a feather nor ten tons on ideal drives may show, nor what else these have to move."""
+    assert judge(*pair("fast-diagonal", "lqr", ["duration=5.0", *overrides])).passed
+
+
+HARD = {"fixed-position": 2, "settled-trajectory": 2, "fast-diagonal": 1, "near-slack": 1}
+
+
+@pytest.mark.parametrize("scenario", HARD)
+def test_level_2_holds_as_well_under_hard_pushes(scenario: str) -> None:
+    """3 rad/s² where the scenario has its disturbances; held over a step they would show, with 4e-7 m."""
+    overrides = [f"disturbances.{k}.magnitude={3.0 * (-1) ** k}" for k in range(HARD[scenario])]
+    analytic, engine = pair(scenario, "lqr+hinf", overrides)
+    assert np.abs(engine.block("disturbance")).max() == 3.0
+    assert analytic.end_ns == engine.end_ns
+    assert compare_runs(analytic, engine).max_load_error_m < 1e-10
 
 
 def _plants(drive: str) -> dict[str, AnalyticPlant | MujocoPlant]:

@@ -11,8 +11,16 @@ from cranectl.effects.settings import EffectSettings, Friction, Wind
 from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
 from cranectl.plants.interface import DRIVES, PLANTS, Plant
-from cranectl.plants.mujoco import MujocoPlant, apply_disturbance
-from cranectl.plants.mujoco_model import model_spec, rate_addresses, state_addresses
+from cranectl.plants.mujoco import MujocoPlant
+from cranectl.plants.mujoco_model import (
+    DRIVEN_JOINTS,
+    compiled_model,
+    model_spec,
+    rate_addresses,
+    state_addresses,
+)
+from cranectl.plants.mujoco_model import DRIVES as DRIVES_OF_AXES
+from cranectl.plants.mujoco_stages import apply_disturbance
 from tests.conftest import ROOT, STILL, random_states, split
 
 KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}
@@ -166,16 +174,24 @@ def test_drag_and_friction_of_the_joint_enter_as_generalised_forces() -> None:
         assert load[6] - load_without[6] == pytest.approx(along, rel=1e-9)
 
 
-def test_disturbance_torques_are_those_of_mid_step() -> None:
-    """Exactly m l² cos² beta d_alpha and m l² d_beta with length and angle half a step ahead."""
+def test_disturbance_torques_are_those_of_the_state() -> None:
+    """Exactly m l² cos² beta d_alpha and m l² d_beta."""
     plant = MujocoPlant(RIG, drive="ideal", step=2e-3, substeps=1)
     state = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.5, 0.4, 0.5, -0.3, 1.6])
     plant._set_state(state)
     apply_disturbance(plant.rig, np.array([0.7, -1.3]))
-    length, beta = 0.8 + 1e-3 * 0.5, -0.3 + 1e-3 * 1.6
     torques = plant.rig.applied[plant.rig.joints]
-    expected = [0.0, 0.0, 0.0, length**2 * np.cos(beta) ** 2 * 0.7, -(length**2) * 1.3]
+    expected = [0.0, 0.0, 0.0, 0.8**2 * np.cos(-0.3) ** 2 * 0.7, -(0.8**2) * 1.3]
     assert torques == pytest.approx(expected, rel=1e-13)
+
+
+def test_ideal_drives_accelerate_what_they_carry_besides_their_own_inertia() -> None:
+    rig = RIG.model_copy(update={"bridge_mass": 4000.0, "trolley_mass": 300.0, "load_mass": 20.0})
+    model = compiled_model(rig, "ideal", 1e-3)
+    armature = [model.joint(name).armature[0] for name in DRIVEN_JOINTS]
+    gear = [model.actuator(name).gear[0] for name in DRIVES_OF_AXES]
+    assert armature == pytest.approx([4320e12] * 3, rel=1e-15)
+    assert np.subtract(gear, armature) == pytest.approx([4300.0, 300.0, 0.0], abs=0.5)
 
 
 @pytest.mark.parametrize("name", PLANTS)

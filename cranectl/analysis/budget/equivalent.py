@@ -19,7 +19,7 @@ from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, analytic_rig
 from cranectl.jit import jit
 from cranectl.plants.analytic import derivative
-from cranectl.plants.mujoco_model import IDEAL_INERTIA
+from cranectl.plants.mujoco_model import ideal_inertia
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
@@ -92,10 +92,7 @@ def _jumps(run: Run) -> NDArray[np.intp]:
 
 
 def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
-    """RK4 with the disturbance torque of mid-step held, less the nominal run's exact steps.
-
-    The engine's ideal drives are inert by `IDEAL_INERTIA` per kg of load: the rope moves them by that much.
-    """
+    """RK4 less the nominal run's exact steps; and the rope's pull, by which it moves even ideal drives."""
     ports = no_errors(loop)
     states, inputs, disturbances = (
         np.ascontiguousarray(run.block(name)) for name in ("state", "input", "disturbance")
@@ -104,36 +101,23 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
     load, joints = run.block("load")[:-1, 6:7], states[:-1]
     alpha, beta = joints[:, 6], joints[:, 8]
     direction = np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), np.ones(len(joints))])
-    ports.drive[:] = load * direction / (IDEAL_INERTIA * run.scenario.rig.load_mass)
+    ports.drive[:] = load * direction / ideal_inertia(run.scenario.rig)
     return ports
-
-
-@jit
-def held_torque_rate(rig, state, command, disturbance, middle, still, held, rate):
-    """`derivative` under hinge torques that give `disturbance` at rope length and beta of `middle`."""
-    length, cos_beta = middle[4] / state[4], np.cos(middle[8]) / np.cos(state[8])
-    held[0] = disturbance[0] * (length * cos_beta) ** 2
-    held[1] = disturbance[1] * length**2
-    derivative(rig, state, command, held, still, rate)
 
 
 @jit
 def runge_kutta_defect(rig, states, commands, disturbances, defect):
     """The classical fourth-order step from each of `states` less the next, into `defect` (N - 1, >= 10)."""
-    rates, work, middle, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10), np.zeros(10)
-    held, still = np.zeros(2), np.zeros(3)
+    rates, work, state, still = np.zeros((4, 10)), np.zeros(10), np.zeros(10), np.zeros(3)
     step = rig.step
     for k in range(len(defect)):
         state[:] = states[k]
         for _ in range(rig.substeps):
-            middle[:] = state
-            middle[4] += 0.5 * step * state[5]
-            middle[8] += 0.5 * step * state[9]
             for stage in range(4):
                 reach = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
                 for i in range(10):
                     work[i] = state[i] + (reach * step * rates[stage - 1, i] if stage else 0.0)
-                held_torque_rate(rig, work, commands[k], disturbances[k], middle, still, held, rates[stage])
+                derivative(rig, work, commands[k], disturbances[k], still, rates[stage])
             for i in range(10):
                 increment = rates[0, i] + 2.0 * rates[1, i] + 2.0 * rates[2, i] + rates[3, i]
                 state[i] += step / 6.0 * increment

@@ -54,16 +54,13 @@ def _draw_rope_to_hook(spec: mujoco.MjSpec) -> None:
 
 @jit
 def push_body(rig, disturbance):
-    """The thesis's disturbance (2,) [rad/s²] on a load that swings: added to the force at its centre of mass.
+    """The thesis's disturbance (2,) [rad/s²] on a load that swings, at the present state.
 
-    Torques at the cardan hinges would act on the hook, which has no mass. The trolley takes the opposite
-    force, as it does from a torque, so that a load without extent moves the same. Length and angles are those
-    of the middle of the step, over which the force is held.
+    A force at its centre: torques at the cardan hinges would act on the hook, which has no mass. The trolley
+    takes the opposite force, as it does from a torque, so that a load without extent moves the same.
     """
-    half = 0.5 * rig.step
-    length = rig.qpos[rig.joints[2]] + half * rig.qvel[rig.rates[2]]
-    alpha = rig.qpos[rig.joints[3]] + half * rig.qvel[rig.rates[3]]
-    beta = rig.qpos[rig.joints[4]] + half * rig.qvel[rig.rates[4]]
+    length = rig.qpos[rig.joints[2]]
+    alpha, beta = rig.qpos[rig.joints[3]], rig.qpos[rig.joints[4]]
     sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
     along_alpha = rig.load_mass * length * cb * disturbance[0]
     along_beta = rig.load_mass * length * disturbance[1]
@@ -71,4 +68,4 @@ def push_body(rig, disturbance):
     rig.reaction[1] = -(ca * along_alpha - sb * sa * along_beta)
     rig.reaction[2] = -(sa * along_alpha + ca * sb * along_beta)
     for i in range(3):
-        rig.wrench[i] -= rig.reaction[i]
+        rig.wrench[i] = rig.air[i] - rig.reaction[i]

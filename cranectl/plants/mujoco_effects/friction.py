@@ -13,7 +13,7 @@ AXES = ("bridge_position", "trolley_position", "rope_length")
 IMPEDANCE = 0.999
 STEPS = 2.0
 # The solver stops where its progress is small against the mean inertia, which ideal drives make 1e12 times
-# that of the load. With the engine's own 1e-8 it would not start.
+# that of the crane. With the engine's own 1e-8 it would not start.
 TOLERANCE = 1e-30
 
 

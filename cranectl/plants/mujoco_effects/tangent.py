@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.mujoco import MujocoPlant, prepare_step, set_command
+from cranectl.plants.mujoco_stages import push_load
 
 Array = NDArray[np.float64]
 
@@ -56,7 +57,8 @@ def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, 
     _set(plant, anchor)
     mujoco.mj_forward(plant.model, plant.data)  # for the velocity of the load
     set_command(plant.rig, command)
-    prepare_step(plant.rig, tilt, air)
+    prepare_step(plant.rig, air)
+    push_load(plant.rig, tilt)
     mujoco.mj_forward(plant.model, plant.data)
     force = np.zeros(plant.model.nv)
     mujoco.mj_mulM(plant.model, plant.data, force, plant.data.qacc)

@@ -160,6 +160,15 @@ def test_engine_and_hold_change_with_their_orders() -> None:
     assert sizes[0][1] / sizes[1][1] == pytest.approx(2.0, rel=0.05)
 
 
+@pytest.mark.parametrize("rig", ["rig.bridge_mass=1000", "rig.trolley_mass=1e5", "rig.load_mass=0.001"])
+def test_the_bound_of_the_engine_holds_for_any_rig(rig: str) -> None:
+    """What stands on an ideal drive is no error of it."""
+    overrides = ["duration=4.0", "disturbances=[]", rig]
+    found = error_budget(load_scenario("fast-diagonal", overrides=overrides), "lqr", top="engine")
+    assert found.entries[-1].rung == "engine"
+    assert found.holds
+
+
 def test_the_second_order_grows_as_the_square() -> None:
     where, sizes = nominal(), []
     for scale in (1.0, 2.0):
