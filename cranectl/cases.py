@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cranectl.compare import Agreement, Comparison, compare_runs, judge
+from cranectl.compare import Agreement, Comparison, compare_runs
 from cranectl.design import Design, design_controller
 from cranectl.errors import InputError
 from cranectl.limits import Limits, NoLimits, Predict, limits_for
@@ -16,6 +16,7 @@ from cranectl.plants.interface import PLANTS, Drive
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
 from cranectl.status import RunStatus
+from cranectl.step_length import judge_steps
 
 LOG_DIRECTORY = Path("logs")
 
@@ -169,7 +170,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         if run.status == RunStatus.INTERRUPTED:
             break
     write_log(case.log, runs, limits=limits)
-    return _result(case, design, runs, limits)
+    return _result(case, design, runs, limits, progress)
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
@@ -180,7 +181,13 @@ def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         return Failure.of(error)
 
 
-def _result(case: Case, design: Design, runs: Sequence[Run], limits: Limits | NoLimits) -> CaseResult:
+def _result(
+    case: Case,
+    design: Design,
+    runs: Sequence[Run],
+    limits: Limits | NoLimits,
+    progress: Callable[[float], None] | None,
+) -> CaseResult:
     summaries = tuple(
         RunSummary(
             scenario=case.scenario.name,
@@ -196,4 +203,5 @@ def _result(case: Case, design: Design, runs: Sequence[Run], limits: Limits | No
     )
     if len(runs) < 2 or not all(len(run.time_ns) for run in runs):
         return CaseResult(summaries, None, None, case.scenario.expected)
-    return CaseResult(summaries, compare_runs(*runs), judge(*runs, limits=limits), case.scenario.expected)
+    agreement = judge_steps(runs, limits, progress)
+    return CaseResult(summaries, compare_runs(*runs), agreement, case.scenario.expected)

@@ -61,6 +61,7 @@ class Agreement:
     limit_rad: float | None
     passed: bool | None  # None: not judged
     limits: str  # where the limits come from, or why there are none
+    curing_step_s: float | None = None  # control.physics_step with which they were seen to agree after all
 
     @property
     def verdict(self) -> str:

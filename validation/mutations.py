@@ -62,10 +62,10 @@ SUITE = [
     "tests/test_tracker.py",
     "tests/test_observer.py",
     "tests/test_parameters.py",
+    "tests/plants/test_mujoco_stages.py",
     "tests/plants/test_plants.py",
     "tests/plants/test_agreement.py",
     "tests/plants/test_sloping_rails.py",
-    "tests/plants/test_mujoco_stages.py",
 ]
 # Long without compiler, or endless when an equation is wrong.
 LEFT_OUT = "derivation or level_1 or level_2 or invariant or energy or converge or order or feed_forward"

@@ -105,7 +105,7 @@ def _metric_cells(run: "RunSummary") -> list[str]:
 
 
 def run_notes(results: Sequence["CaseResult"]) -> list[str]:
-    """What the tables have no room for: stops and workspace violations, one line for what is the same."""
+    """What the tables have no room for: stops, workspace violations, long steps; a line each."""
     where: dict[tuple[str, str], list[str]] = {}
     expected_stops: dict[tuple[str, str], list[float]] = {}
     for result in results:
@@ -119,7 +119,13 @@ def run_notes(results: Sequence["CaseResult"]) -> list[str]:
         f"{scenario}: {len(times)} runs stop with {status} at {min(times):g} to {max(times):g} s, as expected"
         for (scenario, status), times in expected_stops.items()
     ]
-    return [f"{name}: {note} ({', '.join(places)})" for (name, note), places in where.items()] + stops
+    steps = [
+        f"{found.scenario}, {found.controller}: the steps are too long for the plants to agree; with "
+        f"control.physics_step = {found.curing_step_s:g} they do"
+        for found in (result.agreement for result in results)
+        if found is not None and found.curing_step_s is not None
+    ]
+    return [f"{name}: {note} ({', '.join(places)})" for (name, note), places in where.items()] + stops + steps
 
 
 def _notes(run: "RunSummary", expected: str) -> list[str]:
