@@ -253,7 +253,7 @@ def test_everything_needed_to_repeat_the_run_is_attached(log: Path, short: Scena
     assert json.loads(attachments["scenario.json"])["name"] == short.name
     assert json.loads(attachments["design.json"])["name"] == "pole-placement"
     assert b'<mujoco model="gantry crane">' in attachments["mujoco.xml"]
-    assert b'gear="1e+12"' in attachments["mujoco.xml"], "the drives as run"
+    assert b'armature="9.5e+12"' in attachments["mujoco.xml"], "the drives as run"
     assert metadata["run/mujoco"] == {"status": "completed", "end_ns": "500000000", "samples": "126"}
     assert set(metadata["versions"]) >= {"cranectl", "mujoco", "numpy", "numba", "python"}
 
