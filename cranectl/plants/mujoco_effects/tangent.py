@@ -1,7 +1,8 @@
 """The engine's whole state as changes about one state: all coordinates, those that effects add included.
 
 Changes of position are in the tangent space, so a ball joint counts three, turns about the body's own axes,
-and not four. The ten measured signals come first, in the order of `signals.STATE`; then positions and
+and not four; its rates are about the axes that the body has at that state, so that a turn about its rope, on
+which nothing depends, does not change them either. The ten measured signals come first, in the order of `signals.STATE`; then positions and
 velocities of the other joints; with drag, the load's velocity (3) of which the drag of the next step is made.
 """
 
@@ -81,7 +82,8 @@ def put(plant: MujocoPlant, anchor: Anchor, change: Array) -> None:
     nv, total = plant.model.nv, np.zeros(coordinates(plant))
     total[_order(plant)] = change
     changed = moved(plant, anchor, total[:nv])
-    _set(plant, changed._replace(qvel=anchor.qvel + total[nv : 2 * nv]))
+    qvel = _about_axes_of(plant, changed, anchor, anchor.qvel + total[nv : 2 * nv])
+    _set(plant, changed._replace(qvel=qvel))
     if plant.rig.drag > 0.0:
         plant.data.sensordata[_seen(plant)] = anchor.load_velocity + total[2 * nv :]
 
@@ -90,10 +92,24 @@ def change_since(plant: MujocoPlant, anchor: Anchor) -> Array:
     """By how much the state differs from `anchor`."""
     data, position = plant.data, np.zeros(plant.model.nv)
     mujoco.mj_differentiatePos(plant.model, position, 1.0, anchor.qpos, data.qpos)
-    parts = [position, data.qvel - anchor.qvel]
+    now = anchor._replace(qpos=data.qpos)
+    parts = [position, _about_axes_of(plant, anchor, now, data.qvel) - anchor.qvel]
     if plant.rig.drag > 0.0:
         parts.append(load_velocity(plant) - anchor.load_velocity)
     return np.array(np.concatenate(parts)[_order(plant)])
+
+
+def _about_axes_of(plant: MujocoPlant, new: Anchor, old: Anchor, qvel: Array) -> Array:
+    """`qvel` (nv,) with the load's spin, about its axes at `old`, about those it has at `new`."""
+    if not plant.rig.swings:
+        return qvel
+    swing, back, turn = plant.model.joint("swing"), np.zeros(4), np.zeros(4)
+    place, rate = int(swing.qposadr[0]), int(swing.dofadr[0])
+    mujoco.mju_negQuat(back, new.qpos[place : place + 4])
+    mujoco.mju_mulQuat(turn, back, old.qpos[place : place + 4])
+    turned = qvel.copy()
+    mujoco.mju_rotVecQuat(turned[rate : rate + 3], qvel[rate : rate + 3], turn)
+    return turned
 
 
 def _set(plant: MujocoPlant, anchor: Anchor) -> None:
