@@ -2,8 +2,9 @@
 
 Changes of position are in the tangent space, so a ball joint counts three, turns about the body's own axes,
 and not four; its rates are about the axes that the body has at that state, so that a turn about its rope, on
-which nothing depends, does not change them either. The ten measured signals come first, in the order of `signals.STATE`; then positions and
-velocities of the other joints; with drag, the load's velocity (3) of which the drag of the next step is made.
+which nothing depends, does not change them either. The ten measured signals come first, in the order of
+`signals.STATE`; then positions and velocities of the other joints; with drag, the load's velocity (3) of
+which the drag of the next step is made.
 """
 
 from typing import NamedTuple

@@ -162,6 +162,15 @@ def test_one_step_leaves_an_equilibrium(name: str, point: OperatingPoint) -> Non
     assert np.abs(change_since(plant, anchor)).max() > 1e-6
 
 
+def test_a_turn_of_the_load_about_its_rope_is_no_state_of_the_loop() -> None:
+    """Nothing depends on it, also where a running rope turns the load a little within the period."""
+    scenario = default_scenario(overrides=["effects.body={}"])
+    still, running = (
+        linear_plant(scenario, OperatingPoint(0.7, (0.5, 0.5), speed), "velocity") for speed in (0.0, -0.3)
+    )
+    assert running.system.a.shape == still.system.a.shape
+
+
 def test_the_winch_is_told_to_haul_up_a_heavy_rope() -> None:
     """Its drive holds the load but not the rope's weight: a set-point of weight over gain upwards."""
     scenario = default_scenario(overrides=["effects.rope.mass=0.1"])
