@@ -573,7 +573,10 @@ def test_reports_show_every_row(synthetic: Run) -> None:
 def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:
     logs = {"log": {"analytic": synthetic, "mujoco": first_rows(synthetic, 1000)}}
     metrics = {("log", plant): run_metrics(run) for plant, run in logs["log"].items()}
-    assert [row[-1] for row in _run_table(logs, metrics).rows] == [Cell("0.2000", "bad"), Cell("0.0000", "")]
+    assert [row[-1] for row in _run_table(logs, metrics, "").rows] == [
+        Cell("0.2000", "bad"),
+        Cell("0.0000", ""),
+    ]
 
 
 def test_the_command_line_shows_and_writes_them(

@@ -362,7 +362,7 @@ def test_command_refuses_with_code_1(capsys: pytest.CaptureFixture[str]) -> None
         ([*COMMAND, "--tilt", "40", "0"], "disturbance of 40, 0"),
         ([*COMMAND, "--time-constant", "1e-5"], "time constants"),
         ([*COMMAND, "--delay", "-1"], "delay"),
-        ([*COMMAND, "--plot", "here.xyz"], "cannot draw"),
+        ([*COMMAND, "--plot", "here.xyz"], "ends in '.xyz'"),
     ],
 )
 def test_command_explains_wrong_input(
