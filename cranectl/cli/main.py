@@ -30,7 +30,7 @@ from cranectl.cli.run import run_command
 from cranectl.cli.streams import steady_streams
 from cranectl.cli.thesis import thesis_command
 from cranectl.cli.validate import validate_command
-from cranectl.errors import CranectlError
+from cranectl.errors import CranectlError, InputError
 from cranectl.interrupts import heed_interrupts, interrupt
 from cranectl.text import printable
 
@@ -94,6 +94,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str], full_traceback: bool) -> int:
     try:
+        if any("\0" in argument for argument in arguments):  # no shell can pass one
+            raise InputError("an argument with a null character", remedy="leave it out")
         code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False, obj=full_traceback)
     except click.ClickException as error:
         shown = io.StringIO()

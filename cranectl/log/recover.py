@@ -63,9 +63,9 @@ def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
     be saved or written.
     """
     source = Path(source)
-    place = _place(source, out)
     with opened(source, remedy="run the scenario again") as stream:
         check_begin(source, stream)
+        place = _place(source, out)
         found = salvage(stream)
         if not found.chunks:
             raise _nothing(source)

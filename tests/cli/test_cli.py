@@ -350,6 +350,8 @@ def test_compare_of_a_single_plant_needs_a_second_log(capsys: pytest.CaptureFixt
         (["design", "lqr+hinf", "--set", "design.hinff.back_off=1.1"], "did you mean 'hinf'?"),
         (["info", "absent.mcap"], "cannot read absent.mcap"),
         (["info"], "Missing argument"),
+        (["info", "x\0.mcap"], "null character"),
+        (["recover", "."], "cannot read ."),
         (["compare", "absent.mcap"], "cannot read absent.mcap"),
         (["compare"], "Missing argument"),
     ],

@@ -454,3 +454,11 @@ def test_a_disk_that_goes_full_leaves_what_can_be_recovered(log: Path, tmp_path:
         for plant, run in read_log(written).items():
             assert_beginning(run, expected[plant])
         written.unlink()
+
+
+@pytest.mark.parametrize("name", [".", "/", "nowhere/x.mcap"])
+def test_what_has_no_name_or_is_not_there(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LogError, match="cannot read"):
+        recover_log(name)
+    assert not list(tmp_path.iterdir()), "no directory is made for what is not saved"
