@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: help setup cluster video validate test test-viewer lint bench mutations package clean
+.PHONY: help setup cluster video validate test test-viewer lint fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -43,6 +43,10 @@ lint: setup cluster video ## format, style, types, import directions
 	$(BIN)/ruff check .
 	$(call limit,600) $(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+MINUTES ?= 30
+fuzz: setup ## try odd files and command lines for MINUTES=30; what is found is kept in .hypothesis
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
 bench: .venv/extra-bench ## measure, and write docs/performance.md
 	$(call limit,7200) $(BIN)/python validation/benchmark.py --json logs/bench.json --write docs/performance.md

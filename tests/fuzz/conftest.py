@@ -1,0 +1,42 @@
+"""A directory with what a user may have: logs, settings, a campaign's result, notes."""
+
+import contextlib
+from pathlib import Path
+
+import pytest
+
+from cranectl.cli.main import main
+
+SCENARIO = """name = "s"
+duration = 0.02
+reference.start = [1.0, 0.77, -0.7]
+"""
+CAMPAIGN = """name = "c"
+scenario = "./s.toml"
+controllers = ["lqr"]
+plants = ["analytic"]
+runs = 2
+uncertain.rig.load_mass = {distribution = "uniform", low = 0.5, high = 2.0}
+"""
+TEXTS = {
+    "s.toml": SCENARIO,
+    "c.toml": CAMPAIGN,
+    "rig.toml": "load_mass = 2.0\n",
+    "notes.txt": "my notes\n",
+    "old.json": "{\n}\n",
+}
+
+
+@pytest.fixture(scope="session")
+def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    here = tmp_path_factory.mktemp("template")
+    for name, text in TEXTS.items():
+        (here / name).write_text(text)
+    (here / "sub").mkdir()
+    with contextlib.chdir(here):
+        assert main(["run", "s.toml", "--out", "x.mcap", "--every", "1"]) == 0
+        assert main(["campaign", "run", "c.toml", "--out", "r"]) == 0
+    content = (here / "x.mcap").read_bytes()
+    (here / "cut.mcap").write_bytes(content[: 2 * len(content) // 3])
+    (here / "link.mcap").symlink_to("x.mcap")
+    return here

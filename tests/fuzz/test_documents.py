@@ -1,0 +1,110 @@
+"""Odd files of settings, and records of campaigns, are read or refused."""
+
+import json
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import strategies as st
+
+from cranectl import resources
+from cranectl.campaign import load_campaign
+from cranectl.errors import InputError
+from cranectl.regression import TOLERANCE_DIRECTORY, load_tolerances
+from cranectl.scenario import Scenario, load_scenario
+from tests.fuzz.oracle import LONGEST, UNFIT, check_command, fuzzed, in_time
+from tests.fuzz.strategies import changed, damaged, toml_files
+
+RICH = """name = "f"
+title = "all there is"
+duration = 0.02
+controller = "lqr"
+reference.start = [1.0, 0.77, -0.7]
+reference.segments = [
+  {kind = "hold", duration = 0.005},
+  {kind = "line", to = [1.01, 0.77, -0.7], duration = 0.01},
+]
+initial.alpha_offset = 0.01
+disturbances = [{joint = "alpha", start = 0.01, magnitude = 1.0}]
+rig = {load_mass = 1.5, rope_range = [0.05, 1.4]}
+control = {period = 0.001, physics_step = 0.0005}
+design = {poles = [-2.5, -2.5, -2.0, -3.0], input_weight = 0.2}
+effects = {delay = {seconds = 0.002}, wind = {mean = [0.5, 0.0, 0.0]}}
+log.every = 2
+"""
+
+
+def tables(*paths: Path) -> list[Any]:
+    return [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths]
+
+
+SCENARIOS = [tomllib.loads(RICH)] * 4 + tables(*resources.SCENARIO_DIRECTORY.glob("*.toml"))
+CAMPAIGNS = tables(*resources.CAMPAIGN_DIRECTORY.glob("*.toml"))
+TOLERANCES = tables(*TOLERANCE_DIRECTORY.glob("*.toml"))
+RIG = [{"load_mass": 2.0, "gravity": 9.81, "rope_range": [0.05, 1.4], "winch_time_constant": 0.02}]
+SMALL = 200  # physics steps that are run
+
+
+def read(load: Callable[[Any], Any], directory: Path, content: bytes) -> Any:
+    """What `load` makes of a file, None if it is refused as it should be."""
+    path = directory / "f.toml"
+    path.write_bytes(content)
+
+    def use() -> Any:
+        try:
+            return load(path)
+        except InputError as error:
+            return error
+
+    result = in_time(use, 1.0 + len(content) / 2**20)
+    if not isinstance(result, InputError):
+        return result
+    assert len(str(result)) < LONGEST
+    assert not UNFIT.search(str(result))
+    return None
+
+
+@fuzzed(60, content=toml_files(SCENARIOS), plant=st.sampled_from(["analytic", "both"]))
+def test_scenarios(template: Path, tmp_path: Path, content: bytes, plant: str) -> None:
+    scenario: Scenario | None = read(load_scenario, tmp_path, content)
+    small = scenario is None or scenario.steps * scenario.substeps <= SMALL
+    line = ["run", "f.toml", "--out", "o.mcap", "--plant", plant if small else "no plant"]
+    code, files = check_command(template, line, files={"f.toml": content})
+    assert (code == 2) >= (scenario is None or not small)
+    if "here/o.mcap" in files:
+        assert check_command(template, ["info", "o.mcap"], files={"o.mcap": files["here/o.mcap"]})[0] == 0
+
+
+@fuzzed(20, content=toml_files(RIG))
+def test_rigs(template: Path, content: bytes) -> None:
+    line = ["run", "s.toml", "--rig", "f.toml", "--plant", "analytic", "--json", "-"]
+    check_command(template, line, files={"f.toml": content})
+
+
+@fuzzed(30, content=toml_files(CAMPAIGNS))
+def test_campaigns(tmp_path: Path, content: bytes) -> None:
+    read(load_campaign, tmp_path, content)
+
+
+@fuzzed(30, content=toml_files(TOLERANCES))
+def test_tolerances(template: Path, tmp_path: Path, content: bytes) -> None:
+    read(lambda path: load_tolerances(str(path)), tmp_path, content)
+    line = ["compare", "x.mcap", "./x.mcap", "--tolerances", "f.toml"]
+    check_command(template, line, files={"f.toml": content})
+
+
+@pytest.fixture(scope="module")
+def record(template: Path) -> bytes:
+    return (template / "r" / "campaign.json").read_bytes()
+
+
+@fuzzed(30, data=st.data(), resume=st.booleans())
+def test_records_of_campaigns(template: Path, record: bytes, data: st.DataObject, resume: bool) -> None:
+    content = json.dumps(data.draw(changed(json.loads(record)))).encode()
+    if data.draw(st.integers(0, 3)) == 0:
+        content = data.draw(damaged(content))
+    line = ["campaign", "run", "c.toml", "--out", "r", "--resume"]
+    line = line if resume else ["campaign", "replay", "r", "--run", "0", "--plant", "analytic"]
+    check_command(template, line, files={"r/campaign.json": content})

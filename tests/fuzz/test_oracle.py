@@ -1,0 +1,83 @@
+"""The oracle sees what it is there to see."""
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz import oracle
+
+
+def raises() -> int:
+    raise KeyError
+
+
+def says(text: str, *, error: bool = False) -> Callable[[], int]:
+    def command() -> int:
+        print(text, file=sys.stderr if error else sys.stdout)
+        return 2 if error else 0
+
+    return command
+
+
+def writes(name: str) -> Callable[[], int]:
+    return lambda: Path(name).write_text("x") * 0
+
+
+def computes() -> int:
+    end = time.process_time() + 5.0
+    while time.process_time() < end:
+        pass
+    return 0
+
+
+def swallows() -> int:
+    try:
+        return computes()
+    except Exception:
+        return 0
+
+
+MISDEEDS: dict[str, Callable[[], int]] = {
+    "an exit code that is none": lambda: 70,
+    "an escape": says("\x1b[2J"),
+    "a line that forges": says("a\rb"),
+    "an error without shape": says("oh dear", error=True),
+    "an endless error": says("found: " + "a" * 30_000, error=True),
+    "JSON that is none": says("{'a': 1}"),
+    "JSON with NaN": says('{"a": NaN}'),
+    "a changed input": writes("s.toml"),
+    "a file of another kind": writes("old.json"),
+    "a file named -": writes("-"),
+    "an unfinished file": writes("x.mcap.1.part"),
+    "a file elsewhere": writes(f"/tmp/cranectl-{os.getpid()}"),
+    "a lost file": lambda: os.remove("notes.txt") or 0,  # noqa: PTH107
+    "no end": computes,
+    "an end that is swallowed": swallows,
+}
+
+
+@pytest.mark.parametrize("name", MISDEEDS)
+def test_misdeeds_are_seen(template: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setattr(oracle, "main", lambda _: MISDEEDS[name]())
+    monkeypatch.setattr(oracle, "PATIENCE", 0.5)
+    monkeypatch.setattr(oracle, "SECONDS", 0.1)
+    with pytest.raises(AssertionError):
+        oracle.check_command(template, ["--out", "old.json", *(["--json", "-"] if "JSON" in name else [])])
+
+
+def test_errors_are_seen(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(oracle, "main", lambda _: raises())
+    with pytest.raises(KeyError):
+        oracle.check_command(template, ["run"])
+
+
+def test_good_deeds_are_none(template: Path) -> None:
+    line = ["run", "s.toml", "--out", "x.mcap", "--json", "old.json"]
+    code, files = oracle.check_command(template, line)
+    assert code == 0
+    assert files["here/x.mcap"] != (template / "x.mcap").read_bytes()
+    assert oracle.check_command(template, ["run", "s.toml", "--rig", "no.toml"])[0] == 2
