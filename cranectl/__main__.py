@@ -3,7 +3,7 @@
 import sys
 
 from cranectl.cli import exit_codes
-from cranectl.interrupts import heed_interrupts, interrupt
+from cranectl.interrupts import came_of_interrupt, heed_interrupts, interrupt
 
 
 def main() -> int:
@@ -13,7 +13,9 @@ def main() -> int:
         from cranectl.cli.main import main
 
         return main()
-    except KeyboardInterrupt:
+    except BaseException as error:
+        if not came_of_interrupt(error):
+            raise
         sys.stderr.write("cranectl: interrupted\n")
         return exit_codes.INTERRUPTED
 

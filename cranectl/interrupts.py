@@ -27,6 +27,14 @@ def interrupt() -> None:
     raise Interruption
 
 
+def came_of_interrupt(error: BaseException) -> bool:
+    """Whether `error` is an interrupt, or what libraries make of one that comes while they are loaded."""
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, KeyboardInterrupt):
+        cause = cause.__cause__
+    return cause is not None
+
+
 def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
     """Have `act` called at each signal that is not ignored; returns the handlers before.
 

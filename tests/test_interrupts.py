@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from cranectl.cli.main import cli, main
 from cranectl.interrupts import SIGNALS, heed_interrupts, interrupt, interrupts_wait
 
 ROOT = Path(__file__).parent.parent
@@ -63,11 +64,20 @@ def test_what_was_ignored_at_the_start_stays_ignored(number: signal.Signals) -> 
     assert (done.returncode, done.stdout, done.stderr) == (0, "goes on\n", "")
 
 
+LOADING = "import time; print('loading', flush=True); time.sleep(60)"
+COMPILED = f"try:\n    {LOADING}\nexcept BaseException as error: raise ImportError('failed') from error"
+
+
+@pytest.mark.parametrize("library", [f"exec({LOADING!r})", COMPILED])
 @pytest.mark.parametrize("number", SIGNALS)
-def test_an_interrupt_counts_while_the_command_is_loaded(number: signal.Signals, tmp_path: Path) -> None:
-    """The first thing that takes its time there is click; code in strings is what dataclasses make."""
-    loading = "import time; print('loading', flush=True); time.sleep(60)"
-    (tmp_path / "click.py").write_text(f"exec({loading!r})")
+def test_an_interrupt_counts_while_the_command_is_loaded(
+    number: signal.Signals, library: str, tmp_path: Path
+) -> None:
+    """The first thing that takes its time there is click.
+
+    Code in strings is what dataclasses make; compiled libraries turn interrupts into errors of their own.
+    """
+    (tmp_path / "click.py").write_text(library)
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
     with subprocess.Popen(
         [sys.executable, "-m", "cranectl", "list"],
@@ -78,6 +88,17 @@ def test_an_interrupt_counts_while_the_command_is_loaded(number: signal.Signals,
         process.send_signal(number)
         _, error = process.communicate(timeout=30)
     assert (process.returncode, error) == (130, "cranectl: interrupted\n")
+
+
+@pytest.mark.parametrize(("cause", "code"), [(KeyboardInterrupt(), 130), (None, 70)])
+def test_an_interrupt_counts_while_a_command_loads_what_it_needs(
+    cause: BaseException | None, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failed(**_: object) -> None:
+        raise ImportError("initialization failed") from cause
+
+    monkeypatch.setattr(cli, "main", failed)
+    assert main(["list"]) == code
 
 
 def test_an_interrupt_waits_for_the_end_of_the_block() -> None:

@@ -31,7 +31,7 @@ from cranectl.cli.streams import steady_streams
 from cranectl.cli.thesis import thesis_command
 from cranectl.cli.validate import validate_command
 from cranectl.errors import CranectlError, InputError
-from cranectl.interrupts import heed_interrupts, interrupt
+from cranectl.interrupts import came_of_interrupt, heed_interrupts, interrupt
 from cranectl.text import printable
 
 TRACEBACK = "--traceback"  # anywhere on the command line
@@ -105,10 +105,10 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
     except CranectlError as error:
         print(f"cranectl: bad input\n{error}", file=sys.stderr)
         return exit_codes.BAD_INPUT
-    except (KeyboardInterrupt, click.Abort):
-        print("cranectl: interrupted", file=sys.stderr)
-        return exit_codes.INTERRUPTED
-    except Exception as error:
+    except (KeyboardInterrupt, Exception) as error:
+        if came_of_interrupt(error) or isinstance(error, click.Abort):
+            print("cranectl: interrupted", file=sys.stderr)
+            return exit_codes.INTERRUPTED
         if full_traceback:
             traceback.print_exc()
         what = printable(f"{type(error).__name__}: {error}")
