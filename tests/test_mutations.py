@@ -33,7 +33,7 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_mutants_of_one_function_are_caught() -> None:
-    done = python("validation/mutations.py", "mass_matrix", "--jobs", "1")
+    done = python("validation/mutations.py", "rope_tension", "--jobs", "1")
     assert done.returncode == 0, done.stdout + done.stderr
     caught = re.search(r"(\d+) mutants, (\d+) caught, 0 survived", done.stdout)
     assert caught is not None

@@ -186,7 +186,8 @@ def test_without_the_encoder_only_videos_are_refused(
 
 @pytest.mark.parametrize("name", ["run.mp4", "run.gif"])
 def test_what_is_interrupted_leaves_the_old_file_and_nothing_else(name: str) -> None:
-    Path(name).write_text("old")
+    old = b"GIF89a" if name.endswith(".gif") else b"\0\0\0\x20ftypisom"
+    Path(name).write_bytes(old)
     pictures = 0
 
     def interrupt(_seconds: float) -> None:
@@ -198,5 +199,5 @@ def test_what_is_interrupted_leaves_the_old_file_and_nothing_else(name: str) -> 
     settings = render_settings(Path(name), size="400x300")
     with pytest.raises(KeyboardInterrupt):
         draw_runs(read_log("run.mcap"), settings, interrupt)
-    assert Path(name).read_text() == "old"
+    assert Path(name).read_bytes() == old
     assert {path.name for path in Path().iterdir()} == {"run.mcap", name}
