@@ -1,14 +1,15 @@
 """The terminal: nothing that comes from outside acts on it, no number is cut, whatever its width."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
+from dataclasses import replace
 from typing import Any
 
 from rich.console import Console
 from rich.measure import Measurement
 from rich.progress import Progress, ProgressColumn
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from cranectl.text import printable
@@ -43,18 +44,21 @@ class Screen(Console):
         if self._needed(table) <= self.width:
             yield table
             return
-        labels, left = table.columns[:1], table.columns[1:]
-        while left:
+        labels, first = table.columns[:1], 1
+        while first < len(table.columns):
             part = copy(table)
-            fitting = 1
-            while fitting < len(left):
-                part.columns = [*labels, *left[: fitting + 1]]
-                if self._needed(part) > self.width:
+            begin, after = _with_group(table.columns, first), first + 1
+            part.columns = [*labels, begin]
+            while after < len(table.columns):
+                wider = copy(table)
+                wider.columns = [*part.columns, table.columns[after]]
+                if self._needed(wider) > self.width:
                     break
-                fitting += 1
-            part.columns = [*labels, *left[:fitting]]
+                part, after = wider, after + 1
+            part.title = table.title if first == 1 else None
+            part.caption = table.caption if after == len(table.columns) else None
             yield part
-            left = left[fitting:]
+            first = after
 
     def _needed(self, table: Table) -> int:
         """What `table` needs at least, its foldable columns folded."""
@@ -65,6 +69,16 @@ class Screen(Console):
                 cells = [Measurement.get(self, options, cell) for cell in (column.header, *column.cells)]
                 needed -= max(cell.maximum for cell in cells) - max(cell.minimum for cell in cells)
         return needed
+
+
+def _with_group(columns: Sequence[Column], k: int) -> Column:
+    """Column `k`; an empty first line of its heading becomes that of the column it is grouped with."""
+    column = columns[k]
+    first, *rest = str(column.header).split("\n")
+    if first or not rest:
+        return column
+    groups = (str(before.header).split("\n")[0] for before in reversed(columns[:k]))
+    return replace(column, header=heading("\n".join([next(filter(None, groups), ""), *rest])))
 
 
 def styled(text: str, style: str) -> Text:

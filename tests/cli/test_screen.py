@@ -80,6 +80,23 @@ def test_no_number_is_cut(width: int) -> None:
     assert text.count("friction of the axes") == (1 if width == 200 else text.count("what is measured"))
 
 
+def test_parts_keep_title_note_and_groups() -> None:
+    """A heading that stands over several columns stands over each part that has some of them."""
+    headings = ("rung", *(f"error [mm]\n{name}" for name in ("RMS", "max", "final")), "sway\n[°]")
+    cells = tuple(report.Cell(text) for text in ("servos", "1.0", "2.0", "3.0", "4.0"))
+    table = report.Table("what each rung adds", headings, (cells,), note="a note")
+    on = screen(26)
+    on.print(screen_table(table))
+    text = shown(on)
+    assert text.count("what each rung") == text.count("a note") == 1
+    assert text.index("what each rung") < text.index("servos") < text.rindex("servos") < text.index("a note")
+    assert text.count("servos") == 3
+    assert text.count("error [mm]") == 2, "RMS and max; final; sway"
+    wide = screen(200)
+    wide.print(screen_table(table))
+    assert shown(wide).count("error [mm]") == 1
+
+
 def test_lines_are_not_wrapped() -> None:
     on = screen(20)
     on.print("log:", "a" * 50)
