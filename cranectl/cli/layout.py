@@ -27,6 +27,7 @@ def layout_command(name: str, out: Path, plant: str) -> None:
     cranectl layout comparison comparison.json
     cranectl layout single single.json --plant analytic
     """
+    from cranectl.cli.output import console
     from cranectl.errors import InputError
     from cranectl.files import write_text
     from cranectl.layouts import layout_json
@@ -36,4 +37,4 @@ def layout_command(name: str, out: Path, plant: str) -> None:
         write_text(out, content)
     except (OSError, ValueError) as error:
         raise InputError.unwritable(out, error) from None
-    click.echo(f"layout: {out}; in Foxglove: Layouts, Import from file")
+    console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")

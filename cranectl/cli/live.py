@@ -13,6 +13,7 @@ from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import drive_option, scenario_options
 from cranectl.interrupts import heed_interrupts, interrupt
 from cranectl.places import MCAP
+from cranectl.text import printable
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
@@ -91,19 +92,23 @@ def live_command(
             )
         machine = f"[{host}]" if ":" in host else host
         layout = "comparison view.json" if len(plants) == 2 else f"single view.json --plant {plant}"
-        click.echo(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
-        click.echo(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
-        click.echo(f"layout: cranectl layout {layout}, to be imported there")
-        click.echo("steer: panels Parameters and Service Call")
-        click.echo(f"log: {place}; Ctrl-C ends the session and closes it")
+        _say(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
+        _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
+        _say(f"layout: cranectl layout {layout}, to be imported there")
+        _say("steer: panels Parameters and Service Call")
+        _say(f"log: {place}; Ctrl-C ends the session and closes it")
         server.serve(stop)
     for path in server.recorded or ("nothing recorded",):
-        click.echo(f"recorded: {path}")
+        _say(f"recorded: {path}")
     return exit_codes.GOOD
 
 
+def _say(text: str) -> None:
+    click.echo(printable(text))
+
+
 def _warn(text: str) -> None:
-    click.echo(f"cranectl: warning: {text}", err=True)
+    click.echo(printable(f"cranectl: warning: {text}"), err=True)
 
 
 @contextlib.contextmanager
