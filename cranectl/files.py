@@ -53,6 +53,14 @@ def being_written(path: Path) -> bool:
     return False
 
 
+def exists(path: Path) -> bool:
+    """Whether something is seen at `path`; nothing is where no name can be, or nobody may look."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
 def write_text(path: Path, text: str) -> None:
     """Write `text` to `path`: whole or not at all, but straight into a device or a pipe."""
     if path.exists() and not path.is_file():

@@ -23,6 +23,7 @@ from cranectl.campaign.parts import DamageError, part_name, read_part
 from cranectl.campaign.record import Origin, campaign_of, checked_record, origins_of
 from cranectl.documents import Table, read_json
 from cranectl.errors import InputError
+from cranectl.files import exists
 
 RECORD_FILE = "campaign.json"
 PARTS = "parts"
@@ -108,7 +109,7 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
 def read_record(directory: Path) -> Table:
     """The record of the result in `directory`; raises InputError where there is none."""
     path = directory / RECORD_FILE
-    if not path.exists():
+    if not exists(path):
         raise InputError(
             f"{directory} holds no result: {RECORD_FILE} is missing",
             allowed="a directory that 'cranectl campaign run' has written",

@@ -16,7 +16,7 @@ from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_record, 
 from cranectl.campaign.rows import Row
 from cranectl.documents import Table
 from cranectl.errors import InputError
-from cranectl.files import write_text
+from cranectl.files import exists, write_text
 from cranectl.provenance import provenance, provenance_differences
 
 ASIDE = ".corrupt"  # ending of a damaged part that was put aside
@@ -69,7 +69,7 @@ def open_store(
         _check_empty(directory)  # again: another process may have been faster
         if overwrite:
             _clear(directory)
-        if (directory / RECORD_FILE).exists():
+        if exists(directory / RECORD_FILE):
             found = read_record(directory)
             _check_same(directory, found, record, resume=resume)
             record |= _software(directory, found, record["versions"], accepted=despite_differences)
@@ -84,7 +84,7 @@ def open_store(
 
 def _check_empty(directory: Path) -> None:
     """Raise InputError if there is something other than a result."""
-    if not directory.is_dir() or (directory / RECORD_FILE).exists():
+    if not exists(directory) or not directory.is_dir() or exists(directory / RECORD_FILE):
         return
     own = (PARTS, LOCK_FILE)
     paths = [path for path in directory.iterdir() if path.name not in own]

@@ -213,6 +213,8 @@ def test_list_and_show(capsys: pytest.CaptureFixture[str]) -> None:
         (["run", "small.toml", "--workers", "0"], "0 is not in the range"),
         (["run", "small.toml", "--resume", "--overwrite"], "exclude each other"),
         (["run", "small.toml", "--out", "small.toml"], "cannot write small.toml"),
+        (["run", "small.toml", "--out", "a" * 300], "File name too long"),
+        (["report", "a" * 300], "holds no result"),
         (["report", "absent"], "absent holds no result"),
         (["replay", "absent"], "absent holds no result"),
         (["replay", "absent", "--run", "1", "--worst", "1"], "exclude each other"),

@@ -27,7 +27,7 @@ def main() -> int:
             text=True,
             check=False,
         )
-        cases += sum(map(int, re.findall(r"(\d+) (?:passing|failing) examples", done.stdout)))
+        cases += sum(map(int, re.findall(r"(\d+) (?:passing|failing)", done.stdout)))
         print(f"seed {seed}: {cases} cases, {time.monotonic() - start:.0f} s", flush=True)
         if done.returncode:
             print(done.stdout)

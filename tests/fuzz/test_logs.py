@@ -11,12 +11,12 @@ from cranectl.errors import LogError
 from cranectl.log import describe_log, read_log
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from tests.fuzz.oracle import check_command, fuzzed
+from tests.fuzz.oracle import SEED, check_command, fuzzed
 from tests.fuzz.strategies import TEXTS, changed, damaged
 from tests.log import test_fuzz as forgeries
 from tests.log.forge import Parts, put_together, take_apart
 
-READERS = ["info", "compare", "export", "recover"]
+READERS = ["info", "compare", "export", "recover"] * 5 + ["report"] * bool(SEED)  # a page takes seconds
 
 
 def check_runs(runs: dict[str, Run], every: int) -> None:
