@@ -12,7 +12,7 @@ from cranectl.signals import recorded_groups
 from tests.conftest import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-WITHOUT_CODE = {"mutations.md", "performance.md", "errata.md", "thesis.md"}  # results, no code
+WITHOUT_CODE = {"mutations.md", "performance.md", "errata.md", "thesis.md", "reliability.md"}  # results
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
@@ -65,3 +65,13 @@ def test_every_topic_is_documented() -> None:
     text = (ROOT / "docs" / "logs.md").read_text(encoding="utf-8")
     for group in recorded_groups(0):
         assert f"`/PLANT/{group.name}`" in text
+
+
+def test_every_test_that_the_page_of_promises_names_exists() -> None:
+    named = re.findall(
+        r"`(?:tests/)?([\w/]+\.py)::(\w+)`", (ROOT / "docs" / "reliability.md").read_text("utf-8")
+    )
+    assert len(named) > 50
+    for file, name in named:
+        text = (ROOT / "tests" / file).read_text(encoding="utf-8")
+        assert re.search(rf"^def {name}\(", text, re.MULTILINE), f"{file}::{name}"
