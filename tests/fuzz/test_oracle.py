@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +22,9 @@ def says(text: str, *, error: bool = False) -> Callable[[], int]:
         return 2 if error else 0
 
     return command
+
+
+ELSEWHERE = Path(tempfile.gettempdir(), f"fuzz-{os.getpid()}")
 
 
 def writes(name: str) -> Callable[[], int]:
@@ -53,7 +57,7 @@ MISDEEDS: dict[str, Callable[[], int]] = {
     "a file of another kind": writes("old.json"),
     "a file named -": writes("-"),
     "an unfinished file": writes("x.mcap.1.part"),
-    "a file elsewhere": writes(f"/tmp/cranectl-{os.getpid()}"),
+    "a file elsewhere": writes(str(ELSEWHERE)),
     "a lost file": lambda: os.remove("notes.txt") or 0,  # noqa: PTH107
     "no end": computes,
     "an end that is swallowed": swallows,
@@ -67,6 +71,7 @@ def test_misdeeds_are_seen(template: Path, monkeypatch: pytest.MonkeyPatch, name
     monkeypatch.setattr(oracle, "SECONDS", 0.1)
     with pytest.raises(AssertionError):
         oracle.check_command(template, ["--out", "old.json", *(["--json", "-"] if "JSON" in name else [])])
+    ELSEWHERE.unlink(missing_ok=True)
 
 
 def test_errors_are_seen(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
