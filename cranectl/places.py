@@ -47,15 +47,20 @@ def kind_of(path: Path, endings: Iterable[str]) -> Kind:
     return BY_ENDING[path.suffix.lower()]
 
 
-def check_place(path: Path, kind: Kind, *, inputs: Iterable[Path] = (), option: str = "") -> None:
+def check_place(
+    path: Path, kind: Kind, *, inputs: Iterable[Path] = (), option: str = "", at_once: bool = False
+) -> None:
     """Raise InputError unless a file of `kind` may be written to `path`; makes its directory.
 
     It may not replace one of `inputs`, by whatever name, nor anything but an empty file or one of its kind,
-    nor what somebody is writing. `option` is what the user called the place.
+    nor what somebody is writing, unless it is complete and written `at_once`: then the last to finish wins.
+    `option` is what the user called the place.
     """
     remedy = f"choose another place with {option}" if option else "choose another place"
     try:
         obstacle = _obstacle(path, kind, inputs)
+        if not obstacle and not at_once and path.is_file() and being_written(path):
+            obstacle = "another command is writing it at this moment"
         if not obstacle and (path.is_file() or not path.exists()):
             check_replaceable(path)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
@@ -82,7 +87,7 @@ def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:
         beginning = file.read(LONGEST_BEGINNING)
     if beginning and not kind.begins.match(beginning):
         return f"it exists and is no {kind.name}"
-    return "another command is writing it at this moment" if being_written(path) else ""
+    return ""
 
 
 def _same(a: Path, b: Path) -> bool:

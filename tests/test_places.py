@@ -78,6 +78,7 @@ def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
             assert process.stdout.readline()
             assert being_written(path)
             assert "is writing it" in refused(path)
+            check_place(path, MCAP, at_once=True)
             if kill:
                 process.kill()
             else:

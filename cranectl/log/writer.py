@@ -38,10 +38,10 @@ REMEDY = "choose another place with --out"
 FAILURES = (OSError, RuntimeError, DamageError)  # of writing; of a full disk the library tells as it likes
 
 
-def check_writable(path: Path, *, inputs: Iterable[Path] = ()) -> None:
-    """Raise LogError now rather than after the simulation if no log can be written to `path`."""
+def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:
+    """Raise LogError now rather than after the simulation if no log can be written; see `check_place`."""
     try:
-        check_place(path, MCAP, inputs=inputs, option="--out")
+        check_place(path, MCAP, inputs=inputs, option="--out", at_once=at_once)
     except InputError as error:
         raise LogError(error.found, allowed=error.allowed, remedy=error.remedy) from None
 
@@ -60,7 +60,7 @@ def write_log(
     Returns `path`; raises LogError if it cannot be written, or nobody could read it.
     """
     path = Path(path)
-    check_writable(path)
+    check_writable(path, at_once=True)
     every = every or runs[0].scenario.log.every
     write_logged(path, [run.every(every) for run in runs], every, limits)
     return path
