@@ -124,4 +124,8 @@ def _too_deep(source: str) -> InputError:
 
 
 def _invalid(source: str, kind: str, error: ValueError) -> InputError:
-    return InputError(f"{source} is not valid {kind}: {error}", remedy="correct it at that place")
+    return InputError(
+        f"{source} is not valid {kind}: {error}",
+        allowed=f"{kind} in UTF-8, whole numbers of at most {MAX_BITS} bits",
+        remedy="correct it at that place",
+    )

@@ -3,12 +3,12 @@
 Once logs of another format are written this file stays as it is, and turns old into what is known then.
 """
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from cranectl.design import Design
+from cranectl.documents import parse_json
 from cranectl.log.consistency import check_design
 from cranectl.log.header import LogHeader
 from cranectl.log.outcome import MAX_NS, Outcome, check_outcome
@@ -17,8 +17,6 @@ from cranectl.scenario import Scenario
 from cranectl.settings import parse_settings
 from cranectl.simulate import checked_drive
 from cranectl.status import RunStatus
-
-MAX_JSON = 2**20  # [bytes]; scenarios and designs have a few thousand
 
 
 def read_header(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:
@@ -71,9 +69,7 @@ def _count(text: str, *, least: int = 0) -> int:
 
 
 def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
-    if len(attachments[name]) > MAX_JSON:
-        raise ValueError(f"{name} has {len(attachments[name])} bytes")
-    data = json.loads(attachments[name])
+    data = parse_json(attachments[name], name)
     if not isinstance(data, dict):
         raise TypeError(f"{name} is no table")
     return data
