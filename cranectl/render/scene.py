@@ -152,6 +152,8 @@ class Stage:
         vectors = np.array(size, float), np.array(position, float)
         mujoco.mjv_initGeom(geom, kind, *vectors, ALONG_Z, np.array(rgba, np.float32))
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+        # Left by the engine as the memory was before, and it decides how a geom is drawn.
+        geom.objtype, geom.objid = mujoco.mjtObj.mjOBJ_UNKNOWN, -1
         geom.transparent = rgba[3] < 1.0
         return geom
 

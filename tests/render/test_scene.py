@@ -9,6 +9,7 @@ import pytest
 from cranectl import resources
 from cranectl.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
 from cranectl.render.film import film_of
+from cranectl.render.scene import stage
 from cranectl.render.settings import CAMERAS
 from cranectl.signals import TENSION_COLUMN
 from tests.render.pictures import (
@@ -163,3 +164,15 @@ def test_the_same_moment_is_the_same_picture() -> None:
     first, again, later = (draw(runs, time) for time in (5.0, 5.0, 5.2))
     assert (first == again).all()
     assert (first != later).any()
+
+
+def test_what_memory_held_before_is_not_seen() -> None:
+    """The engine does not clear the geoms of a scene."""
+    runs = {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
+    with stage(film_of(runs), "overview", WIDTH, HEIGHT) as scene:
+        first = scene.draw(5.0)
+        for kind in range(25):  # of objects
+            for geom in scene._scene.geoms:
+                geom.objtype, geom.objid, geom.dataid, geom.matid, geom.segid = kind, kind, 1, 1, 7
+                geom.camdist = geom.emission = geom.reflectance = geom.modelrbound = 0.7
+            assert (scene.draw(5.0) == first).all(), kind
