@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import itertools
 import json
 import os
 import re
@@ -27,6 +28,7 @@ SECONDS = 10.0  # of the processor, for a command
 PATIENCE = 100.0  # the first time, when it may have to compile or import something
 LONGEST = 20_000  # [characters] of a message
 UNFIT = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2028\u2029\ud800-\udfff]")
+OUTPUTS = {"--json", "--out", "--report", "--plot", "--merge", "--record"}
 KINDS = (b"\x89M", b"\x89P", b"{\n", b"<!", b"<?")  # how files begin that a command may replace by its own
 
 T = TypeVar("T")
@@ -118,11 +120,14 @@ def _check_files(arguments: Sequence[str], before: dict[str, bytes], after: dict
     assert "here/-" not in after
     assert not [name for name in after if name.endswith(".part")]
     resumed = {"--resume", "--overwrite"} & set(arguments)
+    pairs = enumerate(itertools.pairwise(arguments), 2)  # of an option that is repeated the last value counts
+    said = [(a, b) for later, (a, b) in pairs if not (a.startswith("--") and a in arguments[later:])]
     for name, content in before.items():
         if after.get(name) == content or (resumed and name.startswith("here/r/")):
             continue
-        named = {arguments[k - 1] for k, a in enumerate(arguments) if os.path.normpath(f"here/{a}") == name}
+        named = {option for option, word in said if os.path.normpath(f"here/{word}") == name}
         assert len(named) == 1, f"{name} has changed"
+        assert named & OUTPUTS or arguments[0] in {"render", "layout"}, f"{name} has changed"
         assert content[:2] in KINDS, f"{name} has changed"
         assert after[name][:2] == content[:2], f"{name} is of another kind"
 

@@ -74,6 +74,18 @@ def test_misdeeds_are_seen(template: Path, monkeypatch: pytest.MonkeyPatch, name
     ELSEWHERE.unlink(missing_ok=True)
 
 
+def test_an_input_that_is_written_is_seen(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where it is a file of the kind that the command writes."""
+    monkeypatch.setattr(oracle, "main", lambda _: Path("old.json").write_text("{\n") * 0)
+    for line in (
+        ["--json", "old.json", "sub/../old.json"],
+        ["--json", "new.json", "old.json"],
+        ["--json", "-"],
+    ):
+        with pytest.raises(AssertionError):
+            oracle.check_command(template, ["info", *line])
+
+
 def test_errors_are_seen(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(oracle, "main", lambda _: raises())
     with pytest.raises(KeyError):
@@ -85,4 +97,8 @@ def test_good_deeds_are_none(template: Path) -> None:
     code, files = oracle.check_command(template, line)
     assert code == 0
     assert files["here/x.mcap"] != (template / "x.mcap").read_bytes()
+    repeated = ["list", "--json", "old.json", "--json", "./old.json"]
+    assert oracle.check_command(template, repeated)[0] == 0
+    repeated = ["run", "s.toml", "--json", "x.mcap", "--json", "new.json", "--out", "x.mcap"]
+    assert oracle.check_command(template, repeated)[0] == 0
     assert oracle.check_command(template, ["run", "s.toml", "--rig", "no.toml"])[0] == 2
