@@ -85,7 +85,7 @@ def title_changed(parts: Parts, data: st.DataObject) -> None:
 
 def topic_gone(parts: Parts, data: st.DataObject) -> None:
     channels = sorted({r.channel_id for chunk in parts.chunks for r in chunk if isinstance(r, Message)})
-    lost = data.draw(st.sampled_from(channels))
+    lost = data.draw(st.sampled_from(channels or [0]))  # no message may be left of another change
     for chunk in parts.chunks:
         chunk[:] = [r for r in chunk if not isinstance(r, Message) or r.channel_id != lost]
 
