@@ -105,13 +105,15 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     )
 
 
-def judge(a: Run, b: Run, *, limits: Limits | NoLimits | None = None) -> Agreement:
+def judge(
+    a: Run, b: Run, *, limits: Limits | NoLimits | None = None, comparison: Comparison | None = None
+) -> Agreement:
     """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
 
     Plants that ended with different status, or further apart in time than the limit, do not agree, whatever
-    their difference. Without limits there is no verdict.
+    their difference. Without limits there is no verdict. `comparison`: of the two, where it is known already.
     """
-    comparison = compare_runs(a, b, signals=())
+    comparison = comparison or compare_runs(a, b, signals=())
     limits = limits or limits_for(a.scenario, a.design, a.drive)
     known = limits if isinstance(limits, Limits) else None
     return Agreement(

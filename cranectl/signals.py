@@ -4,6 +4,7 @@ Frames: world origin at a corner of the rig at trolley height, x along the 2 m s
 1.54 m side, z up. SI units and radians.
 """
 
+import functools
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -193,6 +194,7 @@ def command_group(drive: str) -> SignalGroup:
     )
 
 
+@functools.cache
 def recorded_groups(robustifier_order: int, *, staged: str = "") -> tuple[SignalGroup, ...]:
     """Everything a run records at every sample, in column order.
 

@@ -120,7 +120,8 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
     from cranectl.compare import compare_runs, ended_as_expected, judge
 
     ((a, b),) = _pairs((log,))
-    comparison, agreement = compare_runs(a, b), judge(a, b, limits=limits_of(a, predict=predict))
+    comparison = compare_runs(a, b)
+    agreement = judge(a, b, limits=limits_of(a, predict=predict), comparison=comparison)
     unexpected = [run for run in (a, b) if not ended_as_expected(run)]
     good = agreement.passed is not False and not unexpected
     screen = console(json_file)

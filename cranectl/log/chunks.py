@@ -5,6 +5,7 @@ and the messages of a channel, if they all have one length, the rows of an array
 """
 
 import io
+import threading
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -85,7 +86,7 @@ def _inflated(chunk: Chunk) -> bytes:
     if size > MAX_CHUNK:
         raise DamageError(f"a chunk claims to unpack to {size} bytes, more than {MAX_CHUNK}")
     try:
-        data = _at_most(_opened(chunk), size + 1)
+        data = _at_most(_opened(chunk), size + 1) if chunk.compression != "zstd" else _expanded(chunk)
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise DamageError(f"a chunk cannot be unpacked: {error}") from None
     if len(data) != size:
@@ -95,14 +96,30 @@ def _inflated(chunk: Chunk) -> bytes:
     return data
 
 
+class _OfThread(threading.local):
+    """What takes longer to make than to unpack a chunk with, and serves one thread at a time."""
+
+    def __init__(self) -> None:
+        self.zstd = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
+
+
+_of_thread = _OfThread()
+
+
+def _expanded(chunk: Chunk) -> bytes:
+    """At most as many bytes as the chunk claims; a frame that claims more itself would be given the room."""
+    size = chunk.uncompressed_size
+    if zstandard.frame_content_size(chunk.data) > size:
+        raise DamageError(f"a chunk unpacks to more than {size} bytes")
+    return _of_thread.zstd.decompress(chunk.data, max_output_size=max(size, 1))
+
+
 class _Reader(Protocol):
     def read(self, size: int, /) -> bytes: ...
 
 
 def _opened(chunk: Chunk) -> _Reader:
     packed = io.BytesIO(chunk.data)
-    if chunk.compression == "zstd":
-        return zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK).stream_reader(packed)
     if chunk.compression == "lz4":
         reader: _Reader = lz4.frame.open(packed)
         return reader

@@ -177,17 +177,20 @@ def _summary(records: Iterable[Record], start: int, size: int) -> Summary:
 def _read_chunk_index(stream: ReadDataStream) -> ChunkIndex:
     """As mcap's own, which reads number by number what makes up most of a summary."""
     first, last, start, length, size = struct.unpack("<QQQQI", stream.read(36))
-    offsets = np.frombuffer(stream.read(size), dtype=[("channel", "<u2"), ("offset", "<u8")])
+    offsets = dict(struct.iter_unpack("<HQ", stream.read(size)))
+    index_length, name_length = struct.unpack("<QI", stream.read(12))
+    compression = str(stream.read(name_length), "utf-8")
+    compressed, uncompressed = struct.unpack("<QQ", stream.read(16))
     return ChunkIndex(
         message_start_time=first,
         message_end_time=last,
         chunk_start_offset=start,
         chunk_length=length,
-        message_index_offsets=dict(zip(offsets["channel"].tolist(), offsets["offset"].tolist(), strict=True)),
-        message_index_length=stream.read8(),
-        compression=stream.read_prefixed_string(),
-        compressed_size=stream.read8(),
-        uncompressed_size=stream.read8(),
+        message_index_offsets=offsets,
+        message_index_length=index_length,
+        compression=compression,
+        compressed_size=compressed,
+        uncompressed_size=uncompressed,
     )
 
 

@@ -81,13 +81,14 @@ def differences(a: Run, b: Run) -> list[Stream]:
 
 def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, str]:
     """Whether the plants agree, and by how much every signal differs."""
-    found = judge(a, b, limits=limits)
+    comparison = compare_runs(a, b)
+    found = judge(a, b, limits=limits, comparison=comparison)
     values = {
         "verdict": found.verdict,
         "load": _beside(found.max_load_error_m, found.limit_m, "m", found.limits),
         "angles": _beside(found.max_angle_error_rad, found.limit_rad, "rad", found.limits),
     }
-    for row in compare_runs(a, b).signals:
+    for row in comparison.signals:
         text = f"at most {row.max_abs:.1e} {row.unit} at {row.at_s:g} s, RMS {row.rms:.1e}"
         values[row.signal.replace(".", "_")] = text
     return values

@@ -106,6 +106,10 @@ OUTSIDE: dict[str, tuple[Edit, str]] = {
     "chunk that begins earlier": (lies(Chunk, message_start_time=2**63), "contradict|times of a chunk"),
     "chunk of unknown compression": (lies(Chunk, compression="xz"), "'xz', neither zstd nor lz4"),
     "chunk that is no zstd": (lies(Chunk, data=b"no zstd at all"), "cannot be unpacked"),
+    "chunk whose frame claims a terabyte": (
+        lies(Chunk, data=b"\x28\xb5\x2f\xfd\xc0\x48" + (2**40).to_bytes(8, "little") + b"\x01\x00\x00"),
+        "more than",
+    ),
     "chunk that is no lz4": (lies(Chunk, compression="lz4"), "cannot be unpacked"),
     "chunk that is cut off": (on(Chunk, lambda c: [replace(c, data=c.data[:-20])]), "unpack"),
     "checksum of a chunk": (moved(Chunk, uncompressed_crc=1), "checksum of a chunk"),
