@@ -33,12 +33,12 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_mutants_of_one_function_are_caught() -> None:
-    done = python("validation/mutations.py", "rope_tension", "--jobs", "1")
+    done = python("validation/mutations.py", "load_velocity", "--jobs", "1")
     assert done.returncode == 0, done.stdout + done.stderr
     caught = re.search(r"(\d+) mutants, (\d+) caught, 0 survived", done.stdout)
     assert caught is not None
     assert caught[1] == caught[2]
-    assert int(caught[1]) >= 5
+    assert int(caught[1]) >= 3
 
 
 def test_a_mutant_that_no_test_looks_at_survives() -> None:

@@ -139,7 +139,6 @@ def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
     ("sent", "to_group"),
     [
         (signal.SIGINT, True),
-        (signal.SIGINT, False),
         (signal.SIGTERM, True),
         (signal.SIGTERM, False),
         (signal.SIGHUP, True),

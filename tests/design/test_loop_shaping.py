@@ -32,15 +32,12 @@ def slicot(plant: control.StateSpace, factor: float) -> control.StateSpace:
 
 def closed_loop_response(plant: control.StateSpace, k: control.StateSpace) -> np.ndarray:
     """Largest singular value of [I; K] (I - G K)^-1 [I G] at each frequency, from G and K alone."""
-    values = []
-    for omega in OMEGA:
-        g, c = (np.atleast_2d(system(1j * omega)) for system in (plant, k))
-        p, m = g.shape
-        inverse = np.linalg.inv(np.eye(p) - g @ c)
-        full = np.vstack([np.eye(p), c]) @ inverse @ np.hstack([np.eye(p), g])
-        values.append(np.linalg.svd(full, compute_uv=False)[0])
-        assert full.shape == (p + m, p + m)
-    return np.array(values)
+    g, c = (np.moveaxis(system(1j * OMEGA, squeeze=False), -1, 0) for system in (plant, k))
+    identity = np.broadcast_to(np.eye(g.shape[1]), (len(OMEGA), g.shape[1], g.shape[1]))
+    inverse = np.linalg.inv(identity - g @ c)
+    full = np.concatenate([identity, c], axis=1) @ inverse @ np.concatenate([identity, g], axis=2)
+    assert full.shape[1:] == (sum(g.shape[1:]), sum(g.shape[1:]))
+    return np.linalg.svd(full, compute_uv=False)[:, 0]
 
 
 def closed_loop_poles(plant: control.StateSpace, k: control.StateSpace) -> np.ndarray:
