@@ -30,7 +30,7 @@ def main() -> int:
         cases += sum(map(int, re.findall(r"(\d+) (?:passing|failing)", done.stdout)))
         print(f"seed {seed}: {cases} cases, {time.monotonic() - start:.0f} s", flush=True)
         if done.returncode:
-            print(done.stdout)
+            print("\n".join(line[:500] for line in done.stdout.splitlines()))
             return done.returncode
         seed += 1
     return 0

@@ -23,10 +23,12 @@ from cranectl.analysis.certificate.nu_gap import Graph, NuGap, nu_gap
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.scaling import choose_cut
 from cranectl.design import Design
+from cranectl.errors import InputError
 from cranectl.plants.interface import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import tracker_of
 
+MOST_DELAY_SAMPLES = 300  # a point takes 2 s then, and no controller here bears half as much
 CAUTION = 2.0 * RESOLUTION  # gap and margin are each found to within the resolution of the grid
 
 # gap: nu-gap below b; by frequency: distance below margin at each frequency.
@@ -133,16 +135,28 @@ class Certificate:
 
 
 def make_judge(scenario: Scenario, design: Design, cut_name: str | None = None) -> Judge:
-    """Design model and margin of `design`; raises InputError for a cut that it does not have.
+    """Design model and margin of `design`; raises InputError for a cut that it does not have, and long delay.
 
     The default cut is the one that the robustifier was designed for, else "v".
     """
+    _check_delay(scenario)
     tracker_of(scenario, design)  # raises if the design's own loop is unstable when sampled
     period = scenario.period_ns / NANOSECONDS
     cut = choose_cut(design, scenario.design, period, cut_name)
     graph = cut.graph(design_inner_loop(design.gain, period))
     margin = coprime_margin(graph, cut.controller, cut.robustifier.poles())
     return Judge(design, cut, period, graph, margin)
+
+
+def _check_delay(scenario: Scenario) -> None:
+    delay = scenario.effects.delay
+    samples = round(delay.seconds * NANOSECONDS / scenario.period_ns) if delay else 0
+    if samples > MOST_DELAY_SAMPLES:
+        raise InputError(
+            f"a delay of {samples} control periods, each of them three states of the linear loop",
+            allowed=f"at most {MOST_DELAY_SAMPLES}",
+            remedy="'cranectl run' simulates any delay; no loop is certified with one like this",
+        )
 
 
 def certify(

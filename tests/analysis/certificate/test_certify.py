@@ -308,6 +308,11 @@ def test_the_cut_at_v_bar_belongs_to_loop_shaping() -> None:
     assert judge_of("lqr+loop-shaping").cut.name == "v-bar"
 
 
+def test_a_delay_that_would_take_minutes_is_refused_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["certify", "lqr", "--delay", "1"]) == 2
+    assert "a delay of 1000 control periods" in capsys.readouterr().err
+
+
 def test_a_certificate_knows_its_worst_point() -> None:
     points = [OperatingPoint(0.7), OperatingPoint(0.7, (2.0, 2.0)), OperatingPoint(0.2)]
     found = certify(judge_of("pole-placement+loop-shaping"), scenario_of(), points, drive="velocity")
