@@ -160,7 +160,8 @@ def _write_parquet(table: ExportTable, path: Path) -> None:
         fields.append(arrow.field(column.name, arrow.float64(), metadata=metadata))
         arrays.append(arrow.array(column.values, mask=column.missing))
     schema = arrow.schema(fields, metadata={name: str(value) for name, value in table.info.items()})
-    parquet.write_table(arrow.Table.from_arrays(arrays, schema=schema), path)
+    with path.open("wb") as stream:
+        parquet.write_table(arrow.Table.from_arrays(arrays, schema=schema), stream)
 
 
 def _write_mat(table: ExportTable, path: Path) -> None:

@@ -42,10 +42,11 @@ def write_part(path: Path, campaign: Campaign, origin: Origin, batch: Batch, row
     schema = arrow_schema(campaign, _metadata(campaign, origin, batch))
     schema = schema.with_metadata({**schema.metadata, DIGEST: _digest(_descriptions(schema))})
     table = pyarrow.Table.from_pylist(list(rows), schema=schema)
-    with interrupts_wait(), replacing(path) as unfinished:
+    # Files and not their names, which may be no UTF-8.
+    with interrupts_wait(), replacing(path) as unfinished, unfinished.open("wb") as stream:
         parquet.write_table(
             table,
-            unfinished,
+            stream,
             compression="zstd",
             use_dictionary=FEW_VALUES,
             write_statistics=False,
@@ -62,7 +63,10 @@ def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: 
     from pyarrow import parquet
 
     try:
-        with parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        with (
+            path.open("rb") as stream,
+            parquet.ParquetFile(stream, page_checksum_verification=True) as file,
+        ):
             schema = file.schema_arrow
             table = file.read(use_threads=False)
             table.validate(full=True)

@@ -77,7 +77,7 @@ def check_design(design: Design) -> None:
     with np.errstate(all="ignore"):  # of numbers that overflow
         loop = closed_loop_matrix(design.gain, design.robustifier)
         poles = np.linalg.eigvals(loop) if np.isfinite(loop).all() else np.full(len(loop), np.nan)
-        expected, said = np.poly(poles), np.poly(design.closed_loop_poles)
+        expected, said = np.poly(poles), np.atleast_1d(np.poly(design.closed_loop_poles))  # of none: a number
         tolerance = POLYNOMIAL_ERROR[design.robustifier.order > 0]
         same = said.shape == expected.shape and (abs(said - expected) <= tolerance * abs(expected)).all()
     if not poles.real.max() < 0.0:

@@ -1,6 +1,7 @@
 """`cranectl campaign` as users meet it: run, cut short, resumed, replayed, wrong input."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -95,6 +96,14 @@ def test_a_run_cut_short_is_resumed_to_the_same_table(
 def test_the_number_of_workers_changes_no_byte(finished: Path) -> None:
     assert main(["campaign", "run", "small.toml", "--workers", "3"]) == 0
     assert parts_of(Path("logs/campaign-small")) == parts_of(finished)
+
+
+def test_a_directory_whose_name_is_no_utf_8(finished: Path) -> None:
+    name = os.fsdecode(b"\xff")
+    shutil.copytree(finished, name)
+    next((Path(name) / PARTS).iterdir()).unlink()
+    assert main(["campaign", "run", "small.toml", "--out", name, "--resume"]) == 0
+    assert parts_of(Path(name)) == parts_of(finished)
 
 
 def parts_of(directory: Path) -> dict[str, bytes]:

@@ -4,7 +4,7 @@ import errno
 import json
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow
@@ -242,14 +242,14 @@ def test_a_full_disk_leaves_a_result_that_can_be_resumed(
 ) -> None:
     write = parquet.write_table
 
-    def full(table: Any, path: Path, **options: Any) -> None:
+    def full(table: Any, stream: BinaryIO, **options: Any) -> None:
         if parts:
-            path.write_bytes(b"half")
+            stream.write(b"half")
             raise OSError(number, "as the system says it")
-        parts.append(path)
-        write(table, path, **options)
+        parts.append(stream)
+        write(table, stream, **options)
 
-    parts: list[Path] = []
+    parts: list[BinaryIO] = []
     monkeypatch.setattr(parquet, "write_table", full)
     error = caught(write_all, CAMPAIGN, tmp_path)
     assert ("the disk is full" if number == errno.ENOSPC else "as the system says it") in error.found

@@ -562,6 +562,7 @@ INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
     "design of other gains": (gains(1.01), "not those of its gains"),
     "design of another pole": (pole(0, -2.6), "not those of its gains"),
     "design of a pole too few": (values("design.json", closed_loop_poles=[[-2.5, 0.0]] * 3), "not those of"),
+    "design without poles": (values("design.json", closed_loop_poles=[]), "not those of"),
     "design of infinite poles": (pole(0, -INFINITE), "not those of its gains"),
     "design with broken matrices": (
         values("design.json", robustifier={"A": [1.0], "B": [[1.0]], "C": [[1.0]], "D": [[0.0], [5.0]]}),
