@@ -16,23 +16,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cranectl.compare import Agreement, Comparison, compare_runs, judge
     from cranectl.design import CONTROLLERS, Design, design_controller
-    from cranectl.errors import CranectlError, InputError, LogError
     from cranectl.log import read_log, read_signal, write_log
     from cranectl.metrics import RunMetrics, run_metrics
-    from cranectl.parameters import RigParameters
     from cranectl.scenario import Scenario, load_scenario, scenario_names
+    from cranectl.scenario.rig import RigParameters
     from cranectl.simulate import Run, simulate_run
     from cranectl.status import RunStatus
+    from cranectl.support.errors import CranectlError, InputError, LogError
 
 _HOME = {
     "CONTROLLERS": "design",
     "Agreement": "compare",
     "Comparison": "compare",
-    "CranectlError": "errors",
+    "CranectlError": "support.errors",
     "Design": "design",
-    "InputError": "errors",
-    "LogError": "errors",
-    "RigParameters": "parameters",
+    "InputError": "support.errors",
+    "LogError": "support.errors",
+    "RigParameters": "scenario.rig",
     "Run": "simulate",
     "RunMetrics": "metrics",
     "RunStatus": "status",

@@ -3,7 +3,7 @@
 import sys
 
 from cranectl.cli import exit_codes
-from cranectl.interrupts import came_of_interrupt, heed_interrupts, interrupt
+from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, interrupt
 
 
 def main() -> int:

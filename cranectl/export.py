@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.errors import InputError, unknown_name
-from cranectl.files import replacing
-from cranectl.patterns import matching, unmatched
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
+from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.files import replacing
+from cranectl.support.patterns import matching, unmatched
 
 Array = NDArray[np.float64]
 

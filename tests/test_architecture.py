@@ -1,7 +1,9 @@
 """The structure: one direction of imports, a light start, a public API that matches its promise."""
 
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -23,14 +25,26 @@ def test_imports_go_one_way() -> None:
     assert done.returncode == 0, done.stdout
 
 
+def test_the_rooms_are_drawn_as_the_contract_has_them() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    (layers,) = (contract["layers"] for contract in contracts if contract["type"] == "layers")
+    drawn = re.findall(r"^ {6}(\w.*?)  +\w", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+    assert [line.split(", ") for line in drawn] == [re.findall(r"\w+", layer) for layer in layers]
+
+
+def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
+    entries = [path for path in (ROOT / "cranectl").iterdir() if not path.name.startswith("__")]
+    assert len(entries) <= 24, sorted(path.name for path in entries)
+
+
 @pytest.mark.parametrize(
     ("module", "line", "contract"),
     [
-        ("dynamics.py", "import cranectl.flatness", "one direction of imports"),
-        ("plants/analytic.py", "import cranectl.tracker", "one direction of imports"),
-        ("plants/mujoco_model.py", "import cranectl.dynamics", "knows nothing of our equations"),
+        ("model/dynamics.py", "import cranectl.controllers.flat", "one direction of imports"),
+        ("plants/analytic.py", "import cranectl.controllers.flat", "one direction of imports"),
+        ("plants/mujoco/model.py", "import cranectl.model.dynamics", "knows nothing of our equations"),
         ("metrics/summary.py", "import mujoco", "only the MuJoCo plant"),
-        ("metrics/summary.py", "import mcap", "only the log package"),
+        ("metrics/summary.py", "import mcap", "only logs and live sessions"),
     ],
 )
 def test_the_contracts_notice_a_violation(tmp_path: Path, module: str, line: str, contract: str) -> None:

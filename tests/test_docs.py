@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.parameters import RigParameters
+from cranectl.scenario.rig import RigParameters
 from cranectl.signals import recorded_groups
 from tests.conftest import ROOT
 

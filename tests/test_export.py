@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from cranectl.cli.main import main
-from cranectl.errors import InputError
 from cranectl.export import FORMATS, chosen_format, export_table, write_table
 from cranectl.log import read_log, write_log
-from cranectl.patterns import matching
-from cranectl.plants.interface import PLANTS
+from cranectl.plants.plant import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, recorded_groups
 from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import InputError
+from cranectl.support.patterns import matching
 from tests.conftest import ROOT
 
 Array = NDArray[np.float64]

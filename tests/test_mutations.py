@@ -22,7 +22,7 @@ WITH_OTHER_TESTS = """
 import sys
 sys.path.insert(0, "validation")
 import mutations
-mutations.SUITE = ["tests/test_errors.py"]
+mutations.SUITE = ["tests/support/test_errors.py"]
 sys.argv = ["mutations.py", "potential_energy", "--jobs", "1"]
 sys.exit(mutations.main())
 """
@@ -44,7 +44,7 @@ def test_mutants_of_one_function_are_caught() -> None:
 def test_a_mutant_that_no_test_looks_at_survives() -> None:
     done = python("-c", WITH_OTHER_TESTS)
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "SURVIVED cranectl.dynamics.potential_energy" in done.stdout
+    assert "SURVIVED cranectl.model.dynamics.potential_energy" in done.stdout
 
 
 def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
@@ -59,10 +59,10 @@ def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
 @pytest.mark.parametrize(
     "function",
     [
-        "dynamics.angular_accelerations",
-        "flatness.linearising_input",
-        "plants.mujoco_stages.apply_disturbance",
-        "plants.mujoco_model._set_velocity_drives",
+        "model.dynamics.angular_accelerations",
+        "model.flatness.linearising_input",
+        "plants.mujoco.disturbed_step.apply_disturbance",
+        "plants.mujoco.model._set_velocity_drives",
     ],
 )
 def test_every_kind_of_term_is_on_the_page(function: str) -> None:

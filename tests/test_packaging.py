@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.provenance import fingerprints
+from cranectl.support.provenance import fingerprints
 from tests.conftest import ALL_SCENARIOS, ROOT
 
 
@@ -40,7 +40,7 @@ def test_wheel_carries_what_runs_need_and_nothing_generated(wheel: Path) -> None
 
 def test_a_wheel_is_the_same_program_as_its_checkout(wheel: Path, tmp_path: Path) -> None:
     zipfile.ZipFile(wheel).extractall(tmp_path)
-    command = "import json; from cranectl.provenance import fingerprints; print(json.dumps(fingerprints()))"
+    command = "import json; from cranectl.support.provenance import fingerprints as f; print(json.dumps(f()))"
     found = subprocess.run(
         [sys.executable, "-c", command],
         cwd=tmp_path,
@@ -72,7 +72,7 @@ def test_the_wheel_runs_away_from_the_checkout(wheel: Path, tmp_path: Path) -> N
             check=True,
         ).stdout
 
-    where = python("-c", "import cranectl.resources as r; print(r.MODEL_FILE)")
+    where = python("-c", "import cranectl.support.resources as r; print(r.MODEL_FILE)")
     assert where.startswith(str(site))
     listed = python("-m", "cranectl", "list")
     for scenario in ALL_SCENARIOS:

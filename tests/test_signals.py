@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from cranectl.interrupts import SIGNALS
+from cranectl.support.interrupts import SIGNALS
 
 
 def test_what_tests_start_takes_signals() -> None:

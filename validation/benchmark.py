@@ -29,15 +29,15 @@ from figures import Figure, figure, interleaved, seconds
 from foxglove.mcap import MCAPWriteOptions
 from scaling import result_costs, scaling
 
+from cranectl.cases.workers import available_cores
+from cranectl.controllers.flat import control_step, initial_memory
 from cranectl.design import CONTROLLERS, design_controller
-from cranectl.jit import jit
 from cranectl.log import read_log, read_signal, write_log
-from cranectl.log.streams import streams
+from cranectl.log.messages import streams
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order
-from cranectl.parallel import available_cores
 from cranectl.scenario import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run, tracker_of
-from cranectl.tracker import control_step, initial_memory
+from cranectl.support.jit import jit
 
 SCENARIO = "settled-trajectory"
 

@@ -18,21 +18,21 @@ import numpy as np
 import other_ways as other
 from figures import Figure, figure, interleaved, ratio_of_best
 
-from cranectl import resources
 from cranectl.campaign import Campaign, make_campaign
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.engine import run_batches
+from cranectl.campaign.definition import Batch
 from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.settings import parse_campaign
+from cranectl.campaign.threads import run_batches
 from cranectl.campaign.worker import BLOCK, Worker
 from cranectl.design import design_controller
-from cranectl.jit import jit
-from cranectl.plants.mujoco_model import compiled_model, rate_addresses, state_addresses
-from cranectl.plants.mujoco_step import mj_step
+from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
+from cranectl.plants.mujoco.step import mj_step
 from cranectl.scenario import load_scenario
 from cranectl.simulate import make_plant, plan_scenario, tracker_of
+from cranectl.simulate.blocks import stream_run
 from cranectl.simulate.runner import record_width, start_run
-from cranectl.simulate.stream import stream_run
+from cranectl.support import resources
+from cranectl.support.jit import jit
 
 SCENARIO, DRIVE = "settled-trajectory", "velocity"
 HEAVY = ("lqr+hinf", "lqr+loop-shaping")

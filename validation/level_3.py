@@ -11,9 +11,9 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from multiprocessing import get_context
 
-from cranectl.analysis.budget.level_3 import PlantDifference, predict_plant_difference
+from cranectl.analysis.budget.predicted_limits import PlantDifference, predict_plant_difference
+from cranectl.compare.limits import agreement_limits
 from cranectl.design import CONTROLLERS
-from cranectl.limits import agreement_limits
 from cranectl.scenario import load_scenario, scenario_names
 
 

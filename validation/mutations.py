@@ -36,33 +36,33 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # Equations of motion, flat map and linearising law, tracker, disturbance forces, drives.
 TARGETS = {
-    "cranectl.dynamics": """
+    "cranectl.model.dynamics": """
         angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian
         load_jacobian_rate mass_matrix coriolis_matrix gravity_vector kinetic_energy potential_energy
         load_position load_velocity rope_tension
     """,
-    "cranectl.flatness": """
+    "cranectl.model.flatness": """
         slopes_from_angles angles_from_slopes flat_output drive_accelerations slope_acceleration
         linearising_input state_and_input
     """,
-    "cranectl.tracker": "robustify inner_law control_step",
-    "cranectl.observer": "make_observer correct",
+    "cranectl.controllers.flat": "robustify inner_law control_step",
+    "cranectl.controllers.observer": "make_observer correct",
     "cranectl.plants.analytic": """
         drive_accelerations derivative observe_load outer_force passive_accelerations pivot_torque
     """,
-    "cranectl.plants.mujoco_stages": "apply_disturbance turn_rate",
-    "cranectl.plants.mujoco_model": "ideal_inertia _set_ideal_drives _set_velocity_drives",
-    "cranectl.parameters": "RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight",
+    "cranectl.plants.mujoco.disturbed_step": "apply_disturbance turn_rate",
+    "cranectl.plants.mujoco.model": "ideal_inertia _set_ideal_drives _set_velocity_drives",
+    "cranectl.scenario.rig": "RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight",
 }
 
 # Quick tests first; a mutant is dead as soon as one of them fails.
 SUITE = [
-    "tests/test_dynamics.py",
-    "tests/test_flatness.py",
-    "tests/test_tracker.py",
-    "tests/test_observer.py",
-    "tests/test_parameters.py",
-    "tests/plants/test_mujoco_stages.py",
+    "tests/model/test_dynamics.py",
+    "tests/model/test_flatness.py",
+    "tests/controllers/test_flat.py",
+    "tests/controllers/test_observer.py",
+    "tests/scenario/test_rig.py",
+    "tests/plants/test_disturbed_step.py",
     "tests/plants/test_plants.py",
     "tests/plants/test_agreement.py",
     "tests/plants/test_sloping_rails.py",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cranectl.analysis.budget.trajectory_law import dense_robustifier
 from cranectl.design import design_controller
-from cranectl.plants.mujoco_model import (
+from cranectl.plants.mujoco.model import (
     drive_addresses,
     model_spec,
     rate_addresses,

@@ -7,10 +7,10 @@ from pathlib import Path
 from campaign_benchmark import HEAVY, MEMORY, RATE, RESULT, campaign_of
 from figures import Figure, figure, interleaved
 
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.engine import run_batch
-from cranectl.campaign.parts import read_part, write_part
+from cranectl.campaign.definition import Batch
+from cranectl.campaign.results import read_part, write_part
 from cranectl.campaign.store import open_store
+from cranectl.campaign.threads import run_batch
 
 ROWS = 977  # of a part of a campaign of a million runs
 BATCH_S = 0.013  # of scheduler, client and worker for a batch that does nothing; docs/campaigns.md

@@ -16,12 +16,12 @@ from cranectl.analysis.certificate.certify import Certificate, certify, make_jud
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size
-from cranectl.analysis.effects import with_effects
 from cranectl.analysis.ladder import deviation
+from cranectl.analysis.levels import with_effects
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.settings import parse_settings
+from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
 

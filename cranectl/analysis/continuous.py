@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from cranectl.controllers.flat import RUNNING, regularity
 from cranectl.design import Design, design_controller
-from cranectl.dynamics import angular_accelerations
-from cranectl.flatness import flat_output, linearising_input
-from cranectl.jit import jit
+from cranectl.model.dynamics import angular_accelerations
+from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.plants.analytic import AnalyticPlant, observe_load
 from cranectl.plants.dop853 import STAGES, A, B
 from cranectl.reference import Trajectory, build_trajectory
@@ -33,7 +33,7 @@ from cranectl.signals import (
 )
 from cranectl.simulate import Plan, Run, plan_scenario
 from cranectl.status import RunStatus
-from cranectl.tracker import RUNNING, regularity
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 
@@ -188,7 +188,7 @@ def simulate_continuous(
 
 
 def _without_effects(scenario: Scenario) -> Scenario:
-    from cranectl.effects.settings import NO_EFFECTS
+    from cranectl.scenario.effects import NO_EFFECTS
 
     return scenario.model_copy(update={"effects": NO_EFFECTS})
 

@@ -6,13 +6,12 @@ from typing import Any
 
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size, load_difference, size_of
-from cranectl.analysis.effects import with_effects
-from cranectl.analysis.rungs import BASE, EFFECTS, NAMES, RUNGS, Rung
+from cranectl.analysis.levels import BASE, EFFECTS, NAMES, RUNGS, Rung, with_effects
 from cranectl.design import Design, design_controller
-from cranectl.errors import unknown_name
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import unknown_name
 
 Progress = Callable[[float], None]  # called with simulated seconds
 

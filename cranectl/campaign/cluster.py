@@ -14,13 +14,12 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.definition import Campaign
+from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.remote import Order, check_software, make_order, run_ordered
-from cranectl.campaign.rows import Row
+from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Stop, never
-from cranectl.errors import InputError
-from cranectl.provenance import HARMLESS, PACKAGES
+from cranectl.support.errors import InputError
+from cranectl.support.provenance import HARMLESS, PACKAGES
 
 if TYPE_CHECKING:
     from distributed import Client, Future

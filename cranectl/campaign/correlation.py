@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.parameters import Parameter
 from cranectl.campaign.settings import Correlation
-from cranectl.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, unknown_name
 
 Array = NDArray[np.float64]
 

@@ -1,12 +1,287 @@
-"""The registry of distributions."""
+"""Distributions: an inverse distribution function each, its ends, the points of a grid.
 
-from typing import Annotated
+Some have a density (uniform, log-uniform, normal), some single values (a choice, whole numbers, one fixed
+value). Every function is elementwise, and its result for one element does not depend on the others: a sample
+is the same in whatever block it is computed.
+"""
 
-from pydantic import Field
+import math
+from abc import ABC, abstractmethod
+from typing import Annotated, Any, Literal, TypeVar
 
-from cranectl.campaign.continuous import LogUniform, Normal, Uniform
-from cranectl.campaign.discrete import Choice, Fixed, Integers
-from cranectl.campaign.distribution import Distribution
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from cranectl.scenario.settings import Settings
+
+Array = NDArray[np.float64]
+Ends = tuple[float, float]
+Levels = Annotated[int, Field(ge=1, le=10_000)]
+
+TAILS = (0.05, 0.95)  # quantiles that stand for low and high where a distribution has no ends
+
+
+class Distribution(Settings, ABC):
+    """Base of all distributions; numbers are factors of the nominal value where `relative`."""
+
+    relative: bool = Field(False, description="whether the numbers are factors of the nominal value")
+    levels: Levels | None = Field(None, description="number of values on a grid")
+
+    @property
+    def discrete(self) -> bool:
+        """Whether it has single values rather than a density."""
+        return False
+
+    @property
+    def varies(self) -> bool:
+        """Whether it has more than one value."""
+        return True
+
+    @property
+    def whole(self) -> bool:
+        """Whether all its values are whole numbers."""
+        return False
+
+    def quantile(self, u: Array, nominal: float) -> Array:
+        """Inverse distribution function at `u`, each in (0, 1), or 0 and 1 where the ends are finite."""
+        return self._inverse(u, 1.0) * nominal if self.relative else self._inverse(u, nominal)
+
+    def ends(self, nominal: float) -> Ends:
+        """Smallest and largest value, in this order; infinite where there is none."""
+        if not self.relative:
+            return self._ends()
+        low, high = sorted(end * nominal for end in self._ends())
+        return low, high
+
+    def grid(self, levels: int) -> Array:
+        """Where on (0, 1) the values of a grid lie: evenly, from end to end or else from tail to tail."""
+        low, high = (0.0, 1.0) if all(map(math.isfinite, self._ends())) else TAILS
+        return np.linspace(low, high, levels) if levels > 1 else np.array([0.5])
+
+    @abstractmethod
+    def _inverse(self, u: Array, mean: float) -> Array:
+        """Values at the points `u` of (0, 1), for the mean that a distribution without its own takes."""
+
+    @abstractmethod
+    def _ends(self) -> Ends:
+        """Smallest and largest value as given; infinite where there is none."""
+
+
+D = TypeVar("D", bound=Distribution)
+
+
+def increasing(distribution: D) -> D:
+    """`distribution`, after a check that its `low` is below its `high` where it has both."""
+    settings: Any = distribution
+    low, high = settings.low, settings.high
+    if low is not None and high is not None and not low < high:
+        raise ValueError(f"low = {low:g} must be below high = {high:g}")
+    return distribution
+
+
+LEAST_MASS = 1e-12  # of a normal distribution between its low and high
+
+
+class Uniform(Distribution):
+    """Equally likely from low to high."""
+
+    distribution: Literal["uniform"]
+    low: float = Field(description="smallest value")
+    high: float = Field(description="largest value")
+
+    @model_validator(mode="after")
+    def _increases(self) -> "Uniform":
+        return increasing(self)
+
+    def _inverse(self, u: Array, _mean: float) -> Array:
+        return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
+
+    def _ends(self) -> Ends:
+        return self.low, self.high
+
+
+class LogUniform(Distribution):
+    """Its logarithm is uniform: for scale parameters known to an order of magnitude."""
+
+    distribution: Literal["log-uniform"]
+    low: float = Field(description="smallest value, above 0")
+    high: float = Field(description="largest value")
+
+    @model_validator(mode="after")
+    def _increases(self) -> "LogUniform":
+        if self.low <= 0.0:
+            raise ValueError(f"low = {self.low} of a log-uniform distribution must be above 0")
+        return increasing(self)
+
+    def _inverse(self, u: Array, _mean: float) -> Array:
+        from scipy.special import exp10  # scalar code, unlike NumPy's: the same bits on every processor
+
+        decades = math.log10(self.high) - math.log10(self.low)
+        values: Array = np.clip(self.low * exp10(u * decades), self.low, self.high)
+        return values
+
+    def _ends(self) -> Ends:
+        return self.low, self.high
+
+
+class Normal(Distribution):
+    """Normal; truncated where low or high is given, which moves mean and deviation."""
+
+    distribution: Literal["normal"]
+    mean: float | None = Field(None, description="before truncation; the nominal value when absent")
+    deviation: Annotated[float, Field(gt=0.0)] = Field(description="standard deviation before truncation")
+    low: float | None = Field(None, description="smallest value")
+    high: float | None = Field(None, description="largest value")
+
+    @model_validator(mode="after")
+    def _increases(self) -> "Normal":
+        return increasing(self)
+
+    def mass(self, nominal: float) -> float:
+        """Probability between low and high before truncation."""
+        _, below, above = self._shares(1.0 if self.relative else nominal)
+        return above - below
+
+    def _inverse(self, u: Array, mean: float) -> Array:
+        from scipy.special import ndtri
+
+        low, high = self._ends()
+        side, below, above = self._shares(mean)
+        if side < 0.0:
+            u = 1.0 - u
+        centre = mean if self.mean is None else self.mean
+        score = ndtri(below + u * (above - below))
+        values: Array = np.clip(centre + side * self.deviation * score, low, high)
+        return values
+
+    def _shares(self, mean: float) -> tuple[float, float, float]:
+        """(side, Φ at the lower, Φ at the upper end), mirrored at the mean to be exact in the upper tail."""
+        from scipy.special import ndtr
+
+        centre = mean if self.mean is None else self.mean
+        a, b = ((end - centre) / self.deviation for end in self._ends())
+        side = 1.0
+        if a > 0.0:
+            side, a, b = -1.0, -b, -a
+        return side, float(ndtr(a)), float(ndtr(b))
+
+    def _ends(self) -> Ends:
+        low = -math.inf if self.low is None else self.low
+        return low, math.inf if self.high is None else self.high
+
+
+Whole = Annotated[int, Field(ge=0, lt=2**32)]
+
+
+class Choice(Distribution):
+    """One of some values."""
+
+    distribution: Literal["choice"]
+    values: Annotated[tuple[float, ...], Field(strict=False, min_length=1, max_length=10_000)] = Field(
+        description="the values"
+    )
+    weights: Annotated[tuple[Annotated[float, Field(gt=0.0)], ...], Field(strict=False)] = Field(
+        (), description="how likely each is, in any unit; equally when absent"
+    )
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Choice":
+        if len(set(self.values)) < len(self.values):
+            raise ValueError("values of a choice must differ from each other")
+        if self.weights and len(self.weights) != len(self.values):
+            raise ValueError(f"{len(self.weights)} weights for {len(self.values)} values of a choice")
+        if self.levels is not None and self.levels != len(self.values):
+            raise ValueError("a choice takes no levels: a grid has all its values")
+        return self
+
+    @property
+    def discrete(self) -> bool:
+        return True
+
+    @property
+    def varies(self) -> bool:
+        return len(self.values) > 1
+
+    @property
+    def whole(self) -> bool:
+        return not self.relative and all(value.is_integer() for value in self.values)
+
+    def grid(self, _levels: int) -> Array:
+        """The middle of the share of each value; the number of levels is that of the values."""
+        upper = self._upper
+        middle: Array = 0.5 * (upper + np.concatenate([[0.0], upper[:-1]]))
+        return middle
+
+    @property
+    def _upper(self) -> Array:
+        """Probability of each value and those before it, shape (values,)."""
+        weights = np.array(self.weights or [1.0] * len(self.values))
+        upper: Array = np.cumsum(weights / weights.max())  # by the largest first: sums stay finite
+        shares: Array = upper / upper[-1]
+        return shares
+
+    def _inverse(self, u: Array, _mean: float) -> Array:
+        index = np.searchsorted(self._upper, u, side="right")
+        return np.array(self.values)[np.minimum(index, len(self.values) - 1)]
+
+    def _ends(self) -> Ends:
+        return min(self.values), max(self.values)
+
+
+class Integers(Distribution):
+    """Equally likely whole numbers from low to high; by default any seed."""
+
+    distribution: Literal["integers"]
+    low: Whole = Field(0, description="smallest value")
+    high: Whole = Field(2**32 - 1, description="largest value")
+
+    @model_validator(mode="after")
+    def _increases(self) -> "Integers":
+        if self.relative:
+            raise ValueError("integers cannot be relative to the nominal value")
+        return increasing(self)
+
+    @property
+    def discrete(self) -> bool:
+        return True
+
+    @property
+    def whole(self) -> bool:
+        return True
+
+    def _inverse(self, u: Array, _mean: float) -> Array:
+        values: Array = np.clip(self.low + np.floor(u * (self.high - self.low + 1.0)), self.low, self.high)
+        return values
+
+    def _ends(self) -> Ends:
+        return self.low, self.high
+
+
+class Fixed(Distribution):
+    """One value, which may differ from the nominal one that the controller knows."""
+
+    distribution: Literal["fixed"]
+    value: float = Field(description="the value")
+
+    @property
+    def discrete(self) -> bool:
+        return True
+
+    @property
+    def varies(self) -> bool:
+        return False
+
+    @property
+    def whole(self) -> bool:
+        return not self.relative and self.value.is_integer()
+
+    def _inverse(self, u: Array, _mean: float) -> Array:
+        return np.full(len(u), self.value)
+
+    def _ends(self) -> Ends:
+        return self.value, self.value
+
 
 DISTRIBUTIONS: dict[str, type[Distribution]] = {
     "uniform": Uniform,

@@ -7,14 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.continuous import LEAST_MASS, Normal
-from cranectl.campaign.discrete import Choice, Fixed
-from cranectl.campaign.distribution import Distribution
+from cranectl.campaign.distributions import LEAST_MASS, Choice, Distribution, Fixed, Normal
 from cranectl.campaign.settings import CampaignSettings
-from cranectl.effects.settings import ALL_EFFECTS, EffectSettings
-from cranectl.errors import InputError, is_near, nearest_first
-from cranectl.patterns import SHOWN
 from cranectl.scenario import NANOSECONDS, Scenario, load_scenario
+from cranectl.scenario.effects import ALL_EFFECTS, EffectSettings
+from cranectl.support.errors import InputError, is_near, nearest_first
+from cranectl.support.patterns import SHOWN
 
 Array = NDArray[np.float64]
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.definition import Campaign
+from cranectl.campaign.definition import Campaign, known_scenario
 from cranectl.campaign.sampling import sample_values
-from cranectl.campaign.scenarios import known_scenario
+from cranectl.controllers.flat import Tracker
 from cranectl.design import Design, design_controller
 from cranectl.scenario import Scenario
 from cranectl.simulate import PlannedReference, plan_reference, tracker_of
 from cranectl.simulate.runner import record_width
-from cranectl.tracker import Tracker
 
 Array = NDArray[np.float64]
 

@@ -10,15 +10,14 @@ import zlib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.definition import Campaign
+from cranectl.campaign.definition import Batch, Campaign
+from cranectl.campaign.manifest import campaign_of, record_of
 from cranectl.campaign.prepared import Prepared
-from cranectl.campaign.record import campaign_of, record_of
-from cranectl.campaign.rows import Row
+from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Stop, Worker
-from cranectl.errors import InputError
-from cranectl.interrupts import SIGNALS
-from cranectl.provenance import provenance, provenance_differences
+from cranectl.support.errors import InputError
+from cranectl.support.interrupts import SIGNALS
+from cranectl.support.provenance import provenance, provenance_differences
 
 
 class Order(NamedTuple):

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from cranectl.campaign.definition import known_scenario, sampled_scenario
 from cranectl.campaign.results import Results
-from cranectl.campaign.rows import FAILED, METRIC_COLUMNS, metric_values
 from cranectl.campaign.sampling import sample_values
-from cranectl.campaign.scenarios import known_scenario, sampled_scenario
 from cranectl.campaign.summary import worst_first
-from cranectl.errors import InputError, unknown_name
+from cranectl.campaign.table import FAILED, METRIC_COLUMNS, metric_values
 from cranectl.log import write_log
 from cranectl.metrics import run_metrics
-from cranectl.provenance import provenance, provenance_differences
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.provenance import provenance, provenance_differences
 
 
 @dataclass(frozen=True)

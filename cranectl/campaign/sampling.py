@@ -1,9 +1,12 @@
 """Samples of a campaign: points of the unit cube by the campaign's method, and values from them.
 
-Sample i depends on the campaign's definition and i only. Any block of rows, in any order and any process, has
-the same bits; so no operation here may round differently for different sizes or strides of arrays.
+Random numbers come by counter: Philox keyed by seed and a label, so that each column has a stream of its own,
+and a parameter's values do not change when others are added or removed. Sample i depends on the campaign's
+definition and i only. Any block of rows, in any order and any process, has the same bits; so no operation
+here may round differently for different sizes or strides of arrays.
 """
 
+import hashlib
 import math
 import warnings
 from collections.abc import Callable
@@ -13,12 +16,43 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.correlation import correlated
 from cranectl.campaign.definition import Campaign
-from cranectl.campaign.discrete import Choice
-from cranectl.campaign.distribution import TAILS
+from cranectl.campaign.distributions import TAILS, Choice
 from cranectl.campaign.parameters import Parameter
-from cranectl.campaign.random import stream, uniform_block
+
+PER_COUNT = 4  # numbers that Philox-4x64 gives for each value of its counter
+
+
+def stream(seed: int, label: str, *, counter: int = 0) -> np.random.Philox:
+    """The stream of `label`, from `counter` on."""
+    digest = hashlib.blake2b(label.encode(), digest_size=8).digest()
+    key = np.array([seed, int.from_bytes(digest, "little")], dtype=np.uint64)
+    return np.random.Philox(key=key, counter=counter)
+
+
+def uniform_block(seed: int, label: str, first: int, last: int) -> NDArray[np.float64]:
+    """Numbers [first, last) of the stream of `label`, multiples of 2⁻⁵³ in [0, 1), shape (last - first,)."""
+    skipped = first % PER_COUNT
+    raw = stream(seed, label, counter=first // PER_COUNT).random_raw(last - first + skipped)
+    return np.ldexp((raw[skipped:] >> np.uint64(11)).astype(np.float64), -53)
+
 
 Array = NDArray[np.float64]
+
+
+def saltelli_blocks(campaign: Campaign, outputs: Array) -> dict[str, Array]:
+    """`outputs` (runs, s) of a campaign sampled by saltelli as f_A (s, n), f_B (s, n), f_AB (d, s, n).
+
+    d counts the parameters that vary; `sobol_indices(func=blocks, n=blocks["f_A"].shape[1])` gives indices of
+    shape (s, d).
+    """
+    d = len(campaign.varied)
+    by_base = outputs.reshape(-1, d + 2, outputs.shape[1])
+    return {
+        "f_A": by_base[:, 0].T,
+        "f_B": by_base[:, 1].T,
+        "f_AB": by_base[:, 2:].transpose(1, 2, 0),
+    }
+
 
 OPEN = (2.0**-54, 1.0 - 2.0**-53)  # limits of random points: normal scores stay finite
 BITS = 30  # of each coordinate of a Sobol point; SciPy 1.17 cannot skip points of more than 32

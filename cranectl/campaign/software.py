@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.campaign.results import Results
-from cranectl.provenance import provenance, provenance_differences
+from cranectl.support.provenance import provenance, provenance_differences
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Write a result: begin one, go on with one, one batch at a time."""
+"""Write a result: begin one, go on with one, one batch at a time, one process at a time."""
 
 import errno
 import json
@@ -7,17 +7,42 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.definition import Campaign
-from cranectl.campaign.lock import LOCK_FILE, locked
-from cranectl.campaign.parts import part_name, write_part
-from cranectl.campaign.record import Origin, differences, origin_of, origins_of, record_of
-from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_record, survey
-from cranectl.campaign.rows import Row
-from cranectl.documents import Table
-from cranectl.errors import InputError
-from cranectl.files import exists, write_text
-from cranectl.provenance import provenance, provenance_differences
+from cranectl.campaign.definition import Batch, Campaign
+from cranectl.campaign.manifest import Origin, differences, origin_of, origins_of, record_of
+from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, part_name, read_record, survey, write_part
+from cranectl.campaign.table import Row
+from cranectl.support.documents import Table
+from cranectl.support.errors import InputError
+from cranectl.support.files import exists, write_text
+from cranectl.support.provenance import provenance, provenance_differences
+
+LOCK_FILE = ".lock"
+
+
+@contextmanager
+def locked(directory: Path) -> Iterator[None]:
+    """Hold the lock of `directory`; raises InputError if another process has it.
+
+    The operating system lets go of it when its process ends, however that happens.
+    """
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(directory / LOCK_FILE)
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        raise InputError(
+            f"another process is writing {directory}",
+            allowed="one process for each result",
+            remedy="wait for it, or choose another place with --out",
+        ) from None
+    except OSError as error:
+        raise InputError.unwritable(directory, error, remedy="choose another place with --out") from None
+    try:
+        yield
+    finally:
+        lock.release()
+
 
 ASIDE = ".corrupt"  # ending of a damaged part that was put aside
 SHOWN = 5  # differences named in a message

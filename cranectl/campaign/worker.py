@@ -6,19 +6,18 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.batches import Batch
+from cranectl.campaign.definition import Batch, sampled_scenario
 from cranectl.campaign.prepared import Prepared
-from cranectl.campaign.rows import FAILED, Key, Row, make_row
-from cranectl.campaign.scenarios import sampled_scenario
-from cranectl.effects.applicable import check_effects
-from cranectl.errors import InputError
+from cranectl.campaign.table import FAILED, Key, Row, make_row
 from cranectl.metrics import MetricsSetup, Tally, accumulate, empty_tally, finish, metrics_setup
-from cranectl.plants.interface import Plant
+from cranectl.plants.applicable import check_effects
+from cranectl.plants.plant import Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import STAGE_WIDTH
 from cranectl.simulate import make_plant, plan_run
+from cranectl.simulate.blocks import Block, stream_run
 from cranectl.simulate.runner import start_run
-from cranectl.simulate.stream import Block, stream_run
+from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]
 Stop = Callable[[], bool]

@@ -8,7 +8,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option, scenario_options
-from cranectl.places import HTML
+from cranectl.support.places import HTML
 
 if TYPE_CHECKING:
     from cranectl.analysis.advice import Advice
@@ -51,7 +51,7 @@ def advise_command(
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.cli.screen_table import screen_table
     from cranectl.design import CONTROLLERS, checked_controller
-    from cranectl.report.advice_tables import controllers_table, improvements_table, recommendation
+    from cranectl.report.rig.advice_tables import controllers_table, improvements_table, recommendation
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
@@ -83,7 +83,7 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
     from cranectl.analysis.ladder import climb
     from cranectl.design import design_controller
     from cranectl.report.page import write_page
-    from cranectl.report.rig_report import rig_page
+    from cranectl.report.rig.page import rig_page
 
     best, scenario = found.best, found.scenario
     assert best is not None

@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cranectl.compare import Agreement
-from cranectl.limits import Limits
+from cranectl.compare.limits import Limits
 
 SHIPPED = Limits.source  # where limits come from unless a note says otherwise
 STYLES = {"passed": "green", "FAILED": "bold red"}

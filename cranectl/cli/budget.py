@@ -53,9 +53,9 @@ def budget_command(
     from cranectl.analysis.budget.error_budget import error_budget, simulated_seconds
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.cli.screen_table import screen_table
-    from cranectl.errors import InputError
-    from cranectl.report.budget_table import budget_table
+    from cranectl.report.rig.budget_table import budget_table
     from cranectl.scenario import load_scenario
+    from cranectl.support.errors import InputError
 
     if controller is not None and controller_name is not None and controller != controller_name:
         raise InputError(

@@ -7,7 +7,7 @@ import click
 
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import drive_option, json_option, scenario_options
-from cranectl.places import PLOTS
+from cranectl.support.places import PLOTS
 
 if TYPE_CHECKING:
     from cranectl.analysis.certificate.certify import Certificate, PointVerdict
@@ -91,8 +91,7 @@ def certify_command(
     """
     from cranectl.analysis.certificate.certify import certify, make_judge
     from cranectl.analysis.certificate.conservatism import find_limits
-    from cranectl.analysis.certificate.linear_effects import left_out, taken_in
-    from cranectl.analysis.certificate.linear_plant import linear_plant
+    from cranectl.analysis.certificate.linear_plant import left_out, linear_plant, taken_in
     from cranectl.analysis.certificate.loop import inner_loop_of
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
     from cranectl.analysis.certificate.structured import drive_margins
@@ -140,8 +139,10 @@ def certify_command(
         if names:
             screen.print(f"{what}: {', '.join(names)}")
     if plot is not None:
-        from cranectl.report.certificate_figure import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.figure_file import save_figure
+        from cranectl.report.rig.certificate_figure import (
+            certificate_figure,  # matplotlib, only where asked for
+        )
 
         save_figure(certificate_figure(found, judge, inner_loop_of(worst, design.gain)), plot)
         screen.print(f"picture: {plot}")

@@ -5,8 +5,8 @@ from typing import Any
 
 import click
 
-from cranectl.errors import InputError
-from cranectl.places import Kind, check_place, kind_of
+from cranectl.support.errors import InputError
+from cranectl.support.places import Kind, check_place, kind_of
 
 try:
     import resource

@@ -9,8 +9,8 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option, predict_option
-from cranectl.errors import InputError
-from cranectl.places import MCAP
+from cranectl.support.errors import InputError
+from cranectl.support.places import MCAP
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
@@ -148,8 +148,8 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
     from cranectl.cli.compare_output import regression_table
     from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.compare import differing_fields
+    from cranectl.compare.golden import judge_regression, load_tolerances
     from cranectl.log import read_log
-    from cranectl.regression import judge_regression, load_tolerances
 
     limits = load_tolerances(tolerances)
     new, golden = read_log(new_log), read_log(golden_log)
@@ -188,9 +188,9 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log; the pair that is in it."""
     from cranectl.compare import differing_fields
+    from cranectl.compare.merge import merged_pair, refuse_differences
     from cranectl.log import describe_log, read_log, write_logged
-    from cranectl.merge import merged_pair, refuse_differences
-    from cranectl.provenance import provenance, provenance_differences
+    from cranectl.support.provenance import provenance, provenance_differences
 
     runs = [list(read_log(log).values()) for log in (a_log, b_log)]
     for log, held in zip((a_log, b_log), runs, strict=True):
@@ -214,7 +214,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
 def _software_differences(log: Path, other: Path) -> list[str]:
     """What may make the numbers of two logs differ besides their runs, by `log` and by `other`."""
     from cranectl.log import describe_log
-    from cranectl.provenance import provenance_differences
+    from cranectl.support.provenance import provenance_differences
 
     return provenance_differences(describe_log(log).versions, describe_log(other).versions, word="other")
 

@@ -7,7 +7,7 @@ from rich.text import Text
 from cranectl.cli.output import FAILED, PASSED, comparison_table
 from cranectl.cli.screen import Screen, styled
 from cranectl.compare import Comparison
-from cranectl.regression import RegressionVerdict
+from cranectl.compare.golden import RegressionVerdict
 
 
 def print_comparison(screen: Screen, comparison: Comparison) -> None:

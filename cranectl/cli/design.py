@@ -6,7 +6,7 @@ import click
 
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option, scenario_options
-from cranectl.places import PLOTS
+from cranectl.support.places import PLOTS
 
 
 @click.command("design", cls=Command)

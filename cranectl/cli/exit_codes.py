@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cranectl.cases import CaseResult
-    from cranectl.parallel import Result
+    from cranectl.cases.workers import Result
 
 GOOD = 0
 LIMIT_EXCEEDED = 1

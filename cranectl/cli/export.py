@@ -42,7 +42,7 @@ def export_command(log: Path, format_name: str | None, patterns: tuple[str, ...]
     from cranectl.cli.output import console
     from cranectl.export import chosen_format, export_table, write_table
     from cranectl.log import read_log
-    from cranectl.places import BY_ENDING, check_place
+    from cranectl.support.places import BY_ENDING, check_place
 
     file_format = chosen_format(format_name, out)
     path = out or Path(f"{log.stem}.{file_format}")

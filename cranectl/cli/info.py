@@ -24,7 +24,7 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     from cranectl.cli.output import console, info_lines, topic_table, write_json
     from cranectl.compare import judge
     from cranectl.log import describe_log, read_log
-    from cranectl.provenance import provenance, provenance_differences
+    from cranectl.support.provenance import provenance, provenance_differences
 
     runs = read_log(log)
     description = describe_log(log)

@@ -7,7 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option, scenario_options
-from cranectl.places import HTML, MCAP
+from cranectl.support.places import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
 
@@ -64,7 +64,7 @@ def ladder_command(
     from cranectl.cli.screen_table import screen_table
     from cranectl.log import check_writable
     from cranectl.log.overlay import write_overlay
-    from cranectl.report.ladder_table import ladder_table
+    from cranectl.report.rig.ladder_table import ladder_table
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
@@ -82,8 +82,8 @@ def ladder_command(
     screen.print(f"log: {log}")
     screen.print("view: cranectl layout ladder view.json")
     if report is not None:
-        from cranectl.report.ladder_report import ladder_page
         from cranectl.report.page import write_page
+        from cranectl.report.rig.ladder_page import ladder_page
 
         command = f"cranectl ladder {scenario} --controller {name} --top {top}"
         write_page(ladder_page(loaded, name, steps, command), report)

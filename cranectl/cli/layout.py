@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli.command import Command, OutputFile
-from cranectl.places import JSON
+from cranectl.support.places import JSON
 
 
 @click.command("layout", cls=Command)
@@ -28,9 +28,9 @@ def layout_command(name: str, out: Path, plant: str) -> None:
     cranectl layout single single.json --plant analytic
     """
     from cranectl.cli.output import console
-    from cranectl.errors import InputError
-    from cranectl.files import write_text
-    from cranectl.layouts import layout_json
+    from cranectl.report.viewer_layouts import layout_json
+    from cranectl.support.errors import InputError
+    from cranectl.support.files import write_text
 
     content = layout_json(name, plant=plant)
     try:

@@ -19,7 +19,7 @@ def list_command(json_file: str | None) -> None:
     """
     from cranectl.cli.output import console, scenario_table, write_json
     from cranectl.design import CONTROLLERS
-    from cranectl.plants.interface import DRIVES, PLANTS
+    from cranectl.plants.plant import DRIVES, PLANTS
     from cranectl.scenario import load_scenario, scenario_names
 
     scenarios = [load_scenario(name) for name in scenario_names()]

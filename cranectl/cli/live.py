@@ -11,9 +11,9 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import drive_option, scenario_options
-from cranectl.interrupts import heed_interrupts, interrupt
-from cranectl.places import MCAP
-from cranectl.text import printable
+from cranectl.support.interrupts import heed_interrupts, interrupt
+from cranectl.support.places import MCAP
+from cranectl.support.text import printable
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
@@ -58,16 +58,17 @@ def live_command(
     """
     from cranectl.cases import LOG_DIRECTORY, default_log
     from cranectl.design import design_controller
-    from cranectl.errors import unknown_name
-    from cranectl.log.complaints import complaints
-    from cranectl.log.desk import Address
-    from cranectl.log.guard import checked_origin
-    from cranectl.log.live import LiveServer
-    from cranectl.log.place import own_place
-    from cranectl.plants.interface import PLANTS
+    from cranectl.live.commands import Controls
+    from cranectl.live.complaints import complaints
+    from cranectl.live.guard import checked_origin
+    from cranectl.live.listener import Address
+    from cranectl.live.place import own_place
+    from cranectl.live.server import LiveServer
+    from cranectl.live.session import Session
+    from cranectl.plants.plant import PLANTS
     from cranectl.scenario import load_scenario
-    from cranectl.simulate import Session, checked_drive
-    from cranectl.simulate.controls import Controls
+    from cranectl.simulate import checked_drive
+    from cranectl.support.errors import unknown_name
 
     if plant not in (*PLANTS, "both"):
         raise unknown_name("plant", plant, (*PLANTS, "both"))

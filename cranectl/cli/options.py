@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import click
 
 from cranectl.cli.command import OutputFile
-from cranectl.places import JSON
+from cranectl.support.places import JSON
 
 F = TypeVar("F", bound=Callable[..., Any])
 

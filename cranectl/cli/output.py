@@ -14,9 +14,9 @@ from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from cranectl.cli.screen import Screen, heading, progress, styled
-from cranectl.errors import InputError
-from cranectl.files import write_text
-from cranectl.text import printable
+from cranectl.support.errors import InputError
+from cranectl.support.files import write_text
+from cranectl.support.text import printable
 
 if TYPE_CHECKING:
     from cranectl.cases import CaseResult, RunSummary

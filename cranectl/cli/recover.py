@@ -6,7 +6,7 @@ import click
 
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option
-from cranectl.places import MCAP
+from cranectl.support.places import MCAP
 
 
 @click.command("recover", cls=Command)

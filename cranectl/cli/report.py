@@ -7,7 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import predict_option
-from cranectl.places import HTML
+from cranectl.support.places import HTML
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -43,12 +43,12 @@ def report_command(logs: tuple[Path, ...], out: Path | None, predict: bool) -> i
 def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: bool) -> None:
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console
-    from cranectl.errors import InputError
     from cranectl.log import describe_log, read_log
-    from cranectl.places import check_place
-    from cranectl.provenance import provenance, provenance_differences
-    from cranectl.report.log_report import log_page
     from cranectl.report.page import write_page
+    from cranectl.report.run.page import log_page
+    from cranectl.support.errors import InputError
+    from cranectl.support.places import check_place
+    from cranectl.support.provenance import provenance, provenance_differences
 
     if len(logs) > MAX_LOGS:
         raise InputError(f"{len(logs)} logs", allowed=f"up to {MAX_LOGS}", remedy="report on fewer at a time")

@@ -7,7 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import drive_option, json_option, predict_option, scenario_options
-from cranectl.places import MCAP
+from cranectl.support.places import MCAP
 
 
 @click.command("run", cls=Command)
@@ -51,11 +51,11 @@ def run_command(
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console, progress_bar, run_notes, run_table, write_json
     from cranectl.cli.screen_table import screen_table
-    from cranectl.errors import unknown_name
-    from cranectl.plants.interface import PLANTS
-    from cranectl.report.metrics_table import metrics_table
+    from cranectl.plants.plant import PLANTS
+    from cranectl.report.run.metrics_table import metrics_table
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
+    from cranectl.support.errors import unknown_name
 
     if plant not in (*PLANTS, "both"):
         raise unknown_name("plant", plant, (*PLANTS, "both"))

@@ -12,7 +12,7 @@ from rich.progress import Progress, ProgressColumn
 from rich.table import Column, Table
 from rich.text import Text
 
-from cranectl.text import printable
+from cranectl.support.text import printable
 
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
 

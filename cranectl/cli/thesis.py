@@ -9,11 +9,11 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import json_option
-from cranectl.places import HTML
+from cranectl.support.places import HTML
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
-    from cranectl.thesis import Reproduction
+    from cranectl.thesis.reproduction import Reproduction
 
 
 @click.command("thesis", cls=Command)
@@ -44,7 +44,7 @@ def run_thesis(json_file: str | None, report: Path | None) -> int:
         found = _reproduce()
     else:
         from cranectl.report.page import write_page
-        from cranectl.report.thesis_report import ChapterFigures, thesis_page
+        from cranectl.thesis.page import ChapterFigures, thesis_page
 
         figures = ChapterFigures()
         found = _reproduce(figures.watch)
@@ -55,7 +55,7 @@ def run_thesis(json_file: str | None, report: Path | None) -> int:
 
 def _reproduce(watch: "Callable[[str, Run], None] | None" = None) -> "Reproduction":
     from cranectl.cli.output import progress_bar
-    from cranectl.thesis import reproduce, total_simulated_seconds
+    from cranectl.thesis.reproduction import reproduce, total_simulated_seconds
 
     with progress_bar(total_simulated_seconds()) as (advance, describe):
 
@@ -69,7 +69,7 @@ def _reproduce(watch: "Callable[[str, Run], None] | None" = None) -> "Reproducti
 def _print(found: "Reproduction", json_file: str | None, report: Path | None) -> None:
     from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.cli.screen_table import screen_table
-    from cranectl.report.thesis_tables import norms_table, printed_tables
+    from cranectl.thesis.tables import norms_table, printed_tables
 
     screen = console(json_file)
     for table in (norms_table(found), *printed_tables(found).values()):

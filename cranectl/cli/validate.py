@@ -58,13 +58,13 @@ def validate_command(
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
     from cranectl.cases import check_apart, default_log, make_case
+    from cranectl.cases.workers import available_cores, run_cases
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import progress_bar
     from cranectl.cli.validate_output import report_validation
     from cranectl.design import CONTROLLERS, checked_controller
     from cranectl.log import check_writable
-    from cranectl.parallel import available_cores, run_cases
-    from cranectl.plants.interface import DRIVES
+    from cranectl.plants.plant import DRIVES
     from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
 

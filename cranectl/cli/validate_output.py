@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import click
 
 from cranectl.cases import Case, CaseResult, Failure
+from cranectl.cases.workers import Outcome
 from cranectl.cli import exit_codes
 from cranectl.cli.agreement_table import agreement_table, limit_notes
 from cranectl.cli.output import FAILED, PASSED, console, run_notes, write_json
 from cranectl.cli.screen import styled
-from cranectl.parallel import Outcome
 
 SHOWN = 10  # failures told on the screen
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.design.record import Robustifier
+from cranectl.design.records import Robustifier
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cranectl.design.kept import kept_design
-from cranectl.design.record import NO_ROBUSTIFIER, Design, Robustifier
-from cranectl.errors import InputError, unknown_name
+from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
+from cranectl.support.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     import control
@@ -56,7 +56,7 @@ def with_gain(design: Design, gain: np.ndarray) -> Design:
     """
     import control
 
-    from cranectl.design.loop import closed_loop_poles, open_loop
+    from cranectl.design.margins import closed_loop_poles, open_loop
 
     r = design.robustifier
     robustifier = control.ss(r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), r.d)
@@ -95,7 +95,7 @@ def _record(
     gamma: float | None,
     achieved: float | None,
 ) -> Design:
-    from cranectl.design.loop import closed_loop_poles, loop_margins, open_loop
+    from cranectl.design.margins import closed_loop_poles, loop_margins, open_loop
     from cranectl.design.modal import real_modal_form
 
     loop = open_loop(gain, robustifier)

@@ -10,11 +10,11 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-from cranectl.design.record import Design
-from cranectl.files import write_text
-from cranectl.jit import cache_directory
-from cranectl.provenance import provenance
+from cranectl.design.records import Design
 from cranectl.scenario import DesignSettings
+from cranectl.support.files import write_text
+from cranectl.support.jit import cache_directory
+from cranectl.support.provenance import provenance
 
 
 def kept_design(name: str, settings: DesignSettings, make: Callable[[], Design]) -> Design:

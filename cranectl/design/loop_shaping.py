@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are
 
-from cranectl.design.linear import (
+from cranectl.design.linear_systems import (
     Array,
     check_regulable,
     closed_loop_norm,
     inner_loop,
     poles_text,
 )
-from cranectl.errors import InputError
 from cranectl.scenario import LoopShapingSettings
+from cranectl.support.errors import InputError
 
 
 @dataclass(frozen=True)

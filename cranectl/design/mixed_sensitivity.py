@@ -10,7 +10,7 @@ import control
 import ctrlsys
 import numpy as np
 
-from cranectl.design.linear import (
+from cranectl.design.linear_systems import (
     Array,
     check_regulable,
     closed_loop_norm,
@@ -18,8 +18,8 @@ from cranectl.design.linear import (
     poles_text,
     unstable_poles,
 )
-from cranectl.errors import InputError
 from cranectl.scenario import HinfSettings
+from cranectl.support.errors import InputError
 
 
 @dataclass(frozen=True)

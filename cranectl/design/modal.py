@@ -3,9 +3,9 @@
 import control
 import numpy as np
 
-from cranectl.design.linear import Array, poles_text
-from cranectl.design.sampling import diagonal
-from cranectl.errors import InputError
+from cranectl.design.discretisation import diagonal
+from cranectl.design.linear_systems import Array, poles_text
+from cranectl.support.errors import InputError
 
 
 def real_modal_form(system: control.StateSpace) -> control.StateSpace:

@@ -4,9 +4,9 @@ import control
 import numpy as np
 
 from cranectl.design.axis import CHAIN_A, CHAIN_B
-from cranectl.design.linear import Array
-from cranectl.errors import InputError
+from cranectl.design.linear_systems import Array
 from cranectl.scenario import DesignSettings
+from cranectl.support.errors import InputError
 
 
 def pole_placement_gain(settings: DesignSettings) -> Array:

@@ -8,11 +8,10 @@ from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
 from cranectl.log import schema, topics
-from cranectl.log.chunks import Column
-from cranectl.log.consistency import check_run
+from cranectl.log.consistency import Outcome, check_run
 from cranectl.log.header import LogHeader
-from cranectl.log.outcome import Outcome
-from cranectl.log.records import DamageError
+from cranectl.mcap_columns.chunks import Column
+from cranectl.mcap_columns.records import DamageError
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, groups_of
 

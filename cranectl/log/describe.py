@@ -6,8 +6,8 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from cranectl.errors import LogError
 from cranectl.scenario import NANOSECONDS
+from cranectl.support.errors import LogError
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from cranectl.design import Design
-from cranectl.documents import parse_json
-from cranectl.log.consistency import check_design
+from cranectl.log.consistency import MAX_NS, Outcome, check_design, check_outcome
 from cranectl.log.header import LogHeader
-from cranectl.log.outcome import MAX_NS, Outcome, check_outcome
-from cranectl.plants.interface import PLANTS
+from cranectl.plants.plant import PLANTS
 from cranectl.scenario import Scenario
-from cranectl.settings import parse_settings
+from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import checked_drive
 from cranectl.status import RunStatus
+from cranectl.support.documents import parse_json
 
 
 def read_header(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:

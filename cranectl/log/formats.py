@@ -6,9 +6,9 @@ misread or refuse a log. A change that only adds what old readers pass over does
 
 from collections.abc import Callable, Mapping
 
-from cranectl.errors import InputError, LogError
 from cranectl.log import format_2
 from cranectl.log.header import LogHeader
+from cranectl.support.errors import InputError, LogError
 
 WRITTEN = "2"
 

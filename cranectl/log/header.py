@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from cranectl.design import Design
 from cranectl.log import topics
-from cranectl.log.outcome import Clock, Outcome
-from cranectl.log.records import DamageError
-from cranectl.plants.interface import Drive
+from cranectl.log.consistency import Clock, Outcome
+from cranectl.mcap_columns.records import DamageError
+from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import groups_of

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from cranectl.colours import VIEWER_SERIES
 from cranectl.log import scene
 from cranectl.log.events import events, standings
+from cranectl.log.messages import log_lines, samples, signals, status
 from cranectl.log.stream import Stream
-from cranectl.log.streams import log_lines, samples, signals, status
 from cranectl.log.writer import check_writable, file_attachments, write_container
-from cranectl.provenance import provenance
 from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run
+from cranectl.support.colours import VIEWER_SERIES
+from cranectl.support.provenance import provenance
 
 GROUPS = ("state", "load", "error", "input")
 CRANE = "overlay"  # label of the crane that is drawn

@@ -8,7 +8,6 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.errors import LogError, nearest_first, unknown_name
 from cranectl.log import topics
 from cranectl.log.assemble import (
     Block,
@@ -19,21 +18,21 @@ from cranectl.log.assemble import (
     decoded,
     signal_names,
 )
-from cranectl.log.consistency import check_numbers, finite_samples
-from cranectl.log.container import (
+from cranectl.log.consistency import check_numbers, check_times, finite_samples
+from cranectl.log.formats import parse_header
+from cranectl.log.header import LogHeader
+from cranectl.log.schema import row_layout
+from cranectl.mcap_columns.container import (
     Summary,
     open_container,
     read_attachments,
     read_columns,
     read_metadata,
 )
-from cranectl.log.formats import parse_header
-from cranectl.log.header import LogHeader
-from cranectl.log.outcome import check_times
-from cranectl.log.records import MAGIC, PIECE, DamageError
-from cranectl.log.schema import row_layout
+from cranectl.mcap_columns.records import MAGIC, PIECE, DamageError
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
+from cranectl.support.errors import LogError, nearest_first, unknown_name
 
 Array = NDArray[np.float64]
 

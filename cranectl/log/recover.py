@@ -8,22 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.errors import LogError
 from cranectl.log import schema, topics
 from cranectl.log.assemble import Block, assembled, channels_of, check_group, decoded
+from cranectl.log.consistency import Outcome
 from cranectl.log.formats import parse_header
 from cranectl.log.header import LogHeader
-from cranectl.log.outcome import Outcome
+from cranectl.log.messages import streams
 from cranectl.log.reader import check_begin, opened
 from cranectl.log.salvage import Salvage, salvage
 from cranectl.log.schema import row_layout
 from cranectl.log.stream import Stream
-from cranectl.log.streams import streams
 from cranectl.log.writer import check_writable, run_metadata, write_container
-from cranectl.provenance import provenance
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.errors import LogError
+from cranectl.support.provenance import provenance
 
 PART = re.compile(r"(.+)\.\d+(-\d+)?\.part")  # how `files.replacing` calls an unfinished file
 

@@ -8,9 +8,10 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
-from cranectl.log.chunks import MAX_CHUNK, Column, Content, joined, unpack
-from cranectl.log.container import MAX_EXPANSION
-from cranectl.log.records import (
+from cranectl.log.stream import Stream
+from cranectl.mcap_columns.chunks import MAX_CHUNK, Column, Content, joined, unpack
+from cranectl.mcap_columns.container import MAX_EXPANSION
+from cranectl.mcap_columns.records import (
     MAGIC,
     DamageError,
     Record,
@@ -19,7 +20,6 @@ from cranectl.log.records import (
     read_records,
     record_name,
 )
-from cranectl.log.stream import Stream
 
 
 @dataclass

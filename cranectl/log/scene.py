@@ -27,12 +27,12 @@ from foxglove.messages import (
 )
 from numpy.typing import NDArray
 
-from cranectl.colours import SLACK_ROPE, VIEWER, rgb
 from cranectl.log import shapes, topics
 from cranectl.log.stream import Stream
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
+from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
 
 Array = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[shapes.Rows, shapes.Row
 
 def model(plant: str, opacity: float) -> Stream:
     """The rig's solids, once; a ghost needs no second frame around the same rig."""
-    from cranectl.plants.mujoco_geometry import rig_solids  # MuJoCo, which reading a log does not need
+    from cranectl.plants.mujoco.geometry import rig_solids  # MuJoCo, which reading a log does not need
 
     solids = [solid for solid in rig_solids() if opacity == 1.0 or solid.body != "frame"]
     entities = []

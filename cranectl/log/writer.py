@@ -17,20 +17,20 @@ from foxglove._foxglove_py import BaseChannel
 from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
-from cranectl.errors import InputError, LogError
-from cranectl.files import replacing
-from cranectl.interrupts import interrupts_wait
-from cranectl.limits import Limits, NoLimits
+from cranectl.compare.limits import Limits, NoLimits
 from cranectl.log import formats
 from cranectl.log.consistency import check_runs
-from cranectl.log.container import open_container
-from cranectl.log.records import DamageError
+from cranectl.log.messages import streams
 from cranectl.log.stream import Stream
-from cranectl.log.streams import streams
-from cranectl.places import MCAP, check_place
-from cranectl.provenance import provenance
+from cranectl.mcap_columns.container import open_container
+from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.errors import InputError, LogError
+from cranectl.support.files import replacing
+from cranectl.support.interrupts import interrupts_wait
+from cranectl.support.places import MCAP, check_place
+from cranectl.support.provenance import provenance
 
 # Small chunks: after a kill nearly everything can be salvaged, for 0.2 % more size.
 CHUNK_SIZE = 64 * 1024

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.interface import Drive
+from cranectl.plants.plant import Drive
 from cranectl.reference import build_trajectory
 from cranectl.reference.segments import HoldPath
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario

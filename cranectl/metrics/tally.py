@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.jit import jit
 from cranectl.metrics.setup import MetricsSetup
 from cranectl.signals import DISTURBANCE_COLUMN, INPUT_COLUMN, LOAD_COLUMN, STATE_COLUMN, TENSION_COLUMN
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 Tally = NDArray[np.void]  # (1,) of TALLY

@@ -6,20 +6,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.dynamics import (
+from cranectl.model.dynamics import (
     angular_accelerations,
     rope_direction,
     rope_direction_rate,
     specific_rope_force,
 )
-from cranectl.effects.friction import STICTION_RATE
-from cranectl.effects.installation import gravity_in_rig
-from cranectl.effects.settings import NO_EFFECTS, EffectSettings
-from cranectl.effects.wind import air_drag
-from cranectl.jit import jit
-from cranectl.parameters import RigParameters
 from cranectl.plants.dop853 import STAGES, A, B
-from cranectl.plants.interface import Drive
+from cranectl.plants.plant import Drive
+from cranectl.plants.surroundings import STICTION_RATE, air_drag, gravity_in_rig
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
+from cranectl.scenario.rig import RigParameters
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 
@@ -157,7 +155,7 @@ class AnalyticPlant:
     """The Lagrange model behind the plant interface."""
 
     name = "analytic"
-    description = "cranectl.dynamics, fixed-step DOP853"
+    description = "cranectl.model.dynamics, fixed-step DOP853"
 
     def __init__(
         self,

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.errors import InputError
 from cranectl.reference.segments import ArcPath, HoldPath, LinePath, Path
 from cranectl.scenario import Hold, Line, ReferenceSettings, Segment
+from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]
 

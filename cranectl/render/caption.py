@@ -7,8 +7,8 @@ from pathlib import Path
 import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
-from cranectl.colours import LIGHT, PLANTS, SLACK_ROPE
-from cranectl.render.film import Actor, Film
+from cranectl.render.timeline import Actor, Film
+from cranectl.support.colours import LIGHT, PLANTS, SLACK_ROPE
 
 NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
 SMOOTH = 4

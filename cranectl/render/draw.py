@@ -1,17 +1,47 @@
-"""From the runs of a log to a file of pictures."""
+"""From the runs of a log to a file of whole pictures: the scene, its caption, the plots beside it."""
 
+import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
-from cranectl.errors import InputError
-from cranectl.files import replacing
-from cranectl.render.backend import check_engine
-from cranectl.render.film import Array, Film, film_of
+from cranectl.render.caption import Caption
+from cranectl.render.opengl import check_engine
+from cranectl.render.plots import Plots
+from cranectl.render.scene import stage
 from cranectl.render.settings import RenderSettings
+from cranectl.render.timeline import Array, Film, film_of
 from cranectl.render.video import check_encoder, write_gif, write_mp4, write_png
 from cranectl.simulate import Run
+from cranectl.support.errors import InputError
+from cranectl.support.files import replacing
+
+PLOTS_SHARE = 3  # plots take the third part of the width
+
+
+@contextlib.contextmanager
+def painter(film: Film, settings: RenderSettings) -> Iterator[Callable[[float], Image.Image]]:
+    """What paints the picture at a time [s] of a film; raises InputError without OpenGL."""
+    strip = settings.width // PLOTS_SHARE if settings.plots else 0
+    width, height = settings.width - strip, settings.height
+    with stage(film, settings.camera, width, height) as scene:
+        caption = Caption(film, width, height)
+        plots = Plots(film, strip, height) if settings.plots else None
+
+        def paint(time: float) -> Image.Image:
+            picture = Image.fromarray(scene.draw(time))
+            caption.draw(picture, time)
+            if plots is None:
+                return picture
+            whole = Image.new("RGB", (settings.width, height))
+            whole.paste(picture)
+            plots.draw(whole, width, time)
+            return whole
+
+        yield paint
+
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -34,7 +64,7 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
     if settings.out.suffix.lower() == ".mp4":
         check_encoder()
     check_engine()
-    from cranectl.render.picture import painter
+    from cranectl.render.draw import painter
 
     try:
         with painter(film, settings) as paint, replacing(settings.out) as part:

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from cranectl.colours import LIGHT, PLANTS
 from cranectl.metrics import NEARLY_SLACK
-from cranectl.render.film import Actor, Film
+from cranectl.render.timeline import Actor, Film
+from cranectl.support.colours import LIGHT, PLANTS
 
 Array = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl import resources
-from cranectl.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
-from cranectl.plants.mujoco_model import state_addresses
-from cranectl.render.backend import drawing
-from cranectl.render.film import Actor, Film
+from cranectl.plants.mujoco.model import state_addresses
+from cranectl.render.opengl import drawing
+from cranectl.render.timeline import Actor, Film
+from cranectl.support import resources
+from cranectl.support.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

@@ -4,8 +4,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from cranectl.errors import InputError, unknown_name
-from cranectl.places import BY_ENDING, check_place
+from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.places import BY_ENDING, check_place
 
 ENDINGS = (".mp4", ".gif", ".png")
 CAMERAS = ("overview", "side", "top")

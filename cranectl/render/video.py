@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from cranectl.colours import LIGHT, SLACK_ROPE, rgb
-from cranectl.errors import InputError
+from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
+from cranectl.support.errors import InputError
 
 # Small enough to send, no loss that is seen; 4:2:0 pixels and this profile play everywhere.
 H264 = {"crf": "20", "preset": "veryfast", "profile": "high"}

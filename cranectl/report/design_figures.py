@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cranectl.design import Design
-from cranectl.design.linear import inner_loop
-from cranectl.design.loop import open_loop
+from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import error_weight
+from cranectl.design.margins import open_loop
 from cranectl.report.figure_file import save_figure
 from cranectl.scenario import LoopShapingSettings
 

@@ -6,8 +6,8 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from cranectl.errors import InputError
-from cranectl.files import replacing
+from cranectl.support.errors import InputError
+from cranectl.support.files import replacing
 
 UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 

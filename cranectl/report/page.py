@@ -6,10 +6,10 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from cranectl.errors import InputError
-from cranectl.files import write_text
 from cranectl.report.table import Table
 from cranectl.report.theme import css_variables
+from cranectl.support.errors import InputError
+from cranectl.support.files import write_text
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import matplotlib
 from cycler import cycler
 from matplotlib.figure import Figure
 
-from cranectl.colours import COLOURS
+from cranectl.support.colours import COLOURS
 
 SERIES = tuple(role for role in COLOURS if role.startswith("series"))
 STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(COLOURS)}

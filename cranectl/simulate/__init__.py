@@ -3,13 +3,11 @@
 from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run, plan_scenario
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.runner import checked_drive, make_plant, simulate_run, tracker_of
-from cranectl.simulate.session import Session
 
 __all__ = [
     "Plan",
     "PlannedReference",
     "Run",
-    "Session",
     "checked_drive",
     "groups_of",
     "make_plant",

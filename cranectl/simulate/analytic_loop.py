@@ -1,9 +1,9 @@
 """The compiled loop over the analytic plant."""
 
-from cranectl.jit import jit_loop
 from cranectl.plants.analytic import advance_analytic
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.sample import RUNNING, command_of, complete_rows, control_sample, judge_sample
+from cranectl.simulate.loop_inputs import RUNNING, command_of, complete_rows, control_sample, judge_sample
+from cranectl.support.jit import jit_loop
 
 
 @jit_loop

@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.interface import Plant
+from cranectl.plants.plant import Plant
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.sample import (
+from cranectl.simulate.loop_inputs import (
     RUNNING,
     Sampling,
     command_of,
@@ -19,7 +19,7 @@ from cranectl.simulate.sample import (
     control_sample,
     judge_sample,
 )
-from cranectl.simulate.stages import Stages
+from cranectl.simulate.signal_path import Stages
 from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def _compiled_analytic(plant: Plant) -> AdvanceBlock:
 
 
 def _compiled_mujoco(plant: Plant) -> AdvanceBlock:
-    from cranectl.plants.mujoco import MujocoPlant
+    from cranectl.plants.mujoco.plant import MujocoPlant
     from cranectl.simulate import mujoco_loop
 
     assert isinstance(plant, MujocoPlant)

@@ -1,10 +1,10 @@
 """The compiled loop over the MuJoCo plant; calls the engine's step without going through Python."""
 
-from cranectl.jit import jit_loop
-from cranectl.plants.mujoco import advance_mujoco, measure_joints
+from cranectl.plants.mujoco.plant import advance_mujoco, measure_joints
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.sample import RUNNING, command_of, complete_rows, control_sample, judge_sample
+from cranectl.simulate.loop_inputs import RUNNING, command_of, complete_rows, control_sample, judge_sample
 from cranectl.status import RunStatus
+from cranectl.support.jit import jit_loop
 
 ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 

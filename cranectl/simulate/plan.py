@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.effects.wind import air_velocity
-from cranectl.errors import InputError
-from cranectl.flatness import states_and_inputs
+from cranectl.model.flatness import states_and_inputs
+from cranectl.plants.surroundings import air_velocity
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import WORKSPACE_SIGNALS
+from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]
 

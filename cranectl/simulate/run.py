@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design import Design
-from cranectl.plants.interface import Drive
+from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import SignalGroup, recorded_groups
 from cranectl.status import RunStatus

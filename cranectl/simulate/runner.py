@@ -5,20 +5,20 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.controllers.flat import Tracker, initial_memory, make_tracker
 from cranectl.design import Design, design_controller
-from cranectl.effects.applicable import check_effects
-from cranectl.errors import unknown_name
-from cranectl.plants.interface import DRIVES, PLANTS, Drive, Plant
+from cranectl.plants.applicable import check_effects
+from cranectl.plants.plant import DRIVES, PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
+from cranectl.simulate.blocks import Started
+from cranectl.simulate.loop_inputs import Sampling
 from cranectl.simulate.loops import compiled_loop, python_loop
 from cranectl.simulate.plan import Plan, plan_reference, plan_run
 from cranectl.simulate.run import Run
-from cranectl.simulate.sample import Sampling
-from cranectl.simulate.stages import make_stages, whole_record
-from cranectl.simulate.stream import Started
+from cranectl.simulate.signal_path import make_stages, whole_record
 from cranectl.status import RunStatus
-from cranectl.tracker import Tracker, initial_memory, make_tracker
+from cranectl.support.errors import unknown_name
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
@@ -131,7 +131,7 @@ def _plant_class(name: str) -> type[Plant]:
 
         return AnalyticPlant
     if name == "mujoco":
-        from cranectl.plants.mujoco import MujocoPlant
+        from cranectl.plants.mujoco.plant import MujocoPlant
 
         return MujocoPlant
     raise unknown_name("plant", name, PLANTS)

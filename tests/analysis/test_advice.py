@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from cranectl.analysis.advice import GIVEN, IMPROVEMENTS, Advice, advise, improved, visited_points
-from cranectl.analysis.effects import with_effects
+from cranectl.analysis.levels import with_effects
 from cranectl.cli.main import cli
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run

@@ -10,15 +10,14 @@ from click.testing import CliRunner
 from mcap.reader import make_reader
 from numpy.testing import assert_array_equal
 
-from cranectl.analysis.effects import with_effects
 from cranectl.analysis.ladder import climb, deviation
-from cranectl.analysis.rungs import BASE, EFFECTS, NAMES, RUNGS
+from cranectl.analysis.levels import BASE, EFFECTS, NAMES, RUNGS, with_effects
 from cranectl.cli.main import cli
-from cranectl.effects.settings import ALL_EFFECTS
-from cranectl.errors import InputError
 from cranectl.log.overlay import DISTANCE, write_overlay
 from cranectl.scenario import Scenario
+from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.simulate import simulate_run
+from cranectl.support.errors import InputError
 
 
 def test_there_is_a_rung_for_every_effect_and_in_the_same_order() -> None:

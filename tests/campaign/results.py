@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.campaign import Campaign, sample_values
-from cranectl.campaign.batches import Batch, batches_of
-from cranectl.campaign.rows import METRIC_COLUMNS, Row
+from cranectl.campaign.definition import Batch, batches_of
 from cranectl.campaign.store import open_store
+from cranectl.campaign.table import METRIC_COLUMNS, Row
 from tests.campaign.campaigns import campaign
 
 SMALL = """\

@@ -8,11 +8,10 @@ import numpy as np
 import pyarrow
 
 from cranectl.campaign import Campaign, sample_values
-from cranectl.campaign.batches import batches_of
-from cranectl.campaign.columns import arrow_schema
-from cranectl.campaign.record import record_of
+from cranectl.campaign.definition import batches_of
+from cranectl.campaign.manifest import record_of
 from cranectl.campaign.results import Results
-from cranectl.campaign.rows import METRIC_COLUMNS
+from cranectl.campaign.table import METRIC_COLUMNS, arrow_schema
 from tests.campaign.campaigns import LAG, MASS, campaign
 
 THREE = {

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from cranectl.campaign import campaign_names
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.parts import part_name, write_part
-from cranectl.campaign.results import PARTS, Results, read_results
+from cranectl.campaign.definition import Batch
+from cranectl.campaign.results import PARTS, Results, part_name, read_results, write_part
 from cranectl.cli.main import main
 from cranectl.log import read_log
 from cranectl.metrics import run_metrics
@@ -131,7 +130,7 @@ def test_limits_given_later_judge_without_running(
     def nothing_is_run(*_arguments: object, **_named: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("cranectl.campaign.engine.run_batches", nothing_is_run)
+    monkeypatch.setattr("cranectl.campaign.threads.run_batches", nothing_is_run)
     limit = ["--set", "limits.max_error_m=0.5", "--resume", "--out", "mine", "--json", "-"]
     assert main(["campaign", "run", "small.toml", *limit]) == 0
     found = json.loads(capsys.readouterr().out)

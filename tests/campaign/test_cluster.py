@@ -14,14 +14,14 @@ import pytest
 from distributed import Client, LocalCluster
 
 from cranectl.campaign import Campaign, load_campaign
-from cranectl.campaign.batches import Batch, batches_of
 from cranectl.campaign.cluster import cluster_client, run_batches_on
-from cranectl.campaign.engine import run_batches
+from cranectl.campaign.definition import Batch, batches_of
 from cranectl.campaign.remote import check_software, make_order, run_ordered
 from cranectl.campaign.results import PARTS
 from cranectl.campaign.store import Store, open_store
+from cranectl.campaign.threads import run_batches
 from cranectl.cli.main import main
-from cranectl.errors import InputError
+from cranectl.support.errors import InputError
 from tests.campaign.results import SMALL
 from tests.conftest import ROOT
 

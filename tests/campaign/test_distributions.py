@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cranectl.campaign.distribution import Distribution
-from cranectl.campaign.distributions import DISTRIBUTIONS
-from cranectl.settings import parse_settings
+from cranectl.campaign.distributions import DISTRIBUTIONS, Distribution
+from cranectl.scenario.settings import parse_settings
 
 U = np.concatenate([[1e-12, 1e-6], np.linspace(0.001, 0.999, 997), [1 - 1e-6, 1 - 1e-12]])
 NOMINAL = 2.0

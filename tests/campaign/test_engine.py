@@ -10,21 +10,20 @@ import numpy as np
 import pytest
 
 from cranectl.campaign import Campaign, sample_values, sampled_scenario
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.engine import run_batch, run_batches, run_campaign
+from cranectl.campaign.definition import Batch, known_scenario
 from cranectl.campaign.prepared import Prepared
-from cranectl.campaign.rows import METRIC_COLUMNS, Row, metric_values, row_columns
-from cranectl.campaign.scenarios import known_scenario
+from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
+from cranectl.campaign.threads import run_batch, run_batches, run_campaign
 from cranectl.campaign.worker import StoppedError, Worker
-from cranectl.effects.settings import ALL_EFFECTS, NO_EFFECTS, EffectSettings
-from cranectl.errors import InputError
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.parameters import RigParameters
-from cranectl.plants.interface import DRIVES, PLANTS, Drive
-from cranectl.plants.mujoco import MujocoPlant
-from cranectl.plants.mujoco_model import DRAWN_LENGTH, compiled_model
+from cranectl.plants.mujoco.model import DRAWN_LENGTH, compiled_model
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.plant import DRIVES, PLANTS, Drive
 from cranectl.scenario import NANOSECONDS
+from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS, EffectSettings
+from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import InputError
 from tests.campaign.campaigns import LAG, MASS, PUSH, campaign
 
 SHORT = ["duration=0.25", "disturbances.0.start=0.05", "disturbances.0.end=0.2", "disturbances.1.start=0.1"]
@@ -251,7 +250,7 @@ def test_another_structure_takes_another_model() -> None:
 
 
 def test_the_file_draws_the_rope_as_long_as_the_code_says() -> None:
-    from cranectl import resources
+    from cranectl.support import resources
 
     filed = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
     assert filed.joint("rope_length").qpos0[0] == DRAWN_LENGTH
@@ -390,7 +389,7 @@ def test_what_is_wrong_in_a_worker_itself_reaches_the_caller(
     def broken(*_: Any) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("cranectl.campaign.engine.Worker", broken)
+    monkeypatch.setattr("cranectl.campaign.threads.Worker", broken)
     with pytest.raises(MemoryError):
         list(run_batches(both, [Batch("analytic", "lqr", 0, 1)], workers=2))
 

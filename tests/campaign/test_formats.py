@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.campaign import columns
-from cranectl.campaign.record import FORMAT, READERS
+from cranectl.campaign import table as columns
+from cranectl.campaign.manifest import FORMAT, READERS
 from cranectl.campaign.results import RECORD_FILE, read_results
 from cranectl.campaign.store import open_store
 from cranectl.campaign.summary import summarize
 from cranectl.cli.main import main
-from cranectl.errors import InputError
-from cranectl.provenance import fingerprints
+from cranectl.support.errors import InputError
+from cranectl.support.provenance import fingerprints
 
 SAMPLES = Path(__file__).parent / "samples"
 # As pyarrow alone reads it from the parts: largest error of each sample with lqr.

@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 
 from cranectl.campaign import Campaign
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.engine import run_batch
+from cranectl.campaign.definition import Batch
 from cranectl.campaign.parameters import PERIOD, PHYSICAL, numbers_of
-from cranectl.campaign.rows import METRIC_COLUMNS
-from cranectl.effects.settings import ALL_EFFECTS
-from cranectl.errors import InputError
-from cranectl.plants.interface import DRIVES, PLANTS, Drive
+from cranectl.campaign.table import METRIC_COLUMNS
+from cranectl.campaign.threads import run_batch
+from cranectl.plants.plant import DRIVES, PLANTS, Drive
 from cranectl.scenario import load_scenario
+from cranectl.scenario.effects import ALL_EFFECTS
+from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign
 
 # A crane pushed about there and back, with drives at their limits.

@@ -12,15 +12,21 @@ import pytest
 from pyarrow import parquet
 
 from cranectl.campaign import campaign_names, load_campaign, sample_values
-from cranectl.campaign.batches import LEAST, batches_of
-from cranectl.campaign.columns import METRICS, describe
-from cranectl.campaign.parts import DamageError, part_name, read_part
-from cranectl.campaign.record import Origin, campaign_of, differences, origins_of, record_of
-from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, read_results
-from cranectl.campaign.rows import METRIC_COLUMNS, row_columns
+from cranectl.campaign.definition import LEAST, batches_of
+from cranectl.campaign.manifest import Origin, campaign_of, differences, origins_of, record_of
+from cranectl.campaign.results import (
+    PARTS,
+    RECORD_FILE,
+    REPLAYS,
+    DamageError,
+    part_name,
+    read_part,
+    read_results,
+)
 from cranectl.campaign.store import open_store
-from cranectl.errors import InputError
-from cranectl.plants.interface import PLANTS
+from cranectl.campaign.table import METRIC_COLUMNS, METRICS, describe, row_columns
+from cranectl.plants.plant import PLANTS
+from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
 from tests.campaign.results import invented_rows, two_controllers, write_all
 
@@ -121,7 +127,7 @@ def test_a_record_is_enough_to_draw_the_samples_again() -> None:
 
 
 def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
-    from cranectl import resources
+    from cranectl.support import resources
 
     path = tmp_path / "mine.toml"
     shutil.copy(resources.SCENARIO_DIRECTORY / "fast-diagonal.toml", path)

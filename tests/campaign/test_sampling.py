@@ -9,9 +9,7 @@ import pytest
 from scipy import stats
 
 from cranectl.campaign import Campaign, load_campaign, sample_values
-from cranectl.campaign.random import uniform_block
-from cranectl.campaign.saltelli import saltelli_blocks
-from cranectl.campaign.sampling import METHODS, unit_points
+from cranectl.campaign.sampling import METHODS, saltelli_blocks, uniform_block, unit_points
 from tests.campaign.campaigns import LAG, MASS, MIXED, PAIR, campaign
 
 RANDOM = ("monte-carlo", "latin-hypercube", "sobol")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cranectl.campaign import campaign_names, load_campaign, sample_values, sampled_scenario
-from cranectl.effects.settings import Friction
-from cranectl.errors import InputError
 from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario.effects import Friction
+from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
 
 

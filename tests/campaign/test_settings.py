@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.campaign import load_campaign, read_campaign
 from cranectl.campaign.settings import parse_campaign
-from cranectl.errors import InputError
+from cranectl.support.errors import InputError
 from tests.campaign.campaigns import LAG, MASS, PAIR, PUSH, campaign, table
 
 GOOD = """

@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.campaign.batches import Batch
-from cranectl.campaign.parts import part_name, write_part
-from cranectl.campaign.results import PARTS, RECORD_FILE, read_results
+from cranectl.campaign.definition import Batch
+from cranectl.campaign.results import PARTS, RECORD_FILE, part_name, read_results, write_part
 from cranectl.cli.main import main
-from cranectl.provenance import fingerprints
+from cranectl.support.provenance import fingerprints
 from tests.campaign.results import SMALL
-from tests.test_provenance import copy_checkout
+from tests.support.test_provenance import copy_checkout
 
 LAST = Batch("analytic", "pole-placement", 64, 128)
 RESUME = ["campaign", "run", "small.toml", "--out", "result", "--resume"]
@@ -51,7 +50,7 @@ def contents() -> dict[str, bytes]:
 def test_a_result_is_not_resumed_by_other_physics(tmp_path: Path) -> None:
     """Gravity in the sources is 5 % larger; nothing of the result says so but the fingerprint."""
     checkout = copy_checkout(tmp_path / "checkout")
-    dynamics = checkout / "cranectl" / "dynamics.py"
+    dynamics = checkout / "cranectl" / "model" / "dynamics.py"
     text = dynamics.read_text()
     changed = text.replace("- gravity * sa", "- 1.05 * gravity * sa")
     assert changed != text
@@ -71,7 +70,7 @@ def test_what_is_accepted_is_told(
 ) -> None:
     own = fingerprints()
     with monkeypatch.context() as patched:
-        patched.setattr("cranectl.provenance.fingerprints", lambda: own | CHANGED)
+        patched.setattr("cranectl.support.provenance.fingerprints", lambda: own | CHANGED)
         assert main(RESUME) == 2
         capsys.readouterr()
         assert main([*RESUME, "--despite-differences", "--json", "found.json"]) == 0
@@ -112,7 +111,7 @@ def test_a_replay_that_differs_names_the_other_program(
 ) -> None:
     replay = ["campaign", "replay", "result", "--run", "0", "--controller", "lqr", "--json", "found.json"]
     now = fingerprints() | CHANGED
-    monkeypatch.setattr("cranectl.provenance.fingerprints", lambda: now)
+    monkeypatch.setattr("cranectl.support.provenance.fingerprints", lambda: now)
     assert main(replay) == 0, "the bits decide"
     assert "made by other software: sources " in capsys.readouterr().out
     results = read_results("result", unfinished=True)

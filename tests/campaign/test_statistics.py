@@ -8,12 +8,25 @@ import pytest
 import scipy.stats
 
 from cranectl.campaign import Campaign, sample_values
-from cranectl.campaign.groups import EFFORT, MAIN_METRICS, groups_of, parameter_values
-from cranectl.campaign.influence import Correlations, correlations, independent_rows, separations, swings
-from cranectl.campaign.pairs import agreement, differences, failures
-from cranectl.campaign.rows import METRIC_COLUMNS
-from cranectl.campaign.saltelli import saltelli_blocks
-from cranectl.campaign.sobol_indices import LEAST, sobol_indices
+from cranectl.campaign.groups import (
+    EFFORT,
+    MAIN_METRICS,
+    agreement,
+    differences,
+    failures,
+    groups_of,
+    parameter_values,
+)
+from cranectl.campaign.sampling import saltelli_blocks
+from cranectl.campaign.sensitivity import (
+    LEAST,
+    Correlations,
+    correlations,
+    independent_rows,
+    separations,
+    sobol_indices,
+    swings,
+)
 from cranectl.campaign.statistics import (
     BINS,
     between_bins,
@@ -25,7 +38,8 @@ from cranectl.campaign.statistics import (
     rank_correlations,
     sign_test,
 )
-from cranectl.campaign.worst import Example, examples
+from cranectl.campaign.summary import Example, examples
+from cranectl.campaign.table import METRIC_COLUMNS
 from tests.campaign.campaigns import campaign
 from tests.campaign.synthetic import THREE, synthetic_results, three
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cranectl.campaign.limits import Limits
 from cranectl.campaign.replay import chosen_rows, differences
 from cranectl.campaign.results import Results, read_results
-from cranectl.campaign.rows import METRIC_COLUMNS
+from cranectl.campaign.settings import Limits
 from cranectl.campaign.summary import (
     failed,
     failure_interval,
@@ -18,10 +17,11 @@ from cranectl.campaign.summary import (
     summarize,
     worst_first,
 )
-from cranectl.cli.campaign_output import failure_notes, summary_table
+from cranectl.campaign.table import METRIC_COLUMNS
+from cranectl.cli.campaign.output import failure_notes, summary_table
 from cranectl.cli.screen_table import screen_table
 from cranectl.design import CONTROLLERS
-from cranectl.errors import InputError
+from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
 from tests.campaign.results import two_controllers, write_all
 

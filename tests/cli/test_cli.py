@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
+from cranectl.compare.limits import Limits, agreement_limits
 from cranectl.design import CONTROLLERS
-from cranectl.limits import Limits, agreement_limits
 from cranectl.log import read_log
-from cranectl.plants.interface import DRIVES, PLANTS
+from cranectl.plants.plant import DRIVES, PLANTS
 from cranectl.scenario import scenario_names
 from cranectl.status import RunStatus
 
@@ -141,7 +141,7 @@ def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_validate_fails_when_a_limit_is_exceeded(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cranectl.limits.agreement_limits", lambda _: Limits(1e-15, 1e-15, 0.0, ""))
+    monkeypatch.setattr("cranectl.compare.limits.agreement_limits", lambda _: Limits(1e-15, 1e-15, 0.0, ""))
     arguments = ["fixed-position", *SHORT, "--controller", "lqr"]
     assert main(["validate", *arguments, "--jobs", "1", "--json", "v.json"]) == 1
     assert "FAILED" in capsys.readouterr().out
@@ -384,7 +384,7 @@ def test_unwritable_logs_directory_is_found_before_simulating(
     def simulate(*_: object, **__: object) -> None:
         raise AssertionError("simulated although the log cannot be written")
 
-    monkeypatch.setattr("cranectl.cases.simulate_run", simulate)
+    monkeypatch.setattr("cranectl.cases.case.simulate_run", simulate)
     error = bad_input(capsys, "run", "fixed-position")
     assert "cannot write logs/fixed-position" in error
     assert "--out" in error

@@ -8,10 +8,10 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
-from cranectl.plants.interface import PLANTS
-from cranectl.provenance import provenance
+from cranectl.plants.plant import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
+from cranectl.support.provenance import provenance
 
 SHORT = [
     "--set", "duration=0.5", "--set", "disturbances.0.start=0.1", "--set", "disturbances.1.start=0.2",
@@ -215,7 +215,7 @@ def test_logs_of_other_versions_merge_only_when_told_to(
     for plant in ("analytic", "mujoco"):
         run(f"{plant}.mcap", "--plant", plant)
     newer = {**provenance(), "mujoco": "99.0"}
-    monkeypatch.setattr("cranectl.provenance.provenance", lambda: newer)
+    monkeypatch.setattr("cranectl.support.provenance.provenance", lambda: newer)
     pair = ("analytic.mcap", "mujoco.mcap")
     error = bad_input(capsys, *pair, "--merge", "both.mcap")
     assert "analytic.mcap and this installation differ in: mujoco 4" in error

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.analysis.budget.level_3 import predicted_limits
+from cranectl.analysis.budget.predicted_limits import predicted_limits
 from cranectl.cli.main import main
+from cranectl.compare.limits import Limits
 from cranectl.design import design_controller
-from cranectl.limits import Limits
 from cranectl.scenario import load_scenario
 from tests.log.test_log import messages_of
 
@@ -71,7 +71,7 @@ def test_with_predict_it_is_judged_by_its_own_bound() -> None:
 
 def test_a_predicted_bound_can_be_exceeded(monkeypatch: pytest.MonkeyPatch) -> None:
     narrow = Limits(1e-12, 1e-12, 0.0, "", "mine")
-    monkeypatch.setattr("cranectl.analysis.budget.level_3.predicted_limits", lambda *_: narrow)
+    monkeypatch.setattr("cranectl.analysis.budget.predicted_limits.predicted_limits", lambda *_: narrow)
     for command in (["run", *OWN], ["validate", *OWN, "--jobs", "1"], ["compare", LOG]):
         assert judged(*command, "--predict", code=1)["passed"] is False
 
@@ -81,7 +81,7 @@ def test_compare_ends_with_the_code_of_the_run_that_wrote_the_log(monkeypatch: p
     ideal = [*OWN[:-1], "ideal", "--out", "a.mcap"]
     assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 0
     with monkeypatch.context() as patched:
-        patched.setattr("cranectl.limits.agreement_limits", lambda _: Limits(1e-16, 1e-16, 0.0, ""))
+        patched.setattr("cranectl.compare.limits.agreement_limits", lambda _: Limits(1e-16, 1e-16, 0.0, ""))
         assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 1
     stop = ["--set", "duration=2", "--set", "disturbances=[{joint='alpha', start=0.1, magnitude=20.0}]"]
     assert main(["run", *ideal, *stop]) == 3

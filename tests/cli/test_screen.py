@@ -10,7 +10,7 @@ from rich.text import Text
 from cranectl.cli.screen import Screen, heading, styled
 from cranectl.cli.screen_table import screen_table
 from cranectl.report import table as report
-from cranectl.text import LONGEST, printable
+from cranectl.support.text import LONGEST, printable
 
 MALICE = "e[red].mcap [/] \x1b[2J\x07 a\nforged: line\r \u202e\u2028 \udcff :smile:"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.provenance import fingerprints
+from cranectl.support.provenance import fingerprints
 
 OTHER = {"sources": "00ff00ff00ff00ff"}
 NAMED = "sources 00ff00ff00ff00ff"
@@ -19,7 +19,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("logs")
     for name, found in (("new", fingerprints()), ("other", fingerprints() | OTHER), ("old", {})):
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr("cranectl.provenance.fingerprints", lambda found=found: found)
+            patched.setattr("cranectl.support.provenance.fingerprints", lambda found=found: found)
             assert main(["run", "fixed-position", *SHORT, "--out", str(folder / f"{name}.mcap")]) == 0
     return folder
 

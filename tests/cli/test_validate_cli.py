@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from cranectl import cases, resources
+from cranectl.cases import case
 from cranectl.cli.main import main
 from cranectl.log import read_log
 from cranectl.simulate import Run
+from cranectl.support import resources
 
 GOOD = """\
 name = "good"
@@ -84,14 +85,14 @@ def test_one_reason_of_many_cases_is_told_once(capsys: pytest.CaptureFixture[str
 def test_an_error_that_nobody_foresaw_is_no_verdict(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    simulate = cases.simulate_run
+    simulate = case.simulate_run
 
     def sometimes(*arguments: object, **named: object) -> Run:
         if named["drive"] == "velocity":
             raise ZeroDivisionError("of our own making")
         return simulate(*arguments, **named)
 
-    monkeypatch.setattr(cases, "simulate_run", sometimes)
+    monkeypatch.setattr(case, "simulate_run", sometimes)
     assert main(["validate", "good.toml", "--controller", "lqr", "--jobs", "1", "--json", "found.json"]) == 70
     captured = capsys.readouterr()
     assert "good.toml, lqr, velocity: unforeseen\nZeroDivisionError: of our own making\n" in captured.err

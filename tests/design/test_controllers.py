@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from cranectl.design import CONTROLLERS, Design, Robustifier, design_controller
-from cranectl.errors import InputError
 from cranectl.scenario import DesignSettings
+from cranectl.support.errors import InputError
 
 CHAIN_A, CHAIN_B = np.diag(np.ones(3), 1), np.eye(4)[:, 3]
 

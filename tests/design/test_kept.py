@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cranectl.design import CONTROLLERS, Design, design_controller, kept
-from cranectl.errors import InputError
 from cranectl.scenario import DesignSettings
+from cranectl.support.errors import InputError
 
 
 @pytest.fixture(autouse=True)

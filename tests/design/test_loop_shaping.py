@@ -5,10 +5,10 @@ import ctrlsys
 import numpy as np
 import pytest
 
-from cranectl.design.linear import inner_loop
+from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import glover_mcfarlane, loop_shaping_robustifier
-from cranectl.errors import InputError
 from cranectl.scenario import LoopShapingSettings
+from cranectl.support.errors import InputError
 
 OMEGA = np.concatenate([[0.0], np.logspace(-4, 5, 4001)])
 

@@ -4,10 +4,10 @@ import control
 import numpy as np
 import pytest
 
-from cranectl.design.linear import inner_loop
+from cranectl.design.linear_systems import inner_loop
 from cranectl.design.mixed_sensitivity import generalised_plant, hinf_robustifier, mixed_sensitivity
-from cranectl.errors import InputError
 from cranectl.scenario import HinfSettings
+from cranectl.support.errors import InputError
 
 GAINS = {"pole-placement": (39.0625, 62.5, 37.5, 10.0), "lqr": (100.0, 86.716, 37.548, 9.225)}
 OMEGA = np.concatenate([[0.0], np.logspace(-4, 7, 20_001)])

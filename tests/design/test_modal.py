@@ -6,9 +6,9 @@ import pytest
 from scipy.signal import cont2discrete
 
 from cranectl.design import CONTROLLERS, design_controller
+from cranectl.design.discretisation import sampled_blocks, sampled_loop
 from cranectl.design.modal import real_modal_form
-from cranectl.design.sampling import sampled_blocks, sampled_loop
-from cranectl.errors import InputError
+from cranectl.support.errors import InputError
 
 PERIOD = 1e-3
 

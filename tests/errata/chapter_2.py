@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cranectl import dynamics
+from cranectl.model import dynamics
 from tests.conftest import random_states, split
 from tests.errata.registry import INPUT, RIG, G, apart, erratum, manipulator, over_states
 

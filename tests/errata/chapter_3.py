@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import sympy as sp
 
-from cranectl import dynamics
 from cranectl.design import design_controller
-from cranectl.flatness import state_and_input
+from cranectl.model import dynamics
+from cranectl.model.flatness import state_and_input
 from tests.conftest import random_states, split
 from tests.errata.registry import INPUT, G, apart, erratum, manipulator, over_states
 

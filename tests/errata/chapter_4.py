@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_are
 
 from cranectl.design import design_controller
-from cranectl.design.linear import inner_loop
+from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.design.mixed_sensitivity import generalised_plant
 from cranectl.reference import time_law

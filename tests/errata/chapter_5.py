@@ -5,11 +5,11 @@ import tomllib
 
 import numpy as np
 
-from cranectl import resources
 from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.metrics import run_metrics
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
+from cranectl.support import resources
 from tests.conftest import closed_loop
 from tests.errata.registry import apart, beyond, erratum, shaped_plant
 

@@ -9,12 +9,12 @@ from collections.abc import Callable
 import control
 import numpy as np
 
-from cranectl import dynamics
 from cranectl.design import design_controller
-from cranectl.design.linear import inner_loop
+from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import error_weight
-from cranectl.parameters import RigParameters
+from cranectl.model import dynamics
 from cranectl.scenario import LoopShapingSettings
+from cranectl.scenario.rig import RigParameters
 from tests.conftest import random_states, split
 
 Check = Callable[[], tuple[float, float]]

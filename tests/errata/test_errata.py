@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from cranectl.flatness import state_and_input
+from cranectl.model.flatness import state_and_input
 from tests.conftest import ROOT
 from tests.errata import chapter_2, chapter_3, chapter_4, chapter_5  # noqa: F401, they register
 from tests.errata.registry import ERRATA, G, apart

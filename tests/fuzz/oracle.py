@@ -108,8 +108,6 @@ def check_command(
 def _check_json(arguments: Sequence[str], out: str) -> None:
     if "-" not in [arguments[k + 1] for k, each in enumerate(arguments[:-1]) if each == "--json"][-1:]:
         return
-    if {"--help", "-h"} & set(arguments):
-        return
     try:
         told = json.dumps(json.loads(out))
     except ValueError:

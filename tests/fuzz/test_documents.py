@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
-from cranectl import resources
 from cranectl.campaign import load_campaign
-from cranectl.errors import InputError
-from cranectl.regression import TOLERANCE_DIRECTORY, load_tolerances
+from cranectl.compare.golden import TOLERANCE_DIRECTORY, load_tolerances
 from cranectl.scenario import Scenario, load_scenario
+from cranectl.support import resources
+from cranectl.support.errors import InputError
 from tests.fuzz.oracle import LONGEST, UNFIT, check_command, fuzzed, in_time
 from tests.fuzz.strategies import changed, damaged, toml_files
 

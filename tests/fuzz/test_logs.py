@@ -7,10 +7,10 @@ import numpy as np
 from hypothesis import strategies as st
 from mcap.records import Message
 
-from cranectl.errors import LogError
 from cranectl.log import describe_log, read_log
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.errors import LogError
 from tests.fuzz.oracle import SEED, check_command, fuzzed
 from tests.fuzz.strategies import TEXTS, changed, damaged
 from tests.log import test_fuzz as forgeries

@@ -13,17 +13,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from cranectl.design import CONTROLLERS, Design, design_controller
-from cranectl.errors import LogError
 from cranectl.log import read_log, read_signal, write_log
-from cranectl.log.consistency import check_design, check_run, check_runs
+from cranectl.log.consistency import Clock, check_design, check_run, check_runs
 from cranectl.log.formats import parse_header
 from cranectl.log.header import LogHeader
-from cranectl.log.outcome import Clock
-from cranectl.log.records import DamageError
 from cranectl.log.writer import file_attachments, file_metadata, write_logged
+from cranectl.mcap_columns.records import DamageError
 from cranectl.scenario import DesignSettings, default_scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.errors import LogError
 from tests.conftest import closed_loop
 
 EVERY = 4

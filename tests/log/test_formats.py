@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from cranectl.errors import LogError
 from cranectl.log import describe_log, read_log, read_signal, recover_log
 from cranectl.log.formats import READERS, WRITTEN
 from cranectl.log.writer import write_logged
-from cranectl.provenance import FINGERPRINTS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.errors import LogError
+from cranectl.support.provenance import FINGERPRINTS
 from tests.log.forge import put_together, take_apart
 
 SAMPLES = Path(__file__).parent / "samples"

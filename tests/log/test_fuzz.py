@@ -11,9 +11,9 @@ import pytest
 from mcap.opcode import Opcode
 from mcap.records import Channel, Message
 
-from cranectl.errors import LogError
 from cranectl.log import describe_log, read_log, read_signal
 from cranectl.simulate import Run
+from cranectl.support.errors import LogError
 from tests.log.forge import SIGNAL, Parts, put_together, small_log, take_apart
 
 Place = tuple[int, int, int]  # opcode, start, stop of a record

@@ -32,9 +32,9 @@ from mcap.records import (
     Statistics,
 )
 
-from cranectl.errors import InputError, LogError
 from cranectl.log import read_log, read_signal
 from cranectl.simulate import Run
+from cranectl.support.errors import InputError, LogError
 from tests.log.forge import SIGNAL, Edit, Parts, put_together, small_log, take_apart, written
 
 
@@ -596,7 +596,7 @@ SECONDS = 2.0  # of the processor, each; measured 0.1 s
 READ = """
 import sys, time
 from pathlib import Path
-from cranectl.errors import LogError
+from cranectl.support.errors import LogError
 from cranectl.log import read_log, recover_log
 
 def peak():

@@ -15,16 +15,16 @@ from mcap.writer import Writer
 
 from cranectl import signals
 from cranectl.compare import compare_runs
-from cranectl.effects.settings import DriveLimits, EffectSettings
-from cranectl.errors import LogError
 from cranectl.log import check_writable, read_log, write_log
 from cranectl.log.events import Disturbed, Phase, Saturated
 from cranectl.log.schema import decode_rows, encode_rows, group_schema
 from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario.effects import DriveLimits, EffectSettings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.errors import LogError
 from tests.conftest import closed_loop
-from tests.test_tracker import robust_design
+from tests.controllers.test_flat import robust_design
 
 
 def pair(scenario: Scenario, **options: object) -> list[Run]:
@@ -393,7 +393,7 @@ def test_two_processes_writing_the_same_log_leave_a_whole_one(tmp_path: Path, lo
 FULL_DISK = """
 import resource, signal, sys
 from cranectl.compare import compare_runs
-from cranectl.errors import LogError
+from cranectl.support.errors import LogError
 from cranectl.log import read_log, write_log
 runs = list(read_log(sys.argv[1]).values())
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

@@ -9,16 +9,17 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Message, Schema
 
-from cranectl.errors import InputError, LogError
-from cranectl.log import container, describe_log, read_log, read_signal, write_log
+from cranectl.log import describe_log, read_log, read_signal, write_log
 from cranectl.log.schema import decode_rows
+from cranectl.mcap_columns import container
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.errors import InputError, LogError
 from tests.conftest import closed_loop
+from tests.controllers.test_flat import robust_design
 from tests.log.forge import SIGNAL, put_together, small_log, take_apart
 from tests.log.test_log import assert_same
-from tests.test_tracker import robust_design
 
 
 @pytest.fixture(scope="module")

@@ -15,13 +15,13 @@ from mcap.records import Channel, Message, Metadata, Schema
 
 from cranectl.cli.info import info_command
 from cranectl.cli.recover import recover_command
-from cranectl.errors import LogError
 from cranectl.log import describe_log, read_log, recover_log, schema, write_log
-from cranectl.log.records import MAGIC
 from cranectl.log.writer import CHUNK_SIZE
+from cranectl.mcap_columns.records import MAGIC
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.errors import LogError
 from tests.log.forge import put_together, small_log, take_apart
 from tests.log.test_fuzz import places
 from tests.log.test_log import messages_of
@@ -298,7 +298,7 @@ def test_the_command(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
 WRITE = """
 import os, random, signal, sys, time
 from pathlib import Path
-from cranectl.interrupts import heed_interrupts, interrupt
+from cranectl.support.interrupts import heed_interrupts, interrupt
 from cranectl.log import read_log, write_log, writer
 
 runs = list(read_log(sys.argv[1]).values())
@@ -417,7 +417,7 @@ def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path, numb
 
 FULL = """
 import resource, signal, sys
-from cranectl.errors import LogError
+from cranectl.support.errors import LogError
 from cranectl.log import read_log, write_log
 runs = list(read_log(sys.argv[1]).values())
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

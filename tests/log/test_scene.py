@@ -12,15 +12,15 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
-from cranectl import colours, resources
-from cranectl.analysis.rungs import NAMES
-from cranectl.layouts import layout_json
+from cranectl.analysis.levels import NAMES
 from cranectl.log import read_log, write_log
 from cranectl.log.overlay import write_overlay
-from cranectl.plants.mujoco_geometry import rig_solids
+from cranectl.plants.mujoco.geometry import rig_solids
+from cranectl.report.viewer_layouts import layout_json
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support import colours, resources
 from tests.conftest import closed_loop
 
 Messages = dict[str, list[tuple[int, Any]]]  # by topic: (time [ns], decoded message)

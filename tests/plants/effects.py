@@ -3,10 +3,10 @@
 import mujoco
 import numpy as np
 
-from cranectl.effects.settings import EffectSettings
-from cranectl.parameters import RigParameters
-from cranectl.plants.interface import Drive
-from cranectl.plants.mujoco import MujocoPlant
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.plant import Drive
+from cranectl.scenario.effects import EffectSettings
+from cranectl.scenario.rig import RigParameters
 from tests.conftest import STILL
 
 RIG = RigParameters()

@@ -4,15 +4,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl import dynamics
 from cranectl.compare import compare_runs, judge
-from cranectl.limits import agreement_limits
-from cranectl.parameters import RigParameters
+from cranectl.compare.limits import agreement_limits
+from cranectl.model import dynamics
 from cranectl.plants.analytic import AnalyticPlant
-from cranectl.plants.interface import PLANTS
-from cranectl.plants.mujoco import MujocoPlant
-from cranectl.plants.mujoco_model import JOINTS, model_spec, state_addresses
+from cranectl.plants.mujoco.model import JOINTS, model_spec, state_addresses
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.plant import PLANTS
 from cranectl.scenario import load_scenario
+from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, STILL, closed_loop, random_states, split

@@ -7,10 +7,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from cranectl.effects.settings import NO_EFFECTS, EffectSettings, Friction, Installation, Wind
-from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Installation, Wind
+from cranectl.scenario.rig import RigParameters
 from tests.conftest import STILL
 
 FRICTION = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3)

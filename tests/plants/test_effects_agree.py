@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cranectl.compare import compare_runs
-from cranectl.effects.settings import Wind
-from cranectl.effects.wind import air_velocity
+from cranectl.plants.surroundings import air_velocity
 from cranectl.scenario import load_scenario
+from cranectl.scenario.effects import Wind
 from cranectl.simulate import Run, simulate_run
 
 STILL_AIR = "effects.wind.gust=0.0"

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from cranectl import dynamics
-from cranectl.effects.settings import (
+from cranectl.model import dynamics
+from cranectl.plants.mujoco.disturbed_step import push_load
+from cranectl.scenario.effects import (
     NO_EFFECTS,
     NO_LIMIT,
     Body,
@@ -16,8 +17,7 @@ from cranectl.effects.settings import (
     Friction,
     Wind,
 )
-from cranectl.parameters import RigParameters
-from cranectl.plants.mujoco_stages import push_load
+from cranectl.scenario.rig import RigParameters
 from tests.plants.effects import HANGING, RIG, SWINGING, copied, energies, energy, make, simulate
 
 LIGHT = RigParameters(load_mass=1e-3)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cranectl.effects.settings import NO_EFFECTS, Body, EffectSettings, Rope
-from cranectl.parameters import RigParameters
+from cranectl.scenario.effects import NO_EFFECTS, Body, EffectSettings, Rope
+from cranectl.scenario.rig import RigParameters
 from tests.plants.effects import HANGING, RIG, SWINGING, copied, energies, make, simulate
 
 LENGTH = HANGING[4]

@@ -6,8 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.effects.applicable import check_effects
-from cranectl.effects.settings import (
+from cranectl.plants.applicable import check_effects
+from cranectl.plants.mujoco.model import JOINTS, drive_addresses, model_spec
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.mujoco.stability import LARGEST, fastest_rate
+from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.scenario.effects import (
     NO_EFFECTS,
     NO_LIMIT,
     Body,
@@ -20,13 +24,9 @@ from cranectl.effects.settings import (
     Sensing,
     Wind,
 )
-from cranectl.errors import InputError
-from cranectl.parameters import RigParameters
-from cranectl.plants.interface import DRIVES, PLANTS
-from cranectl.plants.mujoco import MujocoPlant
-from cranectl.plants.mujoco_effects.stability import LARGEST, fastest_rate
-from cranectl.plants.mujoco_model import JOINTS, drive_addresses, model_spec
+from cranectl.scenario.rig import RigParameters
 from cranectl.signals import BASE_WIDTH
+from cranectl.support.errors import InputError
 from tests.plants.effects import HANGING, RIG, SWINGING, make, simulate
 
 PHYSICAL = {
@@ -66,7 +66,7 @@ def test_any_combination_hangs_still_and_swings_on(effects: EffectSettings, driv
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_compiled_steps_and_steps_through_the_binding_are_the_same(drive: str) -> None:
-    from cranectl.plants.mujoco import advance_mujoco
+    from cranectl.plants.mujoco.plant import advance_mujoco
 
     loads, states = np.zeros((2, 200, 7)), np.zeros((2, 10))
     plants = [make(ALL.model_copy(update={"wind": Wind()}), drive=drive, start=SWINGING) for _ in range(2)]

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.effects.settings import NO_EFFECTS, Body, DriveLimits, EffectSettings, Frame, Friction, Rope
-from cranectl.parameters import RigParameters
-from cranectl.plants import mujoco as plant_module
-from cranectl.plants.interface import DRIVES, Drive
-from cranectl.plants.mujoco import MujocoPlant
-from cranectl.plants.mujoco_model import compiled_model, model_description, model_spec
+from cranectl.plants.mujoco import plant as plant_module
+from cranectl.plants.mujoco.model import compiled_model, model_description, model_spec
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.scenario.effects import NO_EFFECTS, Body, DriveLimits, EffectSettings, Frame, Friction, Rope
+from cranectl.scenario.rig import RigParameters
 
 RIG = RigParameters()
 PHYSICAL = {

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
-from cranectl.parameters import RigParameters
-from cranectl.plants.mujoco import MujocoPlant
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.scenario.rig import RigParameters
 
 
 def test_the_engine_does_not_look_at_a_clock() -> None:

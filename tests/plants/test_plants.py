@@ -5,22 +5,22 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cranectl import dynamics
-from cranectl.effects.friction import STICTION_RATE
-from cranectl.effects.settings import EffectSettings, Friction, Wind
-from cranectl.parameters import RigParameters
+from cranectl.model import dynamics
 from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
-from cranectl.plants.interface import DRIVES, PLANTS, Plant
-from cranectl.plants.mujoco import MujocoPlant
-from cranectl.plants.mujoco_model import (
+from cranectl.plants.mujoco.disturbed_step import apply_disturbance
+from cranectl.plants.mujoco.model import (
     DRIVEN_JOINTS,
     compiled_model,
     model_spec,
     rate_addresses,
     state_addresses,
 )
-from cranectl.plants.mujoco_model import DRIVES as DRIVES_OF_AXES
-from cranectl.plants.mujoco_stages import apply_disturbance
+from cranectl.plants.mujoco.model import DRIVES as DRIVES_OF_AXES
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.plant import DRIVES, PLANTS, Plant
+from cranectl.plants.surroundings import STICTION_RATE
+from cranectl.scenario.effects import EffectSettings, Friction, Wind
+from cranectl.scenario.rig import RigParameters
 from tests.conftest import ROOT, STILL, random_states, split
 
 KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}

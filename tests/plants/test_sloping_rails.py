@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cranectl.effects.installation import gravity_in_rig
-from cranectl.effects.settings import EffectSettings, Installation
-from cranectl.parameters import RigParameters
 from cranectl.plants.analytic import AnalyticPlant, derivative, observe_load
+from cranectl.plants.surroundings import gravity_in_rig
+from cranectl.scenario.effects import EffectSettings, Installation
+from cranectl.scenario.rig import RigParameters
 
 RIG = RigParameters(load_mass=1.7)
 SLOPING = EffectSettings(installation=Installation(tilt=(0.12, -0.07)))

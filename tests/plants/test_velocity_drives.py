@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cranectl.compare import compare_runs, judge
-from cranectl.limits import agreement_limits
+from cranectl.compare.limits import agreement_limits
 from cranectl.metrics import run_metrics
-from cranectl.plants.interface import PLANTS
+from cranectl.plants.plant import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -95,8 +95,8 @@ def test_the_servo_yields_to_the_load_by_force_over_gain() -> None:
 
     Checked against the engine at the instant at which its own lag has settled.
     """
-    from cranectl.parameters import RigParameters
-    from cranectl.plants.mujoco import MujocoPlant
+    from cranectl.plants.mujoco.plant import MujocoPlant
+    from cranectl.scenario.rig import RigParameters
 
     rig = RigParameters(
         trolley_mass=250.0, bridge_mass=600.0, winch_mass=400.0, load_mass=10.0, trolley_time_constant=0.002

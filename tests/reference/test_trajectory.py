@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from cranectl.errors import InputError
 from cranectl.reference import Trajectory, build_trajectory
 from cranectl.scenario import ReferenceSettings
+from cranectl.support.errors import InputError
 
 SEGMENTS = {
     "hold": {"kind": "hold", "duration": 2.0},

@@ -7,12 +7,12 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from cranectl import resources
-from cranectl.render.film import film_of
 from cranectl.render.scene import stage
+from cranectl.render.timeline import film_of
 from cranectl.scenario import load_scenario
 from cranectl.signals import LOAD_COLUMN
 from cranectl.simulate import Run, simulate_run
+from cranectl.support import resources
 
 WIDTH, HEIGHT = 480, 360
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cranectl.colours import LIGHT, PLANTS, rgb
-from cranectl.render.film import film_of
 from cranectl.render.plots import Plots
+from cranectl.render.timeline import film_of
+from cranectl.support.colours import LIGHT, PLANTS, rgb
 from tests.render.pictures import moving_run
 
 SIZE = (480, 720)

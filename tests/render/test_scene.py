@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl import resources
-from cranectl.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
-from cranectl.render.film import film_of
 from cranectl.render.scene import stage
 from cranectl.render.settings import CAMERAS
+from cranectl.render.timeline import film_of
 from cranectl.signals import TENSION_COLUMN
+from cranectl.support import resources
+from cranectl.support.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
 from tests.render.pictures import (
     HEIGHT,
     WIDTH,

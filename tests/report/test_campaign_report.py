@@ -11,13 +11,13 @@ import click
 import numpy as np
 import pytest
 
-from cranectl.campaign.analysis import analyse, analysis_json
+from cranectl.campaign.evaluation import analyse, analysis_json
 from cranectl.campaign.replay import chosen_rows
 from cranectl.campaign.results import Results
-from cranectl.cli.campaign_replay import replay_campaign
+from cranectl.cli.campaign.replay import replay_campaign
 from cranectl.cli.main import main
-from cranectl.report.campaign_labels import replay_command
-from cranectl.report.campaign_report import campaign_page
+from cranectl.report.campaign.labels import replay_command
+from cranectl.report.campaign.page import campaign_page
 from cranectl.report.page import render
 from tests.campaign.campaigns import LAG, MASS, campaign
 from tests.campaign.results import two_controllers, write_all
@@ -49,7 +49,7 @@ def always_fails(values: np.ndarray, *_: str) -> dict[str, np.ndarray]:
 
 
 def cannot_be_run(values: np.ndarray, *_: str) -> dict[str, np.ndarray]:
-    from cranectl.campaign.rows import METRIC_COLUMNS
+    from cranectl.campaign.table import METRIC_COLUMNS
 
     nothing = np.full(len(values), np.nan)
     return {"status": np.full(len(values), "failed"), **dict.fromkeys(METRIC_COLUMNS, nothing)}

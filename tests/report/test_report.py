@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.colours import COLOURS
 from cranectl.log import read_log, write_log
-from cranectl.report.log_report import log_page
 from cranectl.report.page import Figure, Page, Section, render
-from cranectl.report.run_figures import FAMILIES, Curve, family_svg, largest_difference
+from cranectl.report.run.figures import FAMILIES, Curve, family_svg, largest_difference
+from cranectl.report.run.page import log_page
+from cranectl.report.run.wording import agreement, verdict
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
-from cranectl.report.verdicts import agreement, verdict
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.colours import COLOURS
 from tests.conftest import closed_loop
 
 SHORT = ["--set", "duration=0.5", "--set", "disturbances=[]"]

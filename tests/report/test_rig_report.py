@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.analysis.rungs import NAMES
+from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 
 SHORT = ["--set", "duration=1.0", "--set", "disturbances.0.start=0.1", "--set", "disturbances.1.start=0.2"]

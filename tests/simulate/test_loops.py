@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from cranectl import signals
-from cranectl.errors import InputError
-from cranectl.plants.interface import DRIVES, PLANTS
+from cranectl.plants.plant import DRIVES, PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, make_plant, simulate_run
 from cranectl.simulate import runner as runner_module
-from cranectl.simulate.sample import Sampling, judge_sample
+from cranectl.simulate.loop_inputs import Sampling, judge_sample
 from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
 from tests.conftest import ALL_CONTROLLERS
 
 

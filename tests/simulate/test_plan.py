@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cranectl.errors import InputError
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import plan_scenario
+from cranectl.support.errors import InputError
 from tests.conftest import ALL_SCENARIOS
 
 LINE = "reference.segments=[{{kind='line', to={to}, duration={duration}}}]"

@@ -3,7 +3,7 @@
     python validation/derivations/lagrange.py
 
 Energies → Lagrange's equations → M, C, G, the mass-free cardan accelerations, the rope force. Equality with
-`cranectl.dynamics` is asserted at random states; identities between symbols are asserted by SymPy.
+`cranectl.model.dynamics` is asserted at random states; identities between symbols are asserted by SymPy.
 """
 
 from collections.abc import Callable
@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from cranectl import dynamics
-from cranectl.parameters import RigParameters
+from cranectl.model import dynamics
+from cranectl.scenario.rig import RigParameters
 
 t = sp.Symbol("t")
 m_b, m_t, m_w, m_l, g = sp.symbols("m_b m_t m_w m_l g", positive=True)
@@ -93,7 +93,7 @@ def check_identities(equations: dict[str, Any]) -> None:
 
 
 def check_code(equations: dict[str, Any], *, samples: int = 200, seed: int = 1) -> float:
-    """Largest relative difference between `cranectl.dynamics` and the derivation at random states."""
+    """Largest relative difference between `cranectl.model.dynamics` and the derivation at random states."""
     rng = np.random.default_rng(seed)
     evaluate = {
         name: sp.lambdify([Q, QD, QDD, MASSES], expression, "numpy", cse=True)
@@ -141,7 +141,7 @@ def main() -> None:
     equations = derive()
     check_identities(equations)
     worst = check_code(equations)
-    print(f"equations of motion derived; cranectl.dynamics agrees to {worst:.1e}")
+    print(f"equations of motion derived; cranectl.model.dynamics agrees to {worst:.1e}")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import control
 import numpy as np
 
 from cranectl.design import design_controller
-from cranectl.design.linear import inner_loop
+from cranectl.design.linear_systems import inner_loop
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import simulate_run

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cranectl import resources
 from cranectl.design import design_controller
-from cranectl.errors import InputError
 from cranectl.scenario import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support import resources
+from cranectl.support.errors import InputError
 
 END_Y, END_Z = 0.77, -0.7
 LAWS = ("degree-5", "degree-9")

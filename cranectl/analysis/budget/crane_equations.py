@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.jit import jit
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from cranectl.analysis.budget.propagation import Deviation, Ports, Rubbing, no_errors
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop
-from cranectl.effects.limits import limited, make_limits
-from cranectl.effects.settings import DriveLimits, Friction
-from cranectl.jit import jit
+from cranectl.scenario.effects import DriveLimits, Friction
 from cranectl.simulate import Run
+from cranectl.simulate.signal_path import limited, make_limits
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 

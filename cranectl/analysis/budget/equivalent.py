@@ -17,12 +17,12 @@ from scipy.linalg import expm
 from cranectl.analysis.budget.propagation import Deviation, Ports, no_errors
 from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, analytic_rig
-from cranectl.jit import jit
 from cranectl.plants.analytic import derivative
-from cranectl.plants.mujoco_model import ideal_inertia
+from cranectl.plants.mujoco.model import ideal_inertia
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from cranectl.analysis.budget.prediction import RUNGS, predict_rungs
 from cranectl.analysis.budget.random_errors import exact, noisy
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size, load_difference, size_of
-from cranectl.analysis.effects import replace_effects
-from cranectl.effects.settings import NO_EFFECTS
-from cranectl.errors import unknown_name
+from cranectl.analysis.levels import replace_effects
 from cranectl.scenario import Scenario
+from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import unknown_name
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]  # called with simulated seconds

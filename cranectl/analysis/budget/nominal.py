@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from cranectl.analysis.budget.real_crane import make_crane
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
 from cranectl.analysis.deviation import Size
-from cranectl.analysis.effects import AssumedEffects, assumed_effects, replace_effects
+from cranectl.analysis.levels import AssumedEffects, assumed_effects, replace_effects
 from cranectl.design import Design, design_controller
-from cranectl.effects.settings import NO_EFFECTS
 from cranectl.scenario import Scenario
+from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.simulate import Run, plan_scenario, simulate_run
 
 Array = NDArray[np.float64]

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.analysis.budget.bounds import higher_orders, worst_rubbing
 from cranectl.analysis.budget.drive_errors import delayed, friction_of, limited_commands
 from cranectl.analysis.budget.equivalent import hold_error, integrator_error
 from cranectl.analysis.budget.nominal import STRUCTURE, Nominal, Prediction
@@ -29,11 +30,9 @@ from cranectl.analysis.budget.propagation import (
     propagate,
 )
 from cranectl.analysis.budget.random_errors import exact, predict_noise, predict_quantisation, told_error
-from cranectl.analysis.budget.remainder import higher_orders
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop
-from cranectl.analysis.budget.worst_case import worst_rubbing
 from cranectl.analysis.deviation import size_of
-from cranectl.effects.sensing import make_encoders
+from cranectl.simulate.signal_path import make_encoders
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop
-from cranectl.jit import jit
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 

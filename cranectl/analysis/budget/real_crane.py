@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.analysis.budget.crane_equations import ALPHA_B, BETA_B, COORDINATES, Q_X, STATES, STRETCH
-from cranectl.effects.settings import EffectSettings
-from cranectl.effects.wind import air_drag
+from cranectl.plants.surroundings import air_drag
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.effects import EffectSettings
 
 Array = NDArray[np.float64]
 

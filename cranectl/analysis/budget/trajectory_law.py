@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.design.sampling import diagonal
-from cranectl.flatness import flat_output, linearising_input
-from cranectl.jit import jit
+from cranectl.controllers.flat import Tracker
+from cranectl.design.discretisation import diagonal
+from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.simulate import Run
-from cranectl.tracker import Tracker
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 

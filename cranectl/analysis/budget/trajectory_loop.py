@@ -26,12 +26,12 @@ from cranectl.analysis.budget.trajectory_law import (
     dense_robustifier,
     law_rows,
 )
-from cranectl.jit import jit
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
-from cranectl.plants.interface import Drive
+from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run, tracker_of
+from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 

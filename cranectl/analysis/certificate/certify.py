@@ -9,24 +9,30 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from cranectl.analysis.certificate.coprime_margin import CoprimeMargin, coprime_margin, largest_excess
-from cranectl.analysis.certificate.grid import RESOLUTION
 from cranectl.analysis.certificate.linear_plant import linear_plant
 from cranectl.analysis.certificate.loop import (
     Cut,
     InnerLoop,
+    choose_cut,
     closed_loop_radius,
     design_inner_loop,
     inner_loop_of,
 )
-from cranectl.analysis.certificate.nu_gap import Graph, NuGap, nu_gap
+from cranectl.analysis.certificate.nu_gap import (
+    CoprimeMargin,
+    Graph,
+    NuGap,
+    coprime_margin,
+    largest_excess,
+    nu_gap,
+)
 from cranectl.analysis.certificate.operating_points import OperatingPoint
-from cranectl.analysis.certificate.scaling import choose_cut
+from cranectl.analysis.certificate.systems import RESOLUTION
 from cranectl.design import Design
-from cranectl.errors import InputError
-from cranectl.plants.interface import Drive
+from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import tracker_of
+from cranectl.support.errors import InputError
 
 MOST_DELAY_SAMPLES = 300  # a point takes 2 s then, and no controller here bears half as much
 CAUTION = 2.0 * RESOLUTION  # gap and margin are each found to within the resolution of the grid

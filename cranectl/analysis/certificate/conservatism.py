@@ -12,7 +12,7 @@ from cranectl.analysis.certificate.certify import Judge
 from cranectl.analysis.certificate.linear_plant import linear_plant, run_plant
 from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_radius, inner_loop_of
 from cranectl.analysis.certificate.operating_points import OperatingPoint
-from cranectl.plants.interface import Drive
+from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
 
 MOST_DELAY = 0.3  # [s]

@@ -6,6 +6,8 @@ set-points. Delay lies between them.
 
     v ─► law ─► command ─► z^-k ─► drives, crane ─► joints ─► encoders, observer ─► law
           └─► flat state (z, z', z'', z''') as the tracker sees it
+
+Of a scenario's effects what is linear enters, the rest is left out and named.
 """
 
 from collections.abc import Callable
@@ -13,14 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cranectl.analysis.certificate.equilibrium import equilibrium, step_at
-from cranectl.analysis.certificate.linear_effects import plant_effects
-from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint
+from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint, equilibrium, step_at
 from cranectl.analysis.certificate.systems import Array, SampledSystem, differences
-from cranectl.design import design_controller
-from cranectl.dynamics import angular_accelerations
-from cranectl.flatness import flat_output
-from cranectl.observer import (
+from cranectl.controllers.flat import ROBUSTIFIER, SETPOINT, ZETA, Tracker, inner_law
+from cranectl.controllers.observer import (
     DISTURBANCE,
     JOINTS,
     MEMORY,
@@ -30,12 +28,71 @@ from cranectl.observer import (
     make_observer,
     predict,
 )
-from cranectl.plants.interface import Drive
-from cranectl.plants.mujoco import MujocoPlant
-from cranectl.plants.mujoco_effects.tangent import Anchor, change_since, coordinates, put
+from cranectl.design import design_controller
+from cranectl.model.dynamics import angular_accelerations
+from cranectl.model.flatness import flat_output
+from cranectl.plants.mujoco.linearisation import Anchor, change_since, coordinates, put
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.effects import EffectSettings
 from cranectl.simulate import make_plant, tracker_of
-from cranectl.tracker import ROBUSTIFIER, SETPOINT, ZETA, Tracker, inner_law
+
+NONE = (0.0, 0.0, 0.0)
+
+
+def plant_effects(effects: EffectSettings) -> EffectSettings:
+    """What of `effects` makes the MuJoCo plant another linear plant.
+
+    Rope, taut; body; frame; viscous friction; drag at the mean wind. Delay and the observer belong to the
+    computer, see `linear_plant`.
+    """
+    friction, wind = effects.friction, effects.wind
+    return EffectSettings(
+        rope=effects.rope,
+        body=effects.body,
+        frame=effects.frame,
+        friction=friction and friction.model_copy(update={"coulomb": NONE, "pivot_coulomb": 0.0}),
+        wind=wind and wind.model_copy(update={"gust": 0.0}),
+    )
+
+
+def taken_in(effects: EffectSettings) -> list[str]:
+    """What of `effects` the linear loop has, by name."""
+    found = [name for name in ("delay", "rope", "body", "frame") if getattr(effects, name)]
+    friction = effects.friction
+    if effects.sensing:
+        found.append("sensing.observer_bandwidth")
+    if friction:
+        found += [
+            f"friction.{name}" for name in ("viscous", "pivot_viscous") if _any(getattr(friction, name))
+        ]
+    if effects.wind:
+        found.append("wind.mean")
+    return found
+
+
+def left_out(effects: EffectSettings) -> list[str]:
+    """What of `effects` is not linear or not of the loop, by name."""
+    found = ["limits"] if effects.limits else []
+    sensing, friction, wind = effects.sensing, effects.friction, effects.wind
+    if sensing:
+        settings = ("position_resolution", "angle_resolution", "position_noise", "angle_noise")
+        found += [f"sensing.{name}" for name in settings if _any(getattr(sensing, name))]
+    if friction:
+        found += [
+            f"friction.{name}" for name in ("coulomb", "pivot_coulomb") if _any(getattr(friction, name))
+        ]
+    if wind and wind.gust > 0.0:
+        found.append("wind.gust")
+    if effects.installation:
+        found.append("installation")
+    return found
+
+
+def _any(value: float | tuple[float, ...]) -> bool:
+    return any(value) if isinstance(value, tuple) else value > 0.0
+
 
 STEP = 1e-5  # of the law's differences, in each signal's unit
 V_STEP = 1e-3  # [m/s⁴]
@@ -103,7 +160,7 @@ def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
 def _crane_matrix(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
     """(change of the engine's state (n), command (3)) → change one period later (n): (n, n + 3).
 
-    The ten joints first, see `plants.mujoco_effects.tangent`. Without coordinates that nothing depends on.
+    The ten joints first, see `plants.mujoco.linearisation`. Without coordinates that nothing depends on.
     """
     n, load = coordinates(plant), np.zeros(7)
 

@@ -1,4 +1,9 @@
-"""Sampled linear systems as four matrices, and their frequency response on a grid."""
+"""Sampled linear systems as four matrices, and their frequency response on a grid that is fine where it must.
+
+The grid on the upper half of the unit circle starts with the angles of the poles and a logarithmic ladder. It
+halves every interval over which a graph turns much, or in which, by the triangle inequality of the chordal
+metric, the maximum could lie above the highest point by more than `RESOLUTION`.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -78,3 +83,78 @@ def differences(function: Callable[[Array], Array], at: Array, steps: Array) -> 
         offset[k] = step
         columns.append((function(at + offset) - function(at - offset)) / (2.0 * step))
     return np.column_stack(columns)
+
+
+LOWEST = 1e-7  # [rad/sample]; 1e-4 rad/s at 1 ms
+PER_DECADE = 12
+AROUND_POLE = np.array([-4.0, -2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0, 4.0])  # in distances from the circle
+LARGEST_TURN = 0.3  # sine of the angle by which a graph may turn from point to point
+RESOLUTION = 5e-3  # how far a maximum may lie above the highest point of the grid
+LARGEST_PHASE = 0.6  # [rad], by which a determinant may
+MAX_POINTS = 20_000
+POLISH = 7  # points put into the intervals beside the extremum, twice
+
+
+class Samples(NamedTuple):
+    """What is looked at along the grid."""
+
+    level: Array  # (k,), a sum of distances of graphs, some of them negative, whose maximum is wanted
+    bases: (
+        Complex  # (k, graphs, r, m) orthonormal bases of the graphs, one for each time it occurs in the sum
+    )
+    determinant: Complex  # (k,), whose phase is followed
+
+
+def starting_grid(poles: Complex) -> Array:
+    """Angles from 0 to pi: both ends, a ladder, and each pole's angle with its neighbourhood."""
+    ladder = np.geomspace(LOWEST, np.pi, int(PER_DECADE * np.log10(np.pi / LOWEST)))
+    modulus, angle = np.abs(poles), np.abs(np.angle(poles))
+    sharp = (modulus > 0.5) & (modulus < 2.0)
+    near = angle[sharp, None] + np.abs(1.0 - modulus[sharp, None]) * AROUND_POLE
+    grid = np.concatenate([[0.0, np.pi], ladder, near.ravel()])
+    return _distinct(grid[(grid >= 0.0) & (grid <= np.pi)])
+
+
+def sample(grid: Array, evaluate: Callable[[Array], Samples]) -> tuple[Array, Samples, bool]:
+    """Evaluate on `grid`, refined where needed and around the maximum of `level`; whether it is resolved."""
+    angles, samples = grid, evaluate(grid)
+    while True:
+        coarse = _too_coarse(samples) & (np.diff(angles) > 1e-12 * np.maximum(angles[1:], LOWEST))
+        if not coarse.any() or len(angles) > MAX_POINTS:
+            break
+        between = 0.5 * (angles[:-1] + angles[1:])[coarse]
+        angles, samples = _merged(angles, samples, between, evaluate(between))
+    for _ in range(2):
+        peak = int(samples.level.argmax())
+        low, high = angles[max(peak - 1, 0)], angles[min(peak + 1, len(angles) - 1)]
+        between = np.setdiff1d(np.linspace(low, high, POLISH + 2), angles)
+        angles, samples = _merged(angles, samples, between, evaluate(between))
+    return angles, samples, not _too_coarse(samples).any()
+
+
+def _too_coarse(samples: Samples) -> NDArray[np.bool_]:
+    overlap = np.conj(np.swapaxes(samples.bases[:-1], 2, 3)) @ samples.bases[1:]
+    cosine = np.minimum(np.linalg.norm(overlap, -2, axis=(2, 3)), 1.0)
+    turn = np.sqrt(1.0 - cosine**2)
+    step = np.angle(samples.determinant[1:] * np.conj(samples.determinant[:-1]))
+    bound = 0.5 * (samples.level[1:] + samples.level[:-1] + turn.sum(axis=1))
+    coarse: NDArray[np.bool_] = (
+        (turn.max(axis=1) > LARGEST_TURN)
+        | (np.abs(step) > LARGEST_PHASE)
+        | (bound > samples.level.max() + RESOLUTION)
+    )
+    return coarse
+
+
+def _merged(angles: Array, samples: Samples, more: Array, found: Samples) -> tuple[Array, Samples]:
+    order = np.argsort(np.concatenate([angles, more]), kind="stable")
+    merged = (np.concatenate(pair)[order] for pair in zip(samples, found, strict=True))
+    return np.concatenate([angles, more])[order], Samples(*merged)
+
+
+def _distinct(grid: Array) -> Array:
+    """Sorted, without points closer than rounding tells apart."""
+    grid = np.unique(grid)
+    apart = np.diff(grid) > 1e-12 * np.maximum(grid[1:], LOWEST)
+    distinct: Array = grid[np.concatenate([[True], apart])]
+    return distinct

@@ -8,22 +8,22 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from cranectl.analysis.budget.bounds import second_order
 from cranectl.analysis.budget.drive_errors import friction_of
 from cranectl.analysis.budget.equivalent import hold_error, integrator_error
 from cranectl.analysis.budget.error_budget import Budget, Entry, error_budget
-from cranectl.analysis.budget.level_3 import predict_plant_difference
 from cranectl.analysis.budget.nominal import Nominal, nominal_run
+from cranectl.analysis.budget.predicted_limits import predict_plant_difference
 from cranectl.analysis.budget.prediction import RUNGS, predict_rungs
 from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate
-from cranectl.analysis.budget.remainder import second_order
 from cranectl.analysis.deviation import Size, size_of
 from cranectl.cli.main import main
 from cranectl.compare import compare_runs
-from cranectl.errors import InputError
-from cranectl.limits import agreement_limits
-from cranectl.plants.interface import PLANTS
+from cranectl.compare.limits import agreement_limits
+from cranectl.plants.plant import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
+from cranectl.support.errors import InputError
 
 FREE = ("velocity", "acceleration", "force")
 SHORT = {

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.level_3 import predict_plant_difference, predicted_limits
+from cranectl.analysis.budget.predicted_limits import predict_plant_difference, predicted_limits
 from cranectl.compare import judge
+from cranectl.compare.limits import Limits, agreement_limits
 from cranectl.design import design_controller
-from cranectl.limits import Limits, agreement_limits
-from cranectl.plants.interface import PLANTS
+from cranectl.plants.plant import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT

@@ -5,11 +5,11 @@ import pytest
 
 from cranectl.analysis.budget.crane_equations import STRETCH, advance, derivative, make_work
 from cranectl.analysis.budget.real_crane import load_positions, make_crane, nominal_states
-from cranectl.analysis.effects import assumed_effects
-from cranectl.dynamics import mass_matrix
-from cranectl.effects.settings import EffectSettings
-from cranectl.plants.mujoco import MujocoPlant
+from cranectl.analysis.levels import assumed_effects
+from cranectl.model.dynamics import mass_matrix
+from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.scenario import load_scenario
+from cranectl.scenario.effects import EffectSettings
 
 START = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.1, 0.0, -0.15, 0.0])
 WIND = np.array([1.5, -0.9, 0.3])

@@ -5,7 +5,10 @@ import functools
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.estimator import (
+from cranectl.analysis.budget.bounds import delayed_matrix, worst_rubbing
+from cranectl.analysis.budget.nominal import nominal_run
+from cranectl.analysis.budget.propagation import NO_RUBBING, Rubbing, no_errors, propagate
+from cranectl.analysis.budget.random_errors import (
     Estimator,
     joined_matrices,
     linear_estimator,
@@ -13,14 +16,11 @@ from cranectl.analysis.budget.estimator import (
     observed_error,
     worst_load_error,
 )
-from cranectl.analysis.budget.nominal import nominal_run
-from cranectl.analysis.budget.propagation import NO_RUBBING, Rubbing, no_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, loop_matrix
-from cranectl.analysis.budget.worst_case import delayed_matrix, worst_rubbing
-from cranectl.effects.sensing import Encoders
-from cranectl.observer import make_observer
+from cranectl.controllers.observer import make_observer
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
+from cranectl.simulate.signal_path import Encoders
 
 HOISTING = [
     "duration=3.0",

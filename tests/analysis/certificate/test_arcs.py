@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.arcs import Bounded, below_until, bilinear, first_gap
+from cranectl.analysis.certificate.frequency_intervals import Bounded, below_until, bilinear, first_gap
 from cranectl.analysis.certificate.structured import bounded
 from cranectl.analysis.certificate.systems import SampledSystem
 

@@ -18,10 +18,10 @@ from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.structured import GUARD, drive_loop, drive_margins
 from cranectl.cli.main import main
 from cranectl.design import CONTROLLERS, design_controller
-from cranectl.errors import InputError
 from cranectl.scenario import Scenario, default_scenario
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
 
 PERIOD = 1e-3
 AXES = ("bridge", "trolley", "winch")

@@ -5,28 +5,32 @@ import functools
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.equilibrium import equilibrium
-from cranectl.analysis.certificate.linear_effects import left_out, plant_effects, taken_in
-from cranectl.analysis.certificate.linear_plant import linear_plant, run_plant
+from cranectl.analysis.certificate.linear_plant import (
+    left_out,
+    linear_plant,
+    plant_effects,
+    run_plant,
+    taken_in,
+)
 from cranectl.analysis.certificate.loop import (
     closed_loop_matrix,
     design_inner_loop,
     inner_loop_of,
     robustifier_of,
 )
-from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of, held_state
+from cranectl.analysis.certificate.operating_points import OperatingPoint, equilibrium, grid_of, held_state
+from cranectl.controllers.flat import RUNNING, ZETA, control_step, initial_memory
 from cranectl.design import design_controller
-from cranectl.effects.settings import ALL_EFFECTS, NO_EFFECTS
-from cranectl.errors import InputError
-from cranectl.plants.interface import DRIVES, Drive
-from cranectl.plants.mujoco_effects.tangent import change_since, coordinates, put
+from cranectl.plants.mujoco.linearisation import change_since, coordinates, put
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario, default_scenario
+from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
 from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
 from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.loops import python_loop
 from cranectl.simulate.runner import sampling_of
-from cranectl.simulate.stages import make_stages
-from cranectl.tracker import RUNNING, ZETA, control_step, initial_memory
+from cranectl.simulate.signal_path import make_stages
+from cranectl.support.errors import InputError
 from tests.conftest import STILL
 
 G, PERIOD = 9.81, 1e-3

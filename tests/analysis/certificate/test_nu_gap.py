@@ -6,7 +6,7 @@ import pytest
 
 from cranectl.analysis.certificate.nu_gap import Graph, distance, graph_of, nu_gap, orthonormal
 from cranectl.analysis.certificate.systems import SampledSystem
-from cranectl.errors import InputError
+from cranectl.support.errors import InputError
 
 
 def sampled(system: control.StateSpace, period: float = 1.0) -> SampledSystem:

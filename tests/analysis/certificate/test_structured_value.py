@@ -4,7 +4,7 @@ import ctrlsys
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.structured_value import structured_values
+from cranectl.analysis.certificate.structured import structured_values
 
 BLOCKS, COMPLEX = np.ones(3, dtype=np.int32), np.full(3, 2, dtype=np.int32)
 

@@ -1,0 +1,90 @@
+"""The rungs of the fidelity ladder, from the ideal of theory to the rig, and scenarios with other effects."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from cranectl.plants.plant import Drive
+from cranectl.scenario import Scenario
+from cranectl.scenario.effects import (
+    ALL_EFFECTS,
+    Body,
+    Delay,
+    DriveLimits,
+    EffectSettings,
+    Frame,
+    Friction,
+    Installation,
+    Rope,
+    Sensing,
+    Wind,
+)
+from cranectl.scenario.settings import parse_settings
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One effect more than the rung before."""
+
+    name: str
+    adds: str
+    plant: str = "mujoco"
+    drive: Drive = "velocity"
+
+
+RUNGS = (
+    Rung("continuous", "theory: nothing sampled, ideal drives", "analytic", "ideal"),
+    Rung("sampled", "control at the control period, inputs held", "analytic", "ideal"),
+    Rung("engine", "the physics engine in place of the equations", "mujoco", "ideal"),
+    Rung("servos", "velocity servos of finite bandwidth that feel the load"),
+    Rung("limits", "limits of velocity, acceleration and force"),
+    Rung("sensing", "encoders and an observer in place of the state"),
+    Rung("delay", "computing and transport"),
+    Rung("friction", "friction of axes and joint"),
+    Rung("rope", "a rope that has mass, gives and goes slack"),
+    Rung("body", "a load that swings under its hook"),
+    Rung("wind", "drag and gusts"),
+    Rung("frame", "a frame that gives way"),
+)
+NAMES = tuple(rung.name for rung in RUNGS)
+# A rig not set up as believed is no effect that every rig has: campaigns vary it.
+EFFECTS = tuple(name for name in EffectSettings.model_fields if name != "installation")
+BASE = "servos"  # what an effect alone is added to
+
+
+class AssumedEffects(NamedTuple):
+    """Settings of every effect."""
+
+    limits: DriveLimits
+    sensing: Sensing
+    delay: Delay
+    friction: Friction
+    rope: Rope
+    body: Body
+    wind: Wind
+    frame: Frame
+    installation: Installation
+
+    def only(self, *names: str) -> EffectSettings:
+        """The effects of these names and no others."""
+        return EffectSettings(**{name: getattr(self, name) for name in names})
+
+
+def assumed_effects(scenario: Scenario) -> AssumedEffects:
+    """The scenario's own settings of each effect, else the defaults."""
+    names = AssumedEffects._fields
+    return AssumedEffects(*(getattr(scenario.effects, n) or getattr(ALL_EFFECTS, n) for n in names))
+
+
+def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
+    """`scenario` with exactly these effects; raises InputError where its other settings forbid them."""
+    table = {
+        **scenario.model_dump(mode="json"),
+        "effects": {name: getattr(effects, name).model_dump(mode="json") for name in effects.names},
+    }
+    return parse_settings(Scenario, table, f"{scenario.name} with {', '.join(effects.names) or 'no effects'}")
+
+
+def with_effects(scenario: Scenario, names: Iterable[str]) -> Scenario:
+    """`scenario` with exactly the effects of these names, as assumed for it."""
+    return replace_effects(scenario, assumed_effects(scenario).only(*names))

@@ -1,0 +1,119 @@
+"""A campaign as it is kept beside its results: enough to resume it and to repeat any of its runs.
+
+The record says what software began the result, and what other software was accepted later; each part carries
+the identity of what made it.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from cranectl.campaign.correlation import gaussian_copula
+from cranectl.campaign.definition import Campaign
+from cranectl.campaign.parameters import parameters_of
+from cranectl.campaign.settings import parse_campaign
+from cranectl.scenario import Scenario
+from cranectl.scenario.settings import parse_settings
+from cranectl.support.documents import Table
+from cranectl.support.errors import InputError
+from cranectl.support.provenance import HARMLESS, provenance
+
+FORMAT = 2
+RULE = 1  # of identities; parts of all formats have it
+NOT_DECISIVE = ("title", "limits", "scenario", "set")  # of a campaign: the scenario itself is recorded
+
+
+class Origin(NamedTuple):
+    """What makes parts of a result."""
+
+    identity: str  # which they carry
+    versions: Mapping[str, str]  # of packages, and fingerprints
+
+
+def record_of(campaign: Campaign) -> Table:
+    """Everything that decides the runs of `campaign`, as plain data."""
+    table = {
+        "format": FORMAT,
+        "campaign": campaign.settings.model_dump(mode="json"),
+        "runs": campaign.runs,
+        "scenario": campaign.nominal.model_dump(mode="json"),
+        "versions": provenance(),
+        "accepted": [],
+    }
+    plain: Table = json.loads(json.dumps(table))
+    return plain
+
+
+def checked_record(data: Any, source: str) -> Table:
+    """`data`, of any format that can be read, in the newest one; raises InputError where it is no record."""
+    number = data.get("format") if isinstance(data, dict) else None
+    if isinstance(number, int) and number in READERS:
+        record = READERS[number](data)
+        accepted = record.get("accepted")
+        tables = [record.get(part) for part in ("campaign", "scenario", "versions")]
+        tables += accepted if isinstance(accepted, list) else [None]
+        if isinstance(record.get("runs"), int) and all(isinstance(table, dict) for table in tables):
+            return record
+    newer = isinstance(number, int) and number > FORMAT
+    raise InputError(
+        f"{source} has format {number}" if newer else f"{source} is no record of a campaign",
+        allowed=f"a result of format {min(READERS)} to {FORMAT}",
+        remedy="read it with a newer cranectl" if newer else "check the place, or run the campaign again",
+    )
+
+
+def campaign_of(record: Mapping[str, Any], source: str) -> Campaign:
+    """The campaign that `record` was made of, from nothing else: its scenario's file may have changed."""
+    settings = parse_campaign(record["campaign"], source)
+    nominal = parse_settings(Scenario, record["scenario"], source)
+    parameters = parameters_of(settings, nominal)
+    copula = gaussian_copula(settings.correlation, parameters)
+    return Campaign(settings, nominal, parameters, copula, record["runs"])
+
+
+def origins_of(record: Mapping[str, Any]) -> list[Origin]:
+    """What may have made parts of the result, what began it first."""
+    return [origin_of(record, versions) for versions in (record["versions"], *record["accepted"])]
+
+
+def origin_of(record: Mapping[str, Any], versions: Mapping[str, str]) -> Origin:
+    """What makes parts by `versions`: its identity is a digest of what decides the numbers of their runs."""
+    software = {name: version for name, version in versions.items() if name not in HARMLESS}
+    text = json.dumps({**_decisive(record), "format": RULE, "versions": software}, sort_keys=True)
+    return Origin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
+
+
+def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+    """What makes two campaigns differ besides the software that runs them, a phrase each."""
+    return list(_differences(_decisive(found), _decisive(wanted), ""))
+
+
+def _decisive(record: Mapping[str, Any]) -> Table:
+    campaign = {key: value for key, value in record["campaign"].items() if key not in NOT_DECISIVE}
+    return {"campaign": campaign, "runs": record["runs"], "scenario": record["scenario"]}
+
+
+def _first_format(data: Mapping[str, Any]) -> Table:
+    """It knew versions of packages only: of sources, models and data nothing is known."""
+    return {**data, "format": FORMAT, "accepted": []}
+
+
+READERS: dict[int, Callable[[Mapping[str, Any]], Table]] = {1: _first_format, FORMAT: dict}
+
+
+def _differences(a: Any, b: Any, name: str) -> list[str]:
+    if isinstance(a, dict) and isinstance(b, dict):
+        keys = list(dict.fromkeys([*a, *b]))
+        absent = "absent"
+        return [
+            line
+            for key in keys
+            for line in _differences(a.get(key, absent), b.get(key, absent), f"{name}.{key}" if name else key)
+        ]
+    return [] if a == b else [f"{name} is {_short(a)}, not {_short(b)}"]
+
+
+def _short(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,207 @@
+"""A case: one scenario, controller and drive on one or both plants, simulated, logged and judged."""
+
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cranectl.compare import Agreement, Comparison, compare_runs
+from cranectl.compare.limits import Limits, NoLimits, Predict, limits_for
+from cranectl.compare.step_length import judge_steps
+from cranectl.design import Design, design_controller
+from cranectl.log import check_writable, write_log
+from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.plants.plant import PLANTS, Drive
+from cranectl.scenario import Scenario
+from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
+
+LOG_DIRECTORY = Path("logs")
+
+
+@dataclass(frozen=True)
+class Case:
+    """What to run and where to log it."""
+
+    scenario: Scenario
+    controller: str
+    drive: Drive
+    plants: tuple[str, ...]
+    log: Path
+    source: str  # how its scenario was asked for: its name or its file
+    predict: Predict | None = None  # finds the limits of a scenario that is not shipped
+
+    @property
+    def simulated_seconds(self) -> float:
+        """Simulated time of all its runs, for progress."""
+        return self.scenario.duration * len(self.plants)
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What remains of a run once its log is written."""
+
+    scenario: str
+    controller: str
+    plant: str
+    drive: str
+    status: RunStatus
+    end_s: float
+    log: Path
+    metrics: RunMetrics | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "scenario": self.scenario,
+            "controller": self.controller,
+            "plant": self.plant,
+            "drive": self.drive,
+            "status": self.status.label,
+            "end_s": self.end_s,
+            "log": str(self.log),
+            "metrics": self.metrics.to_json() if self.metrics is not None else None,
+        }
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """Outcome of a case; comparison and agreement only where both plants have samples."""
+
+    runs: tuple[RunSummary, ...]
+    comparison: Comparison | None
+    agreement: Agreement | None
+    expected: str  # how its runs should have ended
+
+    @property
+    def interrupted(self) -> bool:
+        return any(run.status == RunStatus.INTERRUPTED for run in self.runs)
+
+    @property
+    def stopped(self) -> bool:
+        return any(run.status.stopped for run in self.runs)
+
+    @property
+    def as_expected(self) -> bool:
+        return all(run.status.label == self.expected for run in self.runs)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the runs ended as expected and the plants agree, as far as that can be judged."""
+        return self.as_expected and (self.agreement is None or self.agreement.passed is not False)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a case has no result."""
+
+    reason: str  # for people, one line or more
+    bad_input: bool  # else nobody foresaw it
+    trace: str = ""  # where in the program, unless it is bad input
+
+    @classmethod
+    def of(cls, error: Exception) -> "Failure":
+        """The failure that `error` means."""
+        if isinstance(error, InputError):
+            return cls(str(error), bad_input=True)
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        return cls(text, bad_input=False, trace="".join(traceback.format_exception(error)))
+
+
+def make_case(
+    scenario: Scenario,
+    *,
+    controller: str | None = None,
+    drive: Drive = "ideal",
+    plants: Sequence[str] = PLANTS,
+    log: Path | None = None,
+    source: str | None = None,
+    predict: Predict | None = None,
+) -> Case:
+    """A case with the scenario's own controller and name and the usual place for its log by default."""
+    controller = controller or scenario.controller
+    log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
+    return Case(scenario, controller, drive, tuple(plants), log, source or scenario.name, predict)
+
+
+def check_apart(cases: Sequence[Case]) -> None:
+    """Raise InputError if two cases have one log: the later one would replace the earlier one's."""
+    places: dict[Path, Case] = {}
+    for case in cases:
+        other = places.setdefault(case.log.resolve(), case)
+        if other is not case:
+            raise InputError(
+                f"{other.source} and {case.source} would share the log {case.log}",
+                allowed="scenarios of different names, each of them once",
+                remedy="change the 'name' in one of the files, or run them apart with other --out",
+            )
+
+
+def default_log(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:
+    """`DIRECTORY/SCENARIO/CONTROLLER-DRIVE.mcap`."""
+    return directory / scenario.name / f"{controller}-{drive}.mcap"
+
+
+def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult:
+    """Simulate, log, compare.
+
+    `progress` is called with simulated seconds. Raises InputError for wrong input, before anything is
+    simulated. An interrupted run is logged and ends the case.
+    """
+    design = design_controller(case.controller, case.scenario.design)
+    plan = plan_scenario(case.scenario)
+    tracker_of(case.scenario, design)  # raises if sampling makes the design unstable
+    check_writable(case.log)
+    predict = case.predict if len(case.plants) == 2 else None  # one plant alone is not judged
+    limits = limits_for(case.scenario, design, case.drive, predict=predict)
+    runs: list[Run] = []
+    for plant in case.plants:
+        run = simulate_run(
+            case.scenario,
+            plant=plant,
+            drive=case.drive,
+            design=design,
+            plan=plan,
+            progress=progress,
+        )
+        runs.append(run)
+        if run.status == RunStatus.INTERRUPTED:
+            break
+    write_log(case.log, runs, limits=limits)
+    return _result(case, design, runs, limits, progress)
+
+
+def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
+    """As `run_case`, but whatever goes wrong is a failure: one case must not end the others."""
+    try:
+        return run_case(case, progress=progress)
+    except Exception as error:
+        return Failure.of(error)
+
+
+def _result(
+    case: Case,
+    design: Design,
+    runs: Sequence[Run],
+    limits: Limits | NoLimits,
+    progress: Callable[[float], None] | None,
+) -> CaseResult:
+    summaries = tuple(
+        RunSummary(
+            scenario=case.scenario.name,
+            controller=design.name,
+            plant=run.plant,
+            drive=run.drive,
+            status=run.status,
+            end_s=run.end_ns / 1e9,
+            log=case.log,
+            metrics=run_metrics(run),
+        )
+        for run in runs
+    )
+    if len(runs) < 2 or not all(len(run.time_ns) for run in runs):
+        return CaseResult(summaries, None, None, case.scenario.expected)
+    agreement = judge_steps(runs, limits, progress)
+    return CaseResult(summaries, compare_runs(*runs), agreement, case.scenario.expected)

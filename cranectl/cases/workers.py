@@ -1,0 +1,158 @@
+"""Run many cases at once, each in a worker process; order of results is the order of cases."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import forkserver, resource_tracker
+from multiprocessing.connection import wait
+from multiprocessing.context import BaseContext
+from multiprocessing.synchronize import Event
+from typing import NamedTuple
+
+from cranectl.cases.case import Case, CaseResult, Failure, try_case
+from cranectl.support.interrupts import SIGNALS, interrupts_blocked, interrupts_wait
+
+# Loaded once, before workers are forked; without it each worker would import for two seconds.
+PRELOADED = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
+PRELOADED += ["cranectl.simulate.analytic_loop", "cranectl.simulate.mujoco_loop"]
+
+Done = Callable[[Case], None]  # called after each case
+Result = (
+    CaseResult | Failure | None
+)  # None for a case that an interrupt kept from running, or whose worker died
+
+
+def available_cores() -> int:
+    """Number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Outcome(NamedTuple):
+    """What came of each case."""
+
+    results: list[Result]
+    interrupted: bool
+
+
+def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> Outcome:
+    """Run all cases, each with a log of its own, in up to `jobs` processes; `done` is called after each.
+
+    Ctrl-C, SIGTERM and SIGHUP end all workers after they have closed their logs; the cases they were at
+    say so in their results. A case that cannot be run is a failure, the others run.
+    """
+    jobs = min(jobs, len(cases))
+    return _in_workers(cases, jobs, done) if jobs > 1 else _one_by_one(cases, done)
+
+
+def _one_by_one(cases: Sequence[Case], done: Done | None) -> Outcome:
+    results: list[Result] = [None] * len(cases)
+    for k, case in enumerate(cases):
+        try:
+            result = results[k] = try_case(case)
+        except KeyboardInterrupt:  # before its runs began
+            return Outcome(results, interrupted=True)
+        if done is not None:
+            done(case)
+        if isinstance(result, CaseResult) and result.interrupted:
+            return Outcome(results, interrupted=True)
+    return Outcome(results, interrupted=False)
+
+
+def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Outcome:
+    results: list[Result] = [None] * len(cases)
+    try:
+        context = _worker_context()
+    except KeyboardInterrupt:  # before any run began
+        return Outcome(results, interrupted=True)
+    stop = context.Event()
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop,)) as pool:
+        futures: dict[Future[Result], int] = {}
+        try:
+            with interrupts_wait():  # or a worker would be told half of what it needs
+                futures |= {pool.submit(_work, case): k for k, case in enumerate(cases)}
+            _collect(futures, cases, results, done)
+        except KeyboardInterrupt:
+            stop.set()
+            _collect(futures, cases, results, done)
+        except BaseException:
+            stop.set()
+            raise
+    return Outcome(results, interrupted=stop.is_set())
+
+
+def _worker_context() -> BaseContext:
+    """How workers are made: forked from a server that has loaded everything, where there is such a thing."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    # Signals go to the whole process group, also while the server loads: all but the parent are deaf to them.
+    for helper in (resource_tracker, forkserver):
+        with interrupts_blocked():  # for each anew: the tracker unblocks some of them
+            helper.ensure_running()
+    _wait_until_loaded(context)
+    return context
+
+
+def _wait_until_loaded(context: BaseContext) -> None:
+    """The server answers once it has loaded everything; an interrupt need not wait for that."""
+    first = context.Process(target=_do_nothing)  # type: ignore[attr-defined]
+    first.start()
+    first.join()
+
+
+def _do_nothing() -> None:
+    """A worker's first task."""
+
+
+def _collect(
+    futures: dict[Future[Result], int],
+    cases: Sequence[Case],
+    results: list[Result],
+    done: Done | None,
+) -> None:
+    for future in as_completed(futures):
+        k = futures[future]
+        try:
+            result = future.result()
+        except BrokenProcessPool:
+            continue
+        if done is not None and result is not None and results[k] is None:
+            done(cases[k])
+        results[k] = result
+
+
+_stop: Event | None = None
+
+
+def _start(stop: Event) -> None:
+    """Make a worker end with its parent and, in order, when told to; the parent alone takes Ctrl-C."""
+    global _stop
+    _stop = stop
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def end_with_parent() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
+
+
+def _work(case: Case) -> Result:
+    assert _stop is not None
+    if _stop.is_set():
+        return None
+    return try_case(case, progress=_interrupt_if_told)
+
+
+def _interrupt_if_told(_seconds: float) -> None:
+    assert _stop is not None
+    if _stop.is_set():
+        raise KeyboardInterrupt

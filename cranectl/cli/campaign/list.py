@@ -1,0 +1,179 @@
+"""`cranectl campaign list` and `cranectl campaign show`."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cranectl.cli.campaign.options import campaign_options, chosen_campaign
+from cranectl.cli.command import Command
+from cranectl.cli.options import json_option
+
+if TYPE_CHECKING:
+    from cranectl.campaign import Campaign, Parameter
+    from cranectl.report.table import Table
+
+QUANTILES = (0.05, 0.95)
+
+
+@click.command("list", cls=Command)
+@json_option
+def list_campaigns(json_file: str | None) -> None:
+    """List the campaigns that come with cranectl.
+
+    \b
+    cranectl campaign list
+    cranectl campaign list --json -
+    """
+    from cranectl.campaign import campaign_names, load_campaign
+    from cranectl.cli.output import console, write_json
+    from cranectl.cli.screen_table import screen_table
+    from cranectl.report.table import Cell, Table
+
+    campaigns = [load_campaign(name) for name in campaign_names()]
+    headings = ("campaign", "scenario", "sampling", "parameters", "runs")
+    rows = tuple(
+        tuple(
+            Cell(str(text))
+            for text in (
+                each.settings.name,
+                each.settings.scenario,
+                each.settings.sampling,
+                len(each.parameters),
+                each.runs,
+            )
+        )
+        for each in campaigns
+    )
+    screen = console(json_file)
+    screen.print(screen_table(Table("Campaigns", headings, rows, labels=3)))
+    for each in campaigns:
+        screen.print(f"{each.settings.name}: {each.settings.title}")
+    write_json(json_file, {"campaigns": [_facts(each) for each in campaigns]})
+
+
+@click.command("show", cls=Command)
+@click.argument("campaign")
+@campaign_options
+@click.option("--no-estimate", is_flag=True, help="Do not run anything to say how long it takes.")
+@json_option
+def show_campaign(
+    campaign: str,
+    runs: int | None,
+    controllers: tuple[str, ...],
+    plants: tuple[str, ...],
+    drive: str | None,
+    seed: int | None,
+    overrides: tuple[str, ...],
+    no_estimate: bool,
+    json_file: str | None,
+) -> None:
+    """Say what is uncertain in CAMPAIGN (a name or a TOML file) and how long it takes here.
+
+    The time is that of nominal runs, one with each controller on each plant, times their number.
+
+    \b
+    cranectl campaign show lab-rig
+    cranectl campaign show mine.toml --runs 10000 --no-estimate
+    """
+    from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.cli.screen_table import screen_table
+
+    loaded = chosen_campaign(
+        campaign,
+        runs=runs,
+        controllers=controllers,
+        plants=plants,
+        drive=drive,
+        seed=seed,
+        overrides=overrides,
+    )
+    screen = console(json_file)
+    screen.print(screen_table(parameters_table(loaded)))
+    for line in _lines(loaded):
+        screen.print(line)
+    facts = _facts(loaded)
+    if not no_estimate:
+        from cranectl.campaign.threads import estimated_seconds
+        from cranectl.cases.workers import available_cores
+
+        cores = available_cores()
+        with progress_bar(1.0, done="measured") as (_, describe):
+            describe("running the nominal scenario")
+            seconds = estimated_seconds(loaded, workers=cores)
+        screen.print(f"time: about {duration(seconds)} on {cores} cores")
+        facts |= {"estimated_s": seconds, "workers": cores}
+    write_json(json_file, facts)
+
+
+def parameters_table(campaign: "Campaign") -> "Table":
+    """One row a parameter."""
+    from cranectl.campaign.table import describe
+    from cranectl.report.table import Cell, Table
+
+    headings = ("parameter", "unit", "distribution", "nominal", *(f"{100 * q:g} %" for q in QUANTILES))
+    rows = tuple(
+        tuple(
+            Cell(text)
+            for text in (
+                parameter.name,
+                describe(campaign, parameter.name).unit,
+                parameter.distribution.model_dump()["distribution"],
+                *(f"{value:.4g}" for value in (parameter.nominal, *_quantiles(parameter))),
+            )
+        )
+        for parameter in campaign.parameters
+    )
+    note = "Quantiles are of what the plant gets; the controller knows the nominal values."
+    return Table(f"Campaign {campaign.settings.name}", headings, rows, labels=3, note=note)
+
+
+def duration(seconds: float) -> str:
+    """Time for people: two digits or so."""
+    if seconds < 90.0:
+        return f"{max(1, math.ceil(seconds))} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def _quantiles(parameter: "Parameter") -> list[float]:
+    import numpy as np
+
+    values: list[float] = parameter.values(np.array(QUANTILES)).tolist()
+    return values
+
+
+def _lines(campaign: "Campaign") -> list[str]:
+    settings, limits = campaign.settings, campaign.settings.limits.given
+    runs = campaign.runs * len(settings.plants) * len(settings.controllers)
+    correlated = [f"{' and '.join(pair.between)}: {pair.value:g}" for pair in settings.correlation]
+    return [
+        *([settings.title] if settings.title else []),
+        f"scenario: {settings.scenario}, {campaign.nominal.duration:g} s, {settings.drive} drives",
+        f"controllers: {', '.join(settings.controllers)}",
+        f"plants: {', '.join(settings.plants)}",
+        f"sampling: {settings.sampling}, seed {settings.seed}",
+        *(f"correlation: {text}" for text in correlated),
+        *(f"limit: {name} = {limit:g}" for name, limit in limits.items()),
+        f"runs: {runs} of {campaign.runs} samples, {runs * campaign.nominal.duration:g} s simulated",
+    ]
+
+
+def _facts(campaign: "Campaign") -> dict[str, Any]:
+    from cranectl.campaign.table import describe
+
+    settings = campaign.settings
+    return {
+        **settings.model_dump(mode="json", exclude={"uncertain", "runs"}),
+        "samples": campaign.runs,
+        "runs": campaign.runs * len(settings.plants) * len(settings.controllers),
+        "parameters": [
+            {
+                "name": parameter.name,
+                "unit": describe(campaign, parameter.name).unit,
+                "nominal": parameter.nominal,
+                "distribution": parameter.distribution.model_dump(mode="json", exclude_none=True),
+                "quantiles": dict(zip(map(str, QUANTILES), _quantiles(parameter), strict=True)),
+            }
+            for parameter in campaign.parameters
+        ],
+    }

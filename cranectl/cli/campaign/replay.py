@@ -1,0 +1,73 @@
+"""`cranectl campaign replay`."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli import exit_codes
+from cranectl.cli.campaign.options import controllers_option, plants_option
+from cranectl.cli.command import Command
+from cranectl.cli.options import json_option
+
+
+@click.command("replay", cls=Command)
+@click.argument("result", type=click.Path(path_type=Path))
+@click.option("--worst", metavar="N", type=click.IntRange(min=1), help="The N worst runs. Default: 3.")
+@click.option(
+    "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
+)
+@click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
+@controllers_option("Only runs with these controllers.")
+@plants_option("Only runs on this plant.")
+@click.option("--every", type=click.IntRange(min=1), metavar="N", help="Log every N-th control sample.")
+@click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Directory for the logs. Default: 'replays' in RESULT.",
+)
+@json_option
+def replay_campaign(
+    result: Path,
+    worst: int | None,
+    metric: str,
+    samples: tuple[int, ...],
+    controllers: tuple[str, ...],
+    plants: tuple[str, ...],
+    every: int | None,
+    out: Path | None,
+    json_file: str | None,
+) -> int:
+    """Run some of RESULT's runs again and log them in full, a file each.
+
+    Every figure must be the same as in the result, to the last bit; exit code 1 if one is not. Where other
+    sources or versions made the run than are installed, they are named.
+    A result that was cut short can be replayed as far as it goes.
+
+    \b
+    cranectl campaign replay logs/campaign-lab-rig
+    cranectl campaign replay logs/campaign-lab-rig --worst 1 --by residual_sway_rad --controller lqr
+    cranectl campaign replay logs/campaign-lab-rig --run 17 --run 230
+    """
+    from cranectl.campaign.replay import chosen_rows, replay_run
+    from cranectl.campaign.results import REPLAYS, read_results
+    from cranectl.cli.output import FAILED, PASSED, console, progress_bar, write_json
+
+    if samples and worst is not None:
+        raise click.UsageError("--run and --worst exclude each other")
+    results = read_results(result, unfinished=True)
+    rows = chosen_rows(
+        results, samples=samples, worst=worst or 3, metric=metric, plants=plants, controllers=controllers
+    )
+    replays = []
+    with progress_bar(results.campaign.nominal.duration * len(rows)) as (advance, describe):
+        for row in rows:
+            describe(f"run {results.row(row)['sample']}")
+            replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
+    screen = console(json_file)
+    for replay in replays:
+        screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
+        for line in (*replay.differences, *(f"made by other software: {each}" for each in replay.software)):
+            screen.print(f"  {line}")
+    write_json(json_file, {"replays": [replay.to_json() for replay in replays]})
+    return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED

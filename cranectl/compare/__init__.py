@@ -1,0 +1,25 @@
+"""Runs against each other: plants, golden logs, merged logs, and the limits of all that."""
+
+from cranectl.compare.runs import (
+    COMPARED_GROUPS,
+    Agreement,
+    Comparison,
+    compare_runs,
+    compared_signals,
+    differing_fields,
+    ended_as_expected,
+    judge,
+    named_signals,
+)
+
+__all__ = [
+    "COMPARED_GROUPS",
+    "Agreement",
+    "Comparison",
+    "compare_runs",
+    "compared_signals",
+    "differing_fields",
+    "ended_as_expected",
+    "judge",
+    "named_signals",
+]

@@ -1,0 +1,209 @@
+"""Compare two runs sample by sample; runs come in memory, the caller reads files."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.compare.limits import Limits, NoLimits, limits_for
+from cranectl.scenario import NANOSECONDS
+from cranectl.signals import Signal
+from cranectl.simulate import Run
+from cranectl.support.errors import InputError
+
+Array = NDArray[np.float64]
+
+COMPARED_GROUPS = ("state", "load", "input")
+
+
+@dataclass(frozen=True)
+class SignalDifference:
+    """Difference b - a of one signal, in its own unit."""
+
+    signal: str
+    unit: str
+    max_abs: float
+    at_s: float
+    rms: float
+    final: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two runs against one another over the samples that both have."""
+
+    a: str
+    b: str
+    samples: int
+    same_length: bool
+    max_load_error_m: float  # Euclidean distance of the two loads
+    max_load_error_at_s: float
+    max_angle_error_rad: float  # larger of the two cardan angles
+    signals: tuple[SignalDifference, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """A comparison of the two plants, judged where their limits are known."""
+
+    scenario: str
+    controller: str
+    drive: str
+    max_load_error_m: float
+    max_angle_error_rad: float
+    limit_m: float | None
+    limit_rad: float | None
+    passed: bool | None  # None: not judged
+    limits: str  # where the limits come from, or why there are none
+    curing_step_s: float | None = None  # control.physics_step with which they were seen to agree after all
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        return "not judged" if self.passed is None else "passed" if self.passed else "FAILED"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Comparison:
+    """Differences b - a at the times that both runs have.
+
+    `signals`: those listed, by group and name as `state.alpha`; by default all of COMPARED_GROUPS. Raises
+    InputError if there is no common time and KeyError for a signal that a run does not have.
+    """
+    _, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, assume_unique=True, return_indices=True)
+    if not len(in_a):
+        raise InputError(
+            f"{_label(a)} and {_label(b)} have no sample time in common",
+            allowed="runs with at least one common time",
+            remedy="log both with the same period",
+        )
+    time = a.time[in_a]
+    with np.errstate(invalid="ignore", over="ignore"):  # of runs that are not finite: NaN keeps no limit
+        load = np.linalg.norm(b.block("load")[in_b, :3] - a.block("load")[in_a, :3], axis=1)
+        angles = np.abs(b.block("state")[in_b][:, [6, 8]] - a.block("state")[in_a][:, [6, 8]])
+        differences = tuple(
+            _differences(a, b, compared_signals(a) if signals is None else signals, in_a, in_b, time)
+        )
+    return Comparison(
+        a=_label(a),
+        b=_label(b),
+        samples=len(in_a),
+        same_length=a.end_ns == b.end_ns,
+        max_load_error_m=float(load.max()),
+        max_load_error_at_s=float(time[np.argmax(load)]),
+        max_angle_error_rad=float(angles.max()),
+        signals=differences,
+    )
+
+
+def judge(
+    a: Run, b: Run, *, limits: Limits | NoLimits | None = None, comparison: Comparison | None = None
+) -> Agreement:
+    """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
+
+    Plants that ended with different status, or further apart in time than the limit, do not agree, whatever
+    their difference. Without limits there is no verdict. `comparison`: of the two, where it is known already.
+    """
+    comparison = comparison or compare_runs(a, b, signals=())
+    limits = limits or limits_for(a.scenario, a.design, a.drive)
+    known = limits if isinstance(limits, Limits) else None
+    return Agreement(
+        scenario=a.scenario.name,
+        controller=a.design.name,
+        drive=a.drive,
+        max_load_error_m=comparison.max_load_error_m,
+        max_angle_error_rad=comparison.max_angle_error_rad,
+        limit_m=known.load_m if known else None,
+        limit_rad=known.angle_rad if known else None,
+        passed=_within(comparison, a, b, known) if known else None,
+        limits=limits.source if isinstance(limits, Limits) else limits.reason,
+    )
+
+
+def _within(comparison: Comparison, a: Run, b: Run, limits: Limits) -> bool:
+    return (
+        comparison.max_load_error_m <= limits.load_m
+        and comparison.max_angle_error_rad <= limits.angle_rad
+        and abs(a.end_ns - b.end_ns) <= limits.end_s * NANOSECONDS
+        and a.status == b.status
+    )
+
+
+def ended_as_expected(run: Run) -> bool:
+    """Whether `run` ended as its scenario says that runs must."""
+    return run.status.label == run.scenario.expected
+
+
+def named_signals(run: Run) -> dict[str, Signal]:
+    """All signals of a run by group and name, `state.alpha`, in column order."""
+    return {f"{group.name}.{signal.name}": signal for group in run.groups for signal in group.signals}
+
+
+def compared_signals(run: Run) -> list[str]:
+    """The names of the signals of COMPARED_GROUPS."""
+    return [name for name in named_signals(run) if name.partition(".")[0] in COMPARED_GROUPS]
+
+
+def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
+    """What is not the same in the scenarios of two runs, a line each: `design.input_weight: 0.1 and 0.11`.
+
+    Of runs of the same scenario, what is not the same in their computed designs.
+    """
+    scenarios = (run.scenario.model_dump(mode="json") for run in (a, b))
+    designs = ({"controller": run.design.to_json()} for run in (a, b))
+    return tuple(_differing(*scenarios)) or tuple(_differing(*designs))
+
+
+def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
+    fields_a, fields_b = dict(_fields("", a)), dict(_fields("", b))
+    for name in dict.fromkeys((*fields_a, *fields_b)):
+        pair = (fields_a.get(name, "nothing"), fields_b.get(name, "nothing"))
+        if pair[0] != pair[1]:
+            yield f"{name}: {pair[0]} and {pair[1]}"
+
+
+def _fields(prefix: str, node: Any) -> Iterator[tuple[str, Any]]:
+    """The leaves of nested tables and lists by their path, as `--set` has it."""
+    if isinstance(node, Mapping | list):
+        items = node.items() if isinstance(node, Mapping) else enumerate(node)
+        for key, value in items:
+            yield from _fields(f"{prefix}.{key}" if prefix else str(key), value)
+    else:
+        yield prefix, node
+
+
+def _differences(
+    a: Run, b: Run, names: Sequence[str], in_a: NDArray[np.intp], in_b: NDArray[np.intp], time: Array
+) -> Iterator[SignalDifference]:
+    units = named_signals(a)
+    for name in names:
+        difference = _difference(a.signal(name)[in_a], b.signal(name)[in_b])
+        worst = int(np.argmax(np.abs(difference)))
+        yield SignalDifference(
+            signal=name,
+            unit=units[name].unit,
+            max_abs=float(np.abs(difference[worst])),
+            at_s=float(time[worst]),
+            rms=float(np.sqrt(np.mean(difference**2))),
+            final=float(difference[-1]),
+        )
+
+
+def _difference(a: Array, b: Array) -> Array:
+    """Of two signals, b - a; zero where both are infinite alike or not a number: a run equals itself."""
+    same = (a == b) | (np.isnan(a) & np.isnan(b))
+    difference: Array = np.subtract(b, a, out=np.zeros_like(a), where=~same)
+    return difference
+
+
+def _label(run: Run) -> str:
+    return f"{run.scenario.name}/{run.design.name}/{run.plant}/{run.drive}"

@@ -1,0 +1,1 @@
+"""Control laws and the observer in front of them, compiled."""

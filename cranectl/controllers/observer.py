@@ -1,0 +1,95 @@
+"""Velocities and disturbances from positions alone: an extended observer for each joint.
+
+Each joint obeys q'' = a + d with a known acceleration a, commanded for the drives and from the equations of
+motion for the cardan angles, and a slowly changing unknown d: load reaction, friction, the thesis's
+disturbances. A third-order observer with a triple pole at exp(-w T) estimates q, q' and d. Its gains are
+those of the critically damped g-h-k filter (Brookner, Tracking and Kalman Filtering Made Easy, 1998, 1.2.10).
+
+A step D of d leaves at most 0.27 D/w² in position and 0.84 D/w in velocity, both gone within some 1/w.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.model.dynamics import angular_accelerations
+from cranectl.support.jit import jit
+
+Array = NDArray[np.float64]
+
+JOINTS = 5  # bridge, trolley, rope, alpha, beta
+# Places in the observer's memory: what it expects at the next sample.
+POSITION, VELOCITY, DISTURBANCE, MEMORY = 0, JOINTS, 2 * JOINTS, 3 * JOINTS
+
+
+class Observer(NamedTuple):
+    """Gains on the innovation, and what the prediction needs."""
+
+    position_gain: float  # 1
+    velocity_gain: float  # [1/s]
+    disturbance_gain: float  # [1/s²]
+    period: float  # [s]
+    gravity: float  # [m/s²]
+
+
+def make_observer(bandwidth: float, *, period: float, gravity: float) -> Observer:
+    """An observer with all poles at exp(-bandwidth·period); `bandwidth` [rad/s]."""
+    pole = np.exp(-bandwidth * period)
+    return Observer(
+        position_gain=1.0 - pole**3,
+        velocity_gain=1.5 * (1.0 - pole**2) * (1.0 - pole) / period,
+        disturbance_gain=(1.0 - pole) ** 3 / period**2,
+        period=period,
+        gravity=gravity,
+    )
+
+
+def initial_estimate(state: Array) -> Array:
+    """The observer's memory before the first sample of a run that starts, as known, at `state` (10,)."""
+    memory = np.zeros(MEMORY)
+    memory[POSITION:VELOCITY], memory[VELOCITY:DISTURBANCE] = state[0::2], state[1::2]
+    return memory
+
+
+@jit
+def correct(observer, joint, position, memory):
+    """Take the measured `position` of one joint into account."""
+    innovation = position - memory[POSITION + joint]
+    memory[POSITION + joint] += observer.position_gain * innovation
+    memory[VELOCITY + joint] += observer.velocity_gain * innovation
+    memory[DISTURBANCE + joint] += observer.disturbance_gain * innovation
+
+
+@jit
+def predict(observer, accelerations, memory):
+    """Expect the next sample, given the commanded accelerations (3,) of bridge, trolley, rope [m/s²].
+
+    The angles' accelerations are those in the middle of the period: at its start they would be late by half
+    a period, and the disturbances would make up for it.
+    """
+    period = observer.period
+    u_x, u_y = accelerations[0] + memory[DISTURBANCE], accelerations[1] + memory[DISTURBANCE + 1]
+    length, alpha, beta = memory[POSITION + 2], memory[POSITION + 3], memory[POSITION + 4]
+    length_rate, alpha_rate, beta_rate = memory[VELOCITY + 2], memory[VELOCITY + 3], memory[VELOCITY + 4]
+    alpha_ddot, beta_ddot = angular_accelerations(
+        length, length_rate, alpha, alpha_rate, beta, beta_rate, u_x, u_y, observer.gravity
+    )
+    half = 0.5 * period
+    alpha_ddot, beta_ddot = angular_accelerations(
+        length + half * length_rate,
+        length_rate + half * (accelerations[2] + memory[DISTURBANCE + 2]),
+        alpha + half * alpha_rate,
+        alpha_rate + half * (alpha_ddot + memory[DISTURBANCE + 3]),
+        beta + half * beta_rate,
+        beta_rate + half * (beta_ddot + memory[DISTURBANCE + 4]),
+        u_x,
+        u_y,
+        observer.gravity,
+    )
+    for joint in range(JOINTS):
+        known = accelerations[joint] if joint < 3 else (alpha_ddot if joint == 3 else beta_ddot)
+        acceleration = known + memory[DISTURBANCE + joint]
+        velocity = memory[VELOCITY + joint]
+        memory[POSITION + joint] += period * (velocity + 0.5 * period * acceleration)
+        memory[VELOCITY + joint] = velocity + period * acceleration

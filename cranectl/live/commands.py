@@ -1,0 +1,193 @@
+"""What a person who watches a session may change, and what is refused.
+
+Called from the threads of a server; whoever advances the session takes the commands between two blocks. What
+needs thought, a new design, is computed and checked here, so that the run need not wait for it.
+"""
+
+import math
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+
+import numpy as np
+
+from cranectl.design import CONTROLLERS, Design, design_controller, with_gain
+from cranectl.scenario import Scenario
+from cranectl.simulate.runner import tracker_of
+from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.text import printable
+
+Value = bool | float | str
+
+SPEEDS = (0.05, 20.0)  # times real time
+MAX_KICK = 50.0  # [rad/s²]
+KICK_SECONDS = 0.2
+DEFAULT_KICK = {"kick_alpha": 2.0, "kick_beta": 0.0}  # [rad/s²]
+GAINS = ("k0", "k1", "k2", "k3")
+MAX_GAIN = 1e9
+MAX_CHANGES = 100  # in one request: each that is refused takes its time and a line
+
+
+@dataclass(frozen=True)
+class Say:
+    """Something to tell everyone who watches."""
+
+    message: str
+    warning: bool = False
+
+
+@dataclass(frozen=True)
+class Use:
+    """Another controller, known to be stable."""
+
+    design: Design
+
+
+@dataclass(frozen=True)
+class Kick:
+    """Angular accelerations of alpha and beta [rad/s²] for `KICK_SECONDS`."""
+
+    acceleration: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Start again."""
+
+
+Command = Say | Use | Kick | Reset
+
+
+class Controls:
+    """The parameters of a session by name, and the commands that follow from changing them."""
+
+    def __init__(self, scenario: Scenario, design: Design, *, speed: float = 1.0) -> None:
+        """Raises InputError for a speed that is not allowed."""
+        self._scenario, self._design = scenario, design
+        self._lock = threading.Lock()
+        self._commands: SimpleQueue[Command] = SimpleQueue()
+        self._values: dict[str, Value] = {
+            "pause": False,
+            "speed": checked_number("speed", speed, *SPEEDS),
+            "controller": design.name,
+            **_gains(design),
+            **DEFAULT_KICK,
+        }
+
+    @property
+    def paused(self) -> bool:
+        return bool(self._values["pause"])
+
+    @property
+    def speed(self) -> float:
+        """Simulated over real time."""
+        return float(self._values["speed"])
+
+    def values(self) -> dict[str, Value]:
+        """All parameters."""
+        return dict(self._values)
+
+    def commands(self) -> list[Command]:
+        """What has been asked for since the last call."""
+        found: list[Command] = []
+        while True:
+            try:
+                found.append(self._commands.get_nowait())
+            except Empty:
+                return found
+
+    def set(self, changes: Mapping[str, object]) -> None:
+        """Change parameters by name. A wrong value is refused and said so; the parameter keeps its value.
+
+        Controller and gains that come together are one change, so gains need not be stable one by one.
+        """
+        if len(changes) > MAX_CHANGES:
+            text = f"{len(changes)} parameters at once refused; allowed: {MAX_CHANGES}"
+            self._say(text, warning=True)
+            return
+        with self._lock:
+            law = {name: value for name, value in changes.items() if name in ("controller", *GAINS)}
+            if law:
+                self._try(", ".join(law), lambda: self._set_law(law))
+            for name, value in changes.items():
+                if name not in law:
+                    self._try(name, lambda name=name, value=value: self._set(name, value))  # type: ignore[misc]
+
+    def kick(self) -> None:
+        """Push the load with the accelerations `kick_alpha` and `kick_beta`."""
+        alpha, beta = float(self._values["kick_alpha"]), float(self._values["kick_beta"])
+        self._commands.put(Kick((alpha, beta)))
+
+    def reset(self) -> None:
+        """Start the scenario again."""
+        self._commands.put(Reset())
+
+    def _try(self, what: str, change: Callable[[], None]) -> None:
+        try:
+            change()
+        except InputError as error:
+            parts = (error.found, error.allowed and f"allowed: {error.allowed}", error.remedy)
+            self._say(
+                f"{printable(what)} refused: " + "; ".join(part for part in parts if part), warning=True
+            )
+
+    def _set(self, name: str, value: object) -> None:
+        if name not in self._values:
+            raise unknown_name("parameter", name, self._values)
+        if name == "pause":
+            new: Value = _checked_bool(name, value)
+            said = "paused" if new else "resumed"
+        elif name == "speed":
+            new = checked_number(name, value, *SPEEDS)
+            said = f"speed {new:g}"
+        else:
+            new = checked_number(name, value, -MAX_KICK, MAX_KICK)
+            said = f"{name} = {new:g} rad/s² with the next kick"
+        if new != self._values[name]:
+            self._values[name] = new
+            self._say(said)
+
+    def _set_law(self, changes: Mapping[str, object]) -> None:
+        """Another controller, other gains, or both."""
+        controller, design = self._values["controller"], self._design
+        if changes.get("controller", controller) != controller:
+            controller = str(changes["controller"])
+            if controller not in CONTROLLERS:
+                raise unknown_name("controller", controller, CONTROLLERS)
+            design = design_controller(controller, self._scenario.design)
+        wanted = {**_gains(design), **{name: value for name, value in changes.items() if name in GAINS}}
+        gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in wanted.items()])
+        if (gain != design.gain).any():
+            design = with_gain(design, gain)
+        if design is self._design:
+            return
+        tracker_of(self._scenario, design)  # raises if sampling makes it unstable
+        self._design = design
+        self._values |= {"controller": controller, **_gains(design)}
+        self._commands.put(Use(design))
+
+    def _say(self, message: str, *, warning: bool = False) -> None:
+        self._commands.put(Say(message, warning))
+
+
+def checked_number(name: str, value: object, low: float, high: float) -> float:
+    """`value` as a number from `low` to `high`; raises InputError for anything else."""
+    number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    if not low <= number <= high:
+        raise InputError(
+            f"{name} = {value!r}",
+            allowed=f"a number from {low:g} to {high:g}",
+            remedy=f"choose another {name}",
+        )
+    return number
+
+
+def _checked_bool(name: str, value: object) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f"{name} = {value!r}", allowed="true or false", remedy=f"choose another {name}")
+    return value
+
+
+def _gains(design: Design) -> dict[str, float]:
+    return dict(zip(GAINS, design.gain.tolist(), strict=True))

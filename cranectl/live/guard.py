@@ -1,0 +1,161 @@
+"""Who may come in from the network: the server's library takes anyone, also a web page that a user visits.
+
+A browser says with Origin which page wants to connect, and with Host by which name it came here. So pages of
+other machines are turned away unless they are allowed, and so are names that were made to lead here. Programs
+say nothing of the kind and pass. The library's own port is known to nobody: see `hidden_host`.
+"""
+
+import contextlib
+import http.client
+import io
+import ipaddress
+import logging
+import os
+import secrets
+import socket
+import socketserver
+import threading
+from collections.abc import Collection
+from urllib.parse import urlsplit
+
+from cranectl.support.errors import InputError
+from cranectl.support.text import printable
+
+FOXGLOVE = frozenset({"https://app.foxglove.dev", "https://studio.foxglove.dev"})
+HEAD = 16 * 1024  # [bytes] of a request; browsers send one or two
+PATIENCE = 10.0  # [s] to send it, or to go
+PIECE = 64 * 1024  # [bytes]
+
+_LOGGER = logging.getLogger(__name__)
+
+
+class Guard(socketserver.ThreadingTCPServer):
+    """Listens instead of a server and hands on to it whoever may connect."""
+
+    daemon_threads = True
+    block_on_close = False
+    request_queue_size = 64
+    allow_reuse_address = os.name == "posix"  # elsewhere that takes ports from other programs
+
+    def __init__(
+        self, address: tuple[str, int], server: tuple[str, int], origins: Collection[str] = ()
+    ) -> None:
+        """Raises OSError or OverflowError for an address that cannot be had."""
+        self.host, self.server, self.origins = address[0], server, origins
+        (self.address_family, *_), *_ = socket.getaddrinfo(*address, type=socket.SOCK_STREAM)
+        super().__init__(address, _Visitor)
+        threading.Thread(target=self.serve_forever, args=[0.05], daemon=True).start()
+
+    @property
+    def port(self) -> int:
+        return int(self.server_address[1])
+
+    def stop(self) -> None:
+        """Let nobody in any more."""
+        self.shutdown()
+        self.server_close()
+
+    def handle_error(self, *_: object) -> None:
+        """Whoever goes while he is being let in has gone."""
+
+
+class _Visitor(socketserver.BaseRequestHandler):
+    server: Guard
+    request: socket.socket
+
+    def handle(self) -> None:
+        self.request.settimeout(PATIENCE)
+        head = b""
+        while b"\r\n\r\n" not in head:
+            piece = self.request.recv(PIECE)
+            head += piece
+            if not piece or len(head) > HEAD:
+                return
+        reason = refusal(head, self.server.host, self.server.origins)
+        if reason:
+            _LOGGER.warning("%s", reason)
+            self.request.sendall(b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\nContent-Length: 0\r\n\r\n")
+        else:
+            with socket.create_connection(self.server.server) as server:
+                self._connect(server, head)
+
+    def _connect(self, server: socket.socket, head: bytes) -> None:
+        """Pass on what both sides say until one of them ends."""
+        for end in (self.request, server):
+            end.settimeout(None)
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        server.sendall(head)
+        asking = threading.Thread(target=_pass_on, args=[self.request, server], daemon=True)
+        asking.start()
+        _pass_on(server, self.request)
+        asking.join(PATIENCE)
+        with contextlib.suppress(OSError):
+            self.request.shutdown(socket.SHUT_RDWR)
+
+
+def _pass_on(source: socket.socket, sink: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while data := source.recv(PIECE):
+            sink.sendall(data)
+    with contextlib.suppress(OSError):
+        sink.shutdown(socket.SHUT_WR)
+
+
+def refusal(head: bytes, host: str, origins: Collection[str]) -> str:
+    """Why a request (RFC 9112) to `host` is turned away; empty if it is not."""
+    headers = http.client.parse_headers(io.BytesIO(head.partition(b"\r\n")[2]))
+    for origin in headers.get_all("Origin", []):
+        if not _may_ask(origin, origins):
+            return (
+                f"the web page {printable(origin)} was turned away; "
+                f"if you trust it, start again with --allow-origin {printable(origin)}"
+            )
+    for name in headers.get_all("Host", []):
+        if _is_loopback(host) and not _is_loopback(called := _host_of(f"//{name}")) and called != host:
+            return (
+                f"who came by the name {printable(name)} was turned away: {host} listens to this machine only"
+            )
+    return ""
+
+
+def checked_origin(text: str) -> str:
+    """`text` as browsers say it; raises InputError if it is no origin of a web page."""
+    origin = text.lower().rstrip("/")
+    scheme, _, place = origin.partition("://")
+    if scheme not in ("http", "https") or not _host_of(origin) or set(place) & set("/?#@*"):
+        raise InputError(
+            f"--allow-origin {text}",
+            allowed="scheme, machine and, if it is in its address, port of a web page",
+            remedy="write it as in https://viewer.example.org or http://192.168.1.20:8080",
+        )
+    return origin
+
+
+def _may_ask(origin: str, origins: Collection[str]) -> bool:
+    """Pages of other machines have an origin of http or https, or hide it; applications have others."""
+    if origin in FOXGLOVE or origin in origins:
+        return True
+    scheme = origin.partition(":")[0].lower()
+    return _is_loopback(_host_of(origin)) if scheme in ("http", "https") else origin.lower() != "null"
+
+
+def _host_of(address: str) -> str:
+    try:
+        return urlsplit(address).hostname or ""
+    except ValueError:
+        return ""
+
+
+def _is_loopback(host: str) -> bool:
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
+
+
+def hidden_host() -> str:
+    """An address of this machine that no page can guess: one of 16 million, where the system has them all."""
+    host = f"127.{secrets.randbelow(254) + 1}.{secrets.randbelow(256)}.{secrets.randbelow(254) + 1}"
+    with contextlib.suppress(OSError), socket.socket() as probe:
+        probe.bind((host, 0))
+        return host
+    return "127.0.0.1"

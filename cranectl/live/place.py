@@ -1,0 +1,82 @@
+"""Where a live session records: `FILE`, `FILE.take2`, …, its own for as long as it lasts.
+
+What another session recorded is never removed or replaced.
+"""
+
+import contextlib
+import os
+import re
+from collections.abc import Iterator
+from itertools import chain, count
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from cranectl.support.errors import LogError
+from cranectl.support.files import check_replaceable
+
+REMEDY = "choose another place with --record"
+LOCK = ".lock"
+
+
+@contextlib.contextmanager
+def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
+    """Keep a place for the block; gives its first file, which does not exist yet.
+
+    Where a recording lies or another session records, LogError, or, if `numbered`, the first of `FILE-2`,
+    `FILE-3`, … that is free. Raises LogError if nothing can be written there. The operating system lets go of
+    a place when its process ends, however that happens.
+    """
+    try:
+        check_replaceable(path)
+        lock = _first_free(path) if numbered else _locked(path)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        raise LogError.unwritable(path, error, remedy=REMEDY) from None
+    try:
+        yield Path(lock.lock_file.removesuffix(LOCK))
+    finally:
+        _let_go(lock)
+
+
+def next_file(place: Path) -> Path:
+    """The first file of a session's place that does not exist."""
+    takes = (place.with_suffix(f".take{number}{place.suffix}") for number in count(2))
+    return next(file for file in chain([place], takes) if not os.path.lexists(file))
+
+
+def _first_free(path: Path) -> FileLock:
+    places = (path if number == 1 else path.with_stem(f"{path.stem}-{number}") for number in count(1))
+    return next(lock for place in places if (lock := _locked_if_free(place)) is not None)
+
+
+def _locked_if_free(path: Path) -> FileLock | None:
+    try:
+        return _locked(path)
+    except LogError:
+        return None
+
+
+def _locked(path: Path) -> FileLock:
+    """The lock of a place where no recording lies; raises LogError if one does or another session has it."""
+    lock = FileLock(path.with_name(path.name + LOCK))
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        raise _taken(f"another session records at {path}") from None
+    takes = re.compile(rf"{re.escape(path.stem)}(\.take\d+)?{re.escape(path.suffix)}")
+    lying = sorted(file.name for file in path.parent.iterdir() if takes.fullmatch(file.name))
+    if lying:
+        _let_go(lock)
+        raise _taken(f"{path.parent / lying[0]} is there already")
+    return lock
+
+
+def _taken(found: str) -> LogError:
+    return LogError(found, allowed="a place where nothing is recorded", remedy=REMEDY)
+
+
+def _let_go(lock: FileLock) -> None:
+    # Removed while it is held: who opens it until it is released finds out that it is gone.
+    with contextlib.suppress(OSError):
+        Path(lock.lock_file).unlink(missing_ok=True)
+    lock.release()

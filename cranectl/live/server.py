@@ -1,0 +1,150 @@
+"""Serve a session to viewers in real time, let them steer it, and record it.
+
+Nothing is latched by the server: a viewer that subscribes is sent again what it would otherwise have missed.
+"""
+
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import foxglove
+
+from cranectl.live.commands import KICK_SECONDS, Command, Controls, Kick, Reset, Say, Use
+from cranectl.live.increments import Pieces
+from cranectl.live.listener import Address, Desk, as_parameters, listen
+from cranectl.live.pace import Pace
+from cranectl.live.publisher import Outlet
+from cranectl.live.recorder import Recorder
+from cranectl.live.session import Session
+from cranectl.log.events import Event
+from cranectl.log.messages import log_lines
+from cranectl.scenario import NANOSECONDS
+
+BLOCK = 0.02  # [s] of real time between two looks at what was asked for
+IDLE = 0.05  # [s] the same while nothing moves
+SOURCE = "live"  # of lines in the log that no plant says
+
+
+class LiveServer:
+    """A session, its viewers and its recording."""
+
+    def __init__(self, session: Session, controls: Controls, address: Address, record: Path) -> None:
+        """Listens at once, or raises InputError; records at `record`, which must be the session's own."""
+        session.prepare()
+        self._session, self._controls = session, controls
+        self._context = foxglove.Context()
+        self._outlet = Outlet(self._context)
+        self._runs = session.advance(0)
+        self._recorded: set[str] = set()  # plants in the file that is open
+        plants = [run.plant for run in self._runs]
+        self._pieces = Pieces(session.scenario, session.plan, plants)
+        self._desk = Desk(controls)
+        self._server, self._guard = listen(address, session.scenario.name, self._desk, self._context)
+        self._recorder = Recorder(record, self._context, self._outlet)
+        self.port = self._guard.port
+
+    @property
+    def recorded(self) -> Sequence[Path]:
+        """The files that are closed."""
+        return self._recorder.files
+
+    def serve(self, stop: threading.Event) -> None:
+        """Run until `stop` is set, then close the recording and the server; raises LogError."""
+        try:
+            self._begin("start")
+            self._loop(stop)
+        finally:
+            try:
+                self._finish()
+            finally:
+                self._server.stop()
+                self._guard.stop()
+
+    def _loop(self, stop: threading.Event) -> None:
+        pace, idle, slow, values = Pace(), True, False, self._controls.values()
+        while not stop.is_set():
+            for command in self._controls.commands():
+                self._obey(command)
+            if self._controls.values() != values:
+                values, slow = self._controls.values(), False
+                self._server.publish_parameter_values(as_parameters(values))
+            missed = self._desk.asked()
+            if missed:
+                self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
+                self._outlet.resend(missed)
+            if self._controls.paused or not self._session.moving:
+                idle = True
+                stop.wait(IDLE)
+                continue
+            if idle:
+                pace.restart()
+                idle = False
+            seconds = self._advance(self._controls.speed)
+            wait, lost = pace.wait(seconds)
+            if lost and not slow:
+                slow = True
+                text = f"this machine is too slow for speed {self._controls.speed:g}: {lost:.1f} s behind"
+                self._say(f"{text}; the run goes on as fast as it can", warning=True)
+            stop.wait(wait)
+
+    def _advance(self, speed: float) -> float:
+        """One block; returns the real time [s] that it should take."""
+        period = self._session.scenario.period_ns / NANOSECONDS
+        samples = max(1, round(BLOCK * speed / period))
+        self._step(samples)
+        return samples * period / speed
+
+    def _step(self, samples: int) -> None:
+        self._runs = self._session.advance(samples)
+        # First the clock: open viewers take it as the time of the messages that follow.
+        self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
+        self._outlet.send(self._pieces.piece(self._runs, self._session.origin_ns))
+
+    def _obey(self, command: Command) -> None:
+        if isinstance(command, Say):
+            self._say(command.message, warning=command.warning)
+        elif isinstance(command, Kick):
+            self._kick(command)
+        elif isinstance(command, Use):
+            self._finish()
+            self._session.use(command.design)
+            gains = ", ".join(f"{gain:g}" for gain in command.design.gain)
+            self._begin(f"controller {command.design.name}: {gains}")
+        elif isinstance(command, Reset):
+            self._finish()
+            self._session.reset()
+            self._pieces.start()
+            self._begin("reset")
+            self._step(1)  # shows the start, also to those who have paused
+
+    def _kick(self, command: Kick) -> None:
+        alpha, beta = command.acceleration
+        text = f"kick of {alpha:g} rad/s² on alpha and {beta:g} rad/s² on beta for {KICK_SECONDS:g} s"
+        if self._session.moving:
+            self._session.kick(command.acceleration, KICK_SECONDS)
+            self._say(text)
+        else:
+            self._say(f"{text} refused: the run has stopped; call /reset", warning=True)
+
+    def _say(self, message: str, *, warning: bool = False) -> None:
+        """A line in `/log`, as of the newest message: a sample may yet follow before the next block."""
+        event = Event(self._outlet.time_ns, SOURCE, message, warning)
+        self._outlet.send([log_lines([event])])
+
+    def _begin(self, reason: str) -> None:
+        """Start a recording with all that is needed to understand it; not where nothing moves."""
+        runs = self._session.advance(0)
+        moving = [run for run in runs if not run.status.stopped]
+        self._recorded = {run.plant for run in moving}
+        if moving:
+            self._recorder.begin(moving, self._session.now_ns, reason)
+        self._outlet.send(self._pieces.standing(runs), at_ns=self._session.now_ns)
+        self._say(reason)
+
+    def _finish(self) -> None:
+        """Close the recording."""
+        self._outlet.send(self._pieces.last())
+        session = self._session
+        duration_ns = session.scenario.steps * session.scenario.period_ns
+        completed = session.now_ns - session.origin_ns > duration_ns
+        self._recorder.finish([run for run in self._runs if run.plant in self._recorded], completed)

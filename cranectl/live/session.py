@@ -1,0 +1,164 @@
+"""A run without an end: plants side by side, block by block, under a controller that may change in between.
+
+Left alone it gives the numbers of `simulate_run`, bit for bit. At the end of the scenario its last reference
+point and its last disturbances are held. Time never goes back, also not with a new start.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.controllers.flat import ROBUSTIFIER, initial_memory
+from cranectl.design import Design
+from cranectl.plants.plant import PLANTS, Drive, Plant
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import BASE_WIDTH, STAGE_WIDTH
+from cranectl.simulate.loop_inputs import Sampling
+from cranectl.simulate.loops import AdvanceBlock, compiled_loop
+from cranectl.simulate.plan import plan_scenario
+from cranectl.simulate.run import Run
+from cranectl.simulate.runner import make_plant, sampling_of, tracker_of
+from cranectl.simulate.signal_path import Stages, make_stages, whole_record
+from cranectl.status import RunStatus
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class _Lane:
+    """One plant under its own copy of the controller's memory."""
+
+    plant: Plant
+    loop: AdvanceBlock
+    sampling: Sampling
+    memory: Array
+    stages: Stages | None = None
+    status: RunStatus = RunStatus.RUNNING
+    end_ns: int = 0  # of the last sample, or where it stopped
+
+
+@dataclass(frozen=True)
+class _Kick:
+    """A disturbance over samples since the last start."""
+
+    first: int
+    end: int
+    acceleration: tuple[float, float]  # alpha, beta [rad/s²]
+
+
+class Session:
+    """Plants that start together and are advanced together; one that stops waits for the next start."""
+
+    def __init__(
+        self, scenario: Scenario, design: Design, *, plants: Sequence[str] = PLANTS, drive: Drive = "ideal"
+    ) -> None:
+        """Ready at time zero; raises InputError as `simulate_run` does."""
+        self.scenario, self.design, self.drive = scenario, design, drive
+        self.plan = plan_scenario(scenario)
+        self.origin_ns = 0  # time of the last start
+        self._samples = 0  # since the last start
+        self._kicks: list[_Kick] = []
+        tracker = tracker_of(scenario, design)
+        self._lanes = [
+            _Lane(plant, compiled_loop(plant), sampling_of(scenario, tracker, self.plan, drive), np.zeros(0))
+            for plant in (make_plant(name, scenario, drive) for name in plants)
+        ]
+        for lane in self._lanes:
+            lane.plant.check_length(self.plan.shortest_rope)
+        self._start()
+
+    @property
+    def now_ns(self) -> int:
+        """Time of the next sample."""
+        return self.origin_ns + self._samples * self.scenario.period_ns
+
+    @property
+    def moving(self) -> bool:
+        """Whether any plant has not stopped."""
+        return any(not lane.status.stopped for lane in self._lanes)
+
+    def prepare(self) -> None:
+        """Compile now what has not been compiled on this machine, rather than in the first block."""
+        self.advance(1)
+        self._samples = 0
+        self._start()
+
+    def advance(self, samples: int) -> list[Run]:
+        """The next piece of every plant's run, without rows where it had stopped before."""
+        index = np.arange(self._samples, self._samples + samples)
+        time_ns = self.origin_ns + index * self.scenario.period_ns
+        reference = self.plan.reference[np.minimum(index, self.scenario.steps)]
+        disturbance = self._disturbance(index)
+        wind = self.plan.wind[np.minimum(index, self.scenario.steps)]
+        found = [self._piece(lane, time_ns, reference, disturbance, wind) for lane in self._lanes]
+        self._samples += samples
+        self._kicks = [kick for kick in self._kicks if kick.end > self._samples]
+        return found
+
+    def use(self, design: Design) -> None:
+        """Go on with another controller; raises InputError if its sampling makes it unstable.
+
+        The dynamic extension and the set-points carry over; so do the states of a robustifier that stays,
+        another one starts from rest.
+        """
+        tracker = tracker_of(self.scenario, design)
+        kept = design.robustifier is self.design.robustifier
+        self.design = design
+        for lane in self._lanes:
+            lane.sampling = lane.sampling._replace(tracker=tracker)
+            if not kept:
+                states = np.zeros(3 * design.robustifier.sampled_order)
+                lane.memory = np.concatenate([lane.memory[:ROBUSTIFIER], states])
+
+    def kick(self, acceleration: tuple[float, float], seconds: float) -> None:
+        """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
+        length = max(1, round(seconds * NANOSECONDS / self.scenario.period_ns))
+        self._kicks.append(_Kick(self._samples, self._samples + length, acceleration))
+
+    def reset(self) -> None:
+        """Start the scenario again from its initial state, at the time that it is now."""
+        self.origin_ns, self._samples, self._kicks = self.now_ns, 0, []
+        self._start()
+
+    def _start(self) -> None:
+        start = self.plan.initial_state
+        for lane in self._lanes:
+            lane.plant.reset(start)
+            lane.sampling.slack[:] = 0.0
+            lane.memory = initial_memory(lane.sampling.tracker, start, self.plan.reference[0])
+            lane.stages = make_stages(self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns))
+            lane.status, lane.end_ns = RunStatus.RUNNING, self.origin_ns
+
+    def _disturbance(self, index: NDArray[np.intp]) -> Array:
+        """The scenario's and the kicks' at samples `index` (n,): shape (n, 2)."""
+        rows = self.plan.disturbance[np.minimum(index, self.scenario.steps)]
+        for kick in self._kicks:
+            rows[(index >= kick.first) & (index < kick.end)] += kick.acceleration
+        return rows
+
+    def _piece(
+        self, lane: _Lane, time_ns: NDArray[np.int64], reference: Array, disturbance: Array, wind: Array
+    ) -> Run:
+        record = np.zeros((len(time_ns), BASE_WIDTH + 3 * self.design.robustifier.sampled_order))
+        stages, rows = lane.stages, 0
+        if stages is not None:
+            stages = stages._replace(record=np.zeros((len(time_ns), STAGE_WIDTH)))
+        if not lane.status.stopped and len(time_ns):
+            sampling = lane.sampling._replace(reference=reference, disturbance=disturbance, wind=wind)
+            rows, end, code = lane.loop(sampling, stages, record, lane.memory, 0, len(time_ns))
+            lane.status = RunStatus(code)
+            lane.end_ns = int(time_ns[end if lane.status.stopped else -1])
+        return Run(
+            scenario=self.scenario,
+            design=self.design,
+            plant=lane.plant.name,
+            drive=self.drive,
+            model=lane.plant.description,
+            time_ns=time_ns[:rows],
+            table=whole_record(record, stages)[:rows],
+            reference=reference[:rows],
+            status=lane.status,
+            end_ns=lane.end_ns,
+        )

@@ -1,0 +1,169 @@
+"""Turn runs into the messages of a log: one stream for each topic."""
+
+import json
+from collections.abc import Container, Iterable, Sequence
+
+import numpy as np
+from foxglove.messages import Log, LogLevel, Timestamp
+from numpy.typing import NDArray
+
+from cranectl.compare import compare_runs, judge
+from cranectl.compare.limits import Limits, NoLimits
+from cranectl.design import Design
+from cranectl.log import schema, topics
+from cranectl.log.events import Event, Standing, events, standings
+from cranectl.log.scene import scene_streams
+from cranectl.log.stream import Stream
+from cranectl.scenario import NANOSECONDS
+from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.simulate import Run
+from cranectl.support.provenance import provenance
+
+
+def streams(runs: Sequence[Run], limits: Limits | NoLimits | None = None) -> list[Stream]:
+    """Every topic of a log of one run or a pair; at equal times earlier streams come first in the file.
+
+    A pair is judged by `limits`, as by `compare.judge`.
+    """
+    found = [run_info(runs), design_info(runs[0].design)]
+    found.append(log_lines(event for run in runs for event in events(run)))
+    found += [status(run.plant, standings(run)) for run in runs]
+    found += samples(runs)
+    if len(runs) == 2 and (differing := differences(*runs)):
+        found += [*differing, _text(topics.VERDICT, "Verdict", _verdict(*runs, limits=limits))]
+    return found + scene_streams(runs)
+
+
+def samples(runs: Sequence[Run], *, groups: Container[str] | None = None) -> list[Stream]:
+    """The reference at the times of any run, and the signals of the runs: all, or those of some groups."""
+    time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
+    reference = np.concatenate([run.reference for run in runs])[rows]
+    found = [signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
+    for run in runs:
+        found += [
+            signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
+            for group in run.groups
+            if groups is None or group.name in groups
+        ]
+    return found
+
+
+def signals(
+    topic: str, group: SignalGroup, time_ns: NDArray[np.int64], values: NDArray[np.float64]
+) -> Stream:
+    """All signals of a group at each time, `values` (N, signals)."""
+    return Stream(
+        topic,
+        f"{schema.PACKAGE}.{group.schema}",
+        schema.group_schema(group),
+        time_ns,
+        schema.encode_rows(values),
+        topics.units(group),
+    )
+
+
+def differences(a: Run, b: Run) -> list[Stream]:
+    """Sample by sample over the common times; nothing where there are none."""
+    time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
+    if not len(time_ns):
+        return []
+    blocks = {g.name: b.block(g.name)[in_b] - a.block(g.name)[in_a] for g in topics.DIFFERENCE_GROUPS}
+    distances = np.column_stack(
+        [np.linalg.norm(blocks["load"][:, :3], axis=1), np.abs(blocks["state"][:, [6, 8]]).max(axis=1)]
+    )
+    found = [
+        signals(topics.difference_topic(group.name), group, time_ns, blocks[group.name])
+        for group in topics.DIFFERENCE_GROUPS
+    ]
+    found.append(signals(topics.difference_topic(topics.DISTANCE.name), topics.DISTANCE, time_ns, distances))
+    return found
+
+
+def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, str]:
+    """Whether the plants agree, and by how much every signal differs."""
+    comparison = compare_runs(a, b)
+    found = judge(a, b, limits=limits, comparison=comparison)
+    values = {
+        "verdict": found.verdict,
+        "load": _beside(found.max_load_error_m, found.limit_m, "m", found.limits),
+        "angles": _beside(found.max_angle_error_rad, found.limit_rad, "rad", found.limits),
+    }
+    for row in comparison.signals:
+        text = f"at most {row.max_abs:.1e} {row.unit} at {row.at_s:g} s, RMS {row.rms:.1e}"
+        values[row.signal.replace(".", "_")] = text
+    return values
+
+
+def _beside(largest: float, limit: float | None, unit: str, limits: str) -> str:
+    """The largest distance and its limit, or why there is none; of limits that are not the file's, whose."""
+    found = f"{largest:.1e} {unit}"
+    if limit is None:
+        return f"{found}, no limit: {limits}"
+    return f"{found}, limit {limit:g} {unit}" + ("" if limits == Limits.source else f", {limits}")
+
+
+def status(plant: str, found: Sequence[Standing]) -> Stream:
+    """How the run of `plant` stands."""
+    definition = schema.status_schema()
+    messages = [
+        schema.encode(
+            definition,
+            "Status",
+            {
+                "status": int(standing.status),
+                "inside_workspace": standing.inside_workspace,
+                "phase": int(standing.phase),
+                "disturbed": int(standing.disturbed),
+                "saturated": int(standing.saturated),
+            },
+        )
+        for standing in found
+    ]
+    time_ns = np.array([standing.time_ns for standing in found], dtype=np.int64)
+    return Stream(topics.status_topic(plant), f"{schema.PACKAGE}.Status", definition, time_ns, messages)
+
+
+def log_lines(unordered: Iterable[Event]) -> Stream:
+    """Events as text, in the order of time."""
+    found = sorted(unordered, key=lambda event: event.time_ns)
+    messages = [
+        Log(
+            timestamp=Timestamp(*divmod(event.time_ns, NANOSECONDS)),
+            level=LogLevel.Warning if event.warning else LogLevel.Info,
+            name=event.source,
+            message=event.message,
+        ).encode()
+        for event in found
+    ]
+    time_ns = np.array([event.time_ns for event in found], dtype=np.int64)
+    definition = Log.get_schema()
+    return Stream(topics.LOG, definition.name, definition.data, time_ns, messages)
+
+
+def run_info(runs: Sequence[Run]) -> Stream:
+    """What is run, and how the runs stand."""
+    first = runs[0]
+    values = {
+        "scenario": first.scenario.name,
+        "title": first.scenario.title,
+        "controller": first.design.name,
+        "drive": first.drive,
+        "plants": ", ".join(run.plant for run in runs),
+        "status": ", ".join(f"{run.plant}: {run.status.label}" for run in runs),
+        "versions": ", ".join(f"{name} {version}" for name, version in provenance().items()),
+    }
+    return _text(topics.RUN_INFO, "RunInfo", values)
+
+
+def design_info(design: Design) -> Stream:
+    """Gains, poles, margins."""
+    values = {name: json.dumps(value) for name, value in design.to_json().items()}
+    return _text(topics.DESIGN, "Design", values)
+
+
+def _text(topic: str, name: str, values: dict[str, str]) -> Stream:
+    """A stream of one message of strings at time 0."""
+    definition = schema.text_schema(name, tuple(values))
+    message = schema.encode(definition, name, values)
+    at_start = np.zeros(1, dtype=np.int64)
+    return Stream(topic, f"{schema.PACKAGE}.{name}", definition, at_start, [message])

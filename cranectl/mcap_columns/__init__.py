@@ -1,0 +1,1 @@
+"""MCAP files as columns of messages: whole, damaged or cut off. Knows no crane."""

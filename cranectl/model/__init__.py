@@ -1,0 +1,1 @@
+"""Our rigid equations: the crane as a Lagrange system, and its flatness."""

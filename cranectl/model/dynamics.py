@@ -1,0 +1,159 @@
+"""Equations of motion of the crane with a rope of variable length (thesis chapter 2, corrected).
+
+Coordinates q = (x_c, y_c, l, alpha, beta); the load is a point at r = (x_c, y_c, 0) + l n with the rope
+direction n = (sin b, cos b sin a, -cos a cos b). With J = dr/dq the manipulator form is
+
+    M = M_drives + m J'J,    C = m J' dJ/dt,    G = m g dr_3/dq,    M qdd + C qd + G = F
+
+and this C makes dM/dt - 2C skew. `validation/derivations/lagrange.py` derives it from the Lagrangian.
+"""
+
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.scenario.rig import RigParameters
+from cranectl.support.jit import jit
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+@jit
+def angular_accelerations(rope_length, rope_rate, alpha, alpha_rate, beta, beta_rate, u_x, u_y, gravity):
+    """Cardan angle accelerations [rad/s²] under commanded bridge and trolley accelerations [m/s²].
+
+    Mass-free; the corrected (2.12). Needs rope_length > 0 and |beta| < pi/2.
+    """
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    alpha_ddot = (
+        2.0 * rope_length * alpha_rate * beta_rate * sb
+        - gravity * sa
+        - 2.0 * rope_rate * alpha_rate * cb
+        - ca * u_y
+    ) / (rope_length * cb)
+    beta_ddot = (
+        -gravity * ca * sb
+        - 2.0 * rope_rate * beta_rate
+        - rope_length * alpha_rate * alpha_rate * sb * cb
+        - cb * u_x
+        + sa * sb * u_y
+    ) / rope_length
+    return alpha_ddot, beta_ddot
+
+
+@jit
+def specific_rope_force(rope_length, alpha, alpha_rate, beta, beta_rate, u_x, u_y, u_l, gravity):
+    """Load acceleration along n caused by the rope [m/s²], (3.27); negative while the rope pulls.
+
+    The rope tension is minus the load mass times this.
+    """
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    centripetal = rope_length * (alpha_rate * alpha_rate * cb * cb + beta_rate * beta_rate)
+    return u_x * sb + u_y * sa * cb + u_l - gravity * ca * cb - centripetal
+
+
+@jit
+def rope_direction(alpha, beta):
+    """Unit vector n from the trolley to the load."""
+    return sin(beta), cos(beta) * sin(alpha), -cos(alpha) * cos(beta)
+
+
+@jit
+def rope_direction_rate(alpha, alpha_rate, beta, beta_rate):
+    """Time derivative of n [1/s]."""
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    return (
+        beta_rate * cb,
+        alpha_rate * cb * ca - beta_rate * sb * sa,
+        alpha_rate * sa * cb + beta_rate * ca * sb,
+    )
+
+
+def load_jacobian(q: Vector) -> Matrix:
+    """J = dr/dq, shape (3, 5), for q = (x_c, y_c, l, alpha, beta)."""
+    _, _, length, alpha, beta = q
+    sa, ca, sb, cb = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
+    return np.array(
+        [
+            [1.0, 0.0, sb, 0.0, length * cb],
+            [0.0, 1.0, cb * sa, length * cb * ca, -length * sb * sa],
+            [0.0, 0.0, -ca * cb, length * sa * cb, length * ca * sb],
+        ]
+    )
+
+
+def load_jacobian_rate(q: Vector, qd: Vector) -> Matrix:
+    """dJ/dt along the velocity `qd`, shape (3, 5)."""
+    _, _, length, a, b = q
+    _, _, length_rate, ad, bd = qd
+    sa, ca, sb, cb = np.sin(a), np.cos(a), np.sin(b), np.cos(b)
+    n_dot = rope_direction_rate(a, ad, b, bd)
+    return np.array(
+        [
+            [0.0, 0.0, n_dot[0], 0.0, length_rate * cb - length * bd * sb],
+            [
+                0.0,
+                0.0,
+                n_dot[1],
+                length_rate * cb * ca - length * (bd * sb * ca + ad * cb * sa),
+                -length_rate * sb * sa - length * (bd * cb * sa + ad * sb * ca),
+            ],
+            [
+                0.0,
+                0.0,
+                n_dot[2],
+                length_rate * sa * cb + length * (ad * ca * cb - bd * sa * sb),
+                length_rate * ca * sb + length * (bd * ca * cb - ad * sa * sb),
+            ],
+        ]
+    )
+
+
+def mass_matrix(q: Vector, rig: RigParameters) -> Matrix:
+    """M(q), shape (5, 5), symmetric positive definite for l > 0, |beta| < pi/2 [kg, kg m, kg m²]."""
+    jacobian = load_jacobian(q)
+    drives = [rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass, 0.0, 0.0]
+    return np.diag(drives) + rig.load_mass * jacobian.T @ jacobian
+
+
+def coriolis_matrix(q: Vector, qd: Vector, rig: RigParameters) -> Matrix:
+    """C(q, qd), shape (5, 5), such that dM/dt - 2C is skew."""
+    return rig.load_mass * load_jacobian(q).T @ load_jacobian_rate(q, qd)
+
+
+def gravity_vector(q: Vector, rig: RigParameters) -> Vector:
+    """G(q) = dV/dq, shape (5,) [N, N m]."""
+    weight: Vector = rig.weight * load_jacobian(q)[2]
+    return weight
+
+
+def kinetic_energy(q: Vector, qd: Vector, rig: RigParameters) -> float:
+    """Kinetic energy of bridge, trolley, winch rotor and load [J]."""
+    return float(0.5 * qd @ mass_matrix(q, rig) @ qd)
+
+
+def potential_energy(q: Vector, rig: RigParameters) -> float:
+    """Potential energy of the load [J], zero at trolley height."""
+    return float(rig.weight * load_position(q)[2])
+
+
+def load_position(q: Vector) -> Vector:
+    """Load position [m], shape (3,), world frame."""
+    bridge, trolley, length, alpha, beta = q
+    n = rope_direction(alpha, beta)
+    return np.array([bridge + length * n[0], trolley + length * n[1], length * n[2]])
+
+
+def load_velocity(q: Vector, qd: Vector) -> Vector:
+    """Load velocity [m/s], shape (3,), world frame."""
+    return load_jacobian(q) @ qd
+
+
+def rope_tension(q: Vector, qd: Vector, accelerations: Vector, rig: RigParameters) -> float:
+    """Rope tension [N], positive when it pulls, under the accelerations (u_x, u_y, u_l) [m/s²]."""
+    _, _, length, alpha, beta = q
+    u_x, u_y, u_l = accelerations
+    force = specific_rope_force(length, alpha, qd[3], beta, qd[4], u_x, u_y, u_l, rig.gravity)
+    return float(-rig.load_mass * force)

@@ -1,0 +1,157 @@
+"""The load position as flat output: state and inputs from it, and it from the state.
+
+With the rope slopes p = (p_x, p_y), horizontal run over vertical drop h = -z_3 of the rope,
+
+    p_x = tan b / cos a = -z1'' / (z3'' + g)       x_c = z1 - p_x h      l = h sqrt(1 + p_x² + p_y²)
+    p_y = tan a         = -z2'' / (z3'' + g)       y_c = z2 - p_y h
+
+everything follows by differentiation in time, with no matrix to invert. It equals the thesis's (3.33) to
+(3.46) with the corrections listed in docs/model.md. Singular where the rope is slack (z3'' + g <= 0), has no
+length, or a cardan angle reaches pi/2.
+"""
+
+from math import atan, cos, sqrt, tan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.model.dynamics import rope_direction, rope_direction_rate
+from cranectl.support.jit import jit
+
+
+@jit
+def slopes_from_angles(alpha, alpha_rate, beta, beta_rate):
+    """Rope slopes (p_x, p_y) and their rates from the cardan angles."""
+    secant, tan_b = 1.0 / cos(alpha), tan(beta)
+    p_y = tan(alpha)
+    p_x = tan_b * secant
+    p_y_dot = alpha_rate * (1.0 + p_y * p_y)
+    p_x_dot = beta_rate * (1.0 + tan_b * tan_b) * secant + p_x * p_y * alpha_rate
+    return p_x, p_y, p_x_dot, p_y_dot
+
+
+@jit
+def angles_from_slopes(p_x, p_y, p_x_dot, p_y_dot):
+    """Cardan angles and rates from the rope slopes; inverse of `slopes_from_angles`."""
+    alpha = atan(p_y)
+    ca = cos(alpha)
+    alpha_rate = p_y_dot * ca * ca
+    tan_b = p_x * ca
+    beta = atan(tan_b)
+    tan_b_dot = p_x_dot * ca - p_x * p_y * ca * alpha_rate
+    beta_rate = tan_b_dot / (1.0 + tan_b * tan_b)
+    return alpha, alpha_rate, beta, beta_rate
+
+
+@jit
+def flat_output(state, zeta, zeta_dot, gravity, output):
+    """Load position and its first three derivatives from state and dynamic extension.
+
+    `state` in the order of `signals.STATE`; `zeta`, `zeta_dot`: vertical load acceleration [m/s²] and its
+    rate. Writes `output[0:12]` = (z, z', z'', z''') with three axes each. (3.24), (3.25), (3.43), (3.44).
+    """
+    length, length_rate = state[4], state[5]
+    alpha, alpha_rate, beta, beta_rate = state[6], state[7], state[8], state[9]
+    n_x, n_y, n_z = rope_direction(alpha, beta)
+    n_x_dot, n_y_dot, n_z_dot = rope_direction_rate(alpha, alpha_rate, beta, beta_rate)
+    p_x, p_y, p_x_dot, p_y_dot = slopes_from_angles(alpha, alpha_rate, beta, beta_rate)
+    lift = zeta + gravity
+    output[0] = state[0] + length * n_x
+    output[1] = state[2] + length * n_y
+    output[2] = length * n_z
+    output[3] = state[1] + length_rate * n_x + length * n_x_dot
+    output[4] = state[3] + length_rate * n_y + length * n_y_dot
+    output[5] = length_rate * n_z + length * n_z_dot
+    output[6] = -p_x * lift
+    output[7] = -p_y * lift
+    output[8] = zeta
+    output[9] = -p_x_dot * lift - p_x * zeta_dot
+    output[10] = -p_y_dot * lift - p_y * zeta_dot
+    output[11] = zeta_dot
+
+
+@jit
+def drive_accelerations(h, h_dot, p_x, p_y, p_x_dot, p_y_dot, p_x_ddot, p_y_ddot, zeta, gravity):
+    """Accelerations (x_c'', y_c'', l'') that give the slopes these second derivatives [m/s²].
+
+    The second derivatives of x_c = z1 - p_x h, y_c = z2 - p_y h and l = h s, s² = 1 + p_x² + p_y²,
+    with h'' = -zeta and z1'' = -p_x (zeta + g).
+    """
+    s = sqrt(1.0 + p_x * p_x + p_y * p_y)
+    s_dot = (p_x * p_x_dot + p_y * p_y_dot) / s
+    speed2 = p_x_dot * p_x_dot + p_y_dot * p_y_dot
+    s_ddot = (speed2 + p_x * p_x_ddot + p_y * p_y_ddot - s_dot * s_dot) / s
+    u_x = -(gravity * p_x + 2.0 * p_x_dot * h_dot + h * p_x_ddot)
+    u_y = -(gravity * p_y + 2.0 * p_y_dot * h_dot + h * p_y_ddot)
+    u_l = -zeta * s + 2.0 * h_dot * s_dot + h * s_ddot
+    return u_x, u_y, u_l
+
+
+@jit
+def slope_acceleration(slope, slope_rate, jerk_rate, zeta_d2, zeta_dot, lift):
+    """Second derivative of a slope p from z'''' = `jerk_rate`, differentiating z'' = -p (zeta + g)."""
+    return -(jerk_rate + 2.0 * slope_rate * zeta_dot + slope * zeta_d2) / lift
+
+
+@jit
+def linearising_input(state, zeta, zeta_dot, v_x, v_y, v_z, gravity):
+    """Accelerations (x_c'', y_c'', l'') [m/s²] under which z'''' = (v_x, v_y, v_z) [m/s⁴] exactly.
+
+    The dynamic extension obeys zeta'' = v_z. Needs a regular state: l > 0, angles within pi/2, zeta + g > 0.
+    """
+    length, length_rate = state[4], state[5]
+    alpha, alpha_rate, beta, beta_rate = state[6], state[7], state[8], state[9]
+    p_x, p_y, p_x_dot, p_y_dot = slopes_from_angles(alpha, alpha_rate, beta, beta_rate)
+    n_z = rope_direction(alpha, beta)[2]
+    n_z_dot = rope_direction_rate(alpha, alpha_rate, beta, beta_rate)[2]
+    h = -length * n_z
+    h_dot = -length_rate * n_z - length * n_z_dot
+    lift = zeta + gravity
+    p_x_ddot = slope_acceleration(p_x, p_x_dot, v_x, v_z, zeta_dot, lift)
+    p_y_ddot = slope_acceleration(p_y, p_y_dot, v_y, v_z, zeta_dot, lift)
+    return drive_accelerations(h, h_dot, p_x, p_y, p_x_dot, p_y_dot, p_x_ddot, p_y_ddot, zeta, gravity)
+
+
+@jit
+def state_and_input(flat, gravity, state, inputs):
+    """State and inputs from the load position and four derivatives; (3.34) to (3.39), corrected.
+
+    `flat`: 15 values (z, z', z'', z''', z''''), three axes each. Writes `state` (order of `signals.STATE`)
+    and `inputs` = (x_c'', y_c'', l'') [m/s²]. Needs z_3 < 0 and z_3'' + g > 0.
+    """
+    lift = flat[8] + gravity
+    h, h_dot = -flat[2], -flat[5]
+    p_x, p_y = -flat[6] / lift, -flat[7] / lift
+    p_x_dot = -(flat[9] + p_x * flat[11]) / lift
+    p_y_dot = -(flat[10] + p_y * flat[11]) / lift
+    p_x_ddot = slope_acceleration(p_x, p_x_dot, flat[12], flat[14], flat[11], lift)
+    p_y_ddot = slope_acceleration(p_y, p_y_dot, flat[13], flat[14], flat[11], lift)
+    s = sqrt(1.0 + p_x * p_x + p_y * p_y)
+    s_dot = (p_x * p_x_dot + p_y * p_y_dot) / s
+    state[0] = flat[0] - p_x * h
+    state[1] = flat[3] - p_x_dot * h - p_x * h_dot
+    state[2] = flat[1] - p_y * h
+    state[3] = flat[4] - p_y_dot * h - p_y * h_dot
+    state[4] = h * s
+    state[5] = h_dot * s + h * s_dot
+    alpha, alpha_rate, beta, beta_rate = angles_from_slopes(p_x, p_y, p_x_dot, p_y_dot)
+    state[6], state[7], state[8], state[9] = alpha, alpha_rate, beta, beta_rate
+    u_x, u_y, u_l = drive_accelerations(
+        h, h_dot, p_x, p_y, p_x_dot, p_y_dot, p_x_ddot, p_y_ddot, flat[8], gravity
+    )
+    inputs[0], inputs[1], inputs[2] = u_x, u_y, u_l
+
+
+@jit
+def _states_and_inputs(rows, gravity, states, inputs):
+    for k in range(rows.shape[0]):
+        state_and_input(rows[k], gravity, states[k], inputs[k])
+
+
+def states_and_inputs(
+    rows: NDArray[np.float64], gravity: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """`state_and_input` for many samples: rows (N, 15) → states (N, 10), inputs (N, 3)."""
+    states, inputs = np.empty((len(rows), 10)), np.empty((len(rows), 3))
+    _states_and_inputs(np.ascontiguousarray(rows), gravity, states, inputs)
+    return states, inputs

@@ -1,0 +1,1 @@
+"""The rig in MuJoCo, and its effects, a file each."""

@@ -1,0 +1,129 @@
+"""The engine's whole state as changes about one state: all coordinates, those that effects add included.
+
+Changes of position are in the tangent space, so a ball joint counts three, turns about the body's own axes,
+and not four; its rates are about the axes that the body has at that state, so that a turn about its rope, on
+which nothing depends, does not change them either. The ten measured signals come first, in the order of
+`signals.STATE`; then positions and velocities of the other joints; with drag, the load's velocity (3) of
+which the drag of the next step is made.
+"""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.plants.mujoco.disturbed_step import push_load
+from cranectl.plants.mujoco.plant import MujocoPlant, prepare_step, set_command
+
+Array = NDArray[np.float64]
+
+
+class Anchor(NamedTuple):
+    """The state that changes count from."""
+
+    qpos: Array  # (nq,)
+    qvel: Array  # (nv,)
+    load_velocity: Array  # (3,) [m/s] as the sensors had it before the last step
+
+
+def anchor_of(plant: MujocoPlant) -> Anchor:
+    """The state that `plant` is in."""
+    mujoco.mj_forward(plant.model, plant.data)
+    return Anchor(plant.data.qpos.copy(), plant.data.qvel.copy(), load_velocity(plant))
+
+
+def load_velocity(plant: MujocoPlant) -> Array:
+    """The load's velocity (3,) as the sensors have it [m/s]."""
+    velocity: Array = plant.data.sensordata[_seen(plant)].copy()
+    return velocity
+
+
+def free_coordinates(plant: MujocoPlant) -> NDArray[np.int64]:
+    """Places in qvel of the joints without a drive."""
+    return np.setdiff1d(np.arange(plant.model.nv), plant.rig.rates[:3])
+
+
+def moved(plant: MujocoPlant, anchor: Anchor, turn: Array) -> Anchor:
+    """`anchor` with its positions changed by `turn` (nv,), in the order of qvel."""
+    qpos = anchor.qpos.copy()
+    mujoco.mj_integratePos(plant.model, qpos, turn, 1.0)
+    return anchor._replace(qpos=qpos)
+
+
+def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
+    """Forces and moments (nv,) that accelerate at `anchor` under command, the thesis's disturbance and wind.
+
+    Mass times acceleration, not acceleration itself: on a hook without mass that is ill conditioned.
+    """
+    _set(plant, anchor)
+    mujoco.mj_forward(plant.model, plant.data)  # for the velocity of the load
+    set_command(plant.rig, command)
+    prepare_step(plant.rig, air)
+    push_load(plant.rig, tilt)
+    mujoco.mj_forward(plant.model, plant.data)
+    force = np.zeros(plant.model.nv)
+    mujoco.mj_mulM(plant.model, plant.data, force, plant.data.qacc)
+    return force
+
+
+def stretch(plant: MujocoPlant, anchor: Anchor) -> float:
+    """By how much the rope is longer than what is paid out [m]; endless for a rigid rope."""
+    rig = plant.rig
+    return float(anchor.qpos[rig.distance[0]] - anchor.qpos[rig.joints[2]]) if rig.rope.active else np.inf
+
+
+def coordinates(plant: MujocoPlant) -> int:
+    """How many changes there are."""
+    return 2 * int(plant.model.nv) + (3 if plant.rig.drag > 0.0 else 0)
+
+
+def put(plant: MujocoPlant, anchor: Anchor, change: Array) -> None:
+    """Set the state to `anchor` changed by `change`."""
+    nv, total = plant.model.nv, np.zeros(coordinates(plant))
+    total[_order(plant)] = change
+    changed = moved(plant, anchor, total[:nv])
+    qvel = _about_axes_of(plant, changed, anchor, anchor.qvel + total[nv : 2 * nv])
+    _set(plant, changed._replace(qvel=qvel))
+    if plant.rig.drag > 0.0:
+        plant.data.sensordata[_seen(plant)] = anchor.load_velocity + total[2 * nv :]
+
+
+def change_since(plant: MujocoPlant, anchor: Anchor) -> Array:
+    """By how much the state differs from `anchor`."""
+    data, position = plant.data, np.zeros(plant.model.nv)
+    mujoco.mj_differentiatePos(plant.model, position, 1.0, anchor.qpos, data.qpos)
+    now = anchor._replace(qpos=data.qpos)
+    parts = [position, _about_axes_of(plant, anchor, now, data.qvel) - anchor.qvel]
+    if plant.rig.drag > 0.0:
+        parts.append(load_velocity(plant) - anchor.load_velocity)
+    return np.array(np.concatenate(parts)[_order(plant)])
+
+
+def _about_axes_of(plant: MujocoPlant, new: Anchor, old: Anchor, qvel: Array) -> Array:
+    """`qvel` (nv,) with the load's spin, about its axes at `old`, about those it has at `new`."""
+    if not plant.rig.swings:
+        return qvel
+    swing, back, turn = plant.model.joint("swing"), np.zeros(4), np.zeros(4)
+    place, rate = int(swing.qposadr[0]), int(swing.dofadr[0])
+    mujoco.mju_negQuat(back, new.qpos[place : place + 4])
+    mujoco.mju_mulQuat(turn, back, old.qpos[place : place + 4])
+    turned = qvel.copy()
+    mujoco.mju_rotVecQuat(turned[rate : rate + 3], qvel[rate : rate + 3], turn)
+    return turned
+
+
+def _set(plant: MujocoPlant, anchor: Anchor) -> None:
+    mujoco.mj_resetData(plant.model, plant.data)
+    plant.data.qpos[:], plant.data.qvel[:] = anchor.qpos, anchor.qvel
+
+
+def _seen(plant: MujocoPlant) -> NDArray[np.int64]:
+    return plant.rig.load_sensors[3:6]
+
+
+def _order(plant: MujocoPlant) -> NDArray[np.int64]:
+    """Of the changes, in positions, velocities, sensors as the engine has them."""
+    nv, rates = plant.model.nv, plant.rig.rates
+    measured = np.column_stack([rates, nv + rates]).ravel()
+    return np.concatenate([measured, np.setdiff1d(np.arange(coordinates(plant)), measured)])

@@ -1,0 +1,266 @@
+"""The MuJoCo plant: `models/crane.xml` behind the plant interface. Knows nothing of our equations."""
+
+import copy
+from math import sqrt
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.plants.mujoco.disturbed_step import StageWork, stage_work, step_in_stages
+from cranectl.plants.mujoco.entries import derive_constants, views_of, write_views
+from cranectl.plants.mujoco.model import (
+    compiled_model,
+    drive_addresses,
+    model_description,
+    model_entries,
+    rate_addresses,
+    sensor_addresses,
+    state_addresses,
+    structure_of,
+)
+from cranectl.plants.mujoco.rope import (
+    DISTANCE,
+    ElasticRope,
+    elastic_rope,
+    no_rope,
+    pay_out,
+    set_damping,
+    start_taut,
+)
+from cranectl.plants.mujoco.stability import check_step
+from cranectl.plants.mujoco.step import mj_step
+from cranectl.plants.plant import Drive
+from cranectl.plants.surroundings import air_drag
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
+from cranectl.scenario.rig import RigParameters
+from cranectl.support.errors import InputError
+from cranectl.support.jit import jit
+
+Array = NDArray[np.float64]
+
+
+class MujocoRig(NamedTuple):
+    """Views into one MjModel/MjData pair, and where things are in them."""
+
+    model: int  # address
+    data: int  # address
+    qpos: Array
+    qvel: Array
+    ctrl: Array
+    applied: Array  # qfrc_applied
+    sensors: Array  # sensordata
+    joints: NDArray[np.int64]  # (5,) x_c, y_c, l, alpha, beta in qpos
+    rates: NDArray[np.int64]  # (5,) and in qvel
+    distance: NDArray[np.int64]  # (2,) from pivot to rope end, in qpos and qvel; l of a rigid rope
+    drives: NDArray[np.int64]  # (3,)
+    load_sensors: NDArray[np.int64]  # (7,)
+    warnings: NDArray[np.int32]  # counts of the engine's numerical warnings
+    load_mass: float
+    air: Array  # (3,) drag on the load [N]
+    wrench: Array  # (6,) xfrc_applied of the load: force, torque
+    reaction: Array  # (6,) of the trolley
+    swings: bool  # whether the load is a body that swings under its hook
+    rope: ElasticRope
+    drag: float  # force over the square of the load's speed through the air [kg/m]
+    work: StageWork
+    substeps: int
+    step: float  # [s]
+
+
+@jit
+def measure_joints(rig, state):
+    """Joint positions and velocities (10,) into `state`, order of `signals.STATE`."""
+    for i in range(5):
+        state[2 * i] = rig.qpos[rig.joints[i]]
+        state[2 * i + 1] = rig.qvel[rig.rates[i]]
+
+
+@jit
+def apply_drag(rig, wind):
+    """Drag on the load in air that moves with `wind` (3,); held over the step."""
+    if rig.drag == 0.0 and not rig.swings:
+        return
+    v_x = wind[0] - rig.sensors[rig.load_sensors[3]]
+    v_y = wind[1] - rig.sensors[rig.load_sensors[4]]
+    v_z = wind[2] - rig.sensors[rig.load_sensors[5]]
+    factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
+    rig.air[0], rig.air[1], rig.air[2] = factor * v_x, factor * v_y, factor * v_z
+    for i in range(3):
+        rig.wrench[i] = rig.air[i]
+
+
+@jit
+def prepare_step(rig, wind):
+    """Everything that is held over one physics step besides the command."""
+    apply_drag(rig, wind)
+    if rig.rope.active:
+        pay_out(rig.rope, rig.qpos, rig.qvel, 0.5 * rig.step)
+
+
+@jit
+def set_command(rig, command):
+    """Hold `command` (3,) on the drives."""
+    for i in range(3):
+        rig.ctrl[rig.drives[i]] = command[i]
+
+
+@jit
+def read_load(rig, load):
+    """Load position, velocity and rope tension (7,) as the engine's sensors had them before its last step."""
+    for i in range(7):
+        load[i] = rig.sensors[rig.load_sensors[i]]
+
+
+@jit
+def advance_mujoco(rig, command, disturbance, wind, load):
+    """One control period; see `Plant.advance`."""
+    set_command(rig, command)
+    disturbed = disturbance[0] != 0.0 or disturbance[1] != 0.0
+    for k in range(rig.substeps):
+        prepare_step(rig, wind)
+        if disturbed:
+            step_in_stages(rig, disturbance)
+        else:
+            mj_step(rig.model, rig.data)
+        if k == 0:
+            read_load(rig, load)
+
+
+class MujocoPlant:
+    """The MuJoCo rig behind the plant interface; steps through the Python binding, but for disturbed steps.
+
+    The compiled loop steps the same data through `rig`, bit for bit the same.
+    """
+
+    name = "mujoco"
+
+    def __init__(
+        self,
+        rig: RigParameters,
+        *,
+        drive: Drive,
+        step: float,
+        substeps: int,
+        effects: EffectSettings = NO_EFFECTS,
+    ) -> None:
+        self.drive = drive
+        self.parameters, self.effects = rig, _physical(effects)
+        self.model = copy.copy(compiled_model(rig, drive, step, self.effects))
+        self.data = mujoco.MjData(self.model)
+        self.rig = MujocoRig(
+            model=self.model._address,
+            data=self.data._address,
+            qpos=self.data.qpos,
+            qvel=self.data.qvel,
+            ctrl=self.data.ctrl,
+            applied=self.data.qfrc_applied,
+            sensors=self.data.sensordata,
+            joints=state_addresses(self.model),
+            rates=rate_addresses(self.model),
+            distance=_distance_addresses(self.model, DISTANCE if effects.rope else "rope_length"),
+            drives=drive_addresses(self.model),
+            load_sensors=sensor_addresses(self.model),
+            warnings=self.data.warning.number,
+            load_mass=rig.load_mass,
+            air=np.zeros(3),
+            wrench=self.data.xfrc_applied[self.model.body("load").id],
+            reaction=self.data.xfrc_applied[self.model.body("trolley").id],
+            swings=effects.body is not None,
+            rope=_rope(self.model, effects),
+            drag=air_drag(effects),
+            work=stage_work(self.model, self.data, swings=effects.body is not None),
+            substeps=substeps,
+            step=step,
+        )
+
+    @property
+    def description(self) -> str:
+        """MJCF."""
+        return model_description(self.parameters, self.drive, self.rig.step, self.effects)
+
+    def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
+        physical = _physical(effects)
+        if structure_of(physical) != structure_of(self.effects):
+            return False
+        self.parameters, self.effects = rig, physical
+        entries = model_entries(rig, self.drive, physical)
+        write_views(views_of(self.model, entries), entries)
+        derive_constants(self.model, self.data)
+        self.rig = self.rig._replace(
+            load_mass=rig.load_mass, rope=_rope(self.model, effects), drag=air_drag(effects)
+        )
+        return True
+
+    def reset(self, state: Array) -> None:
+        if self.effects.rope:
+            set_damping(self.rig.rope, self.effects.rope, self.rig.load_mass, state[4])
+        self.check_length(state[4])
+        # A first step through the binding: were the model broken, the compiled loop would end the process.
+        self._set_state(state)
+        mujoco.mj_step(self.model, self.data)
+        self._set_state(state)
+
+    def check_length(self, length: float) -> None:
+        """Raise InputError where effects need a longer rope, or shorter steps with a rope of `length` [m]."""
+        if self.effects == NO_EFFECTS:
+            return
+        if self.effects.body and length <= self.effects.body.hook_offset:
+            raise InputError(
+                f"a rope length of {length:g} m, to the load, with effects.body.hook_offset = "
+                f"{self.effects.body.hook_offset:g}",
+                allowed="rope lengths beyond hook_offset",
+                remedy="lower the path or reduce hook_offset",
+            )
+        trial, state = mujoco.MjData(self.model), np.zeros(10)
+        state[4] = length
+        self._place(trial, state)
+        check_step(
+            self.model, trial, f"a crane with {', '.join(self.effects.names)} and {length:g} m of rope"
+        )
+
+    def _set_state(self, state: Array) -> None:
+        mujoco.mj_resetData(self.model, self.data)
+        self._place(self.data, state)
+
+    def _place(self, data: mujoco.MjData, state: Array) -> None:
+        data.qpos[self.rig.joints] = state[0::2]
+        data.qvel[self.rig.rates] = state[1::2]
+        if self.rig.rope.active:
+            if self.drive == "velocity":
+                data.ctrl[self.rig.drives] = state[1:6:2]  # else they would brake, and the rope with them
+            start_taut(self.model, data, self.rig.rope)
+
+    def measure(self, state: Array) -> None:
+        measure_joints(self.rig, state)
+
+    def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
+        set_command(self.rig, command)
+        for k in range(self.rig.substeps):
+            prepare_step(self.rig, wind)
+            if disturbance.any():
+                step_in_stages(self.rig, disturbance)
+            else:
+                mujoco.mj_step(self.model, self.data)
+            if k == 0:
+                read_load(self.rig, load)
+
+    def warnings(self) -> int:
+        return int(self.rig.warnings.sum())
+
+
+def _physical(effects: EffectSettings) -> EffectSettings:
+    """Those that change the model; what others say must not compile it anew."""
+    names = ("limits", "friction", "rope", "body", "frame", "installation")
+    return NO_EFFECTS.model_copy(update={name: getattr(effects, name) for name in names})
+
+
+def _distance_addresses(model: mujoco.MjModel, joint: str) -> NDArray[np.int64]:
+    return np.array([model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]], dtype=np.int64)
+
+
+def _rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
+    if effects.rope is None:
+        return no_rope()
+    return elastic_rope(model, effects.rope, effects.body.hook_offset if effects.body else 0.0)

@@ -1,0 +1,61 @@
+"""What every plant offers: set a state, read the joints, advance by one control period."""
+
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.scenario.effects import EffectSettings
+from cranectl.scenario.rig import RigParameters
+
+Array = NDArray[np.float64]
+Drive = Literal["ideal", "velocity"]
+
+DRIVES: tuple[Drive, ...] = ("ideal", "velocity")
+PLANTS = ("analytic", "mujoco")
+
+
+class Plant(Protocol):
+    """A crane. All arrays in SI units; states in the order of `signals.STATE`.
+
+    The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives and a velocity set-point
+    [m/s] with velocity drives; it is held over the period, and so are the disturbance [rad/s²] and the wind,
+    the velocity of the air (x, y, z) [m/s].
+    """
+
+    name: str
+    drive: Drive
+
+    def __init__(
+        self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings
+    ) -> None:
+        """`step`: of the integrator [s]; `substeps`: steps per control period."""
+
+    @property
+    def description(self) -> str:
+        """The model as run: MJCF, or where the equations are."""
+
+    def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
+        """Become the plant of other parameters, bit for bit; then `reset` it.
+
+        False, and nothing changed, where effects are switched on or off, which takes a new plant.
+        """
+
+    def check_length(self, length: float) -> None:
+        """Raise InputError if the plant's effects or steps do not suit a rope as short as `length` [m]."""
+
+    def reset(self, state: Array) -> None:
+        """Start from `state` (10,) at time zero."""
+
+    def measure(self, state: Array) -> None:
+        """Write the joint positions and velocities (10,) into `state`."""
+
+    def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
+        """Advance by one control period under `command` (3,), `disturbance` (2,) and `wind` (3,).
+
+        Writes what the plant says of its load at the start of the period, with the new command acting, into
+        `load` (7,): world position, velocity, rope tension.
+        """
+
+    def warnings(self) -> int:
+        """Number of numerical warnings since the last reset."""

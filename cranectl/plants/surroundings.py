@@ -1,0 +1,61 @@
+"""What a rig stands in: wind, rails that slope, drives and encoders that are not as believed."""
+
+from math import sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.scenario.effects import EffectSettings, Installation, Wind
+
+Array = NDArray[np.float64]
+
+
+class Misreading(NamedTuple):
+    """Between controller and rig."""
+
+    rope_offset: float  # read more than there is [m]
+    drive_gain: Array  # (3,) of bridge, trolley, winch
+
+
+def make_misreading(installation: Installation | None) -> Misreading:
+    """What lies between controller and rig; nothing without `installation`."""
+    given = installation or Installation()
+    return Misreading(given.rope_offset, np.array(given.drive_gain))
+
+
+def gravity_in_rig(gravity: float, effects: EffectSettings) -> tuple[float, float, float]:
+    """Acceleration of gravity along the rig's x, y, z [m/s²] for rails that slope as in `effects`."""
+    if effects.installation is None:
+        return 0.0, 0.0, -gravity
+    along_x, along_y = (-sin(slope) for slope in effects.installation.tilt)
+    return gravity * along_x, gravity * along_y, -gravity * sqrt(1.0 - along_x**2 - along_y**2)
+
+
+def air_drag(effects: EffectSettings) -> float:
+    """Drag on the load over the square of its speed through the air, rho c A / 2 [kg/m]."""
+    wind = effects.wind
+    return 0.5 * wind.density * wind.drag_area if wind else 0.0
+
+
+def air_velocity(wind: Wind | None, samples: int, period: float) -> Array:
+    """Velocity of the air (x, y, z) [m/s] at every sample, shape (samples, 3).
+
+    Horizontal gusts are white noise through 1/(1 + T s), exactly sampled and stationary from the start, the
+    first-order form of Dryden's spectrum (MIL-F-8785C); the same seed gives the same wind.
+    """
+    if wind is None:
+        return np.zeros((samples, 3))
+    from scipy.signal import lfilter
+
+    decay = np.exp(-period / wind.gust_time)
+    white = np.random.default_rng(wind.seed).standard_normal((samples, 2))
+    white[1:] *= np.sqrt(1.0 - decay**2)
+    gusts = wind.gust * lfilter([1.0], [1.0, -decay], white, axis=0)
+    velocity: Array = np.array(wind.mean) + np.column_stack([gusts, np.zeros(samples)])
+    return velocity
+
+
+"""Friction of the axes and of the cardan joint."""
+
+STICTION_RATE = 0.01  # [rad/s], below which a model without a constraint solver smooths Coulomb's friction

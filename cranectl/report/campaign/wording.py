@@ -1,0 +1,153 @@
+"""What the parts of a campaign's page say in words, with the figures of the runs in them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
+from cranectl.campaign.groups import MAIN_METRICS
+from cranectl.campaign.sensitivity import Correlations
+from cranectl.campaign.software import software_notes
+from cranectl.campaign.summary import CONFIDENCE, MEASURE
+from cranectl.report.campaign.labels import metric_name, number
+
+NAMED = 3  # parameters in a sentence
+COLUMN = MAIN_METRICS.index(MEASURE)
+
+
+def about(analysis: Analysis) -> str:
+    """What was run."""
+    results = analysis.results
+    settings = results.campaign.settings
+    many = results.campaign.runs
+    return (
+        f"{many} samples, each run with {_list(settings.controllers)} on {_list(settings.plants)}, "
+        f"{settings.drive} drives, scenario {settings.scenario}. "
+        f"Sampling: {settings.sampling}, seed {settings.seed}. {len(results)} runs are in the result."
+    )
+
+
+def incomplete(analysis: Analysis) -> str:
+    """What is missing and how to get it; empty for a whole result."""
+    results = analysis.results
+    missing = sum(batch.last - batch.first for batch in results.missing)
+    if not missing:
+        return ""
+    return (
+        f"INCOMPLETE: {missing} of {missing + len(results)} runs are missing, and everything here is of the "
+        f"others. Complete it with the command that began it and --resume, such as "
+        f"'cranectl campaign run {results.campaign.settings.name} --out {results.directory} --resume'."
+    )
+
+
+def software(analysis: Analysis) -> tuple[str, ...]:
+    """What made the runs, where that is not what is installed."""
+    return tuple(f"{note[0].upper()}{note[1:]}." for note in software_notes(analysis.results))
+
+
+def what_fails(analysis: Analysis) -> str:
+    """When a run counts as failed."""
+    limits = analysis.results.campaign.settings.limits.given
+    beyond = "; ".join(
+        f"{metric} {'below' if metric.startswith('min_') else 'above'} {limit:g}"
+        for metric, limit in limits.items()
+    )
+    return f"A run fails if it stops before its end{f', or with {beyond}' if beyond else ''}."
+
+
+def distributions_sentence(parts: Sequence[GroupAnalysis]) -> str:
+    """Which controller has the smallest median."""
+    sentence = "A curve that ends below 1 leaves out runs that stopped or never settled."
+    medians = {
+        part.group.controller: part.summary.median_max_error_m
+        for part in parts
+        if part.summary.median_max_error_m is not None
+    }
+    if not medians:
+        return "No run completed."
+    texts = ", ".join(f"{number(value)} m ({name})" for name, value in medians.items())
+    return f"Largest error, median: {texts}. {sentence}"
+
+
+def correlations_sentence(found: Correlations) -> str:
+    """What goes with the largest error."""
+    runs, floor = int(found.runs[COLUMN]), float(found.floors[COLUMN])
+    strength = found.strength[:, COLUMN]
+    order = [int(k) for k in np.argsort(-strength, kind="stable") if strength[k] > 0.0]
+    if floor >= 1.0:
+        return f"{runs} completed runs are too few to tell influence from chance."
+    beyond = (
+        f"With {runs} runs, chance alone reaches |ρ| = {floor:.2f} somewhere in "
+        f"{100 - 100 * CONFIDENCE:.0f} % of such figures"
+    )
+    if not order:
+        return f"Nothing goes with the largest error beyond chance. {beyond}."
+    named = ", ".join(_strength(found, k) for k in order[:NAMED])
+    return f"With the largest error go {named}. {beyond}."
+
+
+def sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str], metric: str) -> str:
+    """What matters, for each controller."""
+    texts = []
+    for part in parts:
+        found = part.sobol[metric]
+        order = [int(k) for k in np.argsort(-found.total, kind="stable") if found.important[k]]
+        named = ", ".join(f"{parameters[k]} ({found.total[k]:.2f})" for k in order[:NAMED])
+        left = f"; {found.left_out} base points left out" if found.left_out else ""
+        texts.append(
+            f"{part.group.controller}: {named or 'nothing is surely above 0.05'}, from "
+            f"{found.base_points} base points{left}"
+        )
+    return f"Total indices of {metric_name(metric)}. {'. '.join(texts)}."
+
+
+def tornado_sentence(part: GroupAnalysis) -> str:
+    """The widest bar."""
+    nominal = float(part.group.metrics[MEASURE][0])
+    swings = [(abs(float(s.metrics[COLUMN]) - nominal), s) for s in part.swings]
+    known = [(size, s) for size, s in swings if not np.isnan(size)]
+    if not known:
+        return f"{part.group.controller}: no run completed to compare."
+    size, widest = max(known, key=lambda pair: pair[0])
+    stopped = len(swings) - len(known)
+    text = (
+        f"{part.group.controller}: {widest.parameter} = {widest.value:.3g} changes it most, by {size:.2g} m"
+    )
+    return f"{text}; {_runs(stopped)} did not complete." if stopped else f"{text}."
+
+
+def failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
+    """What separates failed runs."""
+    texts = []
+    for part in parts:
+        found = [each for each in part.separations if each.significant][:NAMED]
+        named = ", ".join(f"{each.parameter} (distance {each.distance:.2f})" for each in found)
+        if part.separations:
+            texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
+    return f"What separates failed from other runs. {' '.join(texts)}" if texts else ""
+
+
+def agreement_sentence(pairs: Sequence[Pair]) -> str:
+    """How far the plants are apart."""
+    texts = [
+        f"{pair.first.controller}: half of the samples within {number(pair.agreement.quantiles[1], 2)} m, "
+        f"95 % within {number(pair.agreement.quantiles[2], 2)} m"
+        for pair in pairs
+        if pair.agreement.samples
+    ]
+    return f"{'. '.join(texts)}." if texts else "No sample completed on both plants."
+
+
+def _strength(found: Correlations, k: int) -> str:
+    name = found.parameters[k]
+    if found.bent[k, COLUMN]:
+        return f"{name} (neither rising nor falling, η = {found.eta[k, COLUMN]:.2f})"
+    return f"{name} (ρ = {found.rho[k, COLUMN]:+.2f})"
+
+
+def _list(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def _runs(count: int) -> str:
+    return "1 run" if count == 1 else f"{count} runs"

@@ -1,0 +1,86 @@
+"""Everything about one rig on one page: advice, certificate, fidelity ladder, error budget."""
+
+from collections.abc import Sequence
+
+from cranectl.analysis.advice import Advice, Assessment
+from cranectl.analysis.budget.error_budget import Budget
+from cranectl.analysis.certificate.certify import Judge
+from cranectl.analysis.certificate.loop import InnerLoop
+from cranectl.analysis.ladder import Step
+from cranectl.report.page import Figure, Page, Section
+from cranectl.report.rig.advice_tables import controllers_table, improvements_table, recommendation
+from cranectl.report.rig.budget_table import budget_table
+from cranectl.report.rig.certificate_figure import certificate_figure
+from cranectl.report.rig.deviation_bars import deviation_bars
+from cranectl.report.rig.ladder_page import ladder_sections
+from cranectl.report.table import Cell, Table
+from cranectl.report.theme import STAND_IN, inline_svg, styled
+
+
+def rig_page(
+    advice: Advice, judge: Judge, worst: InnerLoop, steps: Sequence[Step], budget: Budget, remade_by: str
+) -> Page:
+    """The page of a rig for which there is a recommendation; `judge` and `worst` are that controller's."""
+    best = advice.best
+    assert best is not None
+    tables = (controllers_table(advice), improvements_table(advice))
+    sections = (
+        Section("advice", "Which controller", recommendation(advice), tables),
+        Section(
+            "certificate",
+            "Certificate",
+            (
+                "A nu-gap below the margin guarantees that the linear loop, frozen at that point, is stable. "
+                "It says nothing of the motion from point to point; refused does not mean unstable.",
+            ),
+            (_certificates(advice.assessments),),
+            (_certificate(best, judge, worst),),
+        ),
+        *ladder_sections(steps, first=2),
+        Section("budget", "Error budget", (), (budget_table(budget),), (_budget_figure(budget),)),
+    )
+    title = f"{advice.scenario.name}: the rig and its controllers"
+    return Page(title, advice.scenario.title, sections, remade_by)
+
+
+def _certificates(assessments: Sequence[Assessment]) -> Table:
+    rows = []
+    for row in assessments:
+        found = row.certificate
+        grades = [point.grade for point in found.points]
+        rows.append(
+            (
+                Cell(row.controller),
+                Cell(found.cut.name),
+                Cell(str(found.worst.point)),
+                Cell(f"{found.margin:.3f}"),
+                Cell(f"{found.worst.gap:.3f}"),
+                Cell(str(grades.count("gap"))),
+                Cell(str(grades.count("by frequency"))),
+                Cell(str(grades.count("refused")), "open" if "refused" in grades else ""),
+                Cell(str(sum(not point.stable for point in found.points))),
+            )
+        )
+    headings = ("controller", "cut at", "worst point", "margin b", "largest gap", "by the gap",
+                "by frequency", "refused", "unstable")  # fmt: skip
+    return Table("Certificates at the points that the scenario visits", headings, tuple(rows), labels=3)
+
+
+def _certificate(best: Assessment, judge: Judge, worst: InnerLoop) -> Figure:
+    with styled():
+        drawing = certificate_figure(best.certificate, judge, worst, colours=STAND_IN)
+        svg = inline_svg(drawing, "f1")
+    return Figure("1", f"certificate of {best.controller}", svg, "", alone=True)
+
+
+def _budget_figure(budget: Budget) -> Figure:
+    entries = budget.entries
+    pair = {
+        "estimated": [entry.estimate.max for entry in entries],
+        "measured": [entry.measured.max for entry in entries],
+    }
+    bounds = [entry.bound for entry in entries]
+    svg = deviation_bars([entry.rung for entry in entries], pair, "f4", bounds=bounds)
+    rough = [entry.rung for entry in entries if entry.rough]
+    sentence = f"Estimates without a bound, which may be far off: {', '.join(rough)}." if rough else ""
+    return Figure("4", "predicted, measured, bounded", svg, sentence)

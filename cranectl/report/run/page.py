@@ -1,0 +1,153 @@
+"""Any runs as one page: what they were, how they ended, every figure, every difference."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cranectl.compare import Agreement, Comparison, compare_runs, judge
+from cranectl.compare.limits import Limits, Predict, limits_for
+from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.report.page import Figure, Page, Section
+from cranectl.report.run.figures import FAMILIES, Curve, distance_svg, family_svg
+from cranectl.report.run.metrics_table import metrics_table
+from cranectl.report.run.wording import agreement, verdict
+from cranectl.report.table import Cell, Table
+from cranectl.report.theme import SERIES
+from cranectl.simulate import Run
+
+Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
+Metrics = Mapping[tuple[str, str], RunMetrics | None]  # by label and plant
+
+
+@np.errstate(invalid="ignore")  # of a last sample that may hold what stopped its run
+def log_page(
+    logs: Logs, remade_by: str, notes: Sequence[str] = (), *, predict: Predict | None = None
+) -> Page:
+    """A page of up to four logs, each with the runs of one or both plants; `notes` come first.
+
+    `predict` finds limits where cranectl has none for the plants' agreement.
+    """
+    agreements = {label: _judged(*pair, predict) for label, pair in _pairs(logs).items()}
+    runs = [run for log in logs.values() for run in log.values()]
+    scenarios = dict.fromkeys(run.scenario.name for run in runs)
+    title = runs[0].scenario.title if len(scenarios) == 1 else ""
+    metrics = {(label, plant): run_metrics(run) for label, log in logs.items() for plant, run in log.items()}
+    labelled = {f"{label}, {plant}": found for (label, plant), found in metrics.items()}
+    run_table = _run_table(logs, metrics, _verdicts(agreements))
+    sections = [
+        Section("runs", "Runs", tuple(notes), (run_table, metrics_table(labelled))),
+        Section("figures", "Figures", figures=_figures(logs, agreements)),
+    ]
+    tables = tuple(_comparison_table(label, comparison) for label, comparison in _comparisons(logs))
+    if tables:
+        sections.append(Section("differences", "Differences", tables=tables))
+    return Page(", ".join(scenarios), title, tuple(sections), remade_by)
+
+
+def _run_table(logs: Logs, metrics: Metrics, note: str) -> Table:
+    headings = ("log", "plant", "controller", "drives", "ended", "at [s]", "max error [m]", "outside rig [m]")
+    rows = []
+    for label, log in logs.items():
+        for plant, run in log.items():
+            status = Cell(run.status.label, "bad" if run.status.stopped else "good")
+            identity = (label, plant, run.design.name, run.drive)
+            found = _metric_cells(metrics[label, plant])
+            rows.append((*map(Cell, identity), status, Cell(f"{run.end_ns / 1e9:g}"), *found))
+    return Table("How the runs went", headings, tuple(rows), labels=5, note=note)
+
+
+def _metric_cells(metrics: RunMetrics | None) -> tuple[Cell, Cell]:
+    if metrics is None:
+        return Cell("–"), Cell("–")
+    excess = max((violation.max_excess_m for violation in metrics.workspace_violations), default=0.0)
+    return Cell(f"{metrics.max_error_m:.4f}"), Cell(f"{excess:.4f}", "bad" if excess else "")
+
+
+def _judged(a: Run, b: Run, predict: Predict | None) -> Agreement:
+    return judge(a, b, limits=limits_for(a.scenario, a.design, a.drive, predict=predict))
+
+
+def _verdicts(agreements: Mapping[str, Agreement]) -> str:
+    """Whether the plants of each log agree."""
+    sentences = []
+    for label, found in agreements.items():
+        known = found.limit_m is not None and found.limit_rad is not None
+        limits = f"limits {found.limit_m:g} m and {found.limit_rad:g} rad" if known else found.limits
+        sentences.append(
+            f"{label}: plants at most {found.max_load_error_m:.1e} m and {found.max_angle_error_rad:.1e} rad "
+            f"apart, {limits}: {found.verdict}."
+        )
+    return " ".join(sentences)
+
+
+def _lines(agreements: Mapping[str, Agreement]) -> dict[str, float]:
+    """The limits [m] to be drawn: those of a kind of drive once, a log's own by its label."""
+    return {
+        f"{found.drive} drives" if found.limits == Limits.source else label: found.limit_m
+        for label, found in agreements.items()
+        if found.limit_m is not None
+    }
+
+
+def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
+    """The logs that have samples of both plants, analytic first."""
+    found = {}
+    for label, log in logs.items():
+        runs = [run for run in log.values() if len(run.time_ns)]
+        if len(runs) == 2:
+            found[label] = (runs[0], runs[1])
+    return found
+
+
+def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, ...]:
+    pairs = _pairs(logs)
+    curves = [
+        Curve(label, colour, run, wide=bool(pairs) and plant == "analytic")
+        for (label, log), colour in zip(logs.items(), SERIES, strict=False)
+        for plant, run in log.items()
+        if len(run.time_ns)
+    ]
+    if not curves:
+        return ()
+    shown = {curve.label: curve.run for curve in curves}
+    figures = []
+    for k, family in enumerate(FAMILIES.values(), 1):
+        sentence = verdict(family, shown)
+        if pairs:
+            sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."
+        figures.append(Figure(str(k), family.title, family_svg(family, curves, f"f{k}"), sentence))
+    if pairs:
+        number = str(len(figures) + 1)
+        svg = distance_svg(pairs, _lines(agreements), f"f{number}")
+        figures.append(Figure(number, "distance of the loads of both plants", svg, _verdicts(agreements)))
+    return tuple(figures)
+
+
+def _comparisons(logs: Logs) -> list[tuple[str, Comparison]]:
+    """The plants of each log, and each plant of the first log with that of every other."""
+    found = [
+        (f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b)) for label, (a, b) in _pairs(logs).items()
+    ]
+    (first_label, first), *others = logs.items()
+    for label, log in others:
+        for plant in first:
+            if plant in log and len(first[plant].time_ns) and len(log[plant].time_ns):
+                name = f"{plant}: {label} minus {first_label}"
+                found.append((name, compare_runs(first[plant], log[plant])))
+    return found
+
+
+def _comparison_table(label: str, comparison: Comparison) -> Table:
+    headings = ("signal", "unit", "max |diff|", "at [s]", "RMS", "final")
+    rows = tuple(
+        (
+            Cell(row.signal),
+            Cell(row.unit),
+            Cell(f"{row.max_abs:.1e}"),
+            Cell(f"{row.at_s:.3f}"),
+            Cell(f"{row.rms:.1e}"),
+            Cell(f"{row.final:+.1e}"),
+        )
+        for row in comparison.signals
+    )
+    return Table(label, headings, rows, labels=2)

@@ -1,0 +1,293 @@
+"""Layouts for viewers of logs: which panels show what, in the JSON that Foxglove and its open forks import.
+
+Plots take their fields and units from the table of signals, topics from the log package.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from cranectl.analysis.levels import NAMES as RUNG_NAMES
+from cranectl.log import overlay, topics
+from cranectl.plants.plant import PLANTS
+from cranectl.signals import REFERENCE, Signal, SignalGroup, recorded_groups
+from cranectl.support.colours import VIEWER, VIEWER_SERIES
+from cranectl.support.errors import unknown_name
+
+Panels = dict[str, Any]  # configurations by panel id
+Layout = str | dict[str, Any]  # a panel id, or two layouts side by side
+
+NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
+GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(0)}
+CAMERA = {  # looks at the middle of the rig from outside a corner
+    "perspective": True,
+    "phi": 68.0,
+    "thetaOffset": 28.0,
+    "target": [0.0, 0.0, 0.0],
+    "targetOffset": [1.0, 0.77, -0.62],
+    "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+    "fovy": 40.0,
+    "near": 0.05,
+    "far": 100.0,
+}
+
+
+def layout_json(name: str, *, plant: str = "mujoco") -> str:
+    """The layout `name` as a file's content; `plant` is whose log the layouts of one run are for.
+
+    Raises InputError for an unknown name.
+    """
+    if name not in LAYOUTS:
+        raise unknown_name("layout", name, LAYOUTS)
+    if plant not in PLANTS:
+        raise unknown_name("plant", plant, PLANTS)
+    panels: Panels = {}
+    layout = LAYOUTS[name](panels, plant)
+    content = {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1.0},
+        "layout": layout,
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def _single(panels: Panels, plant: str) -> Layout:
+    """One run: the crane, where the load is, how far off, angles, inputs, tension."""
+    plots = [
+        _load_plot(panels, [plant]),
+        _axes_plot(panels, plant, "error", "error", "tracking error"),
+        _joint_plot(panels, plant, "state", ("alpha", "beta"), "cardan angles"),
+        _drive_plot(panels, plant),
+        _plot(panels, "rope tension", [_path(plant, "load", "rope_tension")]),
+    ]
+    left = _column([_scene(panels, _cranes([plant])), _timeline(panels, [plant])], (72, 28))
+    return _row([left, _column(plots)], (54, 46))
+
+
+def _comparison(panels: Panels, _plant: str) -> Layout:
+    """Both plants: the crane and its ghost, the same signals of both, what parts them."""
+    both = [_plot(panels, f"load {axis}", _of_both("load", f"load_{axis}", reference=True)) for axis in "xyz"]
+    angles = [_plot(panels, name, _of_both("state", name)) for name in ("alpha", "beta")]
+    differences = [
+        _plot(panels, f"log₁₀ of {signal.description}", [_distance(signal, k)], minYValue=-13.0)
+        for k, signal in enumerate(topics.DISTANCE.signals)
+    ]
+    left = _column([_scene(panels, _cranes(PLANTS)), _timeline(panels, PLANTS)], (62, 38))
+    right = _row([_column([*both]), _column([*angles, *differences])])
+    return _row([left, right], (42, 58))
+
+
+def _controller(panels: Panels, plant: str) -> Layout:
+    """What the controller thought: errors, the linear input and its parts, its states, its commands."""
+    plots = [
+        _axes_plot(panels, plant, "error", "error", "error e"),
+        _axes_plot(panels, plant, "error", "error", "its rate", "_dot"),
+        _axes_plot(panels, plant, "virtual_input", "virtual_input", "linear input v"),
+        _axes_plot(panels, plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
+        _plot(panels, "dynamic extension", [_path(plant, "controller", "zeta")]),
+        _drive_plot(panels, plant),
+        _axes_plot(panels, plant, "flat_output", "load", "acceleration of the load", "_ddot"),
+        _joint_plot(panels, plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
+    ]
+    left = _column([_scene(panels, _cranes([plant]), distance=6.2), _timeline(panels, [plant])], (66, 34))
+    return _row([left, _row([_column(plots[:4]), _column(plots[4:])])], (34, 66))
+
+
+def _ladder(panels: Panels, _plant: str) -> Layout:
+    """All rungs of a ladder on top of each other, and how far each is from theory."""
+    labels = list(RUNG_NAMES)
+    colours = dict(zip(labels, VIEWER_SERIES, strict=True))
+    apart = [
+        {**_line(f"{overlay.DISTANCE}.{s.name}.@log10", s, s.name, colours[s.name])}
+        for s in overlay.distance_group(labels).signals
+    ]
+    plots = [_plot(panels, f"log₁₀ of distance from {labels[0]}", apart, minYValue=-9.0)]
+    titles = {("error", f"error_{axis}"): f"error {axis}" for axis in "xyz"}
+    titles |= {("state", "alpha"): "alpha", ("load", "rope_tension"): "rope tension"}
+    for (group, name), title in titles.items():
+        paths = [
+            {**_path(label, group, name), "label": label, "color": colours[label]}
+            for label in reversed(labels)
+        ]
+        plots.append(_plot(panels, title, paths))
+    shown = [topics.plant_topic(label, "trail") for label in labels]
+    shown += [topics.plant_topic(overlay.CRANE, name) for name in ("model", "cable")]
+    left = _column([_scene(panels, shown), _timeline(panels, [overlay.CRANE])], (60, 40))
+    return _row([left, _row([_column(plots[:3]), _column(plots[3:])])], (42, 58))
+
+
+LAYOUTS: Mapping[str, Callable[[Panels, str], Layout]] = {
+    "single": _single,
+    "comparison": _comparison,
+    "controller": _controller,
+    "ladder": _ladder,
+}
+
+
+def _load_plot(panels: Panels, plants: Sequence[str]) -> str:
+    paths = []
+    for k, axis in enumerate("xyz"):
+        paths += [_path(plant, "load", f"load_{axis}", k) for plant in plants]
+        paths.append(_reference(axis))
+    return _plot(panels, "load", paths)
+
+
+def _axes_plot(panels: Panels, plant: str, group: str, stem: str, title: str, suffix: str = "") -> str:
+    """The three axes of a quantity."""
+    return _plot(panels, title, [_path(plant, group, f"{stem}_{a}{suffix}", k) for k, a in enumerate("xyz")])
+
+
+def _drive_plot(panels: Panels, plant: str) -> str:
+    names = [f"{drive}_acceleration" for drive in ("bridge", "trolley", "rope")]
+    return _joint_plot(panels, plant, "input", names, "commanded accelerations")
+
+
+def _joint_plot(panels: Panels, plant: str, group: str, names: Sequence[str], title: str) -> str:
+    """Some signals of one group."""
+    return _plot(panels, title, [_path(plant, group, name, k) for k, name in enumerate(names)])
+
+
+def _of_both(group: str, name: str, *, reference: bool = False) -> list[dict[str, Any]]:
+    """A signal of both plants, MuJoCo first: the first line of a plot lies on top."""
+    paths = [
+        {**_path(plant, group, name), "label": NAMES[plant], "color": VIEWER[plant]}
+        for plant in reversed(PLANTS)
+    ]
+    return [*paths, _reference(name[-1])] if reference else paths
+
+
+def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
+    """One line of a plot."""
+    signal = _signal(GROUPS[group], name)
+    return _line(f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, VIEWER_SERIES[k])
+
+
+def _distance(signal: Signal, k: int) -> dict[str, Any]:
+    """How far the plants are apart: on a linear axis nanometres beside millimetres would be a flat line."""
+    value = f"{topics.difference_topic(topics.DISTANCE.name)}.{signal.name}.@log10"
+    return _line(value, signal, signal.symbol, VIEWER_SERIES[k])
+
+
+def _reference(axis: str) -> dict[str, Any]:
+    signal = _signal(REFERENCE, f"load_{axis}")
+    return _line(f"{topics.REFERENCE_LOAD}.load_{axis}", signal, signal.symbol, VIEWER["reference"])
+
+
+def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]:
+    return {
+        "value": value,
+        "label": label,
+        "color": colour,
+        "enabled": True,
+        "timestampMethod": "receiveTime",
+        "unit": signal.unit,
+    }
+
+
+def _signal(group: SignalGroup, name: str) -> Signal:
+    return next(signal for signal in group.signals if signal.name == name)
+
+
+def _plot(panels: Panels, title: str, paths: Sequence[dict[str, Any]], **limits: float) -> str:
+    """A plot over time; its title carries the unit, since viewers have no place for it."""
+    (unit,) = {path["unit"] for path in paths}
+    lines = [{key: value for key, value in path.items() if key != "unit"} for path in paths]
+    return _add(
+        panels,
+        "Plot",
+        f"{title} [{unit}]",
+        {
+            "paths": lines,
+            "showXAxisLabels": True,
+            "showYAxisLabels": True,
+            "showLegend": True,
+            "legendDisplay": "left",
+            "showPlotValuesInLegend": False,
+            "isSynced": True,
+            "xAxisVal": "timestamp",
+            "sidebarDimension": 40 + 8 * max(4, *(len(path["label"]) for path in paths)),
+            **limits,
+        },
+    )
+
+
+def _cranes(plants: Sequence[str]) -> list[str]:
+    """Topics of everything that is drawn of these plants."""
+    kinds = ("model", "cable", "trail", "push")
+    return [topics.plant_topic(plant, name) for plant in plants for name in kinds]
+
+
+def _scene(panels: Panels, drawn: Sequence[str], *, distance: float = 5.0) -> str:
+    """What is `drawn` in space, seen from `distance` [m]: from further away in a narrow panel."""
+    shown = [topics.REFERENCE_PATH, topics.WORKSPACE, *drawn]
+    grid = {
+        "layerId": "foxglove.Grid", "instanceId": "floor", "label": "floor", "visible": True,
+        "frameId": "world", "size": 4.0, "divisions": 16, "lineWidth": 1, "color": "#8f99a5a0",
+        "position": [1.0, 0.77, -1.4], "rotation": [0.0, 0.0, 0.0], "order": 1,
+    }  # fmt: skip
+    return _add(
+        panels,
+        "3D",
+        "crane",
+        {
+            "cameraState": {**CAMERA, "distance": distance},
+            "followMode": "follow-none",
+            "followTf": "world",
+            # Without axes of the frames, which would cover the crane.
+            "scene": {"transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
+            "transforms": {},
+            "topics": {topic: {"visible": True} for topic in shown},
+            "layers": {"floor": grid},
+            "publish": {"type": "point"},
+            "imageMode": {},
+        },
+    )
+
+
+def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
+    """How the runs stand, and the events in words; reference and disturbances are the same for both."""
+    standings: dict[str, tuple[str, ...]] = dict.fromkeys(plants, ("status",))
+    standings[plants[-1]] = ("status", "phase", "disturbed", "saturated")
+    paths = [
+        {
+            "value": f"{topics.status_topic(plant)}.{field}",
+            "label": f"{NAMES.get(plant, plant)} {field.replace('_', ' ')}",
+            "timestampMethod": "receiveTime",
+        }
+        for plant, fields in standings.items()
+        for field in fields
+    ]
+    states = _add(panels, "StateTransitions", "phase and status", {"paths": paths, "isSynced": True})
+    events = _add(
+        panels, "RosOut", "events", {"searchTerms": [], "minLogLevel": 1, "topicToRender": topics.LOG}
+    )
+    return _row([states, events], (55, 45))
+
+
+def _add(panels: Panels, kind: str, title: str, configuration: dict[str, Any]) -> str:
+    """Register a panel and return its id; both open viewers have their own key for the title."""
+    name = f"{kind}!{len(panels) + 1}"
+    panels[name] = {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
+    return name
+
+
+def _row(parts: Sequence[Layout], shares: Sequence[float] | None = None) -> Layout:
+    return _split("row", parts, shares or [1.0] * len(parts))
+
+
+def _column(parts: Sequence[Layout], shares: Sequence[float] | None = None) -> Layout:
+    return _split("column", parts, shares or [1.0] * len(parts))
+
+
+def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float]) -> Layout:
+    """Parts one after the other with these shares, as nested pairs."""
+    if len(parts) == 1:
+        return parts[0]
+    return {
+        "direction": direction,
+        "first": parts[0],
+        "second": _split(direction, parts[1:], shares[1:]),
+        "splitPercentage": round(100.0 * shares[0] / sum(shares), 2),
+    }

@@ -1,0 +1,188 @@
+"""The effects that a run can add, a table each under [effects] in a scenario; an absent table is no effect.
+
+The thesis gives none of these numbers. Every default is an assumption about a small laboratory rig, with its
+reason in the description; an empty table takes them all.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from cranectl.scenario.settings import Settings
+
+Size = Annotated[float, Field(ge=0.0, le=1e6)]
+Triple = Annotated[tuple[Size, Size, Size], Field(strict=False)]
+Limit = Annotated[float, Field(ge=1e-6, le=1e9)]
+Limits = Annotated[tuple[Limit, Limit, Limit], Field(strict=False)]
+Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
+Component = Annotated[float, Field(ge=-100.0, le=100.0)]
+Vector = Annotated[tuple[Component, Component, Component], Field(strict=False)]
+Seed = Annotated[int, Field(ge=0, lt=2**32)]
+NO_LIMIT = 1e9  # the largest value of a Limit: as good as none
+
+
+class DriveLimits(Settings):
+    """What the drives of bridge, trolley and winch can do at most; commands beyond are cut off."""
+
+    velocity: Limits = Field(
+        (1.0, 1.0, 0.6), description="[m/s]; assumed: what belt axes and a winch of this size reach"
+    )
+    acceleration: Limits = Field(
+        (4.0, 4.0, 6.0), description="of the set-point [m/s²]; assumed: usual ramps of such drives"
+    )
+    force: Limits = Field(
+        (60.0, 40.0, 30.0),
+        description="[N]; assumed: six times the load's weight on the bridge, three on the winch, the load's "
+        "weight included; 1e9 is no limit",
+    )
+
+
+class Sensing(Settings):
+    """Encoders on bridge, trolley, winch and both cardan axes; velocities come from the observer."""
+
+    position_resolution: Triple = Field(
+        (1e-4, 1e-4, 5e-5), description="of bridge, trolley, rope [m]; assumed: 2000 lines on 0.2 m a turn"
+    )
+    angle_resolution: Size = Field(
+        2.0 * 3.141592653589793 / 16384,
+        description="of alpha and beta [rad]; assumed: 4096 lines, quadrature",
+    )
+    position_noise: Triple = Field(
+        (0.0, 0.0, 0.0), description="standard deviation [m]; encoders on rails have next to none"
+    )
+    angle_noise: Size = Field(
+        1e-4, description="standard deviation [rad]; assumed: vibration of the joint's arm"
+    )
+    seed: Seed = Field(0, description="of the noise")
+    observer_bandwidth: Annotated[float, Field(ge=1.0, le=1000.0)] = Field(
+        60.0, description="of the observer's poles [rad/s]; assumed: six times the loop's crossover"
+    )
+
+
+class Delay(Settings):
+    """Between measurement and drive: computing and transport, a whole number of control periods."""
+
+    seconds: Seconds = Field(0.004, description="[s]; assumed: a fieldbus cycle each way and computing")
+
+
+class Friction(Settings):
+    """Coulomb and viscous friction of the driven axes and of the cardan joint."""
+
+    coulomb: Triple = Field(
+        (2.0, 1.0, 1.0), description="bridge, trolley, winch [N]; assumed: 2 to 4 % of the moved weight"
+    )
+    viscous: Triple = Field((4.0, 2.0, 2.0), description="bridge, trolley, winch [N s/m]; assumed: belts")
+    pivot_coulomb: Size = Field(5e-4, description="of each cardan axis [N m]; assumed: small ball bearings")
+    pivot_viscous: Size = Field(1e-3, description="of each cardan axis [N m s/rad]; assumed: grease")
+
+
+class Rope(Settings):
+    """A rope that has mass, gives, and can go slack."""
+
+    stiffness: Annotated[float, Field(ge=1e2, le=1e9)] = Field(
+        5e4, description="E A, tension over strain [N]; assumed: 2 mm polyethylene cord"
+    )
+    damping_ratio: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.1, description="of the load on the rope at its initial length; assumed: fibre friction"
+    )
+    mass: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
+        0.003, description="[kg/m]; assumed: 2 mm polyethylene cord"
+    )
+    on_slack: Literal["stop", "recover"] = Field(
+        "stop", description="stop: end the run when the rope goes slack; recover: wait for it to pull again"
+    )
+
+
+class Body(Settings):
+    """A load that is no point: a rigid body that swings by itself under its hook."""
+
+    hook_offset: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.06, description="rope end above the centre of mass [m]; assumed: the ball's radius and a shackle"
+    )
+    inertia: Annotated[float, Field(ge=1e-9, le=1e6)] = Field(
+        1e-3, description="about each axis through the centre of mass [kg m²]; a ball of 1 kg, 50 mm radius"
+    )
+    swing_damping: Size = Field(1e-3, description="of the hook [N m s/rad]; assumed: an eye in a shackle")
+
+
+class Wind(Settings):
+    """Air that moves: drag on the load, mean wind and gusts of first order (Dryden-like)."""
+
+    mean: Vector = Field((0.0, 0.0, 0.0), description="velocity of the air (x, y, z) [m/s]; still by default")
+    gust: Size = Field(0.3, description="standard deviation of each horizontal component [m/s]; a draught")
+    gust_time: Annotated[float, Field(ge=1e-2, le=1e3)] = Field(
+        2.0, description="correlation time of the gusts [s]; assumed"
+    )
+    drag_area: Size = Field(
+        0.0037, description="drag coefficient times area [m²]; a ball of 50 mm radius, coefficient 0.47"
+    )
+    density: Annotated[float, Field(ge=0.0, le=2000.0)] = Field(1.2, description="of the air [kg/m³]")
+    seed: Seed = Field(0, description="of the gusts")
+
+
+class Frame(Settings):
+    """A frame that gives way under its bridge: a damped spring along x and along y."""
+
+    frequency: Annotated[tuple[Limit, Limit], Field(strict=False)] = Field(
+        (9.0, 12.0), description="of the empty rig along x, y [Hz]; assumed: aluminium profiles, four posts"
+    )
+    damping_ratio: Annotated[float, Field(ge=0.0, le=1.0)] = Field(0.02, description="assumed: bolted joints")
+    mass: Annotated[float, Field(ge=1e-3, le=1e6)] = Field(
+        20.0, description="that moves with the rails [kg]; assumed: the upper half of the frame"
+    )
+
+
+Angle = Annotated[float, Field(ge=-0.5, le=0.5)]
+Gain = Annotated[float, Field(gt=0.0, le=10.0)]
+
+
+class Installation(Settings):
+    """What is not set up as the controller believes; all as believed by default."""
+
+    drive_gain: Annotated[tuple[Gain, Gain, Gain], Field(strict=False)] = Field(
+        (1.0, 1.0, 1.0), description="what bridge, trolley, winch make of a command of 1"
+    )
+    rope_offset: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
+        0.0, description="what the encoder reads more than the rope is long [m]"
+    )
+    tilt: Annotated[tuple[Angle, Angle], Field(strict=False)] = Field(
+        (0.0, 0.0), description="slope of the rails, rising towards +x and +y [rad]"
+    )
+
+
+class EffectSettings(Settings):
+    """All effects of a run; none by default."""
+
+    limits: DriveLimits | None = None
+    sensing: Sensing | None = None
+    delay: Delay | None = None
+    friction: Friction | None = None
+    rope: Rope | None = None
+    body: Body | None = None
+    wind: Wind | None = None
+    frame: Frame | None = None
+    installation: Installation | None = None
+
+    @property
+    def staged(self) -> bool:
+        """Whether anything lies between plant and tracker, or between tracker and plant."""
+        return any((self.sensing, self.limits, self.delay, self.installation))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that are on, in the order of the ladder."""
+        return tuple(name for name in type(self).model_fields if getattr(self, name) is not None)
+
+
+NO_EFFECTS = EffectSettings()
+ALL_EFFECTS = EffectSettings(
+    limits=DriveLimits(),
+    sensing=Sensing(),
+    delay=Delay(),
+    friction=Friction(),
+    rope=Rope(),
+    body=Body(),
+    wind=Wind(),
+    frame=Frame(),
+    installation=Installation(),
+)

@@ -1,0 +1,99 @@
+"""The rig: geometry, masses, drives. The one documented place for what the thesis does not give.
+
+The thesis (section 5.2.2) gives the outer dimensions only. Every other value is an assumption with
+its reason in the field's description; all can be overridden in a scenario or by a rig file.
+`models/crane.xml` repeats these numbers so that it stands alone; a test keeps the two equal.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from cranectl.scenario.settings import Settings
+
+Positive = Annotated[float, Field(gt=0.0)]
+# Bounds far beyond any crane: within them nothing over- or underflows.
+Mass = Annotated[float, Field(ge=1e-3, le=1e6)]
+Lag = Annotated[float, Field(ge=1e-6, le=100.0)]
+Position = Annotated[float, Field(ge=-1e4, le=1e4)]
+Range = Annotated[tuple[Position, Position], Field(strict=False)]
+
+
+class RigParameters(Settings):
+    """Physical parameters of the rig, in SI units."""
+
+    gravity: Annotated[float, Field(ge=0.1, le=100.0)] = Field(
+        9.81, description="gravitational acceleration [m/s²]; the usual rounded value"
+    )
+    bridge_range: Range = Field(
+        (0.0, 2.0), description="travel of the bridge along x [m]; length of the rig, thesis 5.2.2"
+    )
+    trolley_range: Range = Field(
+        (0.0, 1.54), description="travel of the trolley along y [m]; width of the rig, thesis 5.2.2"
+    )
+    rope_range: Range = Field(
+        (0.05, 1.4),
+        description="rope length [m]; to the floor, thesis 5.2.2; 0.05 is assumed, the load's radius",
+    )
+    bridge_mass: Mass = Field(
+        6.0, description="bridge beam [kg]; assumed: a 1.6 m aluminium profile with its carriages"
+    )
+    trolley_mass: Mass = Field(
+        2.5, description="trolley with winch housing and joint [kg]; assumed: motor, gear, plates"
+    )
+    winch_mass: Mass = Field(
+        0.4, description="winch rotor referred to the rope, J/r² [kg]; assumed: J=1.6e-4, r=0.02"
+    )
+    load_mass: Mass = Field(1.0, description="load [kg]; assumed; the tracker does not depend on it")
+    bridge_time_constant: Lag = Field(
+        0.02, description="lag of the bridge's velocity drive [s]; assumed: a small servo drive"
+    )
+    trolley_time_constant: Lag = Field(
+        0.02, description="lag of the trolley's velocity drive [s]; assumed: a small servo drive"
+    )
+    winch_time_constant: Lag = Field(
+        0.02, description="lag of the winch's velocity drive [s]; assumed: a small servo drive"
+    )
+
+    @model_validator(mode="after")
+    def _ranges_increase(self) -> "RigParameters":
+        for name in ("bridge_range", "trolley_range", "rope_range"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name} must increase from its first to its second value")
+        if self.rope_range[0] <= 0.0:
+            raise ValueError("rope_range must begin above 0: a rope of no length is singular")
+        return self
+
+    @property
+    def workspace(self) -> NDArray[np.float64]:
+        """Lower and upper limit of bridge, trolley and rope [m], shape (3, 2)."""
+        return np.array([self.bridge_range, self.trolley_range, self.rope_range])
+
+    @property
+    def time_constants(self) -> NDArray[np.float64]:
+        """Lags of the velocity drives of bridge, trolley and winch [s], shape (3,)."""
+        return np.array([self.bridge_time_constant, self.trolley_time_constant, self.winch_time_constant])
+
+    @property
+    def driven_masses(self) -> NDArray[np.float64]:
+        """What each drive must move with the load hanging still [kg], shape (3,)."""
+        return np.array(
+            [
+                self.bridge_mass + self.trolley_mass,
+                self.trolley_mass,
+                self.winch_mass + self.load_mass,
+            ]
+        )
+
+    @property
+    def velocity_gains(self) -> NDArray[np.float64]:
+        """Gains of the velocity drives, driven mass over time constant [N s/m], shape (3,)."""
+        return self.driven_masses / self.time_constants
+
+    @property
+    def weight(self) -> float:
+        """Weight of the load, which the winch drive holds [N]."""
+        return self.load_mass * self.gravity

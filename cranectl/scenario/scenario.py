@@ -1,0 +1,282 @@
+"""Scenario files: what is run. Checked here for form; for meaning where all parts are known."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
+from cranectl.scenario.rig import Position, RigParameters
+from cranectl.scenario.settings import Settings, override, parse_settings
+from cranectl.support import resources
+from cranectl.support.documents import Table, read_toml
+from cranectl.support.errors import unknown_name
+
+NANOSECONDS = 1_000_000_000
+MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms
+
+Duration = Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
+Point2 = Annotated[tuple[Position, Position], Field(strict=False)]
+Point3 = Annotated[tuple[Position, Position, Position], Field(strict=False)]
+TimeLaw = Literal["degree-9", "degree-5"]
+Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
+Weight = Annotated[float, Field(ge=1e-9, le=1e9)]
+Pole = Annotated[float, Field(ge=-1e3, le=-1e-3)]
+
+
+class Hold(Settings):
+    """Stay where the last segment ended."""
+
+    kind: Literal["hold"]
+    duration: Duration = Field(description="[s]")
+
+
+class Line(Settings):
+    """Straight line from where the last segment ended."""
+
+    kind: Literal["line"]
+    to: Point3 = Field(description="end point (x, y, z) [m]")
+    duration: Duration = Field(description="[s]")
+    time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
+
+
+class Arc(Settings):
+    """Horizontal circular arc from where the last segment ended."""
+
+    kind: Literal["arc"]
+    centre: Point2 = Field(description="centre (x, y) [m]")
+    angle: Annotated[float, Field(ge=-1e3, le=1e3)] = Field(
+        description="angle travelled [rad], positive counter-clockwise from above"
+    )
+    duration: Duration = Field(description="[s]")
+    time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
+
+
+Segment = Annotated[Hold | Line | Arc, Field(discriminator="kind")]
+
+
+class ReferenceSettings(Settings):
+    """The desired path of the load."""
+
+    start: Point3 = Field(description="first point (x, y, z) [m]")
+    continuity: Annotated[int, Field(ge=0, le=4)] = Field(
+        4, description="derivatives that must be continuous; the tracker needs 4"
+    )
+    segments: Annotated[tuple[Segment, ...], Field(strict=False)] = Field(
+        (), description="one after the other; the last point is held to the end of the run"
+    )
+
+
+class InitialSettings(Settings):
+    """How far from its reference, and otherwise moving with it, the crane starts."""
+
+    load_offset: Point3 = Field((0.0, 0.0, 0.0), description="of the load (x, y, z) [m]")
+    alpha_offset: Angle = Field(0.0, description="of alpha, under the offset trolley [rad]")
+    beta_offset: Angle = Field(0.0, description="of beta, under the offset trolley [rad]")
+
+
+class Disturbance(Settings):
+    """A constant angular acceleration added to one cardan angle from `start` on."""
+
+    joint: Literal["alpha", "beta"]
+    start: Annotated[float, Field(ge=0.0, le=MAX_DURATION)] = Field(description="[s]")
+    end: Duration | None = Field(None, description="[s]; the end of the run when absent")
+    magnitude: Annotated[float, Field(ge=-1e4, le=1e4)] = Field(description="[rad/s²]")
+
+    @model_validator(mode="after")
+    def _ends_after_start(self) -> "Disturbance":
+        if self.end is not None and self.end <= self.start:
+            raise ValueError("a disturbance must end after its start")
+        return self
+
+
+class ControlSettings(Settings):
+    """Sampling."""
+
+    period: Duration = Field(0.001, description="control period, input held [s]")
+    physics_step: Duration = Field(0.001, description="step of both plants [s]; divides the period")
+    lag_compensation: bool = Field(
+        True, description="add u·tau to the set-points of velocity drives, to cancel their lag"
+    )
+
+
+class HinfSettings(Settings):
+    """S/KS mixed sensitivity: W_s = (s/M + w) / (s + w A) on the error, a constant on v-bar."""
+
+    peak: Annotated[float, Field(gt=1.0, le=1e3)] = Field(
+        5.0, description="M, upper bound of |S| at high frequencies"
+    )
+    offset: Annotated[float, Field(ge=1e-6, le=1.0)] = Field(
+        0.09, description="A, upper bound of |S| at frequency zero"
+    )
+    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3)] = Field(
+        0.8, description="w, where |S| may reach 1 [rad/s]"
+    )
+    control_weight: Annotated[float, Field(ge=1e-9, le=1e3)] = Field(
+        1e-4, description="W_ks on v-bar [s⁴/m]; not in the thesis, this value reproduces its gammas"
+    )
+    back_off: Annotated[float, Field(ge=1.0, le=10.0)] = Field(
+        1.005, description="gamma over the smallest gamma; at 1 the controller has a pole at -6e4 1/s"
+    )
+    gamma: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
+        None, description="design for this gamma instead of the smallest times back_off"
+    )
+
+
+class LoopShapingSettings(Settings):
+    """Glover-McFarlane with the weight W_e = P + I/s on the error."""
+
+    proportional: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(17.88, description="P [1/s⁴]")
+    integral: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(78.85, description="I [1/s⁵]")
+    back_off: Annotated[float, Field(ge=1.0001, le=10.0)] = Field(
+        1.01, description="gamma over the smallest gamma; above 1"
+    )
+
+
+class DesignSettings(Settings):
+    """Data of the feedback designs (thesis 5.2.1); each axis gets the same."""
+
+    poles: Annotated[tuple[Pole, Pole, Pole, Pole], Field(strict=False)] = Field(
+        (-2.5, -2.5, -2.5, -2.5), description="closed-loop poles of pole-placement [1/s]"
+    )
+    state_weights: Annotated[tuple[Weight, Weight, Weight, Weight], Field(strict=False)] = Field(
+        (1000.0, 1.0, 1.0, 1.0), description="diagonal of Q of lqr, for e, ė, ë, e⃛"
+    )
+    input_weight: Weight = Field(0.1, description="R of lqr, for v")
+    hinf: HinfSettings = HinfSettings()
+    loop_shaping: LoopShapingSettings = LoopShapingSettings()
+
+
+class WorkspaceSettings(Settings):
+    """What happens when bridge, trolley or rope leave their range."""
+
+    on_exit: Literal["stop", "record"] = Field(
+        "stop", description="stop: end the run there; record: run on and report the violation"
+    )
+
+
+class LogSettings(Settings):
+    """What goes into a log."""
+
+    every: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
+        4, description="log every n-th control sample"
+    )
+
+
+class Scenario(Settings):
+    """One thing to run: reference, disturbances, rig and settings."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")] = Field(
+        description="lower case letters, digits and hyphens"
+    )
+    title: str = Field("", description="one line for people")
+    duration: Duration = Field(description="[s]")
+    controller: str = Field("pole-placement", description="the controller run by default")
+    expected: Literal["completed", "slack-rope", "angle-singular", "length-singular", "workspace-left"] = (
+        Field("completed", description="how every run must end for a validation to pass")
+    )
+    reference: ReferenceSettings = Field(description="the desired path of the load")
+    initial: InitialSettings = InitialSettings()
+    disturbances: Annotated[tuple[Disturbance, ...], Field(strict=False)] = ()
+    rig: RigParameters = RigParameters()
+    control: ControlSettings = ControlSettings()
+    design: DesignSettings = DesignSettings()
+    effects: EffectSettings = NO_EFFECTS
+    workspace: WorkspaceSettings = WorkspaceSettings()
+    log: LogSettings = LogSettings()
+
+    @model_validator(mode="after")
+    def _times_fit(self) -> "Scenario":
+        period = self.period_ns
+        if abs(self.control.period * NANOSECONDS - period) > 1e-3 or period < 1000:
+            raise ValueError("control.period must be a whole number of nanoseconds, at least 1000")
+        if _nanoseconds(self.control.physics_step) < 1000:
+            raise ValueError("control.physics_step must be at least 1000 nanoseconds")
+        if not _divides(self.control.physics_step, self.control.period):
+            raise ValueError("control.physics_step must divide control.period")
+        if self.rig.time_constants.min() < self.control.physics_step:
+            raise ValueError("the rig's time constants must be at least control.physics_step")
+        times = {"duration": self.duration}
+        for index, step in enumerate(self.disturbances):
+            times[f"disturbances.{index}.start"] = step.start
+            times[f"disturbances.{index}.end"] = self.duration if step.end is None else step.end
+        for name, time in times.items():
+            if not _divides(self.control.period, time):
+                raise ValueError(f"{name} must be a multiple of control.period")
+            if time > self.duration or (name.endswith("start") and time >= self.duration):
+                raise ValueError(f"{name} must lie before the end of the run, {self.duration} s")
+        if self.effects.delay and not _divides(self.control.period, self.effects.delay.seconds):
+            raise ValueError("effects.delay.seconds must be a multiple of control.period")
+        length = sum(segment.duration for segment in self.reference.segments)
+        if length > self.duration * (1.0 + 1e-12):
+            raise ValueError(f"the segments last {length} s, longer than duration {self.duration} s")
+        return self
+
+    @property
+    def period_ns(self) -> int:
+        """Control period in nanoseconds, the exact time base of records and logs."""
+        return _nanoseconds(self.control.period)
+
+    @property
+    def steps(self) -> int:
+        """Number of control periods in the run; it has one sample more than that."""
+        return _nanoseconds(self.duration) // self.period_ns
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps per control period."""
+        return self.period_ns // _nanoseconds(self.control.physics_step)
+
+
+def _nanoseconds(seconds: float) -> int:
+    return round(seconds * NANOSECONDS)
+
+
+def _divides(step: float, time: float) -> bool:
+    """Whether `time` is a whole multiple of `step`, on the nanosecond grid."""
+    return _nanoseconds(time) % _nanoseconds(step) == 0
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that come with cranectl."""
+    return sorted(path.stem for path in resources.SCENARIO_DIRECTORY.glob("*.toml"))
+
+
+def load_scenario(
+    name_or_path: str | Path, *, rig: Path | None = None, overrides: Sequence[str] = ()
+) -> Scenario:
+    """Load a scenario by name or from a TOML file.
+
+    Rig parameters: defaults, then the scenario's `[rig]`, then the file `rig`, then `overrides`
+    (`"rig.load_mass=2.5"`). Raises InputError for anything wrong, naming all wrong fields.
+    """
+    path = _scenario_file(str(name_or_path))
+    return _scenario(read_toml(path), path.name, rig, overrides)
+
+
+def default_scenario(*, rig: Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
+    """A scenario of defaults: the load hangs in the middle of the rig for a second."""
+    table = {"name": "default", "duration": 1.0, "reference": {"start": [1.0, 0.77, -0.7]}}
+    return _scenario(table, "default scenario", rig, overrides)
+
+
+def _scenario(table: Table, source: str, rig: Path | None, overrides: Sequence[str]) -> Scenario:
+    if rig is not None:
+        rig_table = read_toml(rig)
+        parse_settings(RigParameters, rig_table, str(rig))
+        table["rig"] = _merged(table.get("rig", {}), rig_table)
+    return parse_settings(Scenario, override(table, overrides), source)
+
+
+def _merged(base: Any, update: Table) -> Any:
+    return {**base, **update} if isinstance(base, dict) else base
+
+
+def _scenario_file(name: str) -> Path:
+    shipped = resources.SCENARIO_DIRECTORY / f"{name}.toml"
+    if name in scenario_names():
+        return shipped
+    if name.endswith(".toml") or "/" in name:
+        return Path(name)
+    raise unknown_name("scenario", name, scenario_names())

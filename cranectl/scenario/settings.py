@@ -1,0 +1,144 @@
+"""Strict settings: TOML in, frozen pydantic models out, every mistake told at once and in full."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from cranectl.support.documents import MAX_DEPTH, Table, toml_value
+from cranectl.support.errors import InputError, is_near, nearest_first
+from cranectl.support.text import printable
+
+
+class Settings(BaseModel):
+    """Base of all settings: no unknown keys, no silent conversions, no NaN or infinity, frozen."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+MAX_PROBLEMS = 10  # told in one message
+
+S = TypeVar("S", bound=Settings)
+
+
+def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
+    """Check `table` against `model`; raises InputError that names every wrong field of `source`."""
+    try:
+        return model.model_validate(dict(table))
+    except ValidationError as error:
+        problems = [_explain(model, details) for details in error.errors()[:MAX_PROBLEMS]]
+        more = error.error_count() - len(problems)
+    raise InputError(
+        f"{source}: " + "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else ""),
+        allowed="; ".join(allowed for _, allowed, _ in problems if allowed),
+        remedy="; ".join(remedy for _, _, remedy in problems if remedy) or "correct the fields above",
+    ) from None
+
+
+def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
+    """A copy of `table` with `key.sub=value` assignments applied; values are TOML, else strings."""
+    result: Table = _copied(table)
+    for assignment in assignments:
+        key, separator, text = assignment.partition("=")
+        if not separator or not all(key.split(".")):
+            raise InputError(
+                f"--set {assignment}",
+                allowed="key=value, with dots between tables",
+                remedy="for example --set rig.load_mass=2.5",
+            )
+        keys = key.strip().split(".")
+        if len(keys) > MAX_DEPTH:
+            raise InputError(f"--set {assignment}", allowed=f"keys of at most {MAX_DEPTH} parts")
+        _assign(
+            result, keys, toml_value(text.strip(), f"--set {printable(assignment, longest=80)}"), assignment
+        )
+    return result
+
+
+def _assign(node: Any, keys: Sequence[str], value: Any, assignment: str) -> None:
+    for key in keys[:-1]:
+        node = node.setdefault(key, {}) if isinstance(node, dict) else _item(node, key, assignment)
+    if isinstance(node, dict):
+        node[keys[-1]] = value
+    else:
+        _item(node, keys[-1], assignment)
+        node[int(keys[-1])] = value
+
+
+def _item(node: Any, key: str, assignment: str) -> Any:
+    if not isinstance(node, list):
+        raise InputError(f"--set {assignment}: '{key}' lies below a plain value", allowed="a table")
+    if not (key.isdecimal() and int(key) < len(node)):
+        raise InputError(
+            f"--set {assignment}: '{key}' is no entry of the list",
+            allowed=f"an index from 0 to {len(node) - 1}" if node else "nothing, the list is empty",
+        )
+    return node[int(key)]
+
+
+def _copied(node: Any) -> Any:
+    if isinstance(node, Mapping):
+        return {key: _copied(value) for key, value in node.items()}
+    return [_copied(value) for value in node] if isinstance(node, list) else node
+
+
+def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, str]:
+    """(found, allowed, remedy) for one pydantic error."""
+    location, value = details["loc"], details["input"]
+    where = ".".join(str(part) for part in location)
+    if details["type"] == "extra_forbidden":
+        key = str(location[-1])
+        known = nearest_first(key, _known_keys(model, location[:-1]))
+        near = bool(known) and is_near(key, known[0])
+        remedy = f"did you mean '{known[0]}'?" if near else f"remove '{where}'"
+        return f"unknown key '{where}'", ", ".join(known), remedy
+    if details["type"] == "missing":
+        return f"'{where}' is missing", f"{where}: {_describe(model, location)}", f"add '{where}'"
+    if details["type"] == "value_error":  # a rule across fields; its text names them
+        return str(details["ctx"]["error"]), "", ""
+    message = details["msg"]
+    return (
+        f"{where} = {printable(repr(value), longest=80)}",
+        f"{where}: {message[0].lower()}{message[1:]}",
+        "",
+    )
+
+
+def _model_at(model: type[BaseModel], location: Sequence[int | str]) -> type[BaseModel] | None:
+    """The settings class at `location`; list indices and union tags are passed over."""
+    candidates: list[type[BaseModel]] = [model]
+    for part in location:
+        if isinstance(part, int):
+            continue
+        tagged = [candidate for candidate in candidates if _tag(candidate) == part]
+        if tagged:
+            candidates = tagged
+            continue
+        fields = [c.model_fields[part] for c in candidates if part in c.model_fields]
+        if not fields:
+            return None
+        candidates = [nested for field in fields for nested in _nested(field.annotation)]
+    return candidates[0] if candidates else None
+
+
+def _nested(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [nested for argument in get_args(annotation) for nested in _nested(argument)]
+
+
+def _tag(model: type[BaseModel]) -> str | None:
+    kind = model.model_fields.get("kind")
+    return get_args(kind.annotation)[0] if kind is not None else None
+
+
+def _known_keys(model: type[BaseModel], location: Sequence[int | str]) -> list[str]:
+    found = _model_at(model, location)
+    return list(found.model_fields) if found is not None else []
+
+
+def _describe(model: type[BaseModel], location: Sequence[int | str]) -> str:
+    parent = _model_at(model, location[:-1])
+    field = parent.model_fields.get(str(location[-1])) if parent is not None else None
+    return (field.description if field is not None else None) or "a value"

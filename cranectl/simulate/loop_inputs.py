@@ -1,0 +1,94 @@
+"""What happens at one control sample, the same in every loop: control, then judge."""
+
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.controllers.flat import Tracker, brake_step, control_step, keep_taut
+from cranectl.signals import COMMAND_COLUMN, DISTURBANCE_COLUMN, STATE_COLUMN, TENSION_COLUMN
+from cranectl.simulate.signal_path import act, sense
+from cranectl.status import RunStatus
+from cranectl.support.jit import jit
+
+Array = NDArray[np.float64]
+
+RUNNING = int(RunStatus.RUNNING)
+SLACK_ROPE = int(RunStatus.SLACK_ROPE)
+NON_FINITE = int(RunStatus.NON_FINITE)
+WORKSPACE_LEFT = int(RunStatus.WORKSPACE_LEFT)
+
+
+class Sampling(NamedTuple):
+    """Everything a loop needs besides the plant, the record and the controller's memory."""
+
+    tracker: Tracker
+    reference: Array  # (N, 15)
+    disturbance: Array  # (N, 2) [rad/s²]
+    wind: Array  # (N, 3) velocity of the air [m/s]
+    workspace: Array  # (3, 2) [m]
+    stop_outside: bool
+    command_column: int  # where the record holds what the drives take
+    recover: bool  # from a slack rope, instead of ending the run
+    slack: Array  # (1,) 1 while the rope is slack, as the last sample told
+
+
+@jit
+def _control(sampling, state, k, memory, row):
+    """The law, or what takes its place while the rope is slack."""
+    if sampling.recover:
+        keep_taut(sampling.tracker, memory)
+    if sampling.slack[0] > 0.0:
+        return brake_step(sampling.tracker, state, sampling.reference[k], memory, row)
+    return control_step(sampling.tracker, state, sampling.reference[k], memory, row)
+
+
+@jit
+def control_sample(sampling, stages, k, row, memory):
+    """Run the tracker on the state in record row `k`; writes the rest of the row except the load."""
+    if stages is None:
+        status = _control(sampling, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
+    else:
+        told = stages.record[k]
+        sense(stages, row, told)
+        status = _control(sampling, told[:10], k, memory, row)
+        if status == RUNNING:
+            act(stages, sampling.command_column, row, memory, told)
+    row[DISTURBANCE_COLUMN] = sampling.disturbance[k, 0]
+    row[DISTURBANCE_COLUMN + 1] = sampling.disturbance[k, 1]
+    return status
+
+
+@jit
+def command_of(sampling, stages, k, row):
+    """What the drives get at sample `k`, three numbers."""
+    if stages is None:
+        first = sampling.command_column
+        return row[first], row[first + 1], row[first + 2]
+    else:  # noqa: RET505  only then is the other branch left out by the compiler
+        told = stages.record[k]
+        return told[COMMAND_COLUMN], told[COMMAND_COLUMN + 1], told[COMMAND_COLUMN + 2]
+
+
+@jit
+def judge_sample(sampling, row):
+    """RUNNING, or why the run ends with this row."""
+    tension = row[TENSION_COLUMN]
+    if not isfinite(tension):
+        return NON_FINITE
+    sampling.slack[0] = 1.0 if tension <= 0.0 and sampling.recover else 0.0
+    if tension <= 0.0 and not sampling.recover:
+        return SLACK_ROPE
+    if sampling.stop_outside:
+        for axis in range(3):
+            position = row[STATE_COLUMN + 2 * axis]
+            if position < sampling.workspace[axis, 0] or position > sampling.workspace[axis, 1]:
+                return WORKSPACE_LEFT
+    return RUNNING
+
+
+@jit
+def complete_rows(k, status):
+    """Number of rows worth keeping when the run ends with row `k`: it counts unless it holds no numbers."""
+    return k if status == NON_FINITE else k + 1

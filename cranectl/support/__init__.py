@@ -1,0 +1,1 @@
+"""What any program needs and no crane: errors, files, text, compiled code, interrupts."""

@@ -1,0 +1,131 @@
+"""TOML and JSON from outside, within limits of size and depth that no honest file comes near."""
+
+import json
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from cranectl.support.errors import InputError
+
+Table = dict[str, Any]
+
+MAX_BYTES = 2**20  # scenarios, campaigns and designs have some thousands; a MiB takes half a second to parse
+MAX_BITS = 1024  # of a whole number, as many as a float reaches
+MAX_DEPTH = 32  # tables and lists within one another; ours have five
+# A dotted key of more parts than that, for which tomllib takes quadratic time.
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
+_LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}){{{MAX_DEPTH}}}", re.MULTILINE)
+
+
+def read_toml(path: Path) -> Table:
+    """The table in a TOML file; raises InputError if it is missing, too large or not TOML."""
+    return parse_toml(_text(path, "TOML"), str(path))
+
+
+def parse_toml(text: str, source: str) -> Table:
+    """The table that `text` holds; raises InputError that names `source` if it is none within the limits."""
+    table: Table = _parsed(_toml, text, source, "TOML")
+    return table
+
+
+def read_json(path: Path) -> Any:
+    """What a JSON file holds; raises InputError if it is missing, too large or not JSON."""
+    return parse_json(_text(path, "JSON"), str(path))
+
+
+def parse_json(text: str | bytes, source: str) -> Any:
+    """What `text` holds; raises InputError that names `source` if it is no JSON within the limits."""
+    return _parsed(json.loads, text, source, "JSON")
+
+
+def _text(path: Path, kind: str) -> str:
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+        _check_size(content, str(path))
+        return content.decode("utf-8")
+    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a null character in the name
+        raise InputError(f"cannot read {path}: {error}", remedy=f"name a readable {kind} file") from None
+
+
+def toml_value(text: str, source: str) -> Any:
+    """The TOML value that `text` is, else `text` itself; raises InputError beyond the limits."""
+    try:
+        table = _limited(_toml, f"value = {text}", source)
+    except tomllib.TOMLDecodeError:
+        table = {}
+    except ValueError as error:
+        raise _invalid(source, "TOML", error) from None
+    return table["value"] if len(table) == 1 else _parsed(str, text, source, "text")
+
+
+def _toml(text: str) -> Table:
+    if _LONG_KEY.search(text):
+        raise RecursionError
+    return tomllib.loads(text)
+
+
+def _parsed(parse: Callable[[Any], Any], text: str | bytes, source: str, kind: str) -> Any:
+    try:
+        return _limited(parse, text, source)
+    except ValueError as error:  # those of tomllib and json among them; a number of thousands of digits
+        raise _invalid(source, kind, error) from None
+
+
+def _limited(parse: Callable[[Any], Any], text: str | bytes, source: str) -> Any:
+    """What `parse` makes of `text`; raises InputError beyond the limits, else ValueError as `parse` does."""
+    _check_size(text, source)
+    try:
+        content = parse(text)
+    except RecursionError:
+        raise _too_deep(source) from None
+    _check_depth(content, source)
+    return content
+
+
+def _check_size(text: str | bytes, source: str) -> None:
+    if len(text) > MAX_BYTES:
+        raise InputError(
+            f"{source} is larger than {MAX_BYTES} bytes",
+            allowed="files of settings, which have some thousands",
+            remedy="check that this is the right file",
+        )
+
+
+def _check_depth(content: Any, source: str) -> None:
+    """Raise InputError for too deep nesting, ValueError for values that nothing could print."""
+    level = [content]
+    for _ in range(MAX_DEPTH):
+        nested: list[Any] = []
+        for node in level:
+            if isinstance(node, dict):
+                nested += node.keys()
+                nested += node.values()
+            elif isinstance(node, list):
+                nested += node
+            elif isinstance(node, str):
+                node.encode()  # a surrogate without its partner is no text: UnicodeEncodeError
+            elif isinstance(node, int) and node.bit_length() > MAX_BITS:
+                raise ValueError("a whole number of hundreds of digits")
+        if not nested:
+            return
+        level = nested
+    raise _too_deep(source)
+
+
+def _too_deep(source: str) -> InputError:
+    return InputError(
+        f"{source} nests tables, lists or dotted keys more than {MAX_DEPTH} deep",
+        allowed=f"at most {MAX_DEPTH} levels; settings have five",
+        remedy="check that this is the right file",
+    )
+
+
+def _invalid(source: str, kind: str, error: ValueError) -> InputError:
+    return InputError(
+        f"{source} is not valid {kind}: {error}",
+        allowed=f"{kind} in UTF-8, whole numbers of at most {MAX_BITS} bits",
+        remedy="correct it at that place",
+    )

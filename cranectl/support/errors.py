@@ -1,0 +1,71 @@
+"""The errors a user can cause or meet; every one says what was found, what is allowed and what to do."""
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Self
+
+from cranectl.support.text import printable
+
+COMPARED = 80  # [characters] of a name: the time to compare goes with their square
+LONGEST = 4000  # [characters] of a phrase; all signals of a log are named in fewer
+
+
+class CranectlError(Exception):
+    """Base of all errors that the command line reports without a traceback."""
+
+
+class InputError(CranectlError):
+    """Wrong input. `found`, `allowed` and `remedy` are complete phrases for people (exit code 2)."""
+
+    def __init__(self, found: str, *, allowed: str = "", remedy: str = "") -> None:
+        phrases = (printable(text, longest=LONGEST) for text in (found, allowed, remedy))
+        self.found, self.allowed, self.remedy = phrases
+        labelled = (("found", self.found), ("allowed", self.allowed), ("remedy", self.remedy))
+        super().__init__("\n".join(f"{label + ':':9}{text}" for label, text in labelled if text))
+
+    @classmethod
+    def unwritable(cls, path: Path, error: Exception, *, remedy: str = "choose another place") -> Self:
+        """The error for a file that cannot be written; `remedy` names the option, if any."""
+        return cls(
+            f"cannot write {path}: {error}",
+            allowed="a file in a directory that can be written, on a disk with space",
+            remedy=remedy,
+        )
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Errors travel from worker processes to their parent.
+        return _rebuilt, (type(self), self.found, self.allowed, self.remedy)
+
+
+class LogError(InputError):
+    """A log file that is missing, damaged, foreign or unfinished."""
+
+
+def _rebuilt(kind: type[InputError], found: str, allowed: str, remedy: str) -> InputError:
+    return kind(found, allowed=allowed, remedy=remedy)
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> InputError:
+    """The error for a name that is not in a registry; lists the known names, nearest first."""
+    names = nearest_first(name, known)
+    guess = f"did you mean '{names[0]}'?" if names and is_near(name, names[0]) else ""
+    return InputError(
+        f"unknown {kind} '{name}'",
+        allowed=", ".join(names),
+        remedy=guess or f"choose one of the {kind}s listed above",
+    )
+
+
+def nearest_first(name: str, known: Iterable[str]) -> list[str]:
+    """The known names, those most similar to `name` first, equals alphabetically."""
+    return sorted(known, key=lambda candidate: (-_similarity(name, candidate), candidate))
+
+
+def is_near(name: str, candidate: str) -> bool:
+    """Whether `name` looks like a misspelling of `candidate`."""
+    return _similarity(name, candidate) >= 0.6
+
+
+def _similarity(a: str, b: str) -> float:
+    return difflib.SequenceMatcher(None, a[:COMPARED].lower(), b[:COMPARED].lower()).ratio()

@@ -1,0 +1,191 @@
+"""Compile scalar kernels with Numba, cached on disk for as long as the sources they come from stay the same.
+
+Numba keys its cache on the one file that holds a function, so a change in a callee would go unnoticed, and it
+runs whatever machine code it finds. Here a cached file counts only with the right checksum: over its content,
+over the sources of the function's module and of every module of the package that this one imports.
+"""
+
+import atexit
+import contextlib
+import functools
+import hashlib
+import inspect
+import os
+import pickle
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO, TypeVar, cast
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core.caching import IndexDataCacheFile
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+# Numba sets its configuration as attributes at run time; no type checker knows them.
+_numba_config: Any = numba.config
+_PACKAGE = Path(__file__).parents[1]
+_COMPILER = f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {np.__version__}"
+_DIGEST_SIZE = hashlib.sha256().digest_size
+_IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\([^)]*\)|.*))?", re.MULTILINE)
+
+
+def jit(function: F) -> F:
+    """Compile `function` without the GIL, IEEE semantics, cached; callees must be module globals."""
+    return _compiled(function)
+
+
+def jit_loop(function: F) -> F:
+    """As `jit`, for a loop that takes arrays and makes none; nor do its callees, and they return no views.
+
+    Counting references, which the caller holds, takes an atomic instruction for each view in each callee: as
+    long as all the rest of a control step.
+    """
+    return _compiled(function, _nrt=False)
+
+
+def _compiled(function: F, **options: Any) -> F:
+    previous = _numba_config.CACHE_DIR
+    _numba_config.CACHE_DIR = str(cache_directory())
+    try:
+        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+    finally:
+        _numba_config.CACHE_DIR = previous
+    if not _numba_config.DISABLE_JIT:
+        _check_files(compiled._cache, sources_digest(Path(inspect.getfile(function))))
+    return cast(F, compiled)
+
+
+def _check_files(cache: Any, sources: str) -> None:
+    """Let a damaged cache, or a disk too full for one, cost time instead of ending the program."""
+    plain = cache._cache_file
+    base = plain._index_name.removesuffix(".nbi")
+    checked: Any = _CheckedFile  # whose base has no types
+    cache._cache_file = checked(plain._cache_path, base, f"{_COMPILER}, sources {sources}")
+    load, save = cache.load_overload, cache.save_overload
+
+    def load_or_forget(*arguments: Any) -> Any:
+        try:
+            return load(*arguments)
+        except Exception:  # whatever unpickling another version's data raises
+            with contextlib.suppress(Exception):
+                cache.flush()
+            return None
+
+    def save_if_possible(*arguments: Any) -> None:
+        with contextlib.suppress(OSError):
+            save(*arguments)
+
+    cache.load_overload, cache.save_overload = load_or_forget, save_if_possible
+
+
+class _CheckedFile(IndexDataCacheFile):
+    """Numba's index and data files, each behind a digest of what it was made from and of its content."""
+
+    @contextlib.contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[BinaryIO]:
+        content = BytesIO()
+        yield content
+        with super()._open_for_write(filepath) as file:
+            file.write(self._digest(content.getvalue()) + content.getvalue())
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            content = BytesIO(self._checked(self._index_path))
+        except (FileNotFoundError, _DamageError):
+            return {}
+        pickle.load(content)  # Numba's version, which the digest covers
+        _, overloads = pickle.loads(content.read())
+        return cast(dict[Any, str], overloads)
+
+    def _load_data(self, name: str) -> Any:
+        return pickle.loads(self._checked(str(Path(self._cache_path, name))))
+
+    def _checked(self, path: str) -> bytes:
+        content = Path(path).read_bytes()
+        body = content[_DIGEST_SIZE:]
+        if content[:_DIGEST_SIZE] != self._digest(body):
+            raise _DamageError
+        return body
+
+    def _digest(self, body: bytes) -> bytes:
+        return hashlib.sha256(self._source_stamp.encode() + body).digest()
+
+
+class _DamageError(Exception):
+    """A cached file was changed since it was written, or is of other sources."""
+
+
+def sources_digest(path: Path) -> str:
+    """Digest of a source file and of all files of the package that it imports, directly or not."""
+    waiting, seen = [path], {path}
+    while waiting:
+        new = _imported(waiting.pop()) - seen
+        seen |= new
+        waiting += new
+    digest = hashlib.sha256()
+    for each in sorted(seen):
+        digest.update(_source(each).encode() + b"\0")
+    return digest.hexdigest()
+
+
+@functools.cache
+def _imported(path: Path) -> frozenset[Path]:
+    """Files of the package that the imports in a source file name."""
+    found: set[Path | None] = set()
+    for match in _IMPORT.finditer(_source(path)):
+        module = _PACKAGE.joinpath(*match[1].split("."))
+        parts = [_file(module / name) for name in re.findall(r"\w+", match[2] or "")]
+        found.update(parts if parts and all(parts) else [*parts, _file(module)])
+    return frozenset(file for file in found if file)
+
+
+def _file(module: Path) -> Path | None:
+    return next(filter(Path.is_file, (module.with_suffix(".py"), module / "__init__.py")), None)
+
+
+@functools.cache
+def _source(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+@functools.cache
+def cache_directory() -> Path:
+    """Where compiled code is kept: the first writable of $NUMBA_CACHE_DIR, package, home.
+
+    Without one: a place for this process and those it starts, said on standard error and removed at the end.
+    """
+    roots = _cache_roots()
+    for root in roots:
+        if _is_writable(root):
+            return root
+    print(
+        f"cranectl: compiled code cannot be kept in {' or '.join(map(str, roots))}; each start compiles "
+        "for a minute until NUMBA_CACHE_DIR names a directory that can be written",
+        file=sys.stderr,
+    )
+    directory = tempfile.mkdtemp(prefix="cranectl-")
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    os.environ["NUMBA_CACHE_DIR"] = directory
+    return Path(directory)
+
+
+def _cache_roots() -> list[Path]:
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    cache_home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return [Path(chosen)] if chosen else [_PACKAGE / "__pycache__" / "kernels", Path(cache_home) / "cranectl"]
+
+
+def _is_writable(directory: Path) -> bool:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            return True
+    except OSError:
+        return False

@@ -1,0 +1,94 @@
+"""Where a file may be written, decided once for all commands, before anything is read or computed."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from cranectl.support.errors import InputError
+from cranectl.support.files import being_written, check_replaceable
+
+
+class Kind(NamedTuple):
+    """A kind of file that cranectl writes."""
+
+    name: str
+    begins: re.Pattern[bytes]  # what each such file begins with
+    piped: bool = False  # whether it may go into a device or a pipe
+
+
+def _kind(name: str, begins: bytes, *, piped: bool = False) -> Kind:
+    return Kind(name, re.compile(begins, re.DOTALL | re.IGNORECASE), piped)
+
+
+MCAP = _kind("MCAP file", rb"\x89MCAP0\r\n")
+JSON = _kind("JSON file", rb"\s*[\[{]", piped=True)
+HTML = _kind("HTML page", rb"\s*<!doctype html", piped=True)
+BY_ENDING = {
+    ".csv": _kind("exported CSV table", rb"time\b"),
+    ".parquet": _kind("Parquet file", rb"PAR1"),
+    ".mat": _kind("MATLAB file", rb"MATLAB 5"),
+    ".svg": _kind("SVG picture", rb"\s*<(\?xml|svg)"),
+    ".pdf": _kind("PDF file", rb"%PDF"),
+    ".png": _kind("PNG picture", rb"\x89PNG"),
+    ".gif": _kind("GIF animation", rb"GIF8"),
+    ".mp4": _kind("MP4 video", rb"....ftyp"),
+}
+PLOTS = (".svg", ".pdf", ".png")
+VIDEOS = (".mp4", ".gif", ".png")
+LONGEST_BEGINNING = 256  # [bytes]
+
+
+def kind_of(path: Path, endings: Iterable[str]) -> Kind:
+    """The kind that the ending of `path` names; raises InputError if it is none of `endings`."""
+    if path.suffix.lower() not in endings:
+        found = f"{path} ends in '{path.suffix}'"
+        raise InputError(found, allowed=", ".join(endings), remedy="name the file by what it is to be")
+    return BY_ENDING[path.suffix.lower()]
+
+
+def check_place(
+    path: Path, kind: Kind, *, inputs: Iterable[Path] = (), option: str = "", at_once: bool = False
+) -> None:
+    """Raise InputError unless a file of `kind` may be written to `path`; makes its directory.
+
+    It may not replace one of `inputs`, by whatever name, nor anything but an empty file or one of its kind,
+    nor what somebody is writing, unless it is complete and written `at_once`: then the last to finish wins.
+    `option` is what the user called the place.
+    """
+    remedy = f"choose another place with {option}" if option else "choose another place"
+    try:
+        obstacle = _obstacle(path, kind, inputs)
+        if not obstacle and not at_once and path.is_file() and being_written(path):
+            obstacle = "another command is writing it at this moment"
+        if not obstacle and (path.is_file() or not path.exists()):
+            check_replaceable(path)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        raise InputError.unwritable(path, error, remedy=remedy) from None
+    if obstacle:
+        found = f"cannot write {path}: {obstacle}"
+        raise InputError(
+            found, allowed=f"a free place, or a file of the same kind ({kind.name})", remedy=remedy
+        )
+
+
+def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:
+    if str(path) == "-":
+        return "this goes into a file, not to standard output"
+    if path.is_dir():
+        return "it is a directory"
+    if any(_same(path, each) for each in inputs):
+        return "the same command reads it, or writes it for something else"
+    if not path.exists():
+        return ""
+    if not path.is_file():
+        return "" if kind.piped else "it exists and is no regular file"
+    with path.open("rb") as file:
+        beginning = file.read(LONGEST_BEGINNING)
+    if beginning and not kind.begins.match(beginning):
+        return f"it exists and is no {kind.name}"
+    return ""
+
+
+def _same(a: Path, b: Path) -> bool:
+    return a.resolve() == b.resolve() or (a.exists() and b.exists() and a.samefile(b))

@@ -1,0 +1,1 @@
+"""The thesis that this came from: its tables computed anew, its diagrams."""

@@ -1,0 +1,199 @@
+"""The thesis's figures and tables as one page, numbered as in the thesis."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from cranectl.reference import time_law
+from cranectl.report.design_figures import loop_shaping_figure
+from cranectl.report.page import Figure, Page, Section
+from cranectl.report.run.figures import FAMILIES, WIDTH, Curve, family_svg
+from cranectl.report.run.wording import agreement, verdict
+from cranectl.report.theme import SERIES, inline_svg, styled
+from cranectl.scenario import load_scenario
+from cranectl.simulate import Run
+from cranectl.thesis.diagrams import DIAGRAMS, diagram_svg
+from cranectl.thesis.reproduction import SOURCES, Reproduction
+from cranectl.thesis.tables import (
+    FEEDBACK,
+    ROBUSTIFIERS,
+    gain_table,
+    norms_table,
+    printed_tables,
+    robustifier_table,
+)
+
+# First figure of a scenario: the load in space; two figures a family follow, one for each feedback.
+FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
+FAMILY_ORDER = tuple(name for name in FAMILIES if name != "space")
+
+
+class ChapterFigures:
+    """Draws the figures of chapter 5 while its runs come in, so that few runs are in memory at once."""
+
+    def __init__(self) -> None:
+        self.figures: dict[str, list[Figure]] = {name: [] for name in FIRST_FIGURE}
+        self._runs: dict[tuple[str, str], Run] = {}  # (robustifier, source)
+
+    def watch(self, source: str, run: Run) -> None:
+        """Take one run; draws once all robustifiers of its feedback are there."""
+        feedback, _, robustifier = run.design.name.partition("+")
+        self._runs[robustifier, source] = run
+        if len(self._runs) == len(ROBUSTIFIERS) * len(SOURCES):
+            self.figures[run.scenario.name] += _feedback_figures(feedback, self._runs)
+            self._runs = {}
+
+    def of(self, scenario: str) -> tuple[Figure, ...]:
+        """The figures of a scenario by number."""
+        return tuple(sorted(self.figures[scenario], key=lambda figure: _place(figure.number)))
+
+
+def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) -> Page:
+    """The whole page."""
+    tables = printed_tables(found)
+    return Page(
+        title="The thesis, run again",
+        lead="Chapter 5 of J. L. Zárate Moya, Tracking Controller Design for a Nonlinear Model of a Gantry "
+        "Crane (TU Ilmenau / PUCP, 2015), on two plants that know nothing of each other: the analytic model "
+        "and MuJoCo.",
+        remade_by=remade_by,
+        sections=(
+            Section("summary", "In short", paragraphs=_summary(found)),
+            Section(
+                "structure",
+                "Model and control loop",
+                paragraphs=("The signal-flow pictures, redrawn for the corrected equations.",),
+                figures=_diagrams("2.1", "4.1"),
+            ),
+            Section("trajectory", "Trajectory generation", figures=(_time_law_figure(),)),
+            Section("robustification", "Feedback and robustification", figures=_diagrams("4.2", "5.1")),
+            Section("simulation", "The simulation", figures=_diagrams("5.1", "5.7")),
+            Section(
+                "designs",
+                "Designs",
+                tables=(
+                    gain_table(found),
+                    norms_table(found),
+                    robustifier_table(found),
+                ),
+                figures=_design_figures(found),
+            ),
+            Section(
+                "fixed-position",
+                "Load held in a fixed position",
+                tables=(tables["5.1"], tables["5.2"]),
+                figures=figures.of("fixed-position"),
+            ),
+            Section(
+                "settled-trajectory",
+                "Load on the settled trajectory",
+                paragraphs=(
+                    "A line, then a full clockwise turn about the middle of the rig: the text does not print "
+                    "the circle, this reading of it comes closest to Table 5.3.",
+                ),
+                tables=(tables["5.3"], tables["5.4"]),
+                figures=figures.of("settled-trajectory"),
+            ),
+        ),
+    )
+
+
+def _summary(found: Reproduction) -> tuple[str, ...]:
+    numbers = [number for *_, number in found.numbers()]
+    within = sum(number.within for number in numbers)
+    count = f"{within} of {len(numbers)} printed numbers are within their tolerance on both plants."
+    return (count, *(f"{note[0].upper()}{note[1:]}." for note in found.notes()))
+
+
+def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterable[Figure]:
+    """The figures of one scenario and one feedback, with all its robustifiers."""
+    labels = dict(zip(ROBUSTIFIERS.items(), SERIES, strict=False))
+    curves = [
+        Curve(label, colour, runs[robustifier, plant], wide=plant == "analytic")
+        for (robustifier, label), colour in labels.items()
+        for plant in ("analytic", "mujoco")
+    ]
+    shown = {label: runs[robustifier, "mujoco"] for robustifier, label in ROBUSTIFIERS.items()}
+    scenario = next(iter(shown.values())).scenario
+    first, offset = FIRST_FIGURE[scenario.name], list(FEEDBACK).index(feedback)
+    places = {name: first + 1 + 2 * k + offset for k, name in enumerate(FAMILY_ORDER)}
+    if offset == 0:
+        places["space"] = first
+    for name, place in places.items():
+        family = FAMILIES[name]
+        apart = [
+            agreement(family, [(runs[r, "analytic"], runs[r, source]) for r in ROBUSTIFIERS], what)
+            for source, what in (
+                ("mujoco", "Analytic and MuJoCo curves differ by at most"),
+                ("mujoco_velocity", "with velocity drives by"),
+            )
+        ]
+        yield Figure(
+            f"5.{place}",
+            f"{family.title}, {FEEDBACK[feedback]}",
+            family_svg(family, curves, f"f5-{place}"),
+            f"{verdict(family, shown)} {', '.join(apart)}.",
+            alone=name == "space",
+        )
+
+
+def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
+    """The signal-flow pictures numbered from `first` to before `end`."""
+    return tuple(
+        Figure(number, diagram.title, diagram_svg(number), diagram.note)
+        for number, diagram in DIAGRAMS.items()
+        if _place(first) <= _place(number) < _place(end)
+    )
+
+
+def _place(number: str) -> tuple[int, ...]:
+    """(chapter, figure), in whose order figures come."""
+    return tuple(int(part) for part in number.split("."))
+
+
+def _time_law_figure() -> Figure:
+    """Position, velocity, acceleration of both time laws."""
+    tau = np.linspace(0.0, 1.0, 401)
+    with styled():
+        drawing = Drawing(figsize=(WIDTH, 4.6), layout="constrained")
+        stack = drawing.subplots(3, 1, sharex=True)
+        for law, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
+            for axes, values in zip(stack, time_law.evaluate(law, tau), strict=False):
+                axes.plot(tau, values, label=law.replace("-", " "), **style)
+        for axes, label in zip(stack, ("s [1]", "ds/dτ [1]", "d²s/dτ² [1]"), strict=True):
+            axes.set_ylabel(label)
+            axes.margins(x=0.0)
+        stack[-1].set_xlabel("τ = t / t_f [1]")
+        stack[0].legend()
+        svg = inline_svg(drawing, "f4-1")
+    third = time_law.evaluate("degree-5", np.array([0.0]))[3, 0]
+    return Figure(
+        "4.1",
+        "Trajectory generation",
+        svg,
+        "Position, velocity and acceleration of the thesis's quintic (4.3) and of the degree 9 that z_d ∈ C⁴ "
+        f"asks for. Both come to rest; the third derivative of the quintic jumps from 0 to {third:.0f}.",
+    )
+
+
+def _design_figures(found: Reproduction) -> tuple[Figure, ...]:
+    """5.7 and 5.8: the loops that loop shaping makes of both feedbacks."""
+    figures = []
+    settings = load_scenario("fixed-position").design.loop_shaping
+    for number, (feedback, name) in zip(("5.7", "5.8"), FEEDBACK.items(), strict=True):
+        design = found.designs[f"{feedback}+loop-shaping"]
+        with styled():
+            svg = inline_svg(loop_shaping_figure(design, settings), f"f{number.replace('.', '-')}")
+        margins = design.margins
+        figures.append(
+            Figure(
+                number,
+                f"Singular values and shaped loop, {name} with loop shaping",
+                svg,
+                f"γ = {design.gamma:.4f}, the coprime factors may err by ε = {design.stability_margin:.3f}; "
+                f"cut at v, the loop gain may fall to {margins.gain_margin:.2f} of itself, the phase lag by "
+                f"{np.degrees(margins.phase_margin):.0f}°; modulus margin {margins.modulus_margin:.2f}.",
+            )
+        )
+    return tuple(figures)

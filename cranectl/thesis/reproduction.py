@@ -1,0 +1,288 @@
+"""The thesis's numbers beside ours: norms and tables 5.1 to 5.4, on both plants."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from cranectl.design import CONTROLLERS, Design, design_controller
+from cranectl.metrics import WorkspaceViolation, workspace_violations
+from cranectl.plants.plant import Drive
+from cranectl.scenario import DesignSettings, Scenario, load_scenario
+from cranectl.signals import LOAD
+from cranectl.simulate import Run, plan_scenario, simulate_run
+from cranectl.support import resources
+from cranectl.support.documents import read_toml
+
+# Where the numbers of a row come from, in the order of columns.
+SOURCES: dict[str, tuple[str, Drive]] = {
+    "analytic": ("analytic", "ideal"),
+    "mujoco": ("mujoco", "ideal"),
+    "mujoco_velocity": ("mujoco", "velocity"),
+}
+JUDGED = ("analytic", "mujoco")  # the thesis simulates ideal drives
+# Symbols of the tables' columns.
+SYMBOLS = {
+    "bridge_acceleration": "ẍ_c",
+    "trolley_acceleration": "ÿ_c",
+    "rope_acceleration": "l̈",
+    "load_x": "z₁",
+    "load_y": "z₂",
+    "load_z": "z₃",
+    "gamma": "γ",
+}
+
+
+@dataclass(frozen=True)
+class Number:
+    """One printed number and ours."""
+
+    printed: float
+    ours: dict[str, float]  # by source
+    tolerance: float  # absolute
+    explained: bool
+    reason: str
+    decimals: int | None = None  # printed, where print alone may differ: ours must give the same digits
+
+    @property
+    def difference(self) -> float:
+        """Largest difference of the judged sources from print, signed."""
+        return max((self.ours[source] - self.printed for source in JUDGED if source in self.ours), key=abs)
+
+    @property
+    def within(self) -> bool:
+        ours = [self.ours[source] for source in JUDGED if source in self.ours]
+        digits = self.decimals is None or all(prints_as(v, self.printed, self.decimals) for v in ours)
+        return digits and abs(self.difference) <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table: a controller and its numbers by column."""
+
+    controller: str
+    numbers: dict[str, Number]
+
+
+@dataclass(frozen=True)
+class ThesisTable:
+    """A table of chapter 5."""
+
+    name: str
+    title: str
+    page: int
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A run of the thesis that leaves the rig."""
+
+    scenario: str
+    controller: str
+    violation: WorkspaceViolation
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """Chapter 5, run again."""
+
+    designs: dict[str, Design]  # by controller, of the last scenario
+    norms: tuple[Row, ...]
+    tables: tuple[ThesisTable, ...]
+    departures: tuple[Departure, ...]
+
+    def numbers(self) -> Iterator[tuple[str, str, str, Number]]:
+        """(table, controller, column, number) of everything printed."""
+        for row in self.norms:
+            yield "norms", row.controller, "gamma", row.numbers["gamma"]
+        for table in self.tables:
+            for row in table.rows:
+                for column, number in row.numbers.items():
+                    yield table.name, row.controller, column, number
+
+    @property
+    def gains(self) -> dict[str, tuple[float, ...]]:
+        """State feedback by name; not printed in the thesis."""
+        return {name: tuple(d.gain.tolist()) for name, d in self.designs.items() if "+" not in name}
+
+    @property
+    def passed(self) -> bool:
+        """Whether every printed number is within its tolerance."""
+        return all(number.within for *_, number in self.numbers())
+
+    def notes(self) -> list[str]:
+        """What the tables do not say: gains, what stays unexplained, what the thesis did not notice."""
+        gains = [
+            f"gains of {name} (not printed in the thesis): {', '.join(f'{gain:.5g}' for gain in values)}"
+            for name, values in self.gains.items()
+        ]
+        open_points: dict[str, dict[str, None]] = {}
+        for name, _, column, number in self.numbers():
+            if not number.explained:
+                open_points.setdefault(number.reason, {})[f"{name} {SYMBOLS[column]}"] = None
+        unexplained = [
+            f"unexplained, {', '.join(places)}: {reason}" for reason, places in open_points.items()
+        ]
+        departures = [
+            f"not noticed in the thesis: {d.scenario}, {d.controller}: {d.violation.signal} leaves the rig "
+            f"at {d.violation.first_time_s:g} s, by up to {d.violation.max_excess_m:.3f} m"
+            for d in self.departures
+        ]
+        return [*gains, *unexplained, *departures]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "passed": self.passed,
+            "gains": {name: list(gain) for name, gain in self.gains.items()},
+            "norms": [_row_json(row) for row in self.norms],
+            "tables": {table.name: [_row_json(row) for row in table.rows] for table in self.tables},
+            "unexplained": sorted(
+                {f"{table} {column}: {n.reason}" for table, _, column, n in self.numbers() if not n.explained}
+            ),
+            "departures": [
+                {
+                    "scenario": d.scenario,
+                    "controller": d.controller,
+                    "signal": d.violation.signal,
+                    "first_time_s": d.violation.first_time_s,
+                    "max_excess_m": d.violation.max_excess_m,
+                }
+                for d in self.departures
+            ],
+        }
+
+
+def reproduce(
+    progress: Callable[[str, float], None] | None = None,
+    watch: Callable[[str, Run], None] | None = None,
+) -> Reproduction:
+    """Run chapter 5 again.
+
+    `progress` is called with each run's name and its simulated seconds, `watch` with its source and the run:
+    scenario by scenario, controller by controller, in the order of `SOURCES`.
+    """
+    printed, tolerances = _read("printed.toml"), _read("tolerances.toml")
+    tables: dict[str, dict[str, Any]] = printed["tables"]
+    scenarios = {name: load_scenario(name) for name in dict.fromkeys(t["scenario"] for t in tables.values())}
+    norms = {entry["controller"]: entry["gamma"] for entry in printed["norms"]}
+    found: dict[tuple[str, str, str], dict[str, float]] = {}  # by table, controller, source; by column
+    designs: dict[str, Design] = {}
+    departures = []
+    for scenario in scenarios.values():
+        plan = plan_scenario(scenario)
+        for controller in CONTROLLERS:
+            design = design_controller(controller, _settings(scenario, controller, norms))
+            designs[controller] = design
+            for source, (plant, drive) in SOURCES.items():
+                run = simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan)
+                for name, table in tables.items():
+                    if table["scenario"] == scenario.name:
+                        found[name, controller, source] = _readings(run, table)
+                if watch is not None:
+                    watch(source, run)
+                if progress is not None:
+                    progress(f"{scenario.name}, {controller}", scenario.duration)
+                if source == "mujoco":
+                    departures += [Departure(scenario.name, controller, v) for v in workspace_violations(run)]
+    return Reproduction(
+        designs=designs,
+        norms=tuple(_norm_row(entry, tolerances["norms"], scenarios) for entry in printed["norms"]),
+        tables=tuple(
+            _table(name, table, tolerances["tables"][name], found) for name, table in tables.items()
+        ),
+        departures=tuple(departures),
+    )
+
+
+def prints_as(value: float, printed: float, decimals: int) -> bool:
+    """Whether `value`, rounded or cut off to so many decimals, is what was printed."""
+    size, unit = abs(value), 10.0**-decimals
+    digits = round(abs(printed) / unit)
+    return value * printed >= 0.0 and digits in (math.floor(size / unit), math.floor(size / unit + 0.5))
+
+
+def total_simulated_seconds() -> float:
+    """Simulated time of all runs of `reproduce`."""
+    names = dict.fromkeys(table["scenario"] for table in _read("printed.toml")["tables"].values())
+    return sum(load_scenario(name).duration for name in names) * len(CONTROLLERS) * len(SOURCES)
+
+
+def _read(name: str) -> dict[str, Any]:
+    return read_toml(resources.THESIS_DIRECTORY / name)
+
+
+def _settings(scenario: Scenario, controller: str, norms: dict[str, float]) -> DesignSettings:
+    """The scenario's; S/KS is designed for the norm that is printed, not for one near the optimum."""
+    settings = scenario.design
+    if not controller.endswith("+hinf"):
+        return settings
+    hinf = settings.hinf.model_copy(update={"gamma": norms[controller]})
+    return settings.model_copy(update={"hinf": hinf})
+
+
+def _readings(run: Run, table: dict[str, Any]) -> dict[str, float]:
+    """What a table reads from one run: signed extremes of inputs, the load at the end.
+
+    An extreme is the maximum where print is positive, else the minimum.
+    """
+    found = {}
+    printed = table["rows"][run.design.name]
+    for column, value in zip(table["columns"], printed, strict=True):
+        group = "load" if column in LOAD.names else "input"
+        rows = (run.time >= table.get("from", {}).get(column, 0.0)) & (run.time <= table["until"])
+        signal = run.signal(f"{group}.{column}")[rows]
+        extreme = signal.max() if value > 0.0 else signal.min()
+        found[column] = float(signal[-1] if group == "load" else extreme)
+    return found
+
+
+def _table(
+    name: str,
+    table: dict[str, Any],
+    tolerances: dict[str, Any],
+    found: dict[tuple[str, str, str], dict[str, float]],
+) -> ThesisTable:
+    rows = []
+    for controller, values in table["rows"].items():
+        numbers = {}
+        for column, printed in zip(table["columns"], values, strict=True):
+            ours = {source: found[name, controller, source][column] for source in SOURCES}
+            numbers[column] = _number(printed, ours, tolerances[column], controller)
+        rows.append(Row(controller, numbers))
+    return ThesisTable(name, table["title"], table["page"], tuple(rows))
+
+
+def _norm_row(entry: dict[str, Any], tolerance: dict[str, Any], scenarios: dict[str, Scenario]) -> Row:
+    settings = next(iter(scenarios.values())).design
+    gamma = design_controller(entry["controller"], settings).gamma
+    assert gamma is not None
+    controller = entry["controller"]
+    kind = tolerance[controller.partition("+")[2]]
+    return Row(controller, {"gamma": _number(entry["gamma"], {"analytic": gamma}, kind, controller)})
+
+
+def _number(printed: float, ours: dict[str, float], column: dict[str, Any], controller: str) -> Number:
+    tolerance = column.get("rows", {}).get(controller, column)
+    decimals = tolerance.get("decimals")
+    if decimals is not None:
+        allowed = 10.0**-decimals
+    else:
+        allowed = tolerance.get("absolute", tolerance.get("relative", 0.0) * abs(printed))
+    return Number(printed, ours, allowed, tolerance["explained"], tolerance["reason"], decimals)
+
+
+def _row_json(row: Row) -> dict[str, Any]:
+    sources = next(iter(row.numbers.values())).ours
+    return {
+        "controller": row.controller,
+        "printed": {column: number.printed for column, number in row.numbers.items()},
+        **{
+            source: {column: number.ours[source] for column, number in row.numbers.items()}
+            for source in sources
+        },
+        "difference": {column: number.difference for column, number in row.numbers.items()},
+        "tolerance": {column: number.tolerance for column, number in row.numbers.items()},
+        "within": all(number.within for number in row.numbers.values()),
+    }

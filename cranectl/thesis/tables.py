@@ -1,0 +1,92 @@
+"""The tables of the thesis beside ours, for the terminal and for the page."""
+
+from cranectl.design import CONTROLLERS
+from cranectl.report.table import Cell, Table
+from cranectl.thesis.reproduction import SOURCES, SYMBOLS, Number, Reproduction, Row
+
+ROBUSTIFIERS = {"": "feedback alone", "hinf": "S/KS", "loop-shaping": "loop shaping"}
+FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}
+SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
+
+
+def gain_table(found: Reproduction) -> Table:
+    """Gains of both feedbacks."""
+    rows = tuple(
+        (Cell(FEEDBACK[name]), *(Cell(f"{gain:.5g}") for gain in gains))
+        for name, gains in found.gains.items()
+    )
+    headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
+    return Table("State feedback gains, one axis", headings, rows, note="Not printed in the thesis.")
+
+
+def robustifier_table(found: Reproduction) -> Table:
+    """What each robustifier does to a lasting error, and how much of it goes through its fastest mode."""
+    rows = []
+    for name, design in found.designs.items():
+        if design.gamma_achieved is not None:
+            pole, gain = design.robustifier.fastest_mode
+            left = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
+            numbers = (f"{design.gamma_achieved:.4f}", f"{left:.4f}", f"{pole:.4g}", f"{gain:.4g}")
+            rows.append((Cell(controller_name(name)), *(Cell(n.replace("-", "−")) for n in numbers)))
+    return Table(
+        "Robustifiers, one axis",
+        ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
+        tuple(rows),
+        note="S(0) is what remains of a steady error: nothing with an integrator, γ A with S/KS. S/KS leads "
+        "nearly all of its output through a stiff mode, which is why the thesis's solver made it look noisy.",
+    )
+
+
+def norms_table(found: Reproduction) -> Table:
+    """H∞ norms, a line a number."""
+    return _comparison("H∞ norms γ, section 5.2.1", found.norms)
+
+
+def printed_tables(found: Reproduction) -> dict[str, Table]:
+    """The thesis's tables by their number."""
+    return {
+        table.name: _comparison(f"Table {table.name}, p. {table.page}: {table.title}", table.rows)
+        for table in found.tables
+    }
+
+
+def _comparison(title: str, rows: tuple[Row, ...]) -> Table:
+    """Printed beside ours, a line a number."""
+    cells = tuple(
+        (
+            Cell(controller_name(row.controller) if k == 0 else ""),
+            Cell(SYMBOLS[column]),
+            *_number_cells(number),
+        )
+        for row in rows
+        for k, (column, number) in enumerate(row.numbers.items())
+    )
+    headings = ("controller", "", "printed", *SOURCE_NAMES.values(), "difference", "tolerance")
+    open_ones = any(not number.explained for row in rows for number in row.numbers.values())
+    note = "Differences marked ? have a tolerance that nobody can explain yet." if open_ones else ""
+    return Table(title, headings, cells, labels=2, note=note)
+
+
+def _number_cells(number: Number) -> tuple[Cell, ...]:
+    ours = [_digits(number.ours[source]) if source in number.ours else "–" for source in SOURCES]
+    mark = "bad" if not number.within else "good" if number.explained else "open"
+    difference = _digits(number.difference, "+") + ("" if number.explained else " ?")
+    return (
+        Cell(_digits(number.printed)),
+        *map(Cell, ours),
+        Cell(difference, mark),
+        Cell(_digits(number.tolerance)),
+    )
+
+
+def _digits(value: float, sign: str = "") -> str:
+    return f"{value:{sign}.4f}".replace("-", "−")
+
+
+def controller_name(name: str) -> str:
+    """A controller as the thesis calls it."""
+    feedback, _, robustifier = name.partition("+")
+    return FEEDBACK[feedback] + (f" + {ROBUSTIFIERS[robustifier]}" if robustifier else "")
+
+
+assert {name.partition("+")[2] for name in CONTROLLERS} == set(ROBUSTIFIERS)

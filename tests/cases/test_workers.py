@@ -1,0 +1,213 @@
+"""Many cases at once: the same results as one by one, and an honest end when told to stop or one dies."""
+
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cranectl.cases import Case, CaseResult, Failure, check_apart, make_case
+from cranectl.cases.workers import available_cores, run_cases
+from cranectl.log import read_log
+from cranectl.scenario import load_scenario
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError, LogError
+
+SHORT = ["duration=0.4", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
+
+
+def cases(directory: Path, *overrides: str) -> list[Case]:
+    scenario = load_scenario("fixed-position", overrides=[*SHORT, *overrides])
+    return [
+        make_case(scenario, controller=name, log=directory / f"{name}.mcap")
+        for name in ("pole-placement", "lqr", "lqr+hinf")
+    ]
+
+
+def test_workers_write_the_same_bytes_as_one_process(tmp_path: Path) -> None:
+    seen: list[str] = []
+    alone = run_cases(cases(tmp_path / "1"), jobs=1, done=lambda case: seen.append(case.controller))
+    together = run_cases(cases(tmp_path / "3"), jobs=3, done=lambda case: seen.append(case.controller))
+    assert not alone.interrupted
+    assert not together.interrupted
+    assert sorted(seen) == sorted(["pole-placement", "lqr", "lqr+hinf"] * 2)
+    for a, b in zip(alone.results, together.results, strict=True):
+        assert isinstance(a, CaseResult)
+        assert isinstance(b, CaseResult)
+        assert a.runs[0].controller == b.runs[0].controller, "results keep the order of cases"
+        assert a.runs[0].log.read_bytes() == b.runs[0].log.read_bytes()
+        assert a.agreement == b.agreement
+
+
+def test_wrong_input_in_a_worker_reaches_the_caller(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for result in run_cases(cases(tmp_path / "file"), jobs=2).results:
+        assert isinstance(result, Failure)
+        assert result.bad_input
+        assert "cannot write" in result.reason
+        assert "--out" in result.reason
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_goes_wrong_in_one_case_leaves_the_others(tmp_path: Path, jobs: int) -> None:
+    """One that cannot be designed, and one that fails as nobody foresaw."""
+    good, unforeseen, _ = cases(tmp_path)
+    unforeseen = dataclasses.replace(unforeseen, drive=None)
+    wrong = dataclasses.replace(good, controller="pid", log=tmp_path / "wrong.mcap")
+    seen: list[Case] = []
+    outcome = run_cases([wrong, unforeseen, good], jobs=jobs, done=seen.append)
+    first, second, third = outcome.results
+    assert isinstance(first, Failure)
+    assert (first.bad_input, first.trace) == (True, "")
+    assert "unknown controller 'pid'" in first.reason
+    assert isinstance(second, Failure)
+    assert not second.bad_input
+    assert second.trace.endswith(f"{second.reason}\n")
+    assert isinstance(third, CaseResult)
+    assert third.passed
+    assert len(seen) == 3
+    assert not outcome.interrupted
+
+
+def test_two_cases_of_one_log_are_refused(tmp_path: Path) -> None:
+    first, second, third = cases(tmp_path)
+    same = dataclasses.replace(third, log=tmp_path / "a" / ".." / first.log.name, source="other.toml")
+    with pytest.raises(InputError, match=r"fixed-position and other\.toml would share the log"):
+        check_apart([first, second, same])
+    check_apart([first, second, third])
+
+
+def test_errors_survive_the_way_between_processes() -> None:
+    import pickle
+
+    for kind in (InputError, LogError):
+        error = pickle.loads(pickle.dumps(kind("a", allowed="b", remedy="c")))
+        assert type(error) is kind
+        assert (error.found, error.allowed, error.remedy) == ("a", "b", "c")
+
+
+def test_cores_are_counted() -> None:
+    assert 1 <= available_cores() <= (os.cpu_count() or 1)
+
+
+VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=25", "--jobs", "2"]
+
+
+def descendants(pid: int) -> list[tuple[int, int]]:
+    """All descendants of a process with their generation: 1 for its children."""
+    found = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
+    pairs = [tuple(map(int, line.split())) for line in found.splitlines()]
+    tree = [(pid, 0)]
+    for parent, age in tree:
+        tree += [(child, age + 1) for child, its_parent in pairs if its_parent == parent]
+    return tree[1:]
+
+
+def children(pid: int) -> list[int]:
+    """All descendants of a process."""
+    return [child for child, _ in descendants(pid)]
+
+
+def wait_until(condition, timeout: float = 60.0) -> None:
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, "gave up waiting"
+        time.sleep(0.05)
+
+
+def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
+    """`cranectl validate` in a session of its own, once its workers simulate."""
+    process = subprocess.Popen(
+        [sys.executable, *VALIDATE],
+        cwd=directory,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    logs = directory / "logs" / "fixed-position"
+    wait_until(logs.is_dir)
+    time.sleep(0.5)
+    return process, logs
+
+
+@pytest.mark.parametrize(
+    ("sent", "to_group"),
+    [
+        (signal.SIGINT, True),
+        (signal.SIGTERM, True),
+        (signal.SIGTERM, False),
+        (signal.SIGHUP, True),
+    ],
+)
+def test_a_signal_ends_all_workers_and_closes_their_logs(
+    tmp_path: Path, sent: signal.Signals, to_group: bool
+) -> None:
+    """Sent to the parent alone, as `kill` does, or to all, as a terminal and service managers do."""
+    process, logs = started(tmp_path)
+    workers = children(process.pid)
+    if to_group:
+        os.killpg(process.pid, sent)
+    else:
+        process.send_signal(sent)
+    out, error = process.communicate(timeout=60)
+    assert process.returncode == 130, error
+    assert "Traceback" not in error
+    assert "interrupted" in out
+    assert "validation FAILED" in out
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
+    written = sorted(logs.iterdir())
+    assert written
+    for log in written:
+        assert log.suffix == ".mcap", "no half-written file is left"
+        statuses = {run.status for run in read_log(log).values()}
+        assert statuses <= {RunStatus.COMPLETED, RunStatus.INTERRUPTED}
+
+
+@pytest.mark.parametrize("generation", [1, 2])
+def test_an_interrupt_in_the_first_seconds(tmp_path: Path, generation: int) -> None:
+    """While the server that forks workers loads, or while the first worker starts."""
+    process = subprocess.Popen(
+        [sys.executable, *VALIDATE],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    wait_until(lambda: any(age == generation for _, age in descendants(process.pid)))
+    os.killpg(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130, error
+    assert "Traceback" not in error
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:
+    process, _ = started(tmp_path)
+    # The server that forks workers is the oldest child with children; workers are its children.
+    workers = [pid for pid in children(process.pid) if not children(pid) and _is_worker(pid)]
+    os.kill(workers[-1], signal.SIGKILL)
+    out, error = process.communicate(timeout=120)
+    assert process.returncode == 70, error
+    assert "Traceback" not in error
+    assert "its worker process died" in out
+    assert "validation FAILED" in out
+
+
+def _is_worker(pid: int) -> bool:
+    """The resource tracker has no thread that watches the parent; workers have."""
+    return len(list(Path(f"/proc/{pid}/task").iterdir())) > 1
+
+
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    process, _ = started(tmp_path)
+    workers = children(process.pid)
+    assert workers
+    process.kill()
+    process.communicate(timeout=60)
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))

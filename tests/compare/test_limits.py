@@ -1,0 +1,71 @@
+"""Of which scenarios the limits are known: the shipped ones and no others."""
+
+import pytest
+
+from cranectl.analysis.budget.predicted_limits import predicted_limits
+from cranectl.compare.limits import NOT_SHIPPED, Limits, NoLimits, agreement_limits, is_shipped, limits_for
+from cranectl.design import design_controller
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.support.documents import read_toml
+from cranectl.support.resources import TOLERANCE_FILE
+from tests.conftest import ALL_SCENARIOS
+
+
+def test_limits_come_with_reasons() -> None:
+    for table in read_toml(TOLERANCE_FILE)["closed-loop"].values():
+        assert len(table["reason"]) > 50
+
+
+@pytest.mark.parametrize("name", ALL_SCENARIOS)
+def test_shipped_scenarios_are_known_by_what_moves_the_plants(name: str) -> None:
+    scenario = load_scenario(name)
+    renamed = scenario.model_copy(update={"name": "mine", "title": "my own", "controller": "lqr"})
+    for shipped in (scenario, renamed, load_scenario(name, overrides=["log.every=1"])):
+        assert is_shipped(shipped)
+        assert limits_for(shipped, design_controller("lqr"), "velocity") == agreement_limits("velocity")
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "rig.load_mass=1.001",
+        "rig.winch_time_constant=0.021",
+        "rig.gravity=9.82",
+        "duration=24.0",
+        "control.lag_compensation=false",
+        "control.physics_step=0.0005",
+        "design.input_weight=0.11",
+        "disturbances.0.magnitude=0.9",
+        "initial.load_offset=[0.01,0,0]",
+        "reference.start=[1.0,0.77,-0.71]",
+        "effects.delay.seconds=0.01",
+        "workspace.on_exit='stop'",
+    ],
+)
+def test_whatever_may_move_a_plant_makes_another_scenario(override: str) -> None:
+    scenario = load_scenario("fixed-position", overrides=[override])
+    design = design_controller("lqr", scenario.design)
+    assert not is_shipped(scenario)
+    assert limits_for(scenario, design, "ideal") == agreement_limits("ideal")
+    assert limits_for(scenario, design, "velocity") is NOT_SHIPPED
+    own = Limits(1.0, 2.0, 3.0, "", "mine")
+    assert limits_for(scenario, design, "velocity", predict=lambda *_: own) is own
+
+
+def short(name: str, *overrides: str) -> Scenario:
+    return load_scenario(name, overrides=["disturbances=[]", *overrides])
+
+
+@pytest.mark.parametrize(
+    ("scenario", "why"),
+    [
+        (short("fast-diagonal", "effects.delay.seconds=0.01"), "other effects"),
+        (short("slack-rope"), "slack-rope"),
+        (short("off-reference", "rig.trolley_range=[0.0,0.9]", "initial.load_offset=[0,0.3,0]"), "workspace"),
+        (short("fast-diagonal", "duration=4.0", "rig.load_mass=100.0"), "too large"),
+    ],
+)
+def test_where_no_bound_is_known_there_is_none(scenario: Scenario, why: str) -> None:
+    found = predicted_limits(scenario, design_controller("lqr", scenario.design))
+    assert isinstance(found, NoLimits)
+    assert why in found.reason

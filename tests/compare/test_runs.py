@@ -1,0 +1,145 @@
+"""Comparison and judgement: right on good runs, and able to fail."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cranectl.compare import (
+    compare_runs,
+    compared_signals,
+    differing_fields,
+    judge,
+    named_signals,
+)
+from cranectl.compare.limits import agreement_limits
+from cranectl.scenario import Scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
+
+
+@pytest.fixture
+def run(short: Scenario) -> Run:
+    return simulate_run(short, plant="analytic")
+
+
+def shifted(run: Run, column: int, amount: float, row: int = 300) -> Run:
+    table = run.table.copy()
+    table[row, column] += amount
+    return replace(run, table=table, plant="mujoco")
+
+
+def test_a_run_agrees_with_itself(run: Run) -> None:
+    comparison = compare_runs(run, run)
+    assert comparison.max_load_error_m == comparison.max_angle_error_rad == 0.0
+    assert comparison.samples == 501
+    assert judge(run, run).passed
+
+
+def test_difference_is_found_where_and_as_large_as_it_is(run: Run) -> None:
+    column = 10  # load.load_x
+    row = {d.signal: d for d in compare_runs(run, shifted(run, column, -3e-3)).signals}["load.load_x"]
+    assert row.max_abs == pytest.approx(3e-3)
+    assert row.at_s == pytest.approx(0.3)
+    assert row.rms == pytest.approx(3e-3 / np.sqrt(501))
+    assert row.final == 0.0
+    assert row.unit == "m"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("column", [6, 8, 10, 11, 12])
+def test_judge_fails_above_the_limit_and_passes_below(run: Run, column: int, sign: float) -> None:
+    """Either sign, each of alpha, beta, load x, y, z: a comparison without abs would let one through."""
+    assert not judge(run, shifted(run, column, sign * 1.1e-7)).passed
+    assert judge(run, shifted(run, column, sign * 0.9e-7)).passed
+
+
+def test_load_error_is_a_distance(run: Run) -> None:
+    other = shifted(shifted(run, 10, 3e-6), 11, 4e-6)
+    assert compare_runs(run, other).max_load_error_m == pytest.approx(5e-6)
+
+
+def test_runs_that_ended_differently_do_not_agree(run: Run) -> None:
+    assert not judge(run, replace(run, status=RunStatus.SLACK_ROPE)).passed
+    shorter = replace(run, time_ns=run.time_ns[:-1], table=run.table[:-1], end_ns=int(run.time_ns[-2]))
+    assert not judge(run, shorter).passed
+    assert not compare_runs(run, shorter).same_length
+
+
+def test_different_rates_compare_where_they_meet(run: Run) -> None:
+    comparison = compare_runs(run.every(4), run.every(6))
+    assert comparison.samples == len(set(range(0, 501, 4)) & {*range(0, 501, 6), 500}) + 0
+    assert comparison.max_load_error_m == 0.0
+
+
+def test_no_common_time_is_an_error(run: Run) -> None:
+    with pytest.raises(InputError, match="no sample time in common"):
+        compare_runs(run, replace(run, time_ns=run.time_ns + 1))
+
+
+def test_velocity_drives_have_wider_limits(run: Run) -> None:
+    velocity = replace(run, drive="velocity")
+    limits = agreement_limits("velocity")
+
+    def passed(other: Run) -> bool | None:
+        return judge(velocity, other, limits=limits).passed
+
+    assert passed(shifted(velocity, 10, 0.99 * limits.load_m))
+    assert not passed(shifted(velocity, 10, 1.01 * limits.load_m))
+    assert not passed(shifted(velocity, 6, 1.01 * limits.angle_rad))
+    earlier = replace(velocity, end_ns=velocity.end_ns - round(limits.end_s * 1e9))
+    assert passed(earlier)
+    assert not passed(replace(earlier, end_ns=earlier.end_ns - 1))
+
+
+def test_without_limits_there_is_no_verdict(run: Run) -> None:
+    """A rig that is not shipped has none with velocity drives: however far apart, however they ended."""
+    velocity = replace(run, drive="velocity")
+    for other in (shifted(velocity, 10, 5.0), replace(velocity, status=RunStatus.SLACK_ROPE)):
+        found = judge(velocity, other)
+        assert (found.passed, found.limit_m, found.limit_rad) == (None, None, None)
+        assert found.verdict == "not judged"
+        assert "--predict" in found.limits
+        assert not judge(run, replace(other, drive="ideal")).passed, "ideal drives are judged everywhere"
+
+
+def test_signals_are_listed_by_choice_and_by_group(run: Run) -> None:
+    names = [difference.signal for difference in compare_runs(run, run).signals]
+    assert names == compared_signals(run)
+    assert {name.partition(".")[0] for name in names} == {"state", "load", "input"}
+    assert len(names) == 10 + 7 + 6
+    chosen = compare_runs(run, shifted(run, 6, 2.0), signals=["controller.zeta", "state.alpha"]).signals
+    assert [(row.signal, row.unit, row.max_abs) for row in chosen] == [
+        ("controller.zeta", "m/s²", 0.0),
+        ("state.alpha", "rad", pytest.approx(2.0)),
+    ]
+    for name, column in zip(named_signals(run), run.table.T, strict=True):
+        assert np.shares_memory(run.signal(name), column), name
+
+
+def test_a_run_that_is_not_a_number_equals_itself(run: Run) -> None:
+    broken = shifted(shifted(run, 10, np.nan), 11, np.inf)
+    rows = {row.signal: row for row in compare_runs(broken, broken).signals}
+    assert rows["load.load_x"].max_abs == rows["load.load_y"].max_abs == 0.0
+    one = {row.signal: row for row in compare_runs(run, broken).signals}
+    assert np.isnan(one["load.load_x"].max_abs)
+    assert one["load.load_y"].max_abs == np.inf
+    assert not judge(broken, broken).passed, "not a number keeps no limit of the plants"
+
+
+def test_what_differs_in_scenarios_and_designs_is_named(short: Scenario) -> None:
+    def changed(**update: object) -> Run:
+        return replace(run, scenario=short.model_copy(update=update))
+
+    run = simulate_run(short, plant="analytic")
+    assert differing_fields(run, run) == ()
+    assert differing_fields(run, changed(duration=1.0)) == ("duration: 0.5 and 1.0",)
+    heavier = short.rig.model_copy(update={"load_mass": 2.0})
+    assert differing_fields(run, changed(rig=heavier)) == ("rig.load_mass: 1.0 and 2.0",)
+    fewer = differing_fields(run, changed(disturbances=short.disturbances[:1]))
+    assert "disturbances.1.joint: beta and nothing" in fewer
+    assert all(field.startswith("disturbances.1.") for field in fewer)
+    gain = run.design.gain * np.array([1.0, 1.0, 1.0, 2.0])
+    retuned = replace(run, design=replace(run.design, gain=gain))
+    assert differing_fields(run, retuned) == (f"controller.gain.3: {gain[3] / 2} and {gain[3]}",)

@@ -1,0 +1,164 @@
+"""The sampled kernel."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from cranectl import signals
+from cranectl.controllers.flat import (
+    ROBUSTIFIER,
+    Tracker,
+    control_step,
+    initial_memory,
+    make_tracker,
+    robustify,
+)
+from cranectl.design import Design, Robustifier, design_controller
+from cranectl.design.axis import closed_loop_matrix
+from cranectl.model.flatness import flat_output, linearising_input, states_and_inputs
+from cranectl.scenario import DesignSettings
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
+from tests.conftest import random_states
+
+G, PERIOD = 9.81, 0.001
+LAG = np.array([0.01, 0.02, 0.03])
+
+
+def tracker_of(design: Design) -> Tracker:
+    return make_tracker(design, drive_lag=LAG, period=PERIOD, gravity=G)
+
+
+def robust_design() -> Design:
+    """An oscillating mode, an integrator and a stiff pole, with feed-through."""
+    a = np.array([[-1.0, 5.0, 0.0, 0.0], [-5.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, -4e4]])
+    robustifier = Robustifier(a, np.array([1.0, -2.0, 0.5, 4e4]), np.array([0.3, 0.4, 2.0, -1.0]), 0.7)
+    plain = design_controller("lqr")
+    poles = np.linalg.eigvals(closed_loop_matrix(plain.gain, robustifier)).astype(complex)
+    return replace(plain, robustifier=robustifier, closed_loop_poles=poles)
+
+
+def step(
+    design: Design, state: np.ndarray, reference: np.ndarray, memory: np.ndarray
+) -> tuple[int, np.ndarray]:
+    row = np.full(signals.BASE_WIDTH + 3 * design.robustifier.sampled_order, np.nan)
+    return control_step(tracker_of(design), state, reference, memory, row), row
+
+
+def test_control_law_is_the_sum_it_should_be() -> None:
+    """v = z_d'''' + K e, error sign z_d - z, then the linearising law; (3.47)."""
+    rng = np.random.default_rng(2)
+    design = design_controller("pole-placement")
+    for state in random_states(100):
+        reference = rng.normal(size=15)
+        memory = np.array([0.3, -0.2, 0.1, 0.2, 0.3])
+        status, row = step(design, state, reference, memory.copy())
+        assert status == RunStatus.RUNNING
+        flat = np.zeros(15)
+        flat_output(state, 0.3, -0.2, G, flat)
+        error = (reference[:12] - flat[:12]).reshape(4, 3)
+        v = reference[12:] + design.gain @ error
+        u = linearising_input(state, 0.3, -0.2, *v, G)
+        assert row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3] == pytest.approx(np.array(u), rel=1e-12)
+        assert row[signals.VIRTUAL_INPUT_COLUMN : signals.VIRTUAL_INPUT_COLUMN + 3] == pytest.approx(v)
+        assert row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 12] == pytest.approx(error.ravel())
+
+
+def test_memory_advances_by_one_held_period() -> None:
+    design = design_controller("lqr")
+    state, reference = random_states(1)[0], np.arange(15) * 0.01
+    memory = np.array([0.3, -0.2, 0.1, 0.2, 0.3])
+    before = memory.copy()
+    _, row = step(design, state, reference, memory)
+    v_z = row[signals.VIRTUAL_INPUT_COLUMN + 2]
+    u = row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3]
+    assert memory[1] == pytest.approx(before[1] + PERIOD * v_z, rel=1e-14)
+    assert memory[0] == pytest.approx(before[0] + PERIOD * before[1] + 0.5 * PERIOD**2 * v_z, rel=1e-14)
+    assert memory[2:5] == pytest.approx(before[2:5] + PERIOD * u, rel=1e-14)
+    setpoints = row[signals.INPUT_COLUMN + 3 : signals.INPUT_COLUMN + 6]
+    assert setpoints == pytest.approx(before[2:5] + LAG * u, rel=1e-14)
+    assert row[signals.CONTROLLER_COLUMN :].tolist() == before[:2].tolist()
+
+
+def test_on_its_reference_the_tracker_commands_the_feed_forward() -> None:
+    rng = np.random.default_rng(3)
+    design = design_controller("lqr")
+    for _ in range(50):
+        flat = np.concatenate([[1.0, 0.7, -0.6], 0.3 * rng.normal(size=12)])
+        states, inputs = states_and_inputs(flat[np.newaxis], G)
+        memory = initial_memory(tracker_of(design), states[0], flat)
+        assert memory[2:5].tolist() == states[0][[1, 3, 5]].tolist()
+        _, row = step(design, states[0], flat, memory)
+        assert row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3] == pytest.approx(inputs[0], abs=1e-10)
+        assert row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 12] == pytest.approx(np.zeros(12), abs=1e-12)
+
+
+def test_robustifier_is_the_sampled_system_it_stands_for() -> None:
+    """Against scipy's zero-order hold of the whole matrix, axis by axis."""
+    design = robust_design()
+    tracker, r = tracker_of(design), design.robustifier
+    n = r.order
+    a, b, *_ = cont2discrete((r.a, r.b[:, np.newaxis], r.c[np.newaxis], np.array([[r.d]])), PERIOD)
+    memory = np.zeros(ROBUSTIFIER + 3 * n)
+    x = np.zeros((3, n))
+    for errors in np.random.default_rng(4).normal(size=(200, 3)):
+        for axis in range(3):
+            expected = r.c @ x[axis] + r.d * errors[axis]
+            assert robustify(tracker, axis, errors[axis], memory) == pytest.approx(expected, rel=1e-11)
+            x[axis] = a @ x[axis] + b[:, 0] * errors[axis]
+    assert memory[ROBUSTIFIER:] == pytest.approx(x.ravel(), rel=1e-11)
+
+
+def test_a_design_too_fast_for_its_sampling_is_refused() -> None:
+    fast = design_controller("pole-placement", DesignSettings(poles=(-900.0, -900.0, -900.0, -900.0)))
+    with pytest.raises(InputError, match=r"unstable when sampled every 0\.001 s"):
+        tracker_of(fast)
+    make_tracker(fast, drive_lag=LAG, period=1e-5, gravity=G)
+
+
+def test_robustifier_adds_to_v_and_its_states_are_recorded() -> None:
+    design, plain = robust_design(), design_controller("lqr")
+    state, reference = random_states(1)[0], np.arange(15) * 0.01
+    memory = np.concatenate([[0.3, -0.2, 0.1, 0.2, 0.3], np.arange(12.0)])
+    states = memory[ROBUSTIFIER:].copy()
+    _, row = step(design, state, reference, memory)
+    _, base = step(plain, state, reference, np.array([0.3, -0.2, 0.1, 0.2, 0.3]))
+    first = signals.VIRTUAL_INPUT_COLUMN
+    v_bar = row[first + 3 : first + 6]
+    r = design.robustifier
+    error = row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 3]
+    assert v_bar == pytest.approx(states.reshape(3, 4) @ r.c + r.d * error, rel=1e-12)
+    assert abs(v_bar).min() > 0.0
+    assert row[first : first + 3] == pytest.approx(base[first : first + 3] + v_bar)
+    assert row[signals.CONTROLLER_COLUMN + 2 :].tolist() == states.tolist()
+
+
+@pytest.mark.parametrize(
+    ("index", "value", "zeta", "status"),
+    [
+        (4, 0.0, 0.0, RunStatus.LENGTH_SINGULAR),
+        (4, -0.1, 0.0, RunStatus.LENGTH_SINGULAR),
+        (6, np.pi / 2, 0.0, RunStatus.ANGLE_SINGULAR),
+        (6, -2.0, 0.0, RunStatus.ANGLE_SINGULAR),
+        (8, 1.6, 0.0, RunStatus.ANGLE_SINGULAR),
+        (8, -np.pi / 2, 0.0, RunStatus.ANGLE_SINGULAR),
+        (1, np.nan, 0.0, RunStatus.NON_FINITE),
+        (9, np.inf, 0.0, RunStatus.NON_FINITE),
+        (0, 1.0, np.nan, RunStatus.NON_FINITE),
+        (0, 1.0, -G, RunStatus.SLACK_ROPE),
+        (0, 1.0, -2 * G, RunStatus.SLACK_ROPE),
+    ],
+)
+def test_singular_states_are_refused_and_nothing_is_written(
+    index: int, value: float, zeta: float, status: RunStatus
+) -> None:
+    state = random_states(1)[0]
+    state[index] = value
+    memory = np.array([zeta, 0.0, 0.0, 0.0, 0.0])
+    before = memory.copy()
+    code, row = step(design_controller("lqr"), state, np.zeros(15), memory)
+    assert RunStatus(code) == status
+    assert np.isnan(row).all()
+    assert np.array_equal(memory, before, equal_nan=True)

@@ -1,0 +1,136 @@
+"""The observer against its own theory: poles, steady state, error bounds, noise."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from cranectl.controllers.observer import (
+    DISTURBANCE,
+    MEMORY,
+    POSITION,
+    VELOCITY,
+    Observer,
+    correct,
+    initial_estimate,
+    make_observer,
+    predict,
+)
+from cranectl.plants.analytic import AnalyticPlant
+from cranectl.scenario.rig import RigParameters
+
+PERIOD, GRAVITY, BANDWIDTH = 1e-3, 9.81, 60.0
+
+
+@pytest.fixture
+def observer() -> Observer:
+    return make_observer(BANDWIDTH, period=PERIOD, gravity=GRAVITY)
+
+
+def follow(observer: Observer, positions: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
+    """Estimates (N, 15) after each measurement of the five joints (N, 5)."""
+    memory = initial_estimate(np.column_stack([positions[0], np.zeros(5)]).ravel())
+    found = np.empty((len(positions), MEMORY))
+    for k, row in enumerate(positions):
+        for joint in range(5):
+            correct(observer, joint, row[joint], memory)
+        found[k] = memory
+        predict(observer, accelerations[k], memory)
+    return found
+
+
+def bridge(positions: np.ndarray) -> np.ndarray:
+    """Positions of all joints of a crane of which only the bridge moves; alpha and beta are 0."""
+    rows = np.tile([0.0, 0.0, 0.7, 0.0, 0.0], (len(positions), 1))
+    rows[:, 0] = positions
+    return rows
+
+
+def error_dynamics(observer: Observer) -> np.ndarray:
+    """One step of (position, velocity, disturbance) error of one joint."""
+    model = np.array([[1.0, PERIOD, 0.5 * PERIOD**2], [0.0, 1.0, PERIOD], [0.0, 0.0, 1.0]])
+    gain = np.array([observer.position_gain, observer.velocity_gain, observer.disturbance_gain])
+    # The disturbance gain is on d itself; the model adds T d to the velocity in each step.
+    return (np.eye(3) - np.outer(gain, [1.0, 0.0, 0.0])) @ model
+
+
+def test_all_poles_are_where_they_are_said_to_be(observer: Observer) -> None:
+    polynomial = np.poly(error_dynamics(observer))
+    assert_allclose(polynomial, np.poly([np.exp(-BANDWIDTH * PERIOD)] * 3), atol=1e-9)
+
+
+def test_a_measurement_corrects_its_own_joint_by_the_gains(observer: Observer) -> None:
+    memory = np.arange(1.0, 16.0)
+    before = memory.copy()
+    correct(observer, 2, 3.7, memory)
+    gains = [observer.position_gain, observer.velocity_gain, observer.disturbance_gain]
+    places = [POSITION + 2, VELOCITY + 2, DISTURBANCE + 2]
+    assert_allclose((memory - before)[places], 0.7 * np.array(gains), rtol=1e-12)
+    assert np.count_nonzero(memory - before) == 3
+
+
+def test_constant_acceleration_is_found_without_error(observer: Observer) -> None:
+    """Commanded or not: what is not commanded is the disturbance."""
+    time = PERIOD * np.arange(1500)
+    commanded, unknown = 0.7, -1.3
+    positions = bridge(0.5 * (commanded + unknown) * time**2)
+    found = follow(observer, positions, np.tile([commanded, 0.0, 0.0], (len(time), 1)))
+    assert_allclose(found[-1, VELOCITY], (commanded + unknown) * time[-1], atol=1e-9)
+    assert_allclose(found[-1, DISTURBANCE], unknown, atol=1e-7)
+    assert_allclose(found[-1, [1, 2, 3]], [0.0, 0.7, 0.0], atol=1e-12)
+
+
+def test_a_step_of_the_disturbance_stays_within_its_bounds(observer: Observer) -> None:
+    """And comes near them: a bound that is never approached says nothing."""
+    time, step = PERIOD * np.arange(600), 2.0
+    positions = bridge(0.5 * step * time**2)
+    found = follow(observer, positions, np.zeros((len(time), 3)))
+    velocity = np.abs(found[:, VELOCITY] - step * time).max()
+    position = np.abs(found[:, POSITION] - positions[:, 0]).max()
+    assert 0.9 < velocity / (0.84 * step / BANDWIDTH) <= 1.0
+    assert 0.8 < position / (0.27 * step / BANDWIDTH**2) <= 1.0
+    late = time > 12.0 / BANDWIDTH
+    assert np.abs(found[late, VELOCITY] - step * time[late]).max() < 0.05 * step / BANDWIDTH
+
+
+def test_noise_reaches_the_velocity_with_the_variance_of_theory(observer: Observer) -> None:
+    """From the discrete Lyapunov equation of the error, against a long record."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    deviation = 1e-4
+    noise = np.random.default_rng(1).normal(scale=deviation, size=40_000)
+    found = follow(observer, bridge(noise), np.zeros((len(noise), 3)))[2000:]
+    gain = np.array([observer.position_gain, observer.velocity_gain, observer.disturbance_gain])
+    variance = solve_discrete_lyapunov(error_dynamics(observer), deviation**2 * np.outer(gain, gain))
+    measured = [found[:, place].std() for place in (POSITION, VELOCITY, DISTURBANCE)]
+    assert_allclose(measured, np.sqrt(np.diag(variance)), rtol=0.1)
+
+
+def test_a_free_pendulum_is_followed_by_its_equations(observer: Observer) -> None:
+    """Alpha's acceleration comes from the model: nothing is left over for the disturbance."""
+    time, length, amplitude = PERIOD * np.arange(3000), 0.7, 0.05
+    frequency = np.sqrt(GRAVITY / length) * (1.0 - amplitude**2 / 16.0)
+    rows = bridge(np.zeros_like(time))
+    rows[:, 3] = amplitude * np.cos(frequency * time)
+    found = follow(observer, rows, np.zeros((len(time), 3)))[500:]
+    rate = -amplitude * frequency * np.sin(frequency * time[500:])
+    assert np.abs(found[:, VELOCITY + 3] - rate).max() < 1e-3 * amplitude * frequency
+    assert np.abs(found[:, DISTURBANCE + 3]).max() < 2e-3 * amplitude * frequency**2
+
+
+def test_what_moves_the_trolley_is_not_taken_for_a_disturbance_of_the_angles(observer: Observer) -> None:
+    """Commanded and unknown accelerations of all drives, both angles swinging, the rope running."""
+    commanded, unknown = np.array([4.0, -3.0, 0.5]), np.array([2.0, 2.5, 1.0])
+    plant = AnalyticPlant(RigParameters(), drive="ideal", step=PERIOD, substeps=1)
+    state = np.array([0.3, 0.0, 1.2, 0.0, 0.6, 0.2, 0.25, 1.5, -0.2, -1.0])
+    plant.reset(state)
+    memory, load = initial_estimate(state), np.zeros(7)
+    for _ in range(350):
+        plant.measure(state)
+        for joint in range(5):
+            correct(observer, joint, state[2 * joint], memory)
+        left = memory.copy()
+        predict(observer, commanded, memory)
+        plant.advance(commanded + unknown, np.zeros(2), np.zeros(3), load)
+    assert_allclose(left[DISTURBANCE : DISTURBANCE + 3], unknown, atol=1e-5)
+    assert_allclose(left[DISTURBANCE + 3 :], 0.0, atol=1e-3)
+    assert_allclose(left[VELOCITY:DISTURBANCE], state[1::2], atol=3e-5)

@@ -1,0 +1,152 @@
+"""What may be changed in a session, and what is refused."""
+
+import time
+
+import numpy as np
+import pytest
+
+from cranectl.design import design_controller
+from cranectl.live.commands import Controls, Kick, Reset, Say, Use
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.support.errors import InputError
+
+NAMES = ["pause", "speed", "controller", "k0", "k1", "k2", "k3", "kick_alpha", "kick_beta"]
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    return load_scenario("fixed-position")
+
+
+@pytest.fixture
+def controls(scenario: Scenario) -> Controls:
+    return Controls(scenario, design_controller("lqr", scenario.design))
+
+
+def test_what_there_is(controls: Controls, scenario: Scenario) -> None:
+    values = controls.values()
+    assert list(values) == NAMES
+    assert [values[name] for name in NAMES[3:7]] == design_controller("lqr", scenario.design).gain.tolist()
+    assert (values["pause"], values["speed"], values["controller"]) == (False, 1.0, "lqr")
+    assert controls.commands() == []
+
+
+def test_pause_and_speed(controls: Controls) -> None:
+    controls.set({"pause": True, "speed": 2})
+    assert controls.paused
+    assert controls.speed == 2.0
+    assert [type(command) for command in controls.commands()] == [Say, Say]
+    controls.set({"pause": True})
+    assert controls.commands() == [], "nothing has changed"
+
+
+def test_kick_and_reset(controls: Controls) -> None:
+    controls.set({"kick_beta": -1.5})
+    controls.kick()
+    controls.reset()
+    _, kick, reset = controls.commands()
+    assert kick == Kick((2.0, -1.5))
+    assert reset == Reset()
+
+
+def test_another_controller_brings_its_gains(controls: Controls, scenario: Scenario) -> None:
+    controls.set({"controller": "pole-placement+hinf"})
+    (command,) = controls.commands()
+    design = design_controller("pole-placement+hinf", scenario.design)
+    assert isinstance(command, Use)
+    assert command.design is design
+    assert [controls.values()[name] for name in NAMES[3:7]] == design.gain.tolist()
+
+
+def test_gains_that_come_together_are_one_change(controls: Controls) -> None:
+    """One after the other, the first of them alone would be unstable."""
+    gain = np.poly([-6.0] * 4)[:0:-1].tolist()
+    before = controls.values()
+    controls.set({"k0": gain[0]})
+    (refusal,) = controls.commands()
+    assert isinstance(refusal, Say)
+    assert refusal.warning
+    assert "unstable" in refusal.message
+    assert controls.values() == before
+    controls.set(dict(zip(NAMES[3:7], gain, strict=True)))
+    (command,) = controls.commands()
+    assert isinstance(command, Use)
+    assert command.design.gain.tolist() == gain
+    assert controls.values()["controller"] == "lqr"
+
+
+def test_gains_come_with_their_controller(controls: Controls) -> None:
+    controls.set({"controller": "pole-placement", "k3": 11.0})
+    (command,) = controls.commands()
+    assert isinstance(command, Use)
+    assert command.design.name == "pole-placement, gains by hand"
+    assert command.design.gain.tolist() == pytest.approx([39.0625, 62.5, 37.5, 11.0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"controller": "lqrr"}, "unknown controller 'lqrr'; allowed: lqr,"),
+        ({"controller": 3.0}, "unknown controller '3.0'"),
+        ({"k2": -1.0}, "unstable"),
+        ({"k2": "much"}, "k2 = 'much'"),
+        ({"k2": True}, "k2 = True"),
+        ({"k2": float("nan")}, "k2 = nan"),
+        ({"k2": None}, "k2 = None"),
+        ({"controller": "lqr+hinf", "k0": 1e6}, "unstable"),
+        (dict(zip(NAMES[3:7], np.poly([-2500.0] * 4)[:0:-1].tolist(), strict=True)), "allowed: a"),
+        (
+            dict(zip(NAMES[3:7], np.poly([-25.0, -25.0, -25.0, -2400.0])[:0:-1].tolist(), strict=True)),
+            "sampled",
+        ),
+        ({"speed": 0.0}, "speed = 0.0; allowed: a number from 0.05 to 20"),
+        ({"speed": 1e9}, "speed"),
+        ({"pause": 1.0}, "pause = 1.0; allowed: true or false"),
+        ({"kick_alpha": 1e3}, "kick_alpha"),
+        ({"wind": 1.0}, "unknown parameter 'wind'"),
+    ],
+)
+def test_wrong_values_are_refused_and_change_nothing(
+    controls: Controls, changes: dict[str, object], said: str
+) -> None:
+    before = controls.values()
+    controls.set(changes)
+    (refusal,) = controls.commands()
+    assert isinstance(refusal, Say)
+    assert refusal.warning
+    assert "refused" in refusal.message
+    assert said in refusal.message
+    assert controls.values() == before
+
+
+def test_a_long_name_takes_no_time_and_little_room(controls: Controls) -> None:
+    """Names are compared with those that exist, in a time that goes with their square."""
+    start = time.process_time()
+    controls.set({"controller": "lqr+" * 250_000})
+    controls.set({"x" * 1_000_000: 1.0})
+    controls.set({"speed": "7" * 1_000_000})
+    assert time.process_time() - start < 1.0
+    said = controls.commands()
+    assert [said.warning for said in said if isinstance(said, Say)] == [True, True, True]
+    assert all(len(said.message) < 10_000 for said in said if isinstance(said, Say))
+
+
+def test_a_crowd_of_changes_is_refused_as_one(controls: Controls) -> None:
+    before = controls.values()
+    controls.set({"speed": 2.0, **{f"x{k}": 1.0 for k in range(100)}})
+    assert controls.values() == before
+    (said,) = controls.commands()
+    assert isinstance(said, Say)
+    assert said == Say("101 parameters at once refused; allowed: 100", warning=True)
+
+
+def test_a_wrong_value_does_not_spoil_the_others(controls: Controls) -> None:
+    controls.set({"speed": -1.0, "pause": True, "k0": 31.0})
+    assert controls.paused
+    assert controls.speed == 1.0
+    assert controls.values()["k0"] == 31.0
+
+
+def test_a_wrong_speed_at_the_start(scenario: Scenario) -> None:
+    with pytest.raises(InputError, match="speed = 100"):
+        Controls(scenario, design_controller("lqr", scenario.design), speed=100.0)

@@ -1,0 +1,614 @@
+"""Live sessions as a viewer meets them, and what they leave on disk."""
+
+import contextlib
+import itertools
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from websockets.exceptions import InvalidStatus, WebSocketException
+from websockets.sync.client import connect
+
+from cranectl.cli.live import live_command
+from cranectl.compare import judge
+from cranectl.design import design_controller
+from cranectl.live.commands import Controls
+from cranectl.live.increments import Pieces
+from cranectl.live.listener import Address
+from cranectl.live.server import LiveServer
+from cranectl.live.session import Session
+from cranectl.log import describe_log, read_log, write_log
+from cranectl.log.messages import streams
+from cranectl.log.schema import decode_rows
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.signals import DISTURBANCE, STATE
+from cranectl.simulate import simulate_run
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError, LogError
+from tests.log.viewer import Viewer
+
+QUIET = ["disturbances=[]"]
+STOP = ["disturbances=[{joint='alpha', start=0.1, magnitude=200.0}]", "duration=2"]
+STANDING = (
+    *("/analytic/model", "/mujoco/model", "/reference/path", "/rig/workspace"),
+    *("/run/info", "/controller/design", "/analytic/status", "/mujoco/status", "/mujoco/push"),
+)
+
+
+SHORT = (
+    "duration=2.0",
+    "reference.segments.0.duration=1.2",
+    "reference.segments.1.duration=0.5",
+    "reference.segments.0.to=[0.4,0.3,-0.3]",
+    "reference.segments.1.angle=-0.1",
+    "disturbances=[{joint='alpha',start=0.5,magnitude=1.0},{joint='beta',start=0.7,end=1.1,magnitude=-2.0}]",
+)
+PUSH = "disturbances=[{joint='beta',start=0.1,end=0.4,magnitude=1.0}]"  # past the end of a short bridge
+
+
+class Live:
+    """A session served in a thread."""
+
+    def __init__(
+        self, scenario: Scenario, record: Path, controller: str, speed: float, plants: list[str]
+    ) -> None:
+        design = design_controller(controller, scenario.design)
+        self.session = Session(scenario, design, plants=plants)
+        controls = Controls(scenario, design, speed=speed)
+        self.server = LiveServer(self.session, controls, Address(port=0), record)
+        self.stop = threading.Event()
+        self._thread = threading.Thread(target=self.server.serve, args=[self.stop])
+        self._thread.start()
+
+    def end(self) -> list[Path]:
+        """Close; the files it leaves."""
+        self.stop.set()
+        self._thread.join()
+        return list(self.server.recorded)
+
+
+@contextlib.contextmanager
+def live(
+    record: Path,
+    *overrides: str,
+    name: str = "fixed-position",
+    controller: str = "lqr",
+    speed: float = 1.0,
+    plants: tuple[str, ...] = ("analytic", "mujoco"),
+) -> Iterator[tuple[Live, Viewer]]:
+    scenario = load_scenario(name, overrides=overrides)
+    running = Live(scenario, record, controller, speed, list(plants))
+    try:
+        with Viewer(running.server.port) as viewer:
+            viewer.until(lambda: "/tf" in viewer.channels)
+            yield running, viewer
+    finally:
+        running.end()
+
+
+def states(viewer: Viewer, plant: str = "mujoco") -> np.ndarray:
+    return decode_rows([data for _, data in viewer.of(f"/{plant}/state")], len(STATE))
+
+
+def test_everything_is_advertised(tmp_path: Path, short: Scenario) -> None:
+    log = write_log(tmp_path / "a.mcap", [simulate_run(short, plant=p) for p in ("analytic", "mujoco")])
+    with live(tmp_path / "live.mcap") as (_, viewer):
+        assert set(viewer.info["capabilities"]) >= {"parameters", "parametersSubscribe", "services", "time"}
+        assert viewer.info["supportedEncodings"] == ["json"]
+        expected = {topic.topic: topic.schema for topic in describe_log(log).topics}
+        del expected["/diff/verdict"]
+        viewer.until(lambda: len(viewer.channels) >= len(expected))
+        assert {topic: c["schemaName"] for topic, c in viewer.channels.items()} == expected
+        assert set(viewer.services) == {"/kick", "/reset", "/pause", "/resume"}
+        for service in viewer.services.values():
+            assert service["request"]["encoding"] == "json"
+            assert service["request"]["schemaEncoding"] == "jsonschema"
+        assert list(viewer.get()) == [
+            "pause", "speed", "controller", "k0", "k1", "k2", "k3", "kick_alpha", "kick_beta",
+        ]  # fmt: skip
+        assert viewer.get("speed", "controller") == {"speed": 1.0, "controller": "lqr"}
+
+
+def test_a_late_viewer_sees_the_whole_scene(tmp_path: Path) -> None:
+    with live(tmp_path / "live.mcap") as (running, early):
+        early.subscribe("/tf")
+        early.wait_for("/tf")
+        early.call("/pause")
+        early.until(lambda: early.get("pause")["pause"])
+        early.rest(0.2)
+        with Viewer(running.server.port) as late:
+            late.subscribe(*STANDING, "/tf", "/mujoco/cable", "/mujoco/trail", "/log", "/mujoco/state")
+            for topic in (*STANDING, "/tf", "/mujoco/cable", "/mujoco/trail"):
+                late.wait_for(topic)
+            late.until(lambda: late.clock_ns)
+            assert late.clock_ns[-1] >= early.of("/tf")[-1][0]
+            assert late.of("/tf")[-1][1] == early.of("/tf")[-1][1], "the crane stands where it was paused"
+            assert len(late.decoded("/mujoco/model")[0].entities) == 4
+            assert len(late.decoded("/analytic/model")[0].entities) == 3
+            assert len(late.decoded("/reference/path")[0].entities[0].lines[0].points) > 1
+            assert late.decoded("/run/info")[0].controller == "lqr"
+            late.rest(0.2)
+            assert late.of("/mujoco/state") == late.of("/log") == [], "a sample happened only once"
+
+
+def test_pause_stops_time_and_resume_goes_on(tmp_path: Path) -> None:
+    with live(tmp_path / "live.mcap") as (_, viewer):
+        viewer.subscribe("/mujoco/state", "/log")
+        viewer.watch("pause")
+        viewer.wait_for("/mujoco/state")
+        viewer.call("/pause")
+        viewer.wait_to_hear("paused")
+        viewer.until(lambda: viewer.parameters.get("pause") is True)
+        viewer.rest(0.1)
+        count = len(viewer.of("/mujoco/state"))
+        viewer.rest(0.4)
+        assert len(viewer.of("/mujoco/state")) == count
+        viewer.set(pause=False)
+        assert viewer.parameters["pause"] is False
+        viewer.until(lambda: len(viewer.of("/mujoco/state")) > count + 20)
+        times = [time_ns for time_ns, _ in viewer.of("/mujoco/state")]
+        assert set(np.diff(times)) == {4_000_000}, "no sample is lost"
+
+
+def test_time_passes_at_the_speed_that_is_set(tmp_path: Path) -> None:
+    """A busy machine may be late, never early; what is called late is below what speed 0.5 would take."""
+    with live(tmp_path / "live.mcap", speed=0.5) as (_, viewer):
+        viewer.subscribe("/reference/load")
+        for speed, latest in ((0.5, 20.0), (5.0, 5.0), (0.25, 20.0)):
+            viewer.set(speed=speed)
+            viewer.rest(0.1)
+            viewer.forget()
+            start, passed = time.monotonic(), 0.0
+            while passed < 0.7 * speed:
+                viewer.rest(0.02)
+                times = [time_ns for time_ns, _ in viewer.of("/reference/load")]
+                passed = (times[-1] - times[0]) / 1e9 if times else 0.0
+                assert time.monotonic() - start < latest
+            assert time.monotonic() - start > 0.5
+
+
+def test_a_machine_too_slow_says_so_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    advance = Session.advance
+
+    def slowly(self: Session, samples: int) -> list:
+        time.sleep(0.3)
+        return advance(self, samples)
+
+    monkeypatch.setattr(Session, "advance", slowly)
+    with live(tmp_path / "live.mcap") as (_, viewer):
+        viewer.subscribe("/log")
+        viewer.wait_to_hear("too slow for speed 1:")
+        viewer.rest(1.0)
+        assert sum("too slow" in line for line in viewer.said()) == 1
+
+
+def test_gains_change_the_run_and_its_recording(tmp_path: Path) -> None:
+    record = tmp_path / "live.mcap"
+    old = tmp_path / "live.take9.mcap"
+    old.touch()
+    with live(record, *QUIET) as (running, viewer):
+        viewer.subscribe("/controller/design", "/log", "/mujoco/controller")
+        viewer.rest(0.2)
+        gain = np.poly([-2.0, -2.5, -3.0, -3.5])[:0:-1].tolist()
+        viewer.set(**dict(zip(("k0", "k1", "k2", "k3"), gain, strict=True)))
+        viewer.wait_for("/controller/design", lambda message: "by hand" in message.name)
+        viewer.set(controller="pole-placement+loop-shaping")
+        viewer.wait_for("/controller/design", lambda message: "loop-shaping" in message.name)
+        assert viewer.parameters["k3"] == pytest.approx(10.0)
+        order = design_controller("pole-placement+loop-shaping").robustifier.sampled_order
+        name = f"cranectl.Controller{order}"
+        viewer.until(lambda: viewer.channels.get("/mujoco/controller", {}).get("schemaName") == name)
+        viewer.forget()
+        shaped = viewer.wait_for("/mujoco/controller")
+        assert len(shaped.DESCRIPTOR.fields) == 2 + 3 * order > 2
+        viewer.rest(0.1)
+        files = running.end()
+    assert files == [record, tmp_path / "live.take2.mcap", tmp_path / "live.take3.mcap"]
+    assert sorted(tmp_path.iterdir()) == sorted([*files, old]), "nothing half-written"
+    runs = [read_log(file)["mujoco"] for file in files]
+    assert [run.design.name for run in runs] == [
+        "lqr", "lqr, gains by hand", "pole-placement+loop-shaping",
+    ]  # fmt: skip
+    assert runs[1].design.gain.tolist() == gain
+    for run, following in itertools.pairwise(runs):
+        assert run.status == RunStatus.INTERRUPTED
+        assert following.time_ns[0] - run.time_ns[-1] <= 4_000_000, "time goes on without a gap"
+    # Nothing jumps where the controller changes: the load hangs still and so it stays.
+    assert max(np.abs(run.block("input")).max() for run in runs) < 1e-6
+
+
+def test_what_is_wrong_is_refused_with_the_reason(tmp_path: Path) -> None:
+    with live(tmp_path / "live.mcap") as (running, viewer):
+        viewer.subscribe("/log")
+        before = viewer.get()
+        for change, reason in (
+            ({"k2": -1.0}, "k2 refused: unstable with the gains"),
+            ({"controller": "lqr+magic"}, "controller refused: unknown controller 'lqr+magic'; allowed: lqr"),
+            ({"speed": 0}, "speed refused: speed = 0; allowed: a number from 0.05 to 20"),
+            ({"wind": 1.0}, "unknown parameter 'wind'"),
+        ):
+            viewer.set(**change)
+            assert viewer.get() == before
+            viewer.wait_to_hear(reason)
+        assert running.session.design.name == "lqr"
+
+
+def test_a_kick_moves_the_load_and_a_reset_takes_it_back(tmp_path: Path) -> None:
+    record = tmp_path / "live.mcap"
+    with live(record, *QUIET, speed=2.0) as (running, viewer):
+        topics = ("/mujoco/state", "/mujoco/disturbance", "/mujoco/push", "/mujoco/status", "/log")
+        viewer.subscribe(*topics)
+        viewer.wait_for("/mujoco/disturbance")
+        viewer.set(kick_alpha=3.0, kick_beta=-2.0)
+        assert viewer.call("/kick")["message"]
+        viewer.wait_for("/mujoco/status", lambda message: message.disturbed == 3)
+        viewer.wait_for("/mujoco/status", lambda message: message.disturbed == 0)
+        acted = decode_rows([data for _, data in viewer.of("/mujoco/disturbance")], len(DISTURBANCE))
+        assert set(map(tuple, acted.tolist())) == {(0.0, 0.0), (3.0, -2.0)}
+        assert (acted[:, 0] > 0.0).sum() == 50, "0.2 s at 250 Hz"
+        assert (
+            max(
+                len(update.entities[0].arrows) for update in viewer.decoded("/mujoco/push") if update.entities
+            )
+            == 2
+        )
+        swung = states(viewer)[-1]
+        assert swung[6] > 0.03
+        assert swung[8] < -0.02
+        viewer.call("/pause")
+        viewer.wait_to_hear("paused")
+        viewer.rest(0.1)
+        for _ in range(3):  # only the last of them leaves a file
+            viewer.call("/reset")
+        viewer.until(lambda: viewer.said().count("reset") == 3)
+        viewer.until(lambda: abs(states(viewer)[-1][6]) < 1e-12)
+        assert states(viewer)[-1] == pytest.approx([1.0, 0, 0.77, 0, 0.7, 0, 0, 0, 0, 0], abs=1e-12)
+        times = [time_ns for _, time_ns, _ in viewer.messages]
+        assert (np.diff(times) >= 0).all(), "viewers lose their plots when time goes back"
+        viewer.forget()
+        viewer.set(pause=False)
+        viewer.until(lambda: len(viewer.of("/mujoco/state")) > 5)
+        files = running.end()
+    first, second = (read_log(file)["mujoco"] for file in files)
+    assert first.time_ns[0] == 0
+    assert second.time_ns[0] > first.time_ns[-1]
+    assert np.abs(first.signal("state.alpha")).max() > 0.03
+    assert np.abs(second.signal("state.alpha")).max() < 1e-9
+
+
+def test_a_stop_is_shown_and_a_reset_starts_again(tmp_path: Path) -> None:
+    record = tmp_path / "live.mcap"
+    with live(record, *STOP) as (running, viewer):
+        viewer.subscribe("/mujoco/status", "/analytic/status", "/log", "/mujoco/state")
+        stopped = viewer.wait_for("/mujoco/status", lambda message: message.status > 1)
+        expected = simulate_run(running.session.scenario, plant="mujoco", controller="lqr")
+        assert stopped.status == expected.status
+        viewer.wait_to_hear(expected.status.explanation)
+        viewer.rest(0.2)
+        count = len(viewer.of("/mujoco/state"))
+        viewer.call("/kick")
+        viewer.wait_to_hear("refused: the run has stopped; call /reset")
+        viewer.set(controller="pole-placement")
+        viewer.rest(0.2)
+        assert len(viewer.of("/mujoco/state")) == count
+        viewer.call("/reset")
+        viewer.wait_for("/mujoco/status", lambda message: message.status == RunStatus.RUNNING)
+        viewer.wait_for("/mujoco/status", lambda message: message.status > 1)
+        files = running.end()
+    first, second = (read_log(file) for file in files)
+    assert (first["mujoco"].status, first["mujoco"].end_ns) == (expected.status, expected.end_ns)
+    assert second["mujoco"].design.name == "pole-placement"
+    assert second["analytic"].status.stopped
+
+
+def test_left_alone_it_records_the_run_bit_for_bit(tmp_path: Path) -> None:
+    """Two seconds and a half of the settled trajectory, past the end of a scenario cut to two."""
+    overrides = [
+        "duration=2.0",
+        "disturbances=[{joint='beta', start=1.0, magnitude=1.0}]",
+        "reference.segments=[]",
+    ]
+    record = tmp_path / "live.mcap"
+    with live(record, *overrides, speed=5.0, controller="lqr+hinf") as (running, viewer):
+        viewer.subscribe("/mujoco/state")
+        viewer.until(lambda: viewer.of("/mujoco/state") and viewer.of("/mujoco/state")[-1][0] > 2_500_000_000)
+        assert running.end() == [record]
+    recorded = read_log(record)
+    assert judge(*recorded.values()).passed
+    for plant, run in recorded.items():
+        alone = simulate_run(running.session.scenario, plant=plant, controller="lqr+hinf").every(4)
+        rows = len(alone.time_ns)
+        assert run.status == RunStatus.COMPLETED
+        assert run.end_ns == run.time_ns[-1] > 2_500_000_000
+        assert run.model == alone.model
+        assert np.array_equal(run.table[:rows], alone.table)
+        assert np.array_equal(run.reference[:rows], alone.reference)
+        assert np.array_equal(run.time_ns[:rows], alone.time_ns)
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "block"),
+    [
+        ("settled-trajectory", SHORT, 20),
+        ("settled-trajectory", (*SHORT, "log.every=3"), 7),
+        ("settled-trajectory", (*SHORT, "log.every=1"), 1001),
+        ("fixed-position", ("duration=2", "log.every=1", "rig.bridge_range=[0.0,1.00001]", PUSH), 20),
+        ("fixed-position", STOP, 20),
+    ],
+)
+def test_pieces_make_the_messages_of_a_log(name: str, overrides: tuple[str, ...], block: int) -> None:
+    """Except how the run ended, and the last pose where it lies between two others."""
+    scenario = load_scenario(name, overrides=overrides)
+    design = design_controller("lqr", scenario.design)
+    running = Session(scenario, design)
+    pieces = Pieces(scenario, running.plan, ["analytic", "mujoco"])
+    found: dict[str, list[tuple[int, bytes]]] = {}
+
+    def keep(made: list) -> None:
+        for stream in made:
+            found.setdefault(stream.topic, []).extend(
+                zip(stream.time_ns.tolist(), stream.messages, strict=True)
+            )
+
+    keep(pieces.standing(running.advance(0)))
+    left = scenario.steps + 1
+    while left > 0 and running.moving:
+        keep(pieces.piece(running.advance(min(block, left)), running.origin_ns))
+        left -= block
+    keep(pieces.last())
+    runs = [
+        simulate_run(scenario, plant=p, design=design).every(scenario.log.every)
+        for p in ("analytic", "mujoco")
+    ]
+    whole = {
+        stream.topic: list(zip(stream.time_ns.tolist(), stream.messages, strict=True))
+        for stream in streams(runs)
+    }
+    del whole["/diff/verdict"], whole["/run/info"]
+    found.pop("/run/info")
+    assert found.keys() == whole.keys()
+    stopped = runs[0].status.stopped
+    for topic, messages in whole.items():
+        if topic == "/reference/path" and stopped:
+            continue  # a log shows the path that was gone, a session that which is planned
+        if topic == "/log" and any("bridge_range" in override for override in overrides):
+            assert any(b"leaves the workspace" in line for _, line in messages)
+        if topic == "/log":
+            assert sorted(found[topic]) == sorted(messages if stopped else messages[:-2])
+        elif topic.endswith("/status"):
+            assert found[topic] == (messages if stopped else messages[:-1])
+        elif topic == "/tf" or topic.endswith(("/cable", "/trail")):
+            assert messages[: len(found[topic])] == found[topic]
+            assert len(messages) - len(found[topic]) <= 1
+        else:
+            assert found[topic] == messages, topic
+
+
+def test_the_reference_is_sent_once_though_one_plant_stops_and_the_other_waits() -> None:
+    """At a sample that is not logged otherwise; twice the same time would be a damaged log."""
+    scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]"])
+    design = design_controller("lqr", scenario.design)
+    running = Session(scenario, design)
+    pieces = Pieces(scenario, running.plan, ["analytic", "mujoco"])
+    first, second = running.advance(22)
+    stopped = replace(first, status=RunStatus.WORKSPACE_LEFT, end_ns=21_000_000)
+    sent = [*pieces.piece([stopped, second], 0), *pieces.last()]
+    times = {topic: [] for topic in ("/reference/load", "/analytic/state", "/mujoco/state")}
+    for stream in sent:
+        if stream.topic in times:
+            times[stream.topic] += stream.time_ns.tolist()
+    assert set(map(tuple, times.values())) == {
+        (0, 4_000_000, 8_000_000, 12_000_000, 16_000_000, 20_000_000, 21_000_000)
+    }
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_closes_the_recording_of_what_was_sent(tmp_path: Path, sent: signal.Signals) -> None:
+    script = """
+import sys
+from cranectl.cli import main
+from cranectl.cli.live import live_command
+main.cli.add_command(live_command)
+sys.exit(main.main(sys.argv[1:]))
+"""
+    host = ["--host", "0.0.0.0"] if sent == signal.SIGTERM else []
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, "live", "fixed-position", "--port", "0", "--plant", "mujoco", *host],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert "fixed-position, pole-placement, ideal drives, mujoco" in process.stdout.readline()
+    line = process.stdout.readline()
+    assert "ws://" in line
+    with Viewer(int(line.rpartition(":")[2])) as viewer:
+        viewer.until(lambda: "/tf" in viewer.channels)
+        viewer.send_nonsense(100)
+        viewer.call("/pause")
+        viewer.subscribe()
+        viewer.rest(0.3)
+        viewer.forget()
+        viewer.call("/resume")
+        viewer.wait_to_hear("resumed")
+        viewer.rest(0.3)
+        viewer.call("/kick")
+        viewer.rest(0.3)
+        viewer.call("/pause")
+        viewer.wait_to_hear("paused")
+        viewer.rest(0.2)
+        received = list(viewer.messages)
+        process.send_signal(sent)
+        viewer.until_closed()
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0
+    record = tmp_path / "logs/fixed-position/pole-placement-ideal-live.mcap"
+    assert f"recorded: {record.relative_to(tmp_path)}" in out
+    assert ("warning: listening on 0.0.0.0: anyone" in err) == bool(host)
+    assert "Traceback" not in err
+    assert err.count("Invalid message") == 1
+    assert "100 complaints of clients in all" in err
+    assert list(record.parent.iterdir()) == [record]
+    with record.open("rb") as stream:
+        recorded = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
+    begin = next(k for k, (topic, _, data) in enumerate(recorded) if topic == "/log" and b"resumed" in data)
+    for topic in {topic for topic, _, _ in received}:
+        got = [message for message in received if message[0] == topic]
+        kept = [message for message in recorded[begin:] if message[0] == topic]
+        assert kept[: len(got)] == got, topic
+        assert len(kept) - len(got) <= 1, "the last sample"
+    assert len(received) > 1000
+    run = read_log(record)["mujoco"]
+    assert run.status == RunStatus.INTERRUPTED
+    assert np.abs(run.block("disturbance")).max() == 2.0
+
+
+def test_two_sessions_leave_all_that_they_print(tmp_path: Path) -> None:
+    """At once and one after the other, where nobody says where to record."""
+    command = [
+        sys.executable,
+        "-m",
+        "cranectl",
+        "live",
+        "fixed-position",
+        "--port",
+        "0",
+        "--plant",
+        "analytic",
+    ]
+    kept: dict[Path, bytes] = {}
+    for together in (2, 1):
+        sessions = [
+            subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+            for _ in range(together)
+        ]
+        for session in sessions:
+            head = list(itertools.islice(session.stdout or [], 5))
+            move_and_reset(int(head[1].rpartition(":")[2]))
+        for session in sessions:
+            session.send_signal(signal.SIGHUP)
+            out, err = session.communicate(timeout=60)
+            assert (session.returncode, err) == (0, "")
+            printed = [tmp_path / line.removeprefix("recorded: ") for line in out.splitlines()]
+            assert len(printed) == 2
+            assert not kept.keys() & set(printed)
+            kept |= {file: file.read_bytes() for file in printed}
+    assert sorted((tmp_path / "logs/fixed-position").iterdir()) == sorted(kept)
+    assert all(file.read_bytes() == data for file, data in kept.items())
+    taken = str(sorted(kept)[0])
+    with pytest.raises(LogError, match="is there already"):
+        live_command.main(["fixed-position", "--port", "0", "--record", taken], standalone_mode=False)
+
+
+def move_and_reset(port: int) -> None:
+    """Make a session leave two files."""
+    with Viewer(port) as viewer:
+        viewer.until(lambda: "/tf" in viewer.channels)
+        viewer.subscribe("/analytic/state", "/log")
+        viewer.until(lambda: len(viewer.of("/analytic/state")) > 5)
+        viewer.call("/reset")
+        viewer.wait_to_hear("reset")
+        viewer.forget()
+        viewer.until(lambda: len(viewer.of("/analytic/state")) > 5)
+
+
+def test_web_pages_of_others_cannot_connect(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with live(tmp_path / "live.mcap") as (running, _):
+        port = running.server.port
+
+        def page(origin: str | None, name: str = "127.0.0.1") -> contextlib.AbstractContextManager[object]:
+            return connect(
+                f"ws://{name}:{port}",
+                sock=socket.create_connection(("127.0.0.1", port)),
+                origin=origin,  # type: ignore[arg-type]
+                subprotocols=["foxglove.sdk.v1"],  # type: ignore[list-item]
+            )
+
+        for allowed in (None, "https://app.foxglove.dev", f"http://127.0.0.1:{port}"):
+            with page(allowed):
+                pass
+        for origin, name in (
+            ("https://evil.example", "127.0.0.1"),
+            ("null", "localhost"),
+            (None, "evil.example"),
+        ):
+            with pytest.raises(InvalidStatus, match="403"), page(origin, name):
+                pass
+        assert len(caplog.messages) == 3
+        # Whoever finds the library's own port does not find its address.
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", running.server._server.port))
+
+
+def test_who_says_too_much_or_nothing_is_let_go(tmp_path: Path) -> None:
+    with live(tmp_path / "live.mcap") as (running, viewer):
+        for head in (b"GET / HTTP/1.1\r\n" + b"x: y\r\n" * 10_000, b"\0\r\n\r\n", b""):
+            with socket.create_connection(("127.0.0.1", running.server.port)) as client:
+                client.settimeout(5.0)
+                with contextlib.suppress(ConnectionError):
+                    client.sendall(head)
+                    client.shutdown(socket.SHUT_WR)
+                    assert client.recv(1000)[:12] in (b"", b"HTTP/1.1 400")
+        assert viewer.get("speed") == {"speed": 1.0}
+
+
+def test_a_port_in_use_is_explained(tmp_path: Path) -> None:
+    with live(tmp_path / "live.mcap") as (running, _):
+        arguments = [
+            "fixed-position",
+            "--port",
+            str(running.server.port),
+            "--record",
+            str(tmp_path / "b.mcap"),
+        ]
+        with pytest.raises(InputError, match="Address already in use") as caught:
+            live_command.main(arguments, standalone_mode=False)
+        assert "--port" in caught.value.remedy
+    assert not (tmp_path / "b.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        (["--port", "99999"], "port 99999"),
+        (["--host", "203.0.113.9", "--port", "0"], "203.0.113.9"),
+        (["--speed", "0"], "speed = 0.0"),
+        (["--plant", "mujocco"], "unknown plant 'mujocco'"),
+        (["--controller", "lqrr"], "unknown controller 'lqrr'"),
+        (["--record", "/dev/null", "--port", "0"], "cannot write /dev/null"),
+        (["--allow-origin", "*"], "--allow-origin *"),
+    ],
+)
+def test_bad_input_is_explained(
+    arguments: list[str], found: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(InputError) as caught:
+        live_command.main(["fixed-position", *arguments], standalone_mode=False)
+    assert found in caught.value.found
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_recording_that_cannot_be_finished_is_an_error(tmp_path: Path) -> None:
+    """The disk behind it is gone; the server is closed all the same."""
+    scenario = load_scenario("fixed-position")
+    design = design_controller("lqr", scenario.design)
+    place = tmp_path / "there"
+    place.mkdir()
+    session = Session(scenario, design, plants=["analytic"])
+    server = LiveServer(session, Controls(scenario, design), Address(port=0), place / "live.mcap")
+    stop = threading.Event()
+    timer = threading.Timer(0.5, lambda: ([file.unlink() for file in place.iterdir()], stop.set()))
+    timer.start()
+    with pytest.raises(LogError, match="cannot write"):
+        server.serve(stop)
+    with pytest.raises((OSError, WebSocketException)), Viewer(server.port):
+        pass

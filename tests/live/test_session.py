@@ -1,0 +1,198 @@
+"""Sessions: the numbers of a run bit for bit, changes between blocks, new starts."""
+
+import numpy as np
+import pytest
+
+from cranectl.design import design_controller, with_gain
+from cranectl.live.pace import PATIENCE, Pace
+from cranectl.live.session import Session
+from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
+from tests.conftest import ALL_CONTROLLERS
+
+STOP = ["disturbances=[{joint='alpha', start=0.1, magnitude=200.0}]", "duration=2"]
+
+
+def session(scenario: Scenario, controller: str = "lqr", **options: object) -> Session:
+    return Session(scenario, design_controller(controller, scenario.design), **options)
+
+
+def advanced(running: Session, samples: int, block: int = 20) -> dict[str, np.ndarray]:
+    """All rows of the next `samples` samples, by plant."""
+    pieces: dict[str, list[Run]] = {}
+    while samples > 0:
+        for run in running.advance(min(block, samples)):
+            pieces.setdefault(run.plant, []).append(run)
+        samples -= block
+    return {plant: np.vstack([run.table for run in runs]) for plant, runs in pieces.items()}
+
+
+@pytest.mark.parametrize("block", [1, 7, 20, 501])
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("controller", ["pole-placement", "lqr+hinf"])
+def test_left_alone_it_gives_the_numbers_of_a_run(
+    short: Scenario, controller: str, drive: str, block: int
+) -> None:
+    prepared = session(short, controller, drive=drive)
+    prepared.prepare()
+    tables = advanced(prepared, 501, block)
+    assert list(tables) == list(PLANTS)
+    for plant, table in tables.items():
+        run = simulate_run(short, plant=plant, drive=drive, controller=controller)
+        assert run.status == RunStatus.COMPLETED
+        assert np.array_equal(table, run.table)
+
+
+def test_the_last_point_is_held_and_the_last_disturbances_act_on(short: Scenario) -> None:
+    running = session(short, plants=["analytic"])
+    running.advance(501)
+    (run,) = running.advance(300)
+    assert run.status == RunStatus.RUNNING
+    assert run.time_ns[[0, -1]].tolist() == [501_000_000, 800_000_000]
+    assert np.array_equal(run.reference, np.tile(running.plan.reference[-1], (300, 1)))
+    assert np.array_equal(run.block("disturbance"), np.ones((300, 2)))
+
+
+@pytest.mark.parametrize("controller", ALL_CONTROLLERS)
+def test_another_tracker_of_the_same_gains_changes_no_bit(short: Scenario, controller: str) -> None:
+    """So nothing is lost on the way: ζ, its rate, set-points, robustifier."""
+    running = session(short, controller)
+    first = advanced(running, 300)
+    running.use(with_gain(running.design, running.design.gain))
+    second = advanced(running, 201)
+    for plant in PLANTS:
+        whole = simulate_run(short, plant=plant, controller=controller).table
+        assert np.array_equal(np.vstack([first[plant], second[plant]]), whole)
+
+
+def test_another_robustifier_starts_at_rest_and_the_extension_carries_over(short: Scenario) -> None:
+    running = session(short, "lqr+hinf")
+    advanced(running, 300)
+    held = [lane.memory[:5].copy() for lane in running._lanes]
+    design = design_controller("pole-placement+loop-shaping", short.design)
+    running.use(design)
+    for run, memory in zip(running.advance(1), held, strict=True):
+        controller = run.block("controller")
+        assert controller.shape == (1, 2 + 3 * design.robustifier.sampled_order)
+        assert controller[0, :2].tolist() == memory[:2].tolist()
+        assert not controller[0, 2:].any()
+        assert memory[0] != 0.0
+        setpoints = run.block("input")[0, 3:] - short.rig.time_constants * run.block("input")[0, :3]
+        assert setpoints == pytest.approx(memory[2:5], abs=1e-15)
+
+
+def test_gains_change_the_motion(short: Scenario) -> None:
+    running, alone = session(short), session(short)
+    for one in (running, alone):
+        advanced(one, 300)
+    running.use(with_gain(running.design, running.design.gain * 1.1))
+    assert np.abs(running.advance(200)[1].table - alone.advance(200)[1].table).max() > 1e-3
+
+
+def test_unstable_gains_are_refused_and_change_nothing(short: Scenario) -> None:
+    running, alone = session(short), session(short)
+    with pytest.raises(InputError, match="unstable"):
+        with_gain(running.design, np.array([40.0, 60.0, 38.0, -10.0]))
+    # Stable in continuous time, but not at 1 ms.
+    fast = with_gain(running.design, np.poly([-2500.0] * 4)[:0:-1])
+    with pytest.raises(InputError, match="unstable when sampled"):
+        running.use(fast)
+    assert running.design is alone.design
+    assert np.array_equal(running.advance(100)[0].table, alone.advance(100)[0].table)
+
+
+def test_with_gain_has_its_own_poles(short: Scenario) -> None:
+    design = with_gain(design_controller("lqr", short.design), np.poly([-2.0, -3.0, -4.0, -5.0])[:0:-1])
+    assert design.closed_loop_poles.real == pytest.approx([-5.0, -4.0, -3.0, -2.0], rel=1e-6)
+    assert design.name == "lqr, gains by hand"
+    assert with_gain(design, design.gain).name == design.name
+
+
+@pytest.mark.parametrize(("kick", "column"), [((2.0, 0.0), 6), ((0.0, -3.0), 8)])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_kick_pushes_for_its_time_only(plant: str, kick: tuple[float, float], column: int) -> None:
+    quiet = load_scenario("fixed-position", overrides=["disturbances=[]"])
+    running = session(quiet, plants=[plant])
+    running.advance(50)
+    running.kick(kick, 0.2)
+    (run,) = running.advance(300)
+    assert np.array_equal(run.block("disturbance")[:200], np.tile(kick, (200, 1)))
+    assert not run.block("disturbance")[200:].any()
+    rate = run.block("state")[:, column + 1]
+    assert rate[1] == pytest.approx(0.001 * sum(kick), rel=1e-3)
+    assert abs(run.block("state")[200, column]) > 0.01
+
+
+def test_a_kick_adds_to_the_scenario(short: Scenario) -> None:
+    running = session(short, plants=["analytic"])
+    running.advance(150)
+    running.kick((1.0, 0.5), 0.01)
+    (run,) = running.advance(20)
+    assert run.block("disturbance")[[0, 9, 10]].tolist() == [[2.0, 0.5], [2.0, 0.5], [1.0, 0.0]]
+    assert running.plan.disturbance[150].tolist() == [1.0, 0.0], "the plan itself stays"
+
+
+def test_reset_starts_again_and_time_goes_on(short: Scenario) -> None:
+    running = session(short)
+    first = advanced(running, 333)
+    running.kick((5.0, 5.0), 1.0)
+    running.reset()
+    assert (running.origin_ns, running.now_ns) == (333_000_000, 333_000_000)
+    pieces = running.advance(333)
+    for run in pieces:
+        assert np.array_equal(run.table, first[run.plant]), run.plant
+        assert run.time_ns[[0, -1]].tolist() == [333_000_000, 665_000_000]
+
+
+def test_a_stop_ends_the_motion_until_the_next_start() -> None:
+    scenario = load_scenario("fixed-position", overrides=STOP)
+    running, rows = session(scenario), dict.fromkeys(PLANTS, 0)
+    while running.moving:
+        pieces = running.advance(50)
+        for run in pieces:
+            rows[run.plant] += len(run.time_ns)
+    for run in running.advance(20):
+        expected = simulate_run(scenario, plant=run.plant, controller="lqr")
+        assert expected.status.stopped
+        assert (run.status, run.end_ns, rows[run.plant]) == (
+            expected.status,
+            expected.end_ns,
+            len(expected.time_ns),
+        )
+        assert not len(run.time_ns)
+    running.reset()
+    assert running.moving
+    assert [len(run.time_ns) for run in running.advance(20)] == [20, 20]
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_pace_neither_drifts_nor_forgets_a_hiccup() -> None:
+    clock = Clock()
+    pace = Pace(clock)
+    for k in range(500):
+        clock.now += 0.3 if k % 100 == 50 else 0.0137  # a hiccup now and then
+        wait, lost = pace.wait(0.02)
+        assert lost == 0.0
+        clock.now += wait
+    assert clock.now == pytest.approx(100.0 + 500 * 0.02)
+
+
+def test_pace_gives_up_what_cannot_be_caught_up() -> None:
+    clock = Clock()
+    pace = Pace(clock)
+    clock.now += 0.02 + PATIENCE + 0.1
+    assert pace.wait(0.02) == (0.0, pytest.approx(PATIENCE + 0.1))
+    assert pace.wait(0.02) == (pytest.approx(0.02), 0.0), "and goes on from there"
+    clock.now += 5.0
+    pace.restart()
+    assert pace.wait(0.02) == (pytest.approx(0.02), 0.0)

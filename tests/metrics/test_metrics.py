@@ -1,0 +1,601 @@
+"""Metrics: exact on signals of closed form, equal to formulas written anew, the same however a run is fed."""
+
+import functools
+import json
+import re
+from collections.abc import Callable
+from dataclasses import fields, replace
+from math import cos, pi, radians, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.design import design_controller
+from cranectl.metrics import (
+    METRIC_ROWS,
+    SETTLING_TOLERANCE,
+    RunMetrics,
+    accumulate,
+    empty_tally,
+    finish,
+    metrics_setup,
+    run_metrics,
+    workspace_violations,
+)
+from cranectl.metrics.setup import FLAG_COLUMN
+from cranectl.model.dynamics import kinetic_energy, potential_energy, rope_direction
+from cranectl.report.run.metrics_table import metrics_table
+from cranectl.report.run.page import _run_table, log_page
+from cranectl.report.table import Cell
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario.settings import parse_settings
+from cranectl.signals import BASE_WIDTH, DISTURBANCE_COLUMN, INPUT_COLUMN, LOAD_COLUMN, TENSION_COLUMN
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from tests.conftest import ROOT, closed_loop
+
+BRIDGE, TROLLEY, ROPE = 0, 2, 4  # positions in the state; velocities are one further
+ALPHA, BETA = 6, 8
+LIMITED = BASE_WIDTH + FLAG_COLUMN
+SAMPLES, REST = 4001, 2000
+ALL = {field.name for field in fields(RunMetrics)}
+AFTER_REST = {
+    "settling_time_s", "overshoot_m", "max_rest_error_m", "residual_sway_rad", "residual_vibration_m",
+}  # fmt: skip
+
+
+def scenario_of(**changes: object) -> Scenario:
+    """A line of 0.4 m along x in 2 s, then 2 s of rest."""
+    line = {"kind": "line", "to": [0.9, 0.5, -0.7], "duration": 2.0}
+    table = {
+        "name": "synthetic",
+        "duration": 4.0,
+        "reference": {"start": [0.5, 0.5, -0.7], "segments": [line]},
+        "effects": {"delay": {"seconds": 0.004}},
+        **changes,
+    }
+    return parse_settings(Scenario, table, "test")
+
+
+@functools.cache
+def plan_of(scenario: Scenario) -> np.ndarray:
+    from cranectl.simulate import plan_scenario
+
+    return plan_scenario(scenario).reference
+
+
+@pytest.fixture
+def synthetic() -> Run:
+    """A run that never was: every signal has a closed form, and with it every metric.
+
+    The load is (0.03, 0.04, 0) behind its reference until that rests; then it swings by 0.02 m along x for
+    one second and stays 0.004 m beyond its end point.
+    """
+    scenario = scenario_of()
+    t = np.arange(SAMPLES) * 1e-3
+    moving, swinging = t < 2.0, (t >= 2.0) & (t < 3.0)
+    reference = plan_of(scenario)
+    table = np.zeros((SAMPLES, LIMITED + 3))
+    table[:, BRIDGE], table[:, BRIDGE + 1] = 1.5 - 0.25 * t, -0.25
+    table[:, TROLLEY] = np.where(t <= 2.0, 0.94 + 0.1 * t**2, 1.74 - 0.1 * (4.0 - t) ** 2)
+    table[:, TROLLEY + 1] = np.where(t <= 2.0, 0.2 * t, 0.2 * (4.0 - t))
+    table[:, ROPE], table[:, ROPE + 1] = 0.9 - 0.1 * t, -0.1
+    table[:, BETA] = np.where(moving, 0.1, 0.05)
+    beyond = np.where(swinging, 0.02 * np.cos(2.0 * pi * (t - 2.0)), 0.004)
+    load = reference[:, :3].copy()
+    load[moving] -= (0.03, 0.04, 0.0)
+    load[~moving, 0] += beyond[~moving]
+    table[:, LOAD_COLUMN : LOAD_COLUMN + 3] = load
+    table[:, TENSION_COLUMN] = 10.0
+    table[:, INPUT_COLUMN] = 0.5 * np.sin(0.5 * pi * t)
+    table[:, INPUT_COLUMN + 1], table[:, INPUT_COLUMN + 2] = 0.3, -0.2
+    table[500:750, LIMITED] = 1.0
+    table[700:1000, LIMITED + 2] = 1.0
+    return Run(
+        scenario=scenario,
+        design=design_controller("pole-placement", scenario.design),
+        plant="analytic",
+        drive="ideal",
+        model="",
+        time_ns=np.arange(SAMPLES, dtype=np.int64) * 1_000_000,
+        table=table,
+        reference=reference,
+        status=RunStatus.COMPLETED,
+        end_ns=4_000_000_000,
+    )
+
+
+def measured(run: Run) -> RunMetrics:
+    metrics = run_metrics(run)
+    assert metrics is not None
+    return metrics
+
+
+def test_signals_of_closed_form(synthetic: Run) -> None:
+    found = measured(synthetic)
+    assert found.status == "completed"
+    assert found.duration_s == 4.0
+    assert found.max_error_m == pytest.approx(0.05, rel=1e-12)
+    squares = 2000 * 0.05**2 + 500 * 0.02**2 + 1001 * 0.004**2  # cos² over a whole period: half its samples
+    assert found.rms_error_m == pytest.approx(sqrt(squares / SAMPLES), rel=1e-12)
+    assert found.final_error_m == pytest.approx(0.004, rel=1e-12)
+    assert found.final_load_m == (0.904, 0.5, -0.7)
+    assert found.rest_s == 2.0
+    assert found.settling_time_s == 1.0
+    assert found.overshoot_m == pytest.approx(0.02, rel=1e-12)
+    assert found.max_rest_error_m == pytest.approx(0.02, rel=1e-12)
+    assert found.residual_sway_rad == pytest.approx(0.05, rel=1e-12)
+    assert found.residual_vibration_m == pytest.approx((0.02, 0.0, 0.0), rel=1e-12)
+    assert found.max_acceleration_m_s2 == pytest.approx((0.5, 0.3, -0.2), rel=1e-12)
+    assert found.min_acceleration_m_s2 == pytest.approx((-0.5, 0.3, -0.2), rel=1e-12)
+    assert found.rms_acceleration_m_s2 == pytest.approx((0.5 * sqrt(2000 / SAMPLES), 0.3, 0.2), rel=1e-12)
+    assert found.max_abs_angle_rad == (0.0, 0.1)
+    assert found.max_sway_rad == pytest.approx(0.1, rel=1e-12)
+    squares = 2000 * 0.1**2 + 2001 * 0.05**2
+    assert found.rms_sway_rad == pytest.approx(sqrt(squares / SAMPLES), rel=1e-12)
+    assert found.min_rope_tension_n == 10.0
+    assert found.drive_path_m == pytest.approx((1.0, 0.8, 0.4), rel=1e-12)
+    swung = 0.02 * cos(2.0 * pi * 0.999)
+    way = 0.4 + sqrt(0.05**2 + 0.04**2) + 0.04 + (0.02 + swung) + (swung - 0.004)
+    assert found.load_path_m == pytest.approx(way, rel=1e-9)
+    # The bridge pulls the load that trails it: power S sin(beta) 0.25 m/s. The trolley starts and stops
+    # 2.5 kg under a rope that hangs straight. The winch lifts with 10 N.
+    pulled = 1999 * sin(0.1) + 0.5 * (sin(0.1) + sin(0.05)) + 2000 * sin(0.05)
+    bridge = 10.0 * 0.25 * 1e-3 * pulled
+    assert found.drive_energy_j == pytest.approx((bridge, 0.5 * 2.5 * 0.4**2, 4.0), rel=1e-11)
+    assert found.drive_work_j == pytest.approx((bridge, 0.0, 4.0), rel=1e-11, abs=1e-12)
+    assert found.saturated_s == pytest.approx(0.5, rel=1e-12)
+    (violation,) = found.workspace_violations
+    assert violation.signal == "trolley_position"
+    assert violation.first_time_s == 2.586  # 1.74 - 0.1 (4 - t)² > 1.54
+    assert violation.max_excess_m == pytest.approx(0.2, rel=1e-12)
+    assert violation.time_outside_s == pytest.approx(4.0 - 2.586, rel=1e-12)
+
+
+def test_only_what_is_beyond_the_end_point_is_overshoot(synthetic: Run) -> None:
+    for shift, expected in ((0.01, 0.03), (-0.01, 0.01), (-0.03, 0.0)):
+        shifted = column(LOAD_COLUMN, shift, slice(REST, None))(synthetic)
+        assert measured(shifted).overshoot_m == pytest.approx(expected, rel=1e-12)
+
+
+def column(index: int, value: float, rows: slice = slice(None)) -> Callable[[Run], Run]:
+    """Adds `value` to a column of the record."""
+
+    def change(run: Run) -> Run:
+        table = run.table.copy()
+        table[rows, index] += value
+        return replace(run, table=table)
+
+    return change
+
+
+CHANGES: dict[str, tuple[Callable[[Run], Run], set[str]]] = {
+    "error of one moving sample": (
+        column(LOAD_COLUMN + 1, -1.0, slice(10, 11)),
+        {"max_error_m", "rms_error_m", "load_path_m"},
+    ),
+    "error of the last sample": (
+        column(LOAD_COLUMN + 1, 0.004, slice(-1, None)),
+        {
+            "rms_error_m", "final_error_m", "final_load_m", "load_path_m", "settling_time_s",
+            "residual_vibration_m",
+        },
+    ),
+    "shorter of the end point": (
+        column(LOAD_COLUMN, -0.041, slice(REST, None)),
+        {
+            "rms_error_m", "final_error_m", "final_load_m", "load_path_m", "overshoot_m", "settling_time_s",
+            "max_rest_error_m", "max_error_m",
+        },
+    ),
+    "beside the end point": (
+        column(LOAD_COLUMN + 2, 0.03, slice(REST, REST + 1)),
+        {"rms_error_m", "load_path_m", "max_rest_error_m", "residual_vibration_m"},
+    ),
+    "bridge command": (
+        column(INPUT_COLUMN, 0.1),
+        {"max_acceleration_m_s2", "min_acceleration_m_s2", "rms_acceleration_m_s2"},
+    ),
+    "alpha while moving": (
+        column(ALPHA, 0.2, slice(10, 11)),
+        {"max_abs_angle_rad", "max_sway_rad", "rms_sway_rad", "drive_energy_j", "drive_work_j"},
+    ),
+    "alpha at rest": (
+        column(ALPHA, 0.01, slice(-1, None)),
+        {"max_abs_angle_rad", "rms_sway_rad", "residual_sway_rad"},
+    ),
+    "tension": (
+        column(TENSION_COLUMN, -1.0, slice(10, 11)),
+        {"min_rope_tension_n", "drive_energy_j", "drive_work_j"},
+    ),
+    "push on beta": (column(DISTURBANCE_COLUMN + 1, 0.1), {"drive_energy_j", "drive_work_j"}),
+    "push on alpha": (column(DISTURBANCE_COLUMN, 0.1), {"drive_energy_j", "drive_work_j"}),
+    "bridge position": (column(BRIDGE, -0.4, slice(10, 20)), {"drive_path_m"}),
+    "rope position": (
+        column(ROPE, 0.6, slice(10, 20)),
+        {"drive_path_m", "workspace_violations"},
+    ),
+    "winch velocity": (column(ROPE + 1, -0.1), {"drive_energy_j", "drive_work_j"}),
+    "a limit of the trolley": (column(LIMITED + 1, 1.0, slice(0, 10)), {"saturated_s"}),
+    "how it ended": (
+        lambda run: replace(run, status=RunStatus.INTERRUPTED),
+        {"status", "settling_time_s"},
+    ),
+    "when it ended": (lambda run: replace(run, end_ns=4_000_000_001), {"duration_s"}),
+    "an earlier rest": (
+        lambda run: replace(
+            run,
+            scenario=scenario_of(
+                reference={
+                    "start": [0.5, 0.5, -0.7],
+                    "segments": [{"kind": "line", "to": [0.9, 0.5, -0.7], "duration": 1.9}],
+                }
+            ),
+        ),
+        {"rest_s", *AFTER_REST},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_changes_a_metric_changes_no_other(synthetic: Run, change: str) -> None:
+    altered, expected = CHANGES[change]
+    before, after = measured(synthetic), measured(altered(synthetic))
+    different = {name for name in ALL if getattr(before, name) != getattr(after, name)}
+    # A rest that begins earlier sees the same overshoot, which comes later.
+    assert different == expected - ({"overshoot_m"} if change == "an earlier rest" else set())
+
+
+def test_every_metric_is_changed_by_something() -> None:
+    assert set.union(*(expected for _, expected in CHANGES.values())) == ALL
+
+
+def fed(run: Run, ends: list[int], tally: np.ndarray | None = None) -> bytes:
+    """The tally after blocks that end at `ends`, each in the same reused buffer."""
+    tally = empty_tally() if tally is None else tally
+    setup = metrics_setup(run.scenario, run.drive)
+    width = LIMITED - FLAG_COLUMN
+    record, stages = (
+        np.full((len(run.table), width), np.nan),
+        np.full((len(run.table), LIMITED + 3 - width), 7.0),
+    )
+    for first, last in zip([0, *ends], [*ends, len(run.table)], strict=True):
+        n = last - first
+        record[:n], stages[:n] = run.table[first:last, :width], run.table[first:last, width:]
+        rows = slice(first, last)
+        accumulate(setup, tally, run.time_ns[rows], record[:n], run.reference[rows], stages[:n])
+    assert finish(setup, tally, run.status, run.end_ns) == run_metrics(run)
+    return tally.tobytes()
+
+
+def test_blocks_give_the_same_bits(synthetic: Run) -> None:
+    whole = fed(synthetic, [])
+    assert fed(synthetic, [1000, 2000, 3000, 4000]) == whole
+    assert fed(synthetic, list(range(1, SAMPLES))) == whole
+    random = np.random.default_rng(0)
+    for _ in range(5):
+        assert fed(synthetic, sorted(random.integers(0, SAMPLES, 7).tolist())) == whole, "empty blocks too"
+
+
+def test_a_tally_can_be_used_again(synthetic: Run) -> None:
+    tally = empty_tally()
+    whole = fed(synthetic, [123], tally)
+    tally[:] = empty_tally()
+    assert fed(synthetic, [], tally) == whole
+
+
+def test_a_lost_sample_changes_the_tally(synthetic: Run) -> None:
+    rows = np.delete(np.arange(SAMPLES), 100)
+    run = replace(synthetic, time_ns=synthetic.time_ns[rows], table=synthetic.table[rows],
+                  reference=synthetic.reference[rows])  # fmt: skip
+    assert fed(run, []) != fed(synthetic, [])
+
+
+@functools.cache
+def moved(plant: str, drive: str) -> Run:
+    """A line with hoisting, pushed on both axes on the way."""
+    scenario = load_scenario(
+        "settled-trajectory",
+        overrides=[
+            "duration=3.0",
+            "reference.segments=[{kind='line', to=[0.9, 0.6, -0.5], duration=2.0}]",
+            "disturbances.0.start=0.5",
+            "disturbances.0.end=1.0",
+            "disturbances.1.start=0.8",
+            "disturbances.1.end=1.5",
+            "effects.delay.seconds=0.0",
+        ],
+    )
+    return simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
+
+
+DRIVEN = [(plant, drive) for plant in ("analytic", "mujoco") for drive in ("ideal", "velocity")]
+
+
+@pytest.mark.parametrize(("plant", "drive"), DRIVEN)
+def test_formulas_written_anew(plant: str, drive: str) -> None:
+    run = moved(plant, drive)
+    found = measured(run)
+    state, load, u = run.block("state"), run.block("load"), run.block("input")[:, :3]
+    error = np.linalg.norm(run.reference[:, :3] - load[:, :3], axis=1)
+    assert (found.max_error_m, found.final_error_m) == pytest.approx((error.max(), error[-1]), rel=1e-14)
+    assert found.rms_error_m == pytest.approx(np.sqrt((error**2).mean()), rel=1e-12)
+    assert found.final_load_m == tuple(load[-1, :3])
+    assert found.max_acceleration_m_s2 == tuple(u.max(axis=0))
+    assert found.min_acceleration_m_s2 == tuple(u.min(axis=0))
+    assert found.rms_acceleration_m_s2 == pytest.approx(np.sqrt((u**2).mean(axis=0)), rel=1e-12)
+    assert found.max_abs_angle_rad == tuple(np.abs(state[:, [6, 8]]).max(axis=0))
+    n = np.array([rope_direction(alpha, beta) for alpha, beta in state[:, [6, 8]]])
+    sway = np.arctan2(np.hypot(n[:, 0], n[:, 1]), -n[:, 2])
+    assert found.max_sway_rad == pytest.approx(sway.max(), rel=1e-9)
+    assert found.rms_sway_rad == pytest.approx(np.sqrt((sway**2).mean()), rel=1e-9)
+    assert found.min_rope_tension_n == load[:, 6].min()
+    speed = np.abs(state[:, 1:6:2])
+    assert found.drive_path_m == pytest.approx(np.trapezoid(speed, run.time, axis=0), rel=1e-4)
+    assert found.load_path_m == pytest.approx(
+        np.trapezoid(np.linalg.norm(load[:, 3:6], axis=1), run.time), rel=1e-4
+    )
+    rest = run.time >= 2.0
+    assert found.rest_s == 2.0
+    assert found.max_rest_error_m == error[rest].max()
+    assert found.residual_sway_rad == pytest.approx(sway[rest].max(), rel=1e-9)
+    assert found.residual_vibration_m == pytest.approx(np.ptp(load[rest, :3], axis=0) / 2.0, rel=1e-12)
+    line = np.array([0.9, 0.6, -0.5]) - (0.1, 0.1, -0.15)
+    beyond = (load[rest, :3] - (0.9, 0.6, -0.5)) @ line / np.linalg.norm(line)
+    assert found.overshoot_m == pytest.approx(max(beyond.max(), 0.0), rel=1e-9)
+    within = error[rest] <= SETTLING_TOLERANCE
+    settles = within[-1]
+    assert (found.settling_time_s is not None) == settles
+    # Energy from accelerations that are differences, at the middle of each interval.
+    rig = run.scenario.rig
+    acceleration = np.diff(state[:, 1:6:2], axis=0) * 1000.0
+    middle = (state[1:] + state[:-1]) / 2.0
+    tension = (load[1:, 6] + load[:-1, 6]) / 2.0
+    d = run.block("disturbance")[:-1]
+    sa, ca = np.sin(middle[:, 6]), np.cos(middle[:, 6])
+    sb, cb = np.sin(middle[:, 8]), np.cos(middle[:, 8])
+    push = rig.load_mass * middle[:, 4, None] * d * np.column_stack([cb, np.ones_like(cb)])
+    force = np.column_stack(
+        [
+            8.5 * acceleration[:, 0] - tension * sb + cb * push[:, 1],
+            2.5 * acceleration[:, 1] - tension * cb * sa + ca * push[:, 0] - sb * sa * push[:, 1],
+            0.4 * acceleration[:, 2] - tension,
+        ]
+    )
+    work = force * middle[:, 1:6:2] * 1e-3
+    assert found.drive_work_j == pytest.approx(work.sum(axis=0), rel=2e-3, abs=2e-3)
+    assert found.drive_energy_j == pytest.approx(np.maximum(work, 0.0).sum(axis=0), rel=2e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize(("plant", "drive"), DRIVEN)
+def test_work_is_the_change_of_energy(plant: str, drive: str) -> None:
+    """Of the drives and the disturbances together; every term of the drives' forces counts here."""
+    run = moved(plant, drive)
+    rig, state, d = run.scenario.rig, run.block("state"), run.block("disturbance")
+    inertia = rig.load_mass * state[:, 4] ** 2
+    push = inertia * (np.cos(state[:, 8]) ** 2 * d[:, 0] * state[:, 7] + d[:, 1] * state[:, 9])
+    first, last = (
+        kinetic_energy(row[0::2], row[1::2], rig) + potential_energy(row[0::2], rig) for row in state[[0, -1]]
+    )
+    gained = last - first - np.trapezoid(push, run.time)
+    # The tension is that at the start of a period; drives with a lag accelerate less towards its end.
+    tolerance = 1e-3 if drive == "ideal" else 6e-3
+    assert sum(measured(run).drive_work_j) == pytest.approx(gained, abs=tolerance)
+    table = run.table.copy()
+    table[:, DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = 0.0
+    without = measured(replace(run, table=table)).drive_work_j
+    reaction = np.subtract(measured(run).drive_work_j, without)
+    assert abs(reaction.sum()) > 10.0 * tolerance, "the reaction to the pushes counts"
+    assert abs(gained) > 1.0
+
+
+def test_power_of_drives_that_run_steadily(synthetic: Run) -> None:
+    """Forces as vectors: the rope's pull on the trolley, and what the push on the load leaves there."""
+    alpha, beta, tension, push = 0.3, -0.4, 12.0, np.array([0.7, -1.1])
+    length, velocity, samples = 0.8, np.array([0.3, -0.2, 0.1]), 501
+    table = synthetic.table[:samples].copy()
+    table[:, [ALPHA, BETA, ROPE, TENSION_COLUMN]] = alpha, beta, length, tension
+    table[:, [BRIDGE + 1, TROLLEY + 1, ROPE + 1]] = velocity
+    table[:, DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = push
+    run = replace(first_rows(synthetic, samples), table=table)
+    later = replace(run, time_ns=run.time_ns + 7_000_000_000)
+
+    def n(a: float, b: float) -> np.ndarray:
+        return np.array(rope_direction(a, b))
+
+    step = 1e-6
+    turned = [
+        (n(alpha + step, beta) - n(alpha - step, beta)) / (2.0 * step),
+        (n(alpha, beta + step) - n(alpha, beta - step)) / (2.0 * step),
+    ]
+    pushed = length * (push[0] * turned[0] + push[1] * turned[1])  # 1 kg, accelerated across the rope
+    on_trolley = tension * n(alpha, beta) - pushed
+    force = [-on_trolley[0], -on_trolley[1], -tension]
+    expected = 0.5 * velocity * force
+    assert (np.abs(expected) > 0.05).all()
+    assert measured(run).drive_work_j == pytest.approx(expected, rel=1e-8)
+    assert measured(run).drive_energy_j == pytest.approx(np.maximum(expected, 0.0), rel=1e-8)
+    assert measured(later).drive_work_j == pytest.approx(expected, rel=1e-8), "whenever it starts"
+
+
+def test_friction_of_the_axes_costs_energy() -> None:
+    scenario = moved("mujoco", "velocity").scenario
+    rubs = {
+        "coulomb": [2.0, 1.0, 1.0],
+        "viscous": [4.0, 2.0, 2.0],
+        "pivot_coulomb": 0.0,
+        "pivot_viscous": 0.0,
+    }
+    rubbing = scenario.model_copy(update={"effects": parse_effects(friction=rubs)})
+    run = simulate_run(rubbing, plant="mujoco", drive="velocity", controller="lqr")
+    found = measured(run)
+    smooth = measured(replace(run, scenario=scenario))
+    velocity = np.abs(run.block("state")[:, 1:6:2])
+    lost = np.trapezoid(velocity * (2.0, 1.0, 1.0) + velocity**2 * (4.0, 2.0, 2.0), run.time, axis=0)
+    assert np.subtract(found.drive_work_j, smooth.drive_work_j) == pytest.approx(lost, rel=1e-9)
+    assert metrics_setup(rubbing, "ideal").coulomb.tolist() == [0.0, 0.0, 0.0], "nothing holds an ideal drive"
+
+
+def parse_effects(**tables: object) -> object:
+    from cranectl.scenario.effects import EffectSettings
+
+    return parse_settings(EffectSettings, tables, "test")
+
+
+def test_limits_that_act_are_timed() -> None:
+    scenario = moved("analytic", "velocity").scenario
+    limits = {"velocity": [0.2, 1.0, 0.6], "force": [1e9, 1e9, 1e9]}
+    limited = scenario.model_copy(update={"effects": parse_effects(limits=limits)})
+    run = simulate_run(limited, plant="analytic", drive="velocity", controller="lqr+loop-shaping")
+    acting = run.block("command")[:, 3:].any(axis=1)
+    assert 0.1 < measured(run).saturated_s == pytest.approx(1e-3 * acting[:-1].sum(), rel=1e-9)
+    assert measured(moved("analytic", "velocity")).saturated_s == 0.0
+
+
+def test_a_log_at_a_lower_rate_measures_nearly_the_same() -> None:
+    run = moved("mujoco", "ideal")
+    every, fourth = measured(run), measured(run.every(4))
+    for name in ("rms_error_m", "load_path_m", "rms_sway_rad"):
+        assert getattr(fourth, name) == pytest.approx(getattr(every, name), rel=1e-3)
+    assert fourth.drive_work_j == pytest.approx(every.drive_work_j, abs=2e-2)
+
+
+ARC = {"kind": "arc", "centre": [0.8, 0.5], "angle": -pi, "duration": 3.0}
+LINE = {"kind": "line", "to": [0.7, 0.5, -0.7], "duration": 1.0}
+HOLD = {"kind": "hold", "duration": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("segments", "rest", "direction"),
+    [
+        ([], 0.0, (0.0, 0.0, 0.0)),
+        ([HOLD], 0.0, (0.0, 0.0, 0.0)),
+        ([LINE, HOLD], 1.0, (1.0, 0.0, 0.0)),
+        ([HOLD, LINE], 1.5, (1.0, 0.0, 0.0)),
+        ([ARC], 3.0, (0.0, -1.0, 0.0)),  # over the top, down at the other end
+        ([LINE, HOLD, {**LINE, "to": [0.7, 0.5, -0.9]}, HOLD], 2.5, (0.0, 0.0, -1.0)),
+    ],
+)
+def test_when_and_how_the_reference_comes_to_rest(
+    segments: list[dict[str, object]], rest: float, direction: tuple[float, float, float]
+) -> None:
+    scenario = scenario_of(reference={"start": [0.5, 0.5, -0.7], "segments": segments})
+    setup = metrics_setup(scenario, "ideal")
+    assert setup.rest_ns == rest * 1e9
+    assert setup.direction == pytest.approx(direction, abs=1e-9)
+    rows = plan_of(scenario)
+    first = round(rest * 1000)
+    assert (rows[first:, :6] == rows[-1, :6]).all(), "at rest from there on"
+    if first:
+        assert (rows[first - 100, 3:6] != 0.0).any(), "and not before"
+
+
+def test_without_motion_there_is_no_overshoot(short: Scenario) -> None:
+    found = measured(simulate_run(short, plant="analytic"))
+    assert (found.rest_s, found.overshoot_m) == (0.0, None)
+    assert found.max_rest_error_m == found.max_error_m > 0
+
+
+def first_rows(run: Run, n: int) -> Run:
+    return replace(run, time_ns=run.time_ns[:n], table=run.table[:n], reference=run.reference[:n])
+
+
+def test_a_run_that_ends_before_rest_says_nothing_of_it(synthetic: Run) -> None:
+    for rows in (1, 1000, REST + 1):  # the last has one sample at rest
+        found = measured(replace(first_rows(synthetic, rows), status=RunStatus.SLACK_ROPE))
+        assert all(getattr(found, name) is None for name in AFTER_REST)
+        assert found.status == "slack-rope"
+    stopped = measured(replace(first_rows(synthetic, 3500), status=RunStatus.SLACK_ROPE))
+    assert stopped.settling_time_s is None
+    assert stopped.overshoot_m == measured(synthetic).overshoot_m
+
+
+def test_a_load_that_stays_outside_does_not_settle(synthetic: Run) -> None:
+    assert measured(column(LOAD_COLUMN, 0.002, slice(-1, None))(synthetic)).settling_time_s is None
+
+
+def test_one_sample_is_measured(synthetic: Run) -> None:
+    found = measured(first_rows(synthetic, 1))
+    assert found.max_error_m == found.rms_error_m == found.final_error_m > 0.0
+    assert found.drive_path_m == found.drive_energy_j == (0.0, 0.0, 0.0)
+    assert found.load_path_m == 0.0
+
+
+def test_a_run_without_samples_has_no_metrics(synthetic: Run) -> None:
+    empty = first_rows(synthetic, 0)
+    assert run_metrics(empty) is None
+    assert workspace_violations(empty) == ()
+
+
+def test_a_long_run_is_measured_the_same_in_the_thesis() -> None:
+    (violation,) = workspace_violations(closed_loop("settled-trajectory", "pole-placement", "mujoco"))
+    assert violation.signal == "trolley_position"
+    assert violation.first_time_s == pytest.approx(15.749)
+    assert violation.max_excess_m == pytest.approx(0.168, abs=1e-3)
+    positions = closed_loop("settled-trajectory", "pole-placement", "mujoco").signal("state.trolley_position")
+    assert violation.time_outside_s == pytest.approx(1e-3 * (positions > 1.54).sum(), rel=1e-9)
+
+
+def test_violations_on_the_low_side_count_too(synthetic: Run) -> None:
+    table = synthetic.table.copy()
+    table[100, ROPE] = 0.01  # rope shorter than allowed
+    _, violation = workspace_violations(replace(synthetic, table=table))
+    assert (violation.signal, violation.first_time_s) == ("rope_length", 0.1)
+    assert violation.max_excess_m == pytest.approx(0.04)
+    assert violation.time_outside_s == pytest.approx(0.001)
+
+
+def test_rows_for_people(synthetic: Run) -> None:
+    metrics = measured(synthetic)
+    texts = {row.label: row.text(metrics) for row in METRIC_ROWS}
+    assert len(texts) == len(METRIC_ROWS)
+    assert texts["settling time"] == "1.000"
+    assert texts["residual sway"] == f"{0.05 / radians(1.0):.3f}"
+    assert texts["peak of ẍ_c ÿ_c l̈"] == "0.500 0.300 -0.200"
+    assert texts["time outside x_c y_c l"] == "0.000 1.414 0.000"
+    assert {row.text(None) for row in METRIC_ROWS} == {"-"}
+    stopped = measured(replace(synthetic, status=RunStatus.SLACK_ROPE))
+    assert [row.text(stopped) for row in METRIC_ROWS if row.label == "settling time"] == ["-"]
+
+
+def test_reports_show_every_row(synthetic: Run) -> None:
+    table = metrics_table({"one": measured(synthetic), "two": None})
+    assert table.headings == ("metric", "unit", "one", "two")
+    assert [row[0].text for row in table.rows] == [row.label for row in METRIC_ROWS]
+    assert [row[2].text for row in table.rows] == [row.text(measured(synthetic)) for row in METRIC_ROWS]
+    assert {row[3].text for row in table.rows} == {"-"}
+    page = log_page({"log": {"analytic": first_rows(synthetic, 0)}}, "cranectl report")  # without figures
+    assert metrics_table({"log, analytic": None}) in page.sections[0].tables
+
+
+def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:
+    logs = {"log": {"analytic": synthetic, "mujoco": first_rows(synthetic, 1000)}}
+    metrics = {("log", plant): run_metrics(run) for plant, run in logs["log"].items()}
+    assert [row[-1] for row in _run_table(logs, metrics, "").rows] == [
+        Cell("0.2000", "bad"),
+        Cell("0.0000", ""),
+    ]
+
+
+def test_the_command_line_shows_and_writes_them(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shortened = ["--set", "duration=0.1", "--set", "disturbances=[]", "--plant", "analytic"]
+    assert main(["run", "fixed-position", *shortened, "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    for row in METRIC_ROWS:
+        assert re.search(rf"{re.escape(row.label)} +{re.escape(row.unit)} ", captured.err), row.label
+    metrics = json.loads(captured.out)["runs"][0]["metrics"]
+    assert set(metrics) == ALL
+    assert metrics["overshoot_m"] is None
+
+
+def test_every_metric_is_documented() -> None:
+    text = (ROOT / "docs" / "metrics.md").read_text(encoding="utf-8")
+    documented = set(re.findall(r"`(\w+)`", text))
+    shortened = {"max_acceleration_m_s2"}  # written `max_…`
+    assert ALL - shortened <= documented
+    assert f"{1e3 * SETTLING_TOLERANCE:g} mm" in text

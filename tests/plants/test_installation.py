@@ -1,0 +1,77 @@
+"""A rig not set up as believed: slope of the rails, zero of the rope's encoder, gains of the drives."""
+
+import numpy as np
+import pytest
+
+from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.plants.surroundings import gravity_in_rig
+from cranectl.scenario import load_scenario
+from cranectl.scenario.effects import EffectSettings, Installation
+from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import InputError
+
+
+def run_with(installation: str, plant: str, drive: str = "ideal", *more: str) -> Run:
+    overrides = ["duration=2.0", "disturbances=[]", f"effects.installation={installation}", *more]
+    scenario = load_scenario("fast-diagonal", overrides=["reference.segments=[]", *overrides])
+    return simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
+
+
+def test_gravity_of_sloping_rails_keeps_its_size() -> None:
+    sloping = EffectSettings(installation=Installation(tilt=(0.1, -0.2)))
+    pull = np.array(gravity_in_rig(9.81, sloping))
+    assert np.linalg.norm(pull) == pytest.approx(9.81, rel=1e-15)
+    assert pull[:2] == pytest.approx(9.81 * np.array([-np.sin(0.1), np.sin(0.2)]), rel=1e-15)
+    assert gravity_in_rig(9.81, EffectSettings()) == (0.0, 0.0, -9.81)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_plants_agree_on_a_slope(drive: str) -> None:
+    first, second = (run_with("{tilt=[0.03, -0.02]}", plant, drive) for plant in PLANTS)
+    level = run_with("{}", "mujoco", drive)
+    apart = np.abs(first.block("load")[:, :3] - second.block("load")[:, :3]).max()
+    moved = np.abs(second.block("load")[:, :3] - level.block("load")[:, :3]).max()
+    # Velocity drives of the engine feel the bridge slide down; the analytic lag is blind to all forces.
+    assert apart < (1e-9 if drive == "ideal" else 0.2 * moved)
+    assert moved > 0.01
+    tension = np.abs(first.block("load")[:, 6] - second.block("load")[:, 6]).max()
+    assert tension < (1e-7 if drive == "ideal" else 0.2)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_wrong_zero_of_the_rope_leaves_the_load_that_much_off(plant: str) -> None:
+    """The tracker brings the rope it reads to the length it wants: the load hangs 1 cm too high."""
+    found = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0")
+    apart = found.block("load")[-1, :3] - found.reference[-1, :3]
+    assert apart == pytest.approx([0.0, 0.0, 0.01], abs=1e-4)
+    sensed = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0", "effects.sensing={}")
+    assert sensed.block("load")[-1, 2] - sensed.reference[-1, 2] == pytest.approx(0.01, abs=3e-4)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_drive_does_its_gain_times_what_it_is_told(plant: str, drive: str) -> None:
+    scenario = load_scenario(
+        "fast-diagonal", overrides=["duration=5.0", "effects.installation={drive_gain=[1.1, 0.9, 1.05]}"]
+    )
+    run = simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
+    first = 0 if drive == "ideal" else 3
+    told = run.block("input")[:, first : first + 3]
+    assert np.abs(told).max() > 0.1
+    assert run.block("command")[:, :3] == pytest.approx(told * [1.1, 0.9, 1.05], rel=1e-12)
+    if drive == "ideal":
+        rates = run.block("state")[:, 1:6:2]
+        assert np.diff(rates, axis=0) == pytest.approx(1e-3 * run.block("command")[:-1, :3], abs=1e-9)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_as_believed_it_changes_nothing(plant: str) -> None:
+    scenario = load_scenario("fast-diagonal", overrides=["duration=5.0"])
+    believed = load_scenario("fast-diagonal", overrides=["duration=5.0", "effects.installation={}"])
+    plain, same = (simulate_run(s, plant=plant, controller="lqr") for s in (scenario, believed))
+    assert np.array_equal(plain.block("state"), same.block("state"))
+
+
+def test_a_cliff_is_refused() -> None:
+    with pytest.raises(InputError, match="tilt"):
+        load_scenario("fast-diagonal", overrides=["effects.installation={tilt=[0.6, 0.0]}"])

@@ -1,0 +1,79 @@
+"""Machines without OpenGL, or with some that does not work: each in a process of its own."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DRAW = """
+from cranectl.support.errors import InputError
+from cranectl.render.opengl import check_engine, drawing
+try:
+    check_engine()
+    import mujoco
+    with drawing(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16) as context:
+        print("drawn")
+except InputError as error:
+    print(error)
+"""
+EGL, OSMESA = ("libEGL.so", "libEGL.so.1"), ("libOSMesa.so", "libOSMesa.so.6", "libOSMesa.so.8")
+
+
+def elsewhere(command: list[str], **environment: str) -> subprocess.CompletedProcess[str]:
+    """A process whose OpenGL is as told."""
+    inherited = {k: v for k, v in os.environ.items() if k not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    return subprocess.run(
+        [sys.executable, *command],
+        env={**inherited, "DISPLAY": "", **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def hidden(folder: Path, *libraries: str) -> str:
+    """A directory to look for libraries in, where these are no libraries."""
+    for library in libraries:
+        (folder / library).touch()
+    return str(folder)
+
+
+@pytest.mark.parametrize("named", ["egl", "osmesa"])
+def test_the_backend_that_is_named_is_the_only_one_tried(named: str, tmp_path: Path) -> None:
+    done = elsewhere(["-c", DRAW], LD_LIBRARY_PATH=hidden(tmp_path, *EGL, *OSMESA), MUJOCO_GL=named)
+    assert f"Tried MUJOCO_GL={named}: its library is missing\nallowed:" in done.stdout
+    assert "apt-get install libegl1 libgl1-mesa-dri, or libosmesa6" in done.stdout
+
+
+@pytest.mark.parametrize("broken", ["missing", "without a driver"])
+def test_where_egl_does_not_work_osmesa_draws(broken: str, tmp_path: Path) -> None:
+    how = (
+        {"LD_LIBRARY_PATH": hidden(tmp_path, *EGL)}
+        if broken == "missing"
+        else {"__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent", "__EGL_VENDOR_LIBRARY_FILENAMES": ""}
+    )
+    assert "Tried MUJOCO_GL=egl" in elsewhere(["-c", DRAW], MUJOCO_GL="egl", **how).stdout
+    done = elsewhere(["-c", DRAW], **how)
+    assert done.stdout == "drawn\n", f"needs libosmesa6: {done.stdout}{done.stderr}"
+
+
+@pytest.mark.parametrize("named", ["off", "nonsense", "glfw"])
+def test_a_mujoco_gl_that_cannot_draw_here_is_refused(named: str) -> None:
+    done = elsewhere(["-c", DRAW], MUJOCO_GL=named)
+    assert f"MUJOCO_GL={named}: " in done.stdout, done.stderr
+
+
+def test_the_command_says_all_that_was_tried_and_writes_nothing(tmp_path: Path) -> None:
+    for folder in ("lib", "work"):
+        (tmp_path / folder).mkdir()
+    out, log = tmp_path / "work" / "run.png", tmp_path / "run.mcap"
+    short = ["--plant", "analytic", "--set", "duration=0.1", "--set", "disturbances=[]"]
+    none = {"LD_LIBRARY_PATH": hidden(tmp_path / "lib", *EGL, *OSMESA)}
+    elsewhere(["-m", "cranectl", "run", "fixed-position", *short, "--out", str(log)]).check_returncode()
+    done = elsewhere(["-m", "cranectl", "render", str(log), str(out)], **none)
+    assert done.returncode == 2
+    assert "MUJOCO_GL=egl: its library is missing; MUJOCO_GL=osmesa: its library is missing" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(out.parent.iterdir()) == []

@@ -1,0 +1,108 @@
+"""Layouts: every panel shows something that logs have, titled with its unit."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from cranectl.analysis.levels import NAMES as RUNGS
+from cranectl.cli.main import main
+from cranectl.log import write_log
+from cranectl.log.overlay import write_overlay
+from cranectl.plants.plant import PLANTS
+from cranectl.report.viewer_layouts import LAYOUTS, layout_json
+from cranectl.scenario import load_scenario
+from cranectl.simulate import simulate_run
+from cranectl.support.errors import InputError
+
+
+def leaves(layout: Any) -> Iterator[str]:
+    """Panel ids of a layout."""
+    if isinstance(layout, str):
+        yield layout
+        return
+    assert layout["direction"] in ("row", "column")
+    assert 0.0 < layout["splitPercentage"] < 100.0
+    yield from leaves(layout["first"])
+    yield from leaves(layout["second"])
+
+
+@pytest.fixture(scope="module")
+def logged(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
+    """Topics of a log of both plants, and of a ladder, with the units of their fields."""
+    scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]"])
+    runs = [simulate_run(scenario, plant=plant) for plant in PLANTS]
+    folder = tmp_path_factory.mktemp("log")
+    write_log(folder / "a.mcap", runs)
+    write_overlay(folder / "b.mcap", dict.fromkeys(RUNGS, runs[0]), every=4)
+    found = {}
+    for path in folder.iterdir():
+        with path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary is not None
+        found |= {channel.topic: channel.metadata for channel in summary.channels.values()}
+    return found
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dict[str, str]]) -> None:
+    layout = json.loads(layout_json(name, plant=plant))
+    panels = layout["configById"]
+    assert sorted(leaves(layout["layout"])) == sorted(panels)
+    kinds = {panel.partition("!")[0] for panel in panels}
+    assert kinds == {"3D", "Plot", "StateTransitions", "RosOut"}
+    for panel, configuration in panels.items():
+        title = configuration["foxglovePanelTitle"]
+        assert configuration["lichtblickPanelTitle"] == title
+        if panel.startswith("Plot"):
+            for path in configuration["paths"]:
+                topic, _, field = path["value"].partition(".@")[0].partition(".")
+                unit = logged[topic][field].partition("[")[2].partition("]")[0]
+                assert title.endswith(f"[{unit}]"), path
+                assert unit
+        if panel.startswith("3D"):
+            assert set(configuration["topics"]) <= set(logged)
+            assert all(topic["visible"] for topic in configuration["topics"].values())
+        if panel.startswith("StateTransitions"):
+            assert {path["value"].partition(".")[0] for path in configuration["paths"]} <= set(logged)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_layout_of_one_run_asks_for_one_plant_only(plant: str) -> None:
+    (other,) = set(PLANTS) - {plant}
+    for name in ("single", "controller"):
+        assert f"/{plant}/state" in layout_json(name, plant=plant) or name == "controller"
+        assert f"/{other}/" not in layout_json(name, plant=plant)
+    for each in PLANTS:
+        assert f"/{each}/state.alpha" in layout_json("comparison")
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_the_lines_of_a_plot_differ_in_colour(name: str) -> None:
+    for panel, configuration in json.loads(layout_json(name))["configById"].items():
+        if panel.startswith("Plot"):
+            lines = [line["color"] for line in configuration["paths"] if "reference" not in line["value"]]
+            assert len(lines) == len(set(lines)), configuration["foxglovePanelTitle"]
+
+
+def test_unknown_names() -> None:
+    with pytest.raises(InputError, match="unknown layout 'singel'"):
+        layout_json("singel")
+    with pytest.raises(InputError, match="unknown plant"):
+        layout_json("single", plant="both")
+
+
+def test_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["layout", "comparison", "a.json"]) == 0
+    assert "a.json" in capsys.readouterr().out
+    assert Path("a.json").read_text() == layout_json("comparison")
+    Path("file").write_text("")
+    assert main(["layout", "comparison", "file/a.json"]) == 2
+    assert "cannot write" in capsys.readouterr().err

@@ -1,0 +1,54 @@
+"""Scenario files and where rig parameters come from."""
+
+from pathlib import Path
+
+import pytest
+
+from cranectl.scenario import load_scenario, scenario_names
+from cranectl.support.errors import InputError
+from tests.conftest import ALL_SCENARIOS
+
+
+def test_the_thesis_scenarios_are_there() -> None:
+    assert {"fixed-position", "settled-trajectory"} <= set(scenario_names())
+
+
+@pytest.mark.parametrize("name", ALL_SCENARIOS)
+def test_every_scenario_loads_under_its_file_name_with_a_title(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert scenario.title
+
+
+def test_unknown_scenario_lists_the_known_nearest_first() -> None:
+    with pytest.raises(InputError) as caught:
+        load_scenario("setled-trajectory")
+    assert caught.value.allowed.startswith("settled-trajectory")
+    assert "did you mean" in caught.value.remedy
+
+
+def test_a_scenario_may_be_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('name = "mine"\nduration = 2\n[reference]\nstart = [1, 0.7, -0.5]\n')
+    scenario = load_scenario(path)
+    assert (scenario.name, scenario.steps, scenario.substeps) == ("mine", 2000, 1)
+
+
+def test_rig_parameters_override_in_order(tmp_path: Path) -> None:
+    """Defaults, scenario, rig file, --set: each wins over those before."""
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(
+        'name = "mine"\nduration = 2\nreference.start = [1, 0.7, -0.5]\n'
+        "[rig]\nload_mass = 2.0\ntrolley_mass = 3.0\nbridge_mass = 4.0\n"
+    )
+    rig = tmp_path / "rig.toml"
+    rig.write_text("load_mass = 5.0\ntrolley_mass = 6.0\n")
+    loaded = load_scenario(scenario, rig=rig, overrides=["rig.load_mass=7"]).rig
+    assert (loaded.load_mass, loaded.trolley_mass, loaded.bridge_mass, loaded.winch_mass) == (7, 6, 4, 0.4)
+
+
+def test_an_error_in_a_rig_file_names_the_file(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text("load_mas = 5.0\n")
+    with pytest.raises(InputError, match=r"rig\.toml"):
+        load_scenario("fixed-position", rig=rig)

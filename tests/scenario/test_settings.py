@@ -1,0 +1,123 @@
+"""Strict TOML: every mistake is named, with what is allowed and what to do."""
+
+from pathlib import Path
+
+import pytest
+
+from cranectl.scenario import load_scenario
+from cranectl.scenario.settings import override
+from cranectl.support.documents import read_toml
+from cranectl.support.errors import InputError
+
+BASE = "settled-trajectory"
+
+
+def error(*overrides: str, scenario: str = BASE) -> InputError:
+    with pytest.raises(InputError) as caught:
+        load_scenario(scenario, overrides=overrides)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("assignment", "found", "allowed"),
+    [
+        ("duration='long'", "duration = 'long'", "valid number"),
+        ("rig.load_mass=true", "rig.load_mass = True", "valid number"),
+        ("rig.load_mass=nan", "rig.load_mass = nan", "finite"),
+        ("rig.load_mass=inf", "rig.load_mass = inf", "finite"),
+        ("rig.load_mass=1\nx=2", "rig.load_mass = '1\\nx=2'", "valid number"),
+        ("rig.load_mass=-1", "rig.load_mass = -1", "greater than or equal to 0.001"),
+        ("rig.load_mass=0", "rig.load_mass = 0", "greater than or equal to 0.001"),
+        ("rig.bridge_range=[2,1]", "bridge_range must increase", ""),
+        ("rig.rope_range=[0,1]", "rope_range must begin above 0", ""),
+        ("rig=3", "rig = 3", "dictionary"),
+        ("duration=-5", "duration = -5", "greater than 0"),
+        ("duration=1e9", "duration = 1000000000.0", "less than or equal to 600"),
+        ("reference.start=[1,2]", "'reference.start.2' is missing", ""),
+        ("reference.segments.0.kind='circle'", "circle", "'hold', 'line', 'arc'"),
+        ("reference.segments.0.time_law='degree-7'", "degree-7", "degree-9"),
+        ("reference.segments.0.duration=0", "segments.0.line.duration = 0", "greater than 0"),
+        ("workspace.on_exit='ignore'", "ignore", "'stop' or 'record'"),
+        ("log.every=0", "log.every = 0", "greater than or equal to 1"),
+        ("log.every=1.5", "log.every = 1.5", "integer"),
+        ("design.poles=[-1,-2,-3,1]", "design.poles.3 = 1", "less than or equal to -0.001"),
+        ("control.period=0.003", "duration must be a multiple of control.period", ""),
+        ("control.period=1e-10", "whole number of nanoseconds", ""),
+        ("control.period=1e300", "control.period = 1e+300", "less than or equal to 600"),
+        ("rig.winch_time_constant=0.0005", "time constants must be at least control.physics_step", ""),
+        ("rig.load_mass=1e300", "rig.load_mass = 1e+300", "less than or equal to"),
+        ("control.physics_step=0.0003", "physics_step must divide", ""),
+        ("disturbances.0.start=30", "disturbances.0.start must lie before the end", ""),
+        ("disturbances.0.end=3", "must end after its start", ""),
+        ("disturbances.0.end=26", "disturbances.0.end must lie before the end", ""),
+        ("disturbances.0.start=6.0005", "disturbances.0.start must be a multiple", ""),
+        ("duration=15", "the segments last 20.0 s", ""),
+        ("name='Upper Case'", "Upper Case", "pattern"),
+    ],
+)
+def test_wrong_value_is_found_and_the_allowed_named(assignment: str, found: str, allowed: str) -> None:
+    caught = error(assignment)
+    assert found in caught.found
+    assert allowed in caught.allowed
+
+
+@pytest.mark.parametrize(
+    ("assignment", "first", "guess"),
+    [
+        ("rig.load_mas=2", "load_mass", "did you mean 'load_mass'?"),
+        ("contrl.period=0.001", "control", "did you mean 'control'?"),
+        ("reference.segments.1.center=[1,1]", "centre", "did you mean 'centre'?"),
+        ("disturbances.0.magnitud=1", "magnitude", "did you mean 'magnitude'?"),
+        ("nonsense=1", "", "remove 'nonsense'"),
+    ],
+)
+def test_unknown_key_lists_the_known_ones_nearest_first(assignment: str, first: str, guess: str) -> None:
+    caught = error(assignment)
+    assert "unknown key" in caught.found
+    assert caught.allowed.startswith(first)
+    assert guess in caught.remedy
+
+
+def test_all_wrong_fields_are_reported_at_once() -> None:
+    caught = error("rig.load_mas=2", "duration='x'", "rig.gravity=-1")
+    for field in ("rig.load_mas", "duration", "rig.gravity"):
+        assert field in caught.found
+
+
+def test_missing_field_is_described() -> None:
+    with pytest.raises(InputError) as caught:
+        load_scenario("fixed-position", overrides=["reference={}"])
+    assert "'reference.start' is missing" in caught.value.found
+    assert "first point" in caught.value.allowed
+
+
+@pytest.mark.parametrize("assignment", ["load_mass", "=3", "rig..load_mass=3", "name.x.y=3"])
+def test_malformed_override_is_refused(assignment: str) -> None:
+    assert assignment in error(assignment).found
+
+
+def test_override_of_a_list_entry_that_does_not_exist() -> None:
+    assert "index from 0 to 1" in error("reference.segments.5.duration=2").allowed
+
+
+def test_override_creates_absent_tables_and_leaves_the_original_alone() -> None:
+    table = {"a": {"b": 1}, "c": [{"d": 2}]}
+    assert override(table, ["a.b=2", "c.0.d=3", "e.f='x'", "g=plain text"]) == {
+        "a": {"b": 2},
+        "c": [{"d": 3}],
+        "e": {"f": "x"},
+        "g": "plain text",
+    }
+    assert table == {"a": {"b": 1}, "c": [{"d": 2}]}
+
+
+def test_files_that_are_no_toml_or_not_there(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.toml"
+    broken.write_text("name = ")
+    with pytest.raises(InputError, match="not valid TOML"):
+        read_toml(broken)
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    for path in (binary, tmp_path / "absent.toml", tmp_path):
+        with pytest.raises(InputError, match="cannot read"):
+            read_toml(path)

@@ -1,0 +1,167 @@
+"""Encoders, observer, limits and transport as a run meets them."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from cranectl.live.session import Session
+from cranectl.log import read_log, write_log
+from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
+
+SHORT = ["duration=0.6", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
+NO_FORCE_LIMIT = "effects.limits.force=[1e9,1e9,1e9]"
+ALL = [
+    NO_FORCE_LIMIT,
+    "effects.delay.seconds=0.003",
+    "effects.sensing.seed=3",
+    "effects.limits.velocity=[0.2,0.2,0.2]",
+]
+
+
+def run(*overrides: str, plant: str = "analytic", drive: str = "velocity", compiled: bool = True) -> Run:
+    scenario = load_scenario("fixed-position", overrides=[*SHORT, *overrides])
+    return simulate_run(scenario, plant=plant, drive=drive, controller="lqr", compiled=compiled)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_stages_that_do_nothing_change_nothing(plant: str, drive: str) -> None:
+    plain, staged = (run(*extra, plant=plant, drive=drive) for extra in ([], ["effects.delay.seconds=0.0"]))
+    width = plain.table.shape[1]
+    assert_array_equal(staged.table[:, :width], plain.table)
+    assert_array_equal(staged.block("measurement")[:, :10], plain.block("state"))
+    commands = plain.block("input")[:, 3:] if drive == "velocity" else plain.block("input")[:, :3]
+    assert_array_equal(staged.block("command")[:, :3], commands)
+    assert not staged.block("command")[:, 3:].any()
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_the_python_loop_gives_the_same_bits(plant: str) -> None:
+    compiled, interpreted = (run(*ALL, plant=plant, compiled=mode) for mode in (True, False))
+    assert_array_equal(compiled.table, interpreted.table)
+
+
+def test_commands_arrive_late_by_the_delay() -> None:
+    delayed = run("effects.delay.seconds=0.007")
+    given, arrived = delayed.block("input")[:, 3:], delayed.block("command")[:, :3]
+    assert_array_equal(arrived[7:], given[:-7])
+    assert_array_equal(arrived[:7], np.zeros((7, 3)))
+    assert given[:-7].any()
+
+
+def test_delay_ends_what_feedback_can_stabilise() -> None:
+    """The loops' delay margins are 0.12 to 0.13 s."""
+    late = run("effects.delay.seconds=0.3", "duration=20.0", drive="ideal")
+    assert late.status.stopped
+
+
+def test_a_delay_is_whole_periods() -> None:
+    with pytest.raises(InputError, match=r"effects\.delay\.seconds must be a multiple of control\.period"):
+        load_scenario("fixed-position", overrides=["effects.delay.seconds=0.0015"])
+
+
+def test_set_points_keep_the_limits_of_the_drives() -> None:
+    free = run()
+    allowed = 0.5 * np.abs(free.block("input")[:, 3:]).max(axis=0)
+    slope = 0.5 * np.abs(np.diff(free.block("input")[:, 3:], axis=0)).max(axis=0) / 1e-3
+    limits = [
+        NO_FORCE_LIMIT,
+        f"effects.limits.velocity={allowed.tolist()}",
+        f"effects.limits.acceleration={slope.tolist()}",
+    ]
+    held = run(*limits)
+    command, cut = held.block("command")[:, :3], held.block("command")[:, 3:]
+    assert (np.abs(command).max(axis=0) <= allowed).all()
+    assert (np.abs(np.diff(command, axis=0)).max(axis=0) <= 1e-3 * slope * (1 + 1e-9)).all()
+    wanted = held.block("input")[:, 3:]
+    assert_array_equal(cut, (command != wanted).astype(float))
+    assert cut[:, :2].any(axis=0).all()
+
+
+def test_a_set_point_that_was_cut_off_does_not_run_away() -> None:
+    """Once the limit no longer acts, command and wish are one again."""
+    held = run(
+        NO_FORCE_LIMIT,
+        "effects.limits.velocity=[0.01,0.01,0.6]",
+        "duration=3.0",
+        "disturbances.0.end=0.2",
+        "disturbances.1.end=0.3",
+    )
+    wanted, command = held.block("input")[-1, 3:], held.block("command")[-1, :3]
+    assert held.block("command")[:, 3:].any()
+    assert_array_equal(wanted, command)
+
+
+def test_encoders_say_whole_steps() -> None:
+    coarse = run(
+        "effects.sensing.position_resolution=[1e-3,1e-3,1e-3]",
+        "effects.sensing.angle_resolution=1e-3",
+        "effects.sensing.angle_noise=0.0",
+        "effects.sensing.observer_bandwidth=1000.0",
+    )
+    # So fast an observer repeats its encoder but for exp(-1)³ of what it expected.
+    error = np.abs(coarse.block("measurement")[:, 0:10:2] - coarse.block("state")[:, 0:10:2]).max(axis=0)
+    assert (error < 1.0e-3).all()
+    assert (error > 0.2e-3).all()
+
+
+def test_the_observer_sees_the_disturbances_of_the_thesis() -> None:
+    """1 rad/s² on each angle, from 0.1 and 0.2 s on, within the noise of its encoders."""
+    seen = run("effects.sensing.angle_noise=0.0", drive="ideal")
+    estimates = seen.block("measurement")[:, 10:]
+    assert_allclose(estimates[-50:].mean(axis=0), [1.0, 1.0], atol=0.15)
+    assert np.abs(estimates[:100]).max() < 0.1
+
+
+def test_noise_has_its_seed() -> None:
+    first, again, other = (run(f"effects.sensing.seed={seed}") for seed in (1, 1, 2))
+    assert_array_equal(first.table, again.table)
+    assert not np.array_equal(first.table, other.table)
+
+
+def test_finer_sensing_and_a_faster_observer_approach_perfect_state() -> None:
+    perfect = run(drive="ideal").block("load")[:, :3]
+    errors = []
+    for scale in (1.0, 0.1):
+        found = run(
+            f"effects.sensing.position_resolution={[1e-4 * scale] * 3}",
+            f"effects.sensing.angle_resolution={4e-4 * scale}",
+            f"effects.sensing.angle_noise={1e-4 * scale}",
+            f"effects.sensing.observer_bandwidth={60.0 / scale**0.5}",
+            drive="ideal",
+        )
+        errors.append(np.linalg.norm(found.block("load")[:, :3] - perfect, axis=1).max())
+    assert errors[1] < 0.3 * errors[0]
+    assert errors[0] < 2e-3
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_session_gives_the_bits_of_a_run(plant: str) -> None:
+    whole = run(*ALL, plant=plant)
+    session = Session(whole.scenario, whole.design, plants=[plant], drive="velocity")
+    pieces = [session.advance(n)[0].table for n in (1, 99, 250, 251)]
+    assert_array_equal(np.vstack(pieces), whole.table)
+
+
+def test_a_stopped_run_keeps_its_columns() -> None:
+    stopped = run("effects.delay.seconds=0.3", "duration=20.0", drive="ideal")
+    assert stopped.table.shape[1] == sum(len(group) for group in stopped.groups)
+    session = Session(stopped.scenario, stopped.design, plants=["analytic"], drive="ideal")
+    session.advance(20_000)
+    assert session.advance(5)[0].table.shape == (0, stopped.table.shape[1])
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_logs_hold_the_stages(tmp_path, short: Scenario, drive: str) -> None:
+    staged = run("effects.delay.seconds=0.003", "effects.sensing.seed=3", drive=drive)
+    path = write_log(tmp_path / "staged.mcap", [staged], every=1)
+    again = read_log(path)["analytic"]
+    assert_array_equal(again.table, staged.table)
+    assert again.groups == staged.groups
+    assert again.status == RunStatus.COMPLETED
+    assert [group.name for group in again.groups][-2:] == ["measurement", "command"]
+    assert short.effects.names == ()

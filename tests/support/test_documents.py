@@ -1,0 +1,124 @@
+"""TOML and JSON from outside: whatever it holds, it is read within a second or refused in words."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cranectl.scenario import load_scenario
+from cranectl.support.documents import (
+    MAX_BYTES,
+    MAX_DEPTH,
+    parse_json,
+    parse_toml,
+    read_json,
+    read_toml,
+    toml_value,
+)
+from cranectl.support.errors import InputError
+
+SECOND = 1.0  # [s] for a MiB
+
+
+def in_time(call: Callable[[], Any]) -> Any:
+    """What `call` gives or the InputError that it raises, within a second of computing."""
+    start = time.process_time()
+    try:
+        result = call()
+    except InputError as error:
+        result = error
+    assert time.process_time() - start < SECOND
+    return result
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x = " + "[" * 20_000,
+        "x = " + "[" * 300 + "]" * 300,
+        "x = " + "{a=" * 1000 + "1" + "}" * 1000,
+        "a." * 50_000 + "a = 1",
+        "[" + "a." * 50_000 + "a]",
+        "[[" + '"a" . ' * 50_000 + "a]]",
+        "x = {" + "a." * 50_000 + "a = 1}",
+        "x = {b = 1, " + "'' ." * 50_000 + "a = 1}",
+    ],
+)
+def test_deep_toml_is_refused(text: str) -> None:
+    error = in_time(lambda: parse_toml(text, "deep.toml"))
+    assert "deep.toml nests" in error.found
+    assert str(MAX_DEPTH) in error.allowed
+
+
+@pytest.mark.parametrize("text", ["[" * 20_000, '{"a":' * 5000 + "1" + "}" * 5000, "[" * 40 + "]" * 40])
+def test_deep_json_is_refused(text: str) -> None:
+    assert "deep.json nests" in in_time(lambda: parse_json(text, "deep.json")).found
+
+
+def test_what_is_not_deep_is_read() -> None:
+    text = 'x = "' + "a." * 100 + '"\n# ' + "a." * 100 + "\ny = [" + "1.5, " * 100 + "]"
+    assert parse_toml(text, "f.toml")["y"] == [1.5] * 100
+    assert parse_json("[" * 30 + "]" * 30, "f.json") is not None
+    assert toml_value("a." * 100, "--set") == "a." * 100
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "-" + "9" * 5000, "0x" + "f" * 5000])
+def test_numbers_of_thousands_of_digits_are_no_traceback(number: str) -> None:
+    found = in_time(lambda: load_scenario("fixed-position", overrides=[f"duration={number}"]))
+    assert isinstance(found, InputError)
+    if number.isdecimal():
+        assert "not valid JSON" in in_time(lambda: parse_json(number, "j")).found
+
+
+def test_half_a_character_is_refused_where_it_comes_in() -> None:
+    """As the shell passes a byte that is no UTF-8, or as JSON may write it."""
+    assert "surrogates" in in_time(lambda: parse_json('{"title": "\\ud800"}', "j")).found
+    error = in_time(lambda: load_scenario("fixed-position", overrides=["title=\udcff"]))
+    assert "\\udcff" in str(error)
+    str(error).encode()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\n".join(f"k{i} = {i}" for i in range(80_000)),
+        "[[a]]\n" * 170_000,
+        "x = [" + "1.5," * 250_000 + "]",
+        "a" * 1_000_000 + " = 1",
+        ',"' * 2**18,
+        "'" * 2**19,
+        'name = "' + "a" * 1_000_000 + '"',
+    ],
+    ids=lambda text: text[:12],
+)
+def test_a_mebibyte_takes_at_most_a_second(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(text)
+    error = in_time(lambda: load_scenario(path))
+    assert isinstance(error, InputError)
+    assert len(str(error)) < 20_000
+
+
+@pytest.mark.parametrize("read", [read_toml, read_json])
+def test_files_that_are_none(read: Callable[[Path], Any], tmp_path: Path) -> None:
+    (tmp_path / "large").write_bytes(b"#" * (MAX_BYTES + 1))
+    (tmp_path / "latin").write_bytes(b"x = '\xff'")
+    for name, what in (
+        ("large", "larger"),
+        ("latin", "utf-8"),
+        ("\0", "null"),
+        ("missing", "cannot read"),
+        ("", "cannot"),
+    ):
+        assert what in in_time(lambda name=name: read(tmp_path / name)).found
+
+
+def test_an_endless_device_is_not_read_to_its_end() -> None:
+    assert "larger" in in_time(lambda: read_toml(Path("/dev/zero"))).found
+
+
+def test_many_mistakes_are_told_shortly() -> None:
+    error = in_time(lambda: load_scenario("fixed-position", overrides=[f"k{i}=1" for i in range(100)]))
+    assert "and 90 more" in error.found

@@ -1,0 +1,183 @@
+"""The cache of compiled code."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cranectl.support import jit
+
+
+@pytest.fixture(autouse=True)
+def fresh_cache_directory() -> object:
+    jit.cache_directory.cache_clear()
+    yield
+    jit.cache_directory.cache_clear()
+
+
+@pytest.mark.parametrize(
+    "through", ["from cranectl.b import y", "from cranectl import b", "import cranectl.b"]
+)
+def test_a_change_in_an_imported_module_counts(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, through: str
+) -> None:
+    """Numba would not notice a change in a callee of another file; the digest of the sources does."""
+    monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
+    contents = {
+        "a": through,
+        "b": "    from cranectl.sub import (\n    z,\n)",
+        "sub/__init__": "z = 1",
+        "d": "",
+    }
+    (tmp_path / "sub").mkdir()
+    for name, text in contents.items():
+        (tmp_path / f"{name}.py").write_text(text)
+
+    def digest() -> str:
+        jit._source.cache_clear()
+        jit._imported.cache_clear()
+        return jit.sources_digest(tmp_path / "a.py")
+
+    before = digest()
+    (tmp_path / "d.py").write_text("not imported")
+    assert digest() == before
+    (tmp_path / "sub/__init__.py").write_text("z = 2")
+    assert digest() != before
+
+
+def test_kernels_depend_on_every_module_that_they_call() -> None:
+    """What the loop over the analytic plant is compiled from, but not the command line."""
+    package = Path(jit.__file__).parents[1]
+    seen, waiting = set(), [package / "simulate/analytic_loop.py"]
+    while waiting:
+        seen.add(waiting[-1])
+        waiting += jit._imported(waiting.pop()) - seen
+    names = {str(path.relative_to(package)) for path in seen}
+    assert {
+        "model/dynamics.py",
+        "controllers/flat.py",
+        "plants/surroundings.py",
+        "plants/dop853.py",
+        "signals.py",
+    } <= names
+    assert not any(name.startswith(("cli/", "report/", "log/")) for name in names)
+
+
+def test_chosen_directory_wins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert jit.cache_directory() == tmp_path
+
+
+NOWHERE = """
+import subprocess, sys, tempfile
+import cranectl.support.jit as jit
+jit.cache_directory()
+jit.cache_directory()
+script = "import cranectl.support.jit as jit; print(jit.cache_directory())"
+print(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True))
+"""
+
+
+def test_no_place_for_the_cache_is_said_once_and_leaves_nothing(tmp_path: Path) -> None:
+    """A file where a directory should be cannot be written by anyone, root included."""
+    (tmp_path / "file").write_text("")
+    (tmp_path / "temporary").mkdir()
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path / "file"),
+        "TMPDIR": str(tmp_path / "temporary"),
+    }
+    command = [sys.executable, "-c", NOWHERE]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    (line,) = done.stderr.splitlines()
+    assert str(tmp_path / "file") in line
+    assert "NUMBA_CACHE_DIR names" in line
+    assert str(tmp_path / "temporary" / "cranectl-") in done.stdout, "a child shares the place"
+    assert "cannot be kept" not in done.stdout, "and says nothing of it"
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+def test_compiled_functions_leave_numbas_own_setting_alone() -> None:
+    import numba
+
+    before = numba.config.CACHE_DIR
+
+    @jit.jit
+    def double(x):
+        return 2 * x
+
+    assert double(2) == 4
+    assert before == numba.config.CACHE_DIR
+
+
+RUN = """
+import sys
+import numba.core.event as event
+compiled = []
+class Count(event.Listener):
+    def on_start(self, event): compiled.append(event.data["dispatcher"])
+    def on_end(self, event): pass
+{limit}
+with event.install_listener("numba:compile", Count()):
+    from cranectl.model.flatness import angles_from_slopes
+    assert angles_from_slopes(0.0, 0.0, 0.5, 0.25) == (0.0, 0.25, 0.0, 0.5)
+print(len(compiled))
+"""
+FULL = """
+import resource, signal
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+"""
+
+
+def compiled_in_a_process(cache: Path, limit: str = "") -> int:
+    environment = {"NUMBA_CACHE_DIR": str(cache), "PATH": os.defpath}
+    command = [sys.executable, "-c", RUN.replace("{limit}", limit)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    return int(done.stdout)
+
+
+def test_a_damaged_cache_is_compiled_anew_and_healed(tmp_path: Path) -> None:
+    assert compiled_in_a_process(tmp_path) > 0
+    assert compiled_in_a_process(tmp_path) == 0
+    for suffix, damage in (("nbc", b""), ("nbi", b"garbage"), ("nbc", b"\x80\x05garbage"), ("nbi", b"")):
+        files = list(tmp_path.rglob(f"*.{suffix}"))
+        assert files
+        for path in files:
+            path.write_bytes(damage)
+        assert compiled_in_a_process(tmp_path) > 0
+        assert compiled_in_a_process(tmp_path) == 0
+
+
+def test_a_flipped_bit_is_never_run(tmp_path: Path) -> None:
+    """In machine code it would end the process, or change a number, without a word."""
+    assert compiled_in_a_process(tmp_path) > 0
+    for suffix, at in (("nbc", 0.5), ("nbc", 0.98), ("nbi", 0.5)):
+        for path in tmp_path.rglob(f"*.{suffix}"):
+            content = bytearray(path.read_bytes())
+            content[int(at * len(content))] ^= 1
+            path.write_bytes(content)
+        assert compiled_in_a_process(tmp_path) > 0
+        assert compiled_in_a_process(tmp_path) == 0
+
+
+def test_code_of_other_sources_is_never_run(tmp_path: Path) -> None:
+    """Two versions share a place: one renews a file between the other's reading of index and of data."""
+    file = jit._CheckedFile(str(tmp_path), "kernel", "sources 1")
+    file.save("signature", "code")
+    assert file.load("signature") == "code"
+    other = jit._CheckedFile(str(tmp_path), "kernel", "sources 2")
+    assert other.load("signature") is None
+    other.save("signature", "other code")
+    with pytest.raises(jit._DamageError):
+        file._load_data(file._data_name(1))
+
+
+def test_a_disk_too_full_for_the_cache_is_no_error(tmp_path: Path) -> None:
+    """A limit on file size stops writing in the middle, as a full disk does."""
+    assert compiled_in_a_process(tmp_path, FULL) > 0
+    assert compiled_in_a_process(tmp_path) > 0, "nothing broken was left to be taken for a cache"
+    assert compiled_in_a_process(tmp_path) == 0

@@ -1,0 +1,184 @@
+"""Diagrams: every picture of the thesis is there, with its labels and signs, fit to be put into a page."""
+
+import re
+import subprocess
+import sys
+from collections import Counter
+from itertools import pairwise
+from xml.etree import ElementTree
+
+import pytest
+
+from cranectl.thesis.diagrams import DIAGRAMS, diagram_svg
+from cranectl.thesis.diagrams.blocks import block, label, new_drawing, to_svg
+from tests.conftest import ROOT
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+# Every text of every picture as it reads: subscripts lose their underscore.
+TEXTS = {
+    "2.1": "x y z x_c y_c l α β bridge trolley load~z",
+    "3.1": "trajectory generation z_d~…~z⃛_d z_d⁗ e K v v₃ ∫ ∫ ζ̇ ζ dynamic extension linearising~law "
+    "u~=~φ(x,~ζ,~ζ̇)~+~γ(x,~ζ)~v u crane d_α,~d_β x z flat~coordinates (x,~ζ,~ζ̇)~→~z,~ż,~z̈,~z⃛ z~…~z⃛ + − + +",
+    "4.2": "z_d~…~z⃛_d z_d⁗ e K v ∫ ∫ ∫ ∫ z⃛ z̈ ż z z~…~z⃛ + − + +",
+    "4.3": "z_d~…~z⃛_d z_d⁗ e K v̄ v ∫ ∫ ∫ ∫ z⃛ z̈ ż z z~…~z⃛ + − + + + + G(s):~from~v̄~to~z",
+    "4.4": "P(s) K(s) w z u v",
+    "4.5": "P(s) G(s) W_s(s) W_ks(s) K(s) w e z₁ z₂ v~=~e u~=~v̄ + −",
+    "4.6": "singular~values~of~G_s~in~dB log~ω 0 σ̄(G_s) σ̲(G_s) performance: stay~above "
+    "robustness: stay~below crossover",
+    "4.7": "W_e G W_a G_s(s)~=~W_a~G~W_e",
+    "4.8": "W_e G W_a G_s(s) K_∞",
+    "4.9": "W_a K_∞ W_e K(s)~=~W_e~K_∞~W_a G v̄ z",
+    "5.1": "reference z_d~…~z_d⁗ tracker tracker the~same~law for~both u u analytic plant MuJoCo plant "
+    "d_α,~d_β q,~q̇ q,~q̇ q,~q̇,~z q,~q̇,~z log comparison",
+    "5.2": "u g(x) + + + d_α,~d_β ẋ ∫ x f(x)",
+    "5.3": "x ζ ζ̇ flat coordinates Φ(x,~ζ,~ζ̇) z ż z̈ z⃛ z_d ż_d z̈_d z⃛_d e ė ë e⃛ + + + + − − − −",
+    "5.4": "v v₃ ∫ ∫ ζ̇ ζ x γ(x,~ζ) φ(x,~ζ,~ζ̇) + + u",
+    "5.5": "z_d~…~z⃛_d e K z_d⁗ v̄ v linearised~crane z⁗~=~v z~…~z⃛ + − + + +",
+    "5.6": "z_d~…~z⃛_d e K R(s) z_d⁗ v̄ v linearised~crane z⁗~=~v z~…~z⃛ + − + + +",
+}
+
+NUMBERS = pytest.mark.parametrize("number", TEXTS)
+
+
+def parse(number: str) -> ElementTree.Element:
+    return ElementTree.fromstring(diagram_svg(number))
+
+
+def texts(svg: ElementTree.Element) -> Counter[str]:
+    return Counter("".join(text.itertext()) for text in svg.iter(f"{SVG}text"))
+
+
+def colours(svg: ElementTree.Element) -> set[str]:
+    """Every value of a fill or stroke, in attributes and styles."""
+    found = set()
+    for shape in svg.iter():
+        style = dict(part.split(":", 1) for part in shape.get("style", "").split(";") if part)
+        found |= {
+            values[name] for values in (shape.attrib, style) for name in ("fill", "stroke") if name in values
+        }
+    return found
+
+
+def points(shape: ElementTree.Element) -> list[tuple[float, float]]:
+    """The corners of a shape, or its centre and radius as corners."""
+    if shape.tag == f"{SVG}circle":
+        x, y, r = (float(shape.attrib[name]) for name in ("cx", "cy", "r"))
+        return [(x - r, y - r), (x + r, y + r)]
+    if shape.tag == f"{SVG}text":
+        return [(float(shape.attrib["x"]), float(shape.attrib["y"]))]
+    numbers = [float(n) for n in re.findall(r"-?\d+\.?\d*", shape.get("d", "") + shape.get("points", ""))]
+    return list(zip(numbers[::2], numbers[1::2], strict=True))
+
+
+def test_all_figures_that_are_drawn_here() -> None:
+    assert list(DIAGRAMS) == list(TEXTS)
+    assert all(number == diagram.number for number, diagram in DIAGRAMS.items())
+    assert all(diagram.title and diagram.note.endswith(".") for diagram in DIAGRAMS.values())
+
+
+def test_an_unknown_number_is_refused() -> None:
+    with pytest.raises(KeyError):
+        diagram_svg("4.1")
+
+
+@NUMBERS
+def test_every_label_and_sign_is_there_and_no_other(number: str) -> None:
+    expected = Counter(word.replace("~", " ").replace("_", "") for word in TEXTS[number].split(" "))
+    assert texts(parse(number)) == expected
+
+
+@pytest.mark.parametrize("number", ["3.1", "4.2", "4.3", "4.5", "5.3", "5.5", "5.6"])
+def test_the_error_is_reference_minus_measurement(number: str) -> None:
+    """The minus stands where the load's coordinates come in: from below in a loop, else from the left."""
+    svg = parse(number)
+    sums = [c for c in svg.iter(f"{SVG}circle") if float(c.attrib["r"]) > 5.0]
+    minuses = [text for text in svg.iter(f"{SVG}text") if "".join(text.itertext()) == "−"]
+    for minus, circle in zip(minuses, sums, strict=False):  # the sum of the error is drawn first
+        right, below = (float(minus.attrib[i]) - float(circle.attrib[f"c{i}"]) for i in "xy")
+        if number in ("4.5", "5.3"):
+            assert -20.0 < right < -7.0
+            assert 7.0 < below < 20.0
+        else:
+            assert 5.0 < right < 12.0
+            assert 12.0 < below < 25.0
+
+
+@NUMBERS
+def test_scales_and_has_a_name(number: str) -> None:
+    svg = parse(number)
+    assert svg.tag == f"{SVG}svg"
+    assert svg.get("role") == "img"
+    assert svg.findtext(f"{SVG}title") == DIAGRAMS[number].title
+    assert not {"width", "height"} & set(svg.attrib)
+    width = svg.attrib["viewBox"].split()[2]
+    assert f"max-width:{width}px" in svg.attrib["style"]
+    assert 200.0 < float(width) < 780.0
+
+
+@NUMBERS
+def test_takes_its_colours_from_the_page(number: str) -> None:
+    fills = {"currentColor", "none", "var(--block, none)", "var(--forbidden, var(--block, none))"}
+    assert "currentColor" in colours(parse(number)) <= fills
+
+
+@NUMBERS
+def test_can_stand_beside_the_others_in_a_page(number: str) -> None:
+    """No identifiers that could clash, nothing from elsewhere, no declaration of its own."""
+    text = diagram_svg(number)
+    assert text.startswith("<svg ")
+    assert not re.search(r"\bid=|href|url\(|<style|<script|<!", text)
+    assert re.findall(r"https?://[^\"]*", text) == [SVG.strip("{}")]
+
+
+@NUMBERS
+def test_nothing_is_cut_off(number: str) -> None:
+    svg = parse(number)
+    left, top, width, height = (float(n) for n in svg.attrib["viewBox"].split())
+    for shape in svg:
+        for x, y in points(shape):
+            assert left <= x <= left + width
+            assert top <= y <= top + height
+
+
+@pytest.mark.parametrize(
+    "number", sorted(set(TEXTS) - {"2.1", "4.6"})
+)  # these are drawn in space, and curves
+def test_lines_of_block_diagrams_are_right_angled(number: str) -> None:
+    for path in parse(number).iter(f"{SVG}path"):
+        if path.attrib["d"].endswith("Z"):  # an arrowhead
+            continue
+        corners = points(path)
+        for (x_0, y_0), (x_1, y_1) in pairwise(corners):
+            assert abs(x_1 - x_0) < 0.02 or abs(y_1 - y_0) < 0.02
+
+
+def test_same_bytes_in_another_process() -> None:
+    code = "from cranectl.thesis.diagrams import *; print(*map(diagram_svg, DIAGRAMS), sep='', end='')"
+    other = subprocess.run(
+        [sys.executable, "-X", "utf8", "-c", code], cwd=ROOT, check=True, capture_output=True
+    ).stdout.decode()
+    here = [diagram_svg(number) for number in DIAGRAMS]
+    assert here == [diagram_svg(number) for number in DIAGRAMS]
+    assert "".join(here) == other
+
+
+def test_variables_are_italic_and_words_are_not() -> None:
+    d = new_drawing()
+    label(d, (0.0, 0.0), "log W_{ks}(s) d_α z₁")
+    spans = list(ElementTree.fromstring(to_svg(d, "")).iter(f"{SVG}tspan"))
+    assert [s.text for s in spans if s.get("font-style") == "italic"] == ["W", "s", "d", "α", "z"]
+    assert [s.text for s in spans if s.get("font-size")] == ["ks", "α"]
+    assert sum(float(s.get("dy", "0")) for s in spans) == pytest.approx(0.0)
+
+
+def test_a_block_has_its_text_at_its_centre() -> None:
+    d = new_drawing()
+    box = block(d, (3.0, -2.0), "K")
+    svg = ElementTree.fromstring(to_svg(d, ""))
+    text, outline = next(svg.iter(f"{SVG}text")), next(svg.iter(f"{SVG}path"))
+    xs, ys = zip(*points(outline), strict=True)
+    assert float(text.attrib["x"]) == pytest.approx(0.5 * (min(xs) + max(xs)))
+    baseline = float(text.attrib["y"])
+    assert 0.0 < baseline - 0.5 * (min(ys) + max(ys)) < 7.0  # a capital's half height below the centre
+    assert tuple(box.E) == (3.6, -2.0)
