@@ -18,7 +18,7 @@ from cranectl.support.interrupts import SIGNALS, interrupts_blocked, interrupts_
 
 # Loaded once, before workers are forked; without it each worker would import for two seconds.
 PRELOADED = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
-PRELOADED += ["cranectl.simulate.analytic_loop", "cranectl.simulate.mujoco_loop"]
+PRELOADED += ["cranectl.plants.analytic", "cranectl.plants.mujoco.plant"]
 
 Done = Callable[[Case], None]  # called after each case
 Result = (

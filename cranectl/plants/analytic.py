@@ -13,7 +13,7 @@ from cranectl.model.dynamics import (
     specific_rope_force,
 )
 from cranectl.plants.dop853 import STAGES, A, B
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import Drive, Kernels
 from cranectl.plants.surroundings import STICTION_RATE, air_drag, gravity_in_rig
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
@@ -143,18 +143,41 @@ def observe_load(rig, state, command, wind, load):
     load[6] = -rig.load_mass * force + (f_x * n[0] + f_y * n[1] + f_z * n[2])
 
 
+class AnalyticCrane(NamedTuple):
+    """The rig with its state, and work space."""
+
+    rig: AnalyticRig
+    state: Array  # (10,)
+    stages: Array  # (12, 10)
+    stage_state: Array  # (10,)
+
+
 @jit
-def advance_analytic(rig, state, command, disturbance, wind, load, stages, stage_state):
+def measure_joints(crane, state):
+    """Joint positions and velocities (10,) into `state`."""
+    for i in range(10):
+        state[i] = crane.state[i]
+
+
+@jit
+def advance(crane, command, disturbance, wind, load):
     """One control period; see `Plant.advance`."""
-    observe_load(rig, state, command, wind, load)
-    for _ in range(rig.substeps):
-        integrate(rig, state, command, disturbance, wind, stages, stage_state)
+    observe_load(crane.rig, crane.state, command, wind, load)
+    for _ in range(crane.rig.substeps):
+        integrate(crane.rig, crane.state, command, disturbance, wind, crane.stages, crane.stage_state)
+
+
+@jit
+def no_warnings(_):
+    """Nothing here warns."""
+    return 0
 
 
 class AnalyticPlant:
     """The Lagrange model behind the plant interface."""
 
     name = "analytic"
+    kernels = Kernels(measure_joints, advance, no_warnings)
     description = "cranectl.model.dynamics, fixed-step DOP853"
 
     def __init__(
@@ -182,13 +205,15 @@ class AnalyticPlant:
     def reset(self, state: Array) -> None:
         self.state[:] = state
 
+    @property
+    def handle(self) -> AnalyticCrane:
+        return AnalyticCrane(self.rig, self.state, self.stages, self.stage_state)
+
     def measure(self, state: Array) -> None:
         state[:] = self.state
 
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
-        advance_analytic(
-            self.rig, self.state, command, disturbance, wind, load, self.stages, self.stage_state
-        )
+        advance(self.handle, command, disturbance, wind, load)
 
     def warnings(self) -> int:
         return 0

@@ -1,6 +1,7 @@
 """What every plant offers: set a state, read the joints, advance by one control period."""
 
-from typing import Literal, Protocol
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,14 @@ DRIVES: tuple[Drive, ...] = ("ideal", "velocity")
 PLANTS = ("analytic", "mujoco")
 
 
+class Kernels(NamedTuple):
+    """Compiled `measure`, `advance` and `warnings` of a plant; they take its `handle` in place of `self`."""
+
+    measure: Callable[..., None]
+    advance: Callable[..., None]
+    warnings: Callable[..., int]
+
+
 class Plant(Protocol):
     """A crane. All arrays in SI units; states in the order of `signals.STATE`.
 
@@ -25,6 +34,11 @@ class Plant(Protocol):
 
     name: str
     drive: Drive
+    kernels: Kernels
+
+    @property
+    def handle(self) -> Any:
+        """What the kernels need: a NamedTuple of numbers and arrays."""
 
     def __init__(
         self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings

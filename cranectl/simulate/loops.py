@@ -1,15 +1,16 @@
-"""Advance a plant by a block of samples: compiled, or in plain Python over the same compiled kernel.
+"""Advance a plant by a block of samples: one loop, in plain Python or compiled with the kernels of a plant.
 
 Both give the same bits; a test holds them to it. A block returns often enough for progress, Ctrl-C and live
 changes.
 """
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.plant import Plant
+from cranectl.plants.plant import Kernels, Plant
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
 from cranectl.simulate.loop_inputs import (
     RUNNING,
@@ -21,57 +22,60 @@ from cranectl.simulate.loop_inputs import (
 )
 from cranectl.simulate.signal_path import Stages
 from cranectl.status import RunStatus
+from cranectl.support.jit import jit_loop
 
 Array = NDArray[np.float64]
+
+ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 
 # (sampling, stages, record, memory, first, last) → (complete rows, sample it ended at, status)
 AdvanceBlock = Callable[[Sampling, Stages | None, Array, Array, int, int], tuple[int, int, int]]
 
 
 def compiled_loop(plant: Plant) -> AdvanceBlock:
-    """The compiled block loop of `plant`."""
-    if plant.name == "analytic":
-        return _compiled_analytic(plant)
-    return _compiled_mujoco(plant)
-
-
-def _compiled_analytic(plant: Plant) -> AdvanceBlock:
-    from cranectl.plants.analytic import AnalyticPlant
-    from cranectl.simulate import analytic_loop
-
-    assert isinstance(plant, AnalyticPlant)
-    work = (plant.rig, plant.state, plant.stages, plant.stage_state)
-    return lambda *arguments: analytic_loop.advance_block(*work, *arguments)
-
-
-def _compiled_mujoco(plant: Plant) -> AdvanceBlock:
-    from cranectl.plants.mujoco.plant import MujocoPlant
-    from cranectl.simulate import mujoco_loop
-
-    assert isinstance(plant, MujocoPlant)
-    return lambda *arguments: mujoco_loop.advance_block(plant.rig, *arguments)
+    """The loop compiled with the kernels of `plant`."""
+    return functools.partial(_compiled(plant.name, plant.kernels), plant.handle)
 
 
 def python_loop(plant: Plant) -> AdvanceBlock:
-    """The same loop in plain Python, for any plant; slower, and easy to step through."""
+    """The loop as it stands here; slower, and easy to step through."""
+    return functools.partial(advance_block, plant)
 
-    def advance_block(
-        sampling: Sampling, stages: Stages | None, record: Array, memory: Array, first: int, last: int
-    ) -> tuple[int, int, int]:
-        for k in range(first, last):
-            row = record[k]
-            plant.measure(row[STATE_COLUMN : STATE_COLUMN + 10])
-            status = control_sample(sampling, stages, k, row, memory)
-            if status != RUNNING:
-                return k, k, status
-            command = np.array(command_of(sampling, stages, k, row))
-            disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
-            plant.advance(command, disturbance, sampling.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
-            status = judge_sample(sampling, row)
-            if status == RUNNING and plant.warnings():
-                status = int(RunStatus.ENGINE_WARNING)
-            if status != RUNNING:
-                return complete_rows(k, status), k, status
-        return last, last, RUNNING
 
-    return advance_block
+@functools.cache
+def _compiled(name: str, kernels: Kernels) -> Callable[..., tuple[int, int, int]]:
+    return jit_loop(advance_block, name, **kernels._asdict())
+
+
+def measure(plant: Plant, state: Array) -> None:
+    """The joints of `plant`; its kernel takes this place in the compiled loop, as for the next two."""
+    plant.measure(state)
+
+
+def advance(plant: Plant, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
+    """One control period of `plant`."""
+    plant.advance(np.array(command), disturbance, wind, load)
+
+
+def warnings(plant: Plant) -> int:
+    """Numerical warnings of `plant`."""
+    return plant.warnings()
+
+
+def advance_block(plant, sampling, stages, record, memory, first, last):
+    """Samples `first` to `last` - 1; returns (complete rows, sample it ended at, status)."""
+    for k in range(first, last):
+        row = record[k]
+        measure(plant, row[STATE_COLUMN : STATE_COLUMN + 10])
+        status = control_sample(sampling, stages, k, row, memory)
+        if status != RUNNING:
+            return k, k, status
+        command = command_of(sampling, stages, k, row)
+        disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
+        advance(plant, command, disturbance, sampling.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
+        status = judge_sample(sampling, row)
+        if status == RUNNING and warnings(plant) > 0:
+            status = ENGINE_WARNING
+        if status != RUNNING:
+            return complete_rows(k, status), k, status
+    return last, last, RUNNING

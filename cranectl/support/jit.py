@@ -16,9 +16,10 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from io import BytesIO
 from pathlib import Path
+from types import FunctionType
 from typing import Any, BinaryIO, TypeVar, cast
 
 import llvmlite
@@ -41,16 +42,19 @@ def jit(function: F) -> F:
     return _compiled(function)
 
 
-def jit_loop(function: F) -> F:
-    """As `jit`, for a loop that takes arrays and makes none; nor do its callees, and they return no views.
+def jit_loop(function: F, name: str, **callees: Any) -> F:
+    """Compile a loop that takes arrays and makes none; nor do its callees, and they return no views.
 
-    Counting references, which the caller holds, takes an atomic instruction for each view in each callee: as
-    long as all the rest of a control step.
+    `callees` take the place of the globals of these names, so that one loop serves many plants; each `name`
+    has a cache of its own. Counting references, which the caller holds, would take an atomic instruction for
+    each view in each callee: as long as all the rest of a control step.
     """
-    return _compiled(function, _nrt=False)
+    chosen = FunctionType(function.__code__, {**function.__globals__, **callees}, function.__name__)
+    chosen.__qualname__ = f"{function.__qualname__}-{name}"
+    return _compiled(cast(F, chosen), callees.values(), _nrt=False)
 
 
-def _compiled(function: F, **options: Any) -> F:
+def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
     previous = _numba_config.CACHE_DIR
     _numba_config.CACHE_DIR = str(cache_directory())
     try:
@@ -58,7 +62,8 @@ def _compiled(function: F, **options: Any) -> F:
     finally:
         _numba_config.CACHE_DIR = previous
     if not _numba_config.DISABLE_JIT:
-        _check_files(compiled._cache, sources_digest(Path(inspect.getfile(function))))
+        files = (Path(inspect.getfile(inspect.unwrap(each))) for each in (function, *callees))
+        _check_files(compiled._cache, sources_digest(*files))
     return cast(F, compiled)
 
 
@@ -122,9 +127,9 @@ class _DamageError(Exception):
     """A cached file was changed since it was written, or is of other sources."""
 
 
-def sources_digest(path: Path) -> str:
-    """Digest of a source file and of all files of the package that it imports, directly or not."""
-    waiting, seen = [path], {path}
+def sources_digest(*paths: Path) -> str:
+    """Digest of source files and of all files of the package that they import, directly or not."""
+    waiting, seen = list(paths), set(paths)
     while waiting:
         new = _imported(waiting.pop()) - seen
         seen |= new

@@ -66,14 +66,14 @@ def test_any_combination_hangs_still_and_swings_on(effects: EffectSettings, driv
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_compiled_steps_and_steps_through_the_binding_are_the_same(drive: str) -> None:
-    from cranectl.plants.mujoco.plant import advance_mujoco
+    from cranectl.plants.mujoco.plant import advance
 
     loads, states = np.zeros((2, 200, 7)), np.zeros((2, 10))
     plants = [make(ALL.model_copy(update={"wind": Wind()}), drive=drive, start=SWINGING) for _ in range(2)]
     command, disturbance, wind = np.array([0.2, -0.1, 0.3]), np.array([0.3, -0.2]), np.array([1.0, 0.5, 0])
     for k in range(200):
         plants[0].advance(command, disturbance, wind, loads[0, k])
-        advance_mujoco(plants[1].rig, command, disturbance, wind, loads[1, k])
+        advance(plants[1].rig, command, disturbance, wind, loads[1, k])
     for plant, state in zip(plants, states, strict=True):
         plant.measure(state)
         assert plant.warnings() == 0

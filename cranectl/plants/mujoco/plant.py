@@ -31,7 +31,7 @@ from cranectl.plants.mujoco.rope import (
 )
 from cranectl.plants.mujoco.stability import check_step
 from cranectl.plants.mujoco.step import mj_step
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import Drive, Kernels
 from cranectl.plants.surroundings import air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
@@ -114,7 +114,7 @@ def read_load(rig, load):
 
 
 @jit
-def advance_mujoco(rig, command, disturbance, wind, load):
+def advance(rig, command, disturbance, wind, load):
     """One control period; see `Plant.advance`."""
     set_command(rig, command)
     disturbed = disturbance[0] != 0.0 or disturbance[1] != 0.0
@@ -128,6 +128,12 @@ def advance_mujoco(rig, command, disturbance, wind, load):
             read_load(rig, load)
 
 
+@jit
+def count_warnings(rig):
+    """Numerical warnings of the engine since the last reset."""
+    return rig.warnings.sum()
+
+
 class MujocoPlant:
     """The MuJoCo rig behind the plant interface; steps through the Python binding, but for disturbed steps.
 
@@ -135,6 +141,7 @@ class MujocoPlant:
     """
 
     name = "mujoco"
+    kernels = Kernels(measure_joints, advance, count_warnings)
 
     def __init__(
         self,
@@ -232,6 +239,10 @@ class MujocoPlant:
                 data.ctrl[self.rig.drives] = state[1:6:2]  # else they would brake, and the rope with them
             start_taut(self.model, data, self.rig.rope)
 
+    @property
+    def handle(self) -> MujocoRig:
+        return self.rig
+
     def measure(self, state: Array) -> None:
         measure_joints(self.rig, state)
 
@@ -247,7 +258,7 @@ class MujocoPlant:
                 read_load(self.rig, load)
 
     def warnings(self) -> int:
-        return int(self.rig.warnings.sum())
+        return int(count_warnings(self.rig))
 
 
 def _physical(effects: EffectSettings) -> EffectSettings:
