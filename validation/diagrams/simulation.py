@@ -1,8 +1,6 @@
 """Figures 5.1 to 5.6: the simulation and the parts of the linearised crane."""
 
-from schemdraw import Drawing
-
-from cranectl.thesis.diagrams.blocks import (
+from blocks import (
     SMALL,
     block,
     branch,
@@ -13,6 +11,7 @@ from cranectl.thesis.diagrams.blocks import (
     signal,
     summation,
 )
+from schemdraw import Drawing
 
 
 def draw_simulation(d: Drawing) -> None:

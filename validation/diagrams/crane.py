@@ -2,10 +2,7 @@
 
 import math
 
-from schemdraw import Drawing
-from schemdraw.flow import Circle
-
-from cranectl.thesis.diagrams.blocks import (
+from blocks import (
     BUS,
     INK,
     SMALL,
@@ -17,6 +14,8 @@ from cranectl.thesis.diagrams.blocks import (
     label,
     signal,
 )
+from schemdraw import Drawing
+from schemdraw.flow import Circle
 
 Vector = tuple[float, float, float]
 

@@ -1,8 +1,6 @@
 """Figures 3.1, 4.2 and 4.3: the tracking loop and the linearised system under feedback."""
 
-from schemdraw import Drawing
-
-from cranectl.thesis.diagrams.blocks import (
+from blocks import (
     BUS,
     SMALL,
     Point,
@@ -15,6 +13,7 @@ from cranectl.thesis.diagrams.blocks import (
     signal,
     summation,
 )
+from schemdraw import Drawing
 
 DERIVATIVES = ("z⃛", "z̈", "ż", "z")  # as they come out of the chain
 ERROR = 2.9  # where 4.2 and 4.3 form e

@@ -1,8 +1,6 @@
 """Figures 4.4 to 4.9: H-infinity standard problem, mixed sensitivity, loop shaping."""
 
-from schemdraw import Drawing, SegmentBezier
-
-from cranectl.thesis.diagrams.blocks import (
+from blocks import (
     LINE,
     SMALL,
     THIN,
@@ -17,6 +15,7 @@ from cranectl.thesis.diagrams.blocks import (
     signal,
     summation,
 )
+from schemdraw import Drawing, SegmentBezier
 
 FORBIDDEN = "var(--forbidden, var(--block, none))"
 
