@@ -24,6 +24,7 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.trees import merged
 
 IMPROVEMENTS = 5  # that are tried
 GIVEN = ("limits", "sensing", "delay")  # the effects that drives and sensors have
@@ -215,16 +216,9 @@ def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
     ]  # fmt: skip
     table = scenario.model_dump(mode="json", exclude_none=True)
     return [
-        (name, change, parse_settings(Scenario, _merged(table, new), f"{scenario.name}, better {name}"))
+        (name, change, parse_settings(Scenario, merged(table, new), f"{scenario.name}, better {name}"))
         for name, change, new in found
     ]
-
-
-def _merged(table: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    merged = dict(table)
-    for key, value in changes.items():
-        merged[key] = _merged(table.get(key, {}), value) if isinstance(value, dict) else value
-    return merged
 
 
 def _held(scenario: Scenario, tilts: list[tuple[float, float]], length: float) -> list[tuple[float, float]]:

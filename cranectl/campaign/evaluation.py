@@ -31,6 +31,7 @@ from cranectl.campaign.sensitivity import (
     swings,
 )
 from cranectl.campaign.summary import MEASURE, Example, GroupSummary, examples, summarize
+from cranectl.support.trees import mapped
 
 Array = NDArray[np.float64]
 
@@ -95,9 +96,9 @@ def analyse(results: Results) -> Analysis:
 def analysis_json(analysis: Analysis) -> dict[str, Any]:
     """What the report shows beside the summary, as plain data; arrays become lists."""
     return {
-        "influence": [_plain(dict(_influence(part))) for part in analysis.groups],
-        "controllers": [_plain(_pair_json(pair)) for pair in analysis.controllers],
-        "plants": [_plain(_pair_json(pair)) for pair in analysis.plants],
+        "influence": [mapped(dict(_influence(part)), _plain) for part in analysis.groups],
+        "controllers": [mapped(_pair_json(pair), _plain) for pair in analysis.controllers],
+        "plants": [mapped(_pair_json(pair), _plain) for pair in analysis.plants],
         "worst": [example._asdict() for example in analysis.worst],
     }
 
@@ -148,9 +149,5 @@ def _pair_json(pair: Pair) -> dict[str, Any]:
     }
 
 
-def _plain(data: Any) -> Any:
-    if isinstance(data, dict):
-        return {key: _plain(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_plain(value) for value in data]
-    return data.tolist() if isinstance(data, np.ndarray | np.generic) else data
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value

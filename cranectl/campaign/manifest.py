@@ -15,6 +15,7 @@ from cranectl.campaign.parameters import parameters_of
 from cranectl.campaign.settings import parse_campaign
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
+from cranectl.support import trees
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import HARMLESS, provenance
@@ -86,7 +87,8 @@ def origin_of(record: Mapping[str, Any], versions: Mapping[str, str]) -> Origin:
 
 def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
     """What makes two campaigns differ besides the software that runs them, a phrase each."""
-    return list(_differences(_decisive(found), _decisive(wanted), ""))
+    apart = trees.differences(_decisive(found), _decisive(wanted), absent="absent")
+    return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in apart]
 
 
 def _decisive(record: Mapping[str, Any]) -> Table:
@@ -100,18 +102,6 @@ def _first_format(data: Mapping[str, Any]) -> Table:
 
 
 READERS: dict[int, Callable[[Mapping[str, Any]], Table]] = {1: _first_format, FORMAT: dict}
-
-
-def _differences(a: Any, b: Any, name: str) -> list[str]:
-    if isinstance(a, dict) and isinstance(b, dict):
-        keys = list(dict.fromkeys([*a, *b]))
-        absent = "absent"
-        return [
-            line
-            for key in keys
-            for line in _differences(a.get(key, absent), b.get(key, absent), f"{name}.{key}" if name else key)
-        ]
-    return [] if a == b else [f"{name} is {_short(a)}, not {_short(b)}"]
 
 
 def _short(value: Any) -> str:

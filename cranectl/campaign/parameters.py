@@ -13,6 +13,7 @@ from cranectl.scenario import NANOSECONDS, Scenario, load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS, EffectSettings
 from cranectl.support.errors import InputError, is_near, nearest_first
 from cranectl.support.patterns import SHOWN
+from cranectl.support.trees import leaves
 
 Array = NDArray[np.float64]
 
@@ -30,11 +31,6 @@ class Parameter:
     nominal: float  # what the controller assumes
     whole: bool  # whether the scenario takes whole numbers only
     multiple: float  # values are rounded to multiples of this; 0 for any value
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Where it lies in the scenario's table."""
-        return tuple(self.name.split("."))
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -66,17 +62,16 @@ def nominal_scenario(settings: CampaignSettings) -> Scenario:
 
 def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parameter, ...]:
     """The uncertain parameters in the order of the campaign; raises InputError for what `nominal` lacks."""
-    leaves = dict(_leaves(nominal.model_dump(), ""))
+    values = dict(leaves(nominal.model_dump()))
     step = _common_period(settings.uncertain.get(PERIOD), nominal)
     return tuple(
-        _parameter(name, distribution, leaves, step) for name, distribution in settings.uncertain.items()
+        _parameter(name, distribution, values, step) for name, distribution in settings.uncertain.items()
     )
 
 
 def numbers_of(scenario: Scenario) -> dict[str, float]:
     """Every number of a scenario by its dotted name."""
-    leaves = _leaves(scenario.model_dump(), "")
-    return {name: value for name, value in leaves if _is_number(value)}
+    return {name: value for name, value in leaves(scenario.model_dump()) if _is_number(value)}
 
 
 def _is_number(value: Any) -> bool:
@@ -103,11 +98,11 @@ def _examples(nominal: Scenario) -> str:
     return f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]"
 
 
-def _parameter(name: str, distribution: Distribution, leaves: dict[str, Any], time_step: float) -> Parameter:
+def _parameter(name: str, distribution: Distribution, values: dict[str, Any], time_step: float) -> Parameter:
     section, _, rest = name.partition(".")
-    if name not in leaves:
-        raise _unknown(name, leaves)
-    nominal = leaves[name]
+    if name not in values:
+        raise _unknown(name, values)
+    nominal = values[name]
     if not _is_number(nominal):
         raise InputError(
             f"uncertain.{name}: its value in the scenario is {nominal!r}, no number",
@@ -157,20 +152,9 @@ def _fitting(parameter: Parameter) -> Parameter:
     return parameter
 
 
-def _leaves(node: Any, prefix: str) -> list[tuple[str, Any]]:
-    """Dotted name and value of everything in a dumped scenario that is no table and no list."""
-    if isinstance(node, dict):
-        items = list(node.items())
-    elif isinstance(node, tuple | list):
-        items = [(str(index), value) for index, value in enumerate(node)]
-    else:
-        return [(prefix[:-1], node)]
-    return [leaf for key, value in items for leaf in _leaves(value, f"{prefix}{key}.")]
-
-
-def _unknown(name: str, leaves: dict[str, Any]) -> InputError:
-    """The error for a name that is no leaf; lists those below it, else the nearest."""
-    everything = {**leaves, **dict(_leaves(ALL_EFFECTS.model_dump(), "effects."))}
+def _unknown(name: str, values: dict[str, Any]) -> InputError:
+    """The error for a name that has no value; lists those below it, else the nearest."""
+    everything = {**values, **dict(leaves(ALL_EFFECTS.model_dump(), "effects"))}
     known = [
         leaf
         for leaf, value in everything.items()

@@ -3,7 +3,7 @@
 A run that breaks one of the limits asked of every run counts as failed.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,8 +14,9 @@ from cranectl.design import checked_controller
 from cranectl.plants.plant import Drive
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
-from cranectl.support.documents import Table, read_toml
+from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.trees import leaves
 
 Limit = Annotated[float, Field(ge=0.0)] | None
 
@@ -137,7 +138,7 @@ def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
 def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distribution]:
     """The distributions below [uncertain] by dotted name of their parameter."""
     found: dict[str, Distribution] = {}
-    for name, table in _leaves(node, "", source):
+    for name, table in leaves(node, is_leaf=_is_leaf):
         if name in found:
             raise InputError(
                 f"{source}: parameter '{name}' appears twice under [uncertain]",
@@ -148,30 +149,25 @@ def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distributi
     return found
 
 
-def _leaves(node: Mapping[str, Any], prefix: str, source: str) -> Iterator[tuple[str, Table]]:
-    """Dotted name and table of every table that has a `distribution`."""
-    for key, value in node.items():
-        name = f"{prefix}{key}"
-        if not isinstance(value, Mapping):
-            raise InputError(
-                f"{source}: uncertain.{name} = {value!r} is no table",
-                allowed=f"a table with a distribution: {', '.join(DISTRIBUTIONS)}",
-                remedy=f"write [uncertain.{name}] with 'distribution = ...' below it, "
-                f"or check that [uncertain.{prefix.rstrip('.') or name}] has a 'distribution'",
-            )
-        if not value:
-            raise InputError(
-                f"{source}: [uncertain.{name}] is empty",
-                allowed=f"a table with a distribution: {', '.join(DISTRIBUTIONS)}",
-                remedy="add 'distribution = ...'",
-            )
-        if "distribution" in value:
-            yield name, dict(value)
-        else:
-            yield from _leaves(value, f"{name}.", source)
+def _is_leaf(value: Any) -> bool:
+    """Whether `value` is a distribution, or can hold none."""
+    return not isinstance(value, Mapping) or not value or "distribution" in value
 
 
-def _distribution(name: str, table: Table, source: str) -> Distribution:
+def _distribution(name: str, table: Any, source: str) -> Distribution:
+    allowed = f"a table with a distribution: {', '.join(DISTRIBUTIONS)}"
+    if not isinstance(table, Mapping):
+        above = name.rpartition(".")[0] or name
+        raise InputError(
+            f"{source}: uncertain.{name} = {table!r} is no table",
+            allowed=allowed,
+            remedy=f"write [uncertain.{name}] with 'distribution = ...' below it, "
+            f"or check that [uncertain.{above}] has a 'distribution'",
+        )
+    if not table:
+        raise InputError(
+            f"{source}: [uncertain.{name}] is empty", allowed=allowed, remedy="add 'distribution = ...'"
+        )
     kind = table["distribution"]
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
         raise unknown_name("distribution", str(kind), DISTRIBUTIONS)

@@ -17,6 +17,7 @@ from cranectl.cli.screen import Screen, heading, progress, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import write_text
 from cranectl.support.text import printable
+from cranectl.support.trees import mapped
 
 if TYPE_CHECKING:
     from cranectl.cases import CaseResult, RunSummary
@@ -38,7 +39,7 @@ def write_json(json_file: str | None, data: dict[str, Any]) -> None:
     """Write `data` to a file or, for `-`, to standard output."""
     if json_file is None:
         return
-    text = json.dumps(_finite(data), indent=2)
+    text = json.dumps(mapped(data, _finite), indent=2)
     if json_file == "-":
         print(text)
         return
@@ -50,13 +51,9 @@ def write_json(json_file: str | None, data: dict[str, Any]) -> None:
         ) from None
 
 
-def _finite(data: Any) -> Any:
-    """`data` with infinities and NaN, which JSON does not have, as null."""
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data
+def _finite(value: Any) -> Any:
+    """`value`, null in place of infinities and NaN, which JSON does not have."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @contextmanager

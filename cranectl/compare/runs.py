@@ -12,6 +12,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import Signal
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
+from cranectl.support.trees import leaves
 
 Array = NDArray[np.float64]
 
@@ -164,21 +165,11 @@ def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
 
 
 def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
-    fields_a, fields_b = dict(_fields("", a)), dict(_fields("", b))
+    fields_a, fields_b = dict(leaves(a)), dict(leaves(b))
     for name in dict.fromkeys((*fields_a, *fields_b)):
         pair = (fields_a.get(name, "nothing"), fields_b.get(name, "nothing"))
         if pair[0] != pair[1]:
             yield f"{name}: {pair[0]} and {pair[1]}"
-
-
-def _fields(prefix: str, node: Any) -> Iterator[tuple[str, Any]]:
-    """The leaves of nested tables and lists by their path, as `--set` has it."""
-    if isinstance(node, Mapping | list):
-        items = node.items() if isinstance(node, Mapping) else enumerate(node)
-        for key, value in items:
-            yield from _fields(f"{prefix}.{key}" if prefix else str(key), value)
-    else:
-        yield prefix, node
 
 
 def _differences(

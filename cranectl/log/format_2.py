@@ -4,7 +4,7 @@ Once logs of another format are written this file stays as it is, and turns old 
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from cranectl.design import Design
@@ -16,6 +16,7 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import checked_drive
 from cranectl.status import RunStatus
 from cranectl.support.documents import parse_json
+from cranectl.support.trees import leaves
 
 
 def read_header(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:
@@ -77,18 +78,12 @@ def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
 def _design(data: dict[str, Any]) -> Design:
     """The design in `data`, if it says the same as `data`: whole matrices of numbers, none of them NaN."""
     design = Design.from_json(data)
-    for number in _leaves([value for name, value in data.items() if name != "name"]):
+    for _, number in leaves({name: value for name, value in data.items() if name != "name"}):
+        if number is None:
+            continue
         if isinstance(number, bool) or not isinstance(number, int | float) or math.isnan(number):
             raise TypeError(f"design.json holds {number!r} where a number belongs")
     said = design.to_json()
     if any(said[name] != value for name, value in data.items()):
         raise ValueError("the numbers of design.json do not fit together")
     return design
-
-
-def _leaves(node: Any) -> Iterator[Any]:
-    if isinstance(node, dict | list):
-        for child in node.values() if isinstance(node, dict) else node:
-            yield from _leaves(child)
-    elif node is not None:
-        yield node

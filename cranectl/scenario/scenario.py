@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,6 +12,7 @@ from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import Table, read_toml
 from cranectl.support.errors import unknown_name
+from cranectl.support.trees import merged
 
 NANOSECONDS = 1_000_000_000
 MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms
@@ -265,12 +266,8 @@ def _scenario(table: Table, source: str, rig: Path | None, overrides: Sequence[s
     if rig is not None:
         rig_table = read_toml(rig)
         parse_settings(RigParameters, rig_table, str(rig))
-        table["rig"] = _merged(table.get("rig", {}), rig_table)
+        table = merged(table, {"rig": rig_table})
     return parse_settings(Scenario, override(table, overrides), source)
-
-
-def _merged(base: Any, update: Table) -> Any:
-    return {**base, **update} if isinstance(base, dict) else base
 
 
 def _scenario_file(name: str) -> Path:

@@ -9,6 +9,7 @@ from pydantic_core import ErrorDetails
 from cranectl.support.documents import MAX_DEPTH, Table, toml_value
 from cranectl.support.errors import InputError, is_near, nearest_first
 from cranectl.support.text import printable
+from cranectl.support.trees import assign, mapped
 
 
 class Settings(BaseModel):
@@ -38,7 +39,7 @@ def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
 
 def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
     """A copy of `table` with `key.sub=value` assignments applied; values are TOML, else strings."""
-    result: Table = _copied(table)
+    result: Table = mapped(table)
     for assignment in assignments:
         key, separator, text = assignment.partition("=")
         if not separator or not all(key.split(".")):
@@ -47,40 +48,11 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
                 allowed="key=value, with dots between tables",
                 remedy="for example --set rig.load_mass=2.5",
             )
-        keys = key.strip().split(".")
-        if len(keys) > MAX_DEPTH:
+        if key.count(".") >= MAX_DEPTH:
             raise InputError(f"--set {assignment}", allowed=f"keys of at most {MAX_DEPTH} parts")
-        _assign(
-            result, keys, toml_value(text.strip(), f"--set {printable(assignment, longest=80)}"), assignment
-        )
+        value = toml_value(text.strip(), f"--set {printable(assignment, longest=80)}")
+        assign(result, key.strip(), value, f"--set {assignment}")
     return result
-
-
-def _assign(node: Any, keys: Sequence[str], value: Any, assignment: str) -> None:
-    for key in keys[:-1]:
-        node = node.setdefault(key, {}) if isinstance(node, dict) else _item(node, key, assignment)
-    if isinstance(node, dict):
-        node[keys[-1]] = value
-    else:
-        _item(node, keys[-1], assignment)
-        node[int(keys[-1])] = value
-
-
-def _item(node: Any, key: str, assignment: str) -> Any:
-    if not isinstance(node, list):
-        raise InputError(f"--set {assignment}: '{key}' lies below a plain value", allowed="a table")
-    if not (key.isdecimal() and int(key) < len(node)):
-        raise InputError(
-            f"--set {assignment}: '{key}' is no entry of the list",
-            allowed=f"an index from 0 to {len(node) - 1}" if node else "nothing, the list is empty",
-        )
-    return node[int(key)]
-
-
-def _copied(node: Any) -> Any:
-    if isinstance(node, Mapping):
-        return {key: _copied(value) for key, value in node.items()}
-    return [_copied(value) for value in node] if isinstance(node, list) else node
 
 
 def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, str]:
