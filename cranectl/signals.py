@@ -163,7 +163,7 @@ def controller_group(robustifier_order: int) -> SignalGroup:
 MEASUREMENT = SignalGroup(
     "measurement",
     "Measurement",
-    "what the tracker is told of the joints, and what the observer makes of disturbances",
+    "what is measured of the joints, and what the observer makes of disturbances",
     (
         *STATE.signals,
         Signal("alpha_disturbance_estimate", "d̂_α", "rad/s²", "unexplained angular acceleration of alpha"),
@@ -198,11 +198,11 @@ def command_group(drive: str) -> SignalGroup:
 def recorded_groups(robustifier_order: int, *, staged: str = "") -> tuple[SignalGroup, ...]:
     """Everything a run records at every sample, in column order.
 
-    `staged`: the drive of a run with stages between tracker and plant, which records them too.
+    `staged`: the drive of a run with a signal path between plant and controller, which is recorded too.
     """
     controller = controller_group(robustifier_order)
-    stages = (MEASUREMENT, command_group(staged)) if staged else ()
-    return (STATE, LOAD, FLAT_OUTPUT, ERROR, INPUT, VIRTUAL_INPUT, DISTURBANCE, controller, *stages)
+    path = (MEASUREMENT, command_group(staged)) if staged else ()
+    return (STATE, LOAD, FLAT_OUTPUT, ERROR, INPUT, VIRTUAL_INPUT, DISTURBANCE, controller, *path)
 
 
 # First column of each recorded group; the compiled loops write blocks at these offsets.
@@ -219,8 +219,8 @@ _STARTS = (0, *accumulate(len(group) for group in recorded_groups(0)))
 ) = _STARTS[:-1]
 TENSION_COLUMN = LOAD_COLUMN + LOAD.names.index("rope_tension")
 BASE_WIDTH = _STARTS[-1]  # columns without robustifier states
-COMMAND_COLUMN = len(MEASUREMENT)  # in the stages' own part of the record
-STAGE_WIDTH = len(MEASUREMENT) + len(command_group(""))
+COMMAND_COLUMN = len(MEASUREMENT)  # in the part of the record that is the signal path's
+PATH_WIDTH = len(MEASUREMENT) + len(command_group(""))
 
 # Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.
 WORKSPACE_SIGNALS = ("bridge_position", "trolley_position", "rope_length")

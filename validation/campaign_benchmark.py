@@ -116,7 +116,7 @@ def loop_alone(controller: str) -> Callable[[], object]:
     record = np.zeros((BLOCK, record_width(design)))
 
     def work() -> None:
-        stream_run(start_run(crane, scenario, tracker, plan, known=scenario), plan, record, lambda _: None)
+        stream_run(start_run(crane, scenario, tracker, plan, nominal=scenario), plan, record, lambda _: None)
 
     return work
 

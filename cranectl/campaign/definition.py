@@ -74,6 +74,6 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     return parse_settings(Scenario, table, source)
 
 
-def known_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
+def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
     """What the controller takes a sample for: the nominal crane, with the control period that it runs at."""
     return campaign.nominal.model_copy(update={"control": sampled.control})

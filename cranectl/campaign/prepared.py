@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.definition import Campaign, known_scenario
+from cranectl.campaign.definition import Campaign, nominal_scenario
 from cranectl.campaign.sampling import sample_values
 from cranectl.controllers.flat import Tracker
 from cranectl.design import Design, design_controller
@@ -26,7 +26,7 @@ PERIODS = 16  # control periods for which references and trackers are kept
 class Controller:
     """A controller as it runs on the crane that it knows."""
 
-    known: Scenario
+    nominal: Scenario
     reference: PlannedReference
     tracker: Tracker
     width: int  # columns of its record
@@ -50,7 +50,7 @@ class Prepared:
     def controller(self, name: str, sampled: Scenario) -> Controller:
         """The controller `name`, made for the control period of a sample; raises InputError as above."""
         with self._lock:
-            return self._made(name, known_scenario(self.campaign, sampled))
+            return self._made(name, nominal_scenario(self.campaign, sampled))
 
     def values(self, sample: int) -> Array:
         """Values (d,) of one sample."""
@@ -62,6 +62,6 @@ class Prepared:
         first = block * BLOCK
         return sample_values(self.campaign, first, min(first + BLOCK, self.campaign.runs))
 
-    def _make(self, name: str, known: Scenario) -> Controller:
+    def _make(self, name: str, nominal: Scenario) -> Controller:
         design: Design = self._designs[name]
-        return Controller(known, self._planned(known), tracker_of(known, design), record_width(design))
+        return Controller(nominal, self._planned(nominal), tracker_of(nominal, design), record_width(design))

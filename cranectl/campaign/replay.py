@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.campaign.definition import known_scenario, sampled_scenario
+from cranectl.campaign.definition import nominal_scenario, sampled_scenario
 from cranectl.campaign.results import Results
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.summary import worst_first
@@ -126,7 +126,7 @@ def replay_run(
     sampled = sampled_scenario(campaign, values, f"sample {sample}")
     run = simulate_run(
         sampled,
-        known=known_scenario(campaign, sampled),
+        nominal=nominal_scenario(campaign, sampled),
         plant=plant,
         drive=campaign.settings.drive,
         controller=controller,

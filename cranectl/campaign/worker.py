@@ -13,7 +13,7 @@ from cranectl.metrics import MetricsSetup, Tally, accumulate, empty_tally, finis
 from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import STAGE_WIDTH
+from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import make_plant, plan_run
 from cranectl.simulate.blocks import Block, stream_run
 from cranectl.simulate.runner import start_run
@@ -41,7 +41,7 @@ class Worker:
         self._prepared = prepared
         self._plants: dict[tuple[str, int], Plant] = {}  # by name and steps of a control period
         self._records: dict[int, Array] = {}  # by width
-        self._stages = np.zeros((BLOCK, STAGE_WIDTH))
+        self._path_record = np.zeros((BLOCK, PATH_WIDTH))
 
     def run_batch(self, batch: Batch, stop: Stop = never) -> list[Row]:
         """The rows of `batch`; raises StoppedError soon after `stop` says so."""
@@ -72,8 +72,8 @@ class Worker:
             scenario,
             controller.tracker,
             plan,
-            known=controller.known,
-            stages_record=self._stages,
+            nominal=controller.nominal,
+            path_record=self._path_record,
         )
         setup, tally = metrics_setup(scenario, crane.drive), empty_tally()
         record = self._record(controller.width)
@@ -107,7 +107,7 @@ def reason_of(error: Exception) -> str:
 
 def _measurement(setup: MetricsSetup, tally: Tally, stop: Stop) -> Callable[[Block], None]:
     def look(block: Block) -> None:
-        accumulate(setup, tally, block.time_ns, block.record, block.reference, block.stages)
+        accumulate(setup, tally, block.time_ns, block.record, block.reference, block.path)
         if stop():
             raise StoppedError
 

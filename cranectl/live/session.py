@@ -14,13 +14,13 @@ from cranectl.controllers.flat import ROBUSTIFIER, initial_memory
 from cranectl.design import Design
 from cranectl.plants.plant import PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import BASE_WIDTH, STAGE_WIDTH
-from cranectl.simulate.loop_inputs import Sampling
+from cranectl.signals import BASE_WIDTH, PATH_WIDTH
+from cranectl.simulate.loop_inputs import LoopInputs
 from cranectl.simulate.loops import AdvanceBlock, compiled_loop
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run
-from cranectl.simulate.runner import make_plant, sampling_of, tracker_of
-from cranectl.simulate.signal_path import Stages, make_stages, whole_record
+from cranectl.simulate.runner import inputs_of, make_plant, tracker_of
+from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
@@ -32,9 +32,9 @@ class _Lane:
 
     plant: Plant
     loop: AdvanceBlock
-    sampling: Sampling
+    inputs: LoopInputs
     memory: Array
-    stages: Stages | None = None
+    path: SignalPath | None = None
     status: RunStatus = RunStatus.RUNNING
     end_ns: int = 0  # of the last sample, or where it stopped
 
@@ -62,7 +62,7 @@ class Session:
         self._kicks: list[_Kick] = []
         tracker = tracker_of(scenario, design)
         self._lanes = [
-            _Lane(plant, compiled_loop(plant), sampling_of(scenario, tracker, self.plan, drive), np.zeros(0))
+            _Lane(plant, compiled_loop(plant), inputs_of(scenario, tracker, self.plan, drive), np.zeros(0))
             for plant in (make_plant(name, scenario, drive) for name in plants)
         ]
         for lane in self._lanes:
@@ -107,7 +107,7 @@ class Session:
         kept = design.robustifier is self.design.robustifier
         self.design = design
         for lane in self._lanes:
-            lane.sampling = lane.sampling._replace(tracker=tracker)
+            lane.inputs = lane.inputs._replace(tracker=tracker)
             if not kept:
                 states = np.zeros(3 * design.robustifier.sampled_order)
                 lane.memory = np.concatenate([lane.memory[:ROBUSTIFIER], states])
@@ -126,9 +126,11 @@ class Session:
         start = self.plan.initial_state
         for lane in self._lanes:
             lane.plant.reset(start)
-            lane.sampling.slack[:] = 0.0
-            lane.memory = initial_memory(lane.sampling.tracker, start, self.plan.reference[0])
-            lane.stages = make_stages(self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns))
+            lane.inputs.slack[:] = 0.0
+            lane.memory = initial_memory(lane.inputs.tracker, start, self.plan.reference[0])
+            lane.path = make_signal_path(
+                self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns)
+            )
             lane.status, lane.end_ns = RunStatus.RUNNING, self.origin_ns
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
@@ -142,12 +144,12 @@ class Session:
         self, lane: _Lane, time_ns: NDArray[np.int64], reference: Array, disturbance: Array, wind: Array
     ) -> Run:
         record = np.zeros((len(time_ns), BASE_WIDTH + 3 * self.design.robustifier.sampled_order))
-        stages, rows = lane.stages, 0
-        if stages is not None:
-            stages = stages._replace(record=np.zeros((len(time_ns), STAGE_WIDTH)))
+        path, rows = lane.path, 0
+        if path is not None:
+            path = path._replace(record=np.zeros((len(time_ns), PATH_WIDTH)))
         if not lane.status.stopped and len(time_ns):
-            sampling = lane.sampling._replace(reference=reference, disturbance=disturbance, wind=wind)
-            rows, end, code = lane.loop(sampling, stages, record, lane.memory, 0, len(time_ns))
+            inputs = lane.inputs._replace(reference=reference, disturbance=disturbance, wind=wind)
+            rows, end, code = lane.loop(inputs, path, record, lane.memory, 0, len(time_ns))
             lane.status = RunStatus(code)
             lane.end_ns = int(time_ns[end if lane.status.stopped else -1])
         return Run(
@@ -157,7 +159,7 @@ class Session:
             drive=self.drive,
             model=lane.plant.description,
             time_ns=time_ns[:rows],
-            table=whole_record(record, stages)[:rows],
+            table=whole_record(record, path)[:rows],
             reference=reference[:rows],
             status=lane.status,
             end_ns=lane.end_ns,

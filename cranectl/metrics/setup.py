@@ -14,8 +14,8 @@ from cranectl.signals import COMMAND_COLUMN
 
 Array = NDArray[np.float64]
 
-FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in a record of stages
-NO_FLAGS = -1  # a run without stages
+FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in the record of a signal path
+NO_FLAGS = -1  # a run without a signal path
 BEFORE_END = 1e-3  # of a segment's duration before its end, where its direction is read
 
 
@@ -36,7 +36,7 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
     """For runs of `scenario` with `drive`.
 
     `flag_column`: where the array that `accumulate` gets as `commands` has the flags; the default is for the
-    record of the stages alone. Ignored for a scenario without stages.
+    record of the signal path alone. Ignored for a scenario without one.
     """
     rig, friction = scenario.rig, scenario.effects.friction
     rubs = friction is not None and drive == "velocity"  # no friction can hold an ideal drive

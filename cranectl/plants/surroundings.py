@@ -11,17 +11,17 @@ from cranectl.scenario.effects import EffectSettings, Installation, Wind
 Array = NDArray[np.float64]
 
 
-class Misreading(NamedTuple):
+class CalibrationError(NamedTuple):
     """Between controller and rig."""
 
     rope_offset: float  # read more than there is [m]
     drive_gain: Array  # (3,) of bridge, trolley, winch
 
 
-def make_misreading(installation: Installation | None) -> Misreading:
+def make_calibration_error(installation: Installation | None) -> CalibrationError:
     """What lies between controller and rig; nothing without `installation`."""
     given = installation or Installation()
-    return Misreading(given.rope_offset, np.array(given.drive_gain))
+    return CalibrationError(given.rope_offset, np.array(given.drive_gain))
 
 
 def gravity_in_rig(gravity: float, effects: EffectSettings) -> tuple[float, float, float]:

@@ -20,7 +20,7 @@ NON_FINITE = int(RunStatus.NON_FINITE)
 WORKSPACE_LEFT = int(RunStatus.WORKSPACE_LEFT)
 
 
-class Sampling(NamedTuple):
+class LoopInputs(NamedTuple):
     """Everything a loop needs besides the plant, the record and the controller's memory."""
 
     tracker: Tracker
@@ -35,55 +35,55 @@ class Sampling(NamedTuple):
 
 
 @jit
-def _control(sampling, state, k, memory, row):
+def _control(inputs, state, k, memory, row):
     """The law, or what takes its place while the rope is slack."""
-    if sampling.recover:
-        keep_taut(sampling.tracker, memory)
-    if sampling.slack[0] > 0.0:
-        return brake_step(sampling.tracker, state, sampling.reference[k], memory, row)
-    return control_step(sampling.tracker, state, sampling.reference[k], memory, row)
+    if inputs.recover:
+        keep_taut(inputs.tracker, memory)
+    if inputs.slack[0] > 0.0:
+        return brake_step(inputs.tracker, state, inputs.reference[k], memory, row)
+    return control_step(inputs.tracker, state, inputs.reference[k], memory, row)
 
 
 @jit
-def control_sample(sampling, stages, k, row, memory):
+def control_sample(inputs, path, k, row, memory):
     """Run the tracker on the state in record row `k`; writes the rest of the row except the load."""
-    if stages is None:
-        status = _control(sampling, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
+    if path is None:
+        status = _control(inputs, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
     else:
-        told = stages.record[k]
-        sense(stages, row, told)
-        status = _control(sampling, told[:10], k, memory, row)
+        measured = path.record[k, :COMMAND_COLUMN]
+        sense(path, row, measured)
+        status = _control(inputs, measured[:10], k, memory, row)
         if status == RUNNING:
-            act(stages, sampling.command_column, row, memory, told)
-    row[DISTURBANCE_COLUMN] = sampling.disturbance[k, 0]
-    row[DISTURBANCE_COLUMN + 1] = sampling.disturbance[k, 1]
+            act(path, inputs.command_column, row, memory, path.record[k, COMMAND_COLUMN:])
+    row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]
+    row[DISTURBANCE_COLUMN + 1] = inputs.disturbance[k, 1]
     return status
 
 
 @jit
-def command_of(sampling, stages, k, row):
+def command_of(inputs, path, k, row):
     """What the drives get at sample `k`, three numbers."""
-    if stages is None:
-        first = sampling.command_column
+    if path is None:
+        first = inputs.command_column
         return row[first], row[first + 1], row[first + 2]
     else:  # noqa: RET505  only then is the other branch left out by the compiler
-        told = stages.record[k]
-        return told[COMMAND_COLUMN], told[COMMAND_COLUMN + 1], told[COMMAND_COLUMN + 2]
+        commanded = path.record[k, COMMAND_COLUMN:]
+        return commanded[0], commanded[1], commanded[2]
 
 
 @jit
-def judge_sample(sampling, row):
+def judge_sample(inputs, row):
     """RUNNING, or why the run ends with this row."""
     tension = row[TENSION_COLUMN]
     if not isfinite(tension):
         return NON_FINITE
-    sampling.slack[0] = 1.0 if tension <= 0.0 and sampling.recover else 0.0
-    if tension <= 0.0 and not sampling.recover:
+    inputs.slack[0] = 1.0 if tension <= 0.0 and inputs.recover else 0.0
+    if tension <= 0.0 and not inputs.recover:
         return SLACK_ROPE
-    if sampling.stop_outside:
+    if inputs.stop_outside:
         for axis in range(3):
             position = row[STATE_COLUMN + 2 * axis]
-            if position < sampling.workspace[axis, 0] or position > sampling.workspace[axis, 1]:
+            if position < inputs.workspace[axis, 0] or position > inputs.workspace[axis, 1]:
                 return WORKSPACE_LEFT
     return RUNNING
 

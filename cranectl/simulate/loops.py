@@ -14,13 +14,13 @@ from cranectl.plants.plant import Kernels, Plant
 from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
 from cranectl.simulate.loop_inputs import (
     RUNNING,
-    Sampling,
+    LoopInputs,
     command_of,
     complete_rows,
     control_sample,
     judge_sample,
 )
-from cranectl.simulate.signal_path import Stages
+from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit_loop
 
@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 
 ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 
-# (sampling, stages, record, memory, first, last) → (complete rows, sample it ended at, status)
-AdvanceBlock = Callable[[Sampling, Stages | None, Array, Array, int, int], tuple[int, int, int]]
+# (inputs, path, record, memory, first, last) → (complete rows, sample it ended at, status)
+AdvanceBlock = Callable[[LoopInputs, SignalPath | None, Array, Array, int, int], tuple[int, int, int]]
 
 
 def compiled_loop(plant: Plant) -> AdvanceBlock:
@@ -62,18 +62,18 @@ def warnings(plant: Plant) -> int:
     return plant.warnings()
 
 
-def advance_block(plant, sampling, stages, record, memory, first, last):
+def advance_block(plant, inputs, path, record, memory, first, last):
     """Samples `first` to `last` - 1; returns (complete rows, sample it ended at, status)."""
     for k in range(first, last):
         row = record[k]
         measure(plant, row[STATE_COLUMN : STATE_COLUMN + 10])
-        status = control_sample(sampling, stages, k, row, memory)
+        status = control_sample(inputs, path, k, row, memory)
         if status != RUNNING:
             return k, k, status
-        command = command_of(sampling, stages, k, row)
+        command = command_of(inputs, path, k, row)
         disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
-        advance(plant, command, disturbance, sampling.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
-        status = judge_sample(sampling, row)
+        advance(plant, command, disturbance, inputs.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
+        status = judge_sample(inputs, row)
         if status == RUNNING and warnings(plant) > 0:
             status = ENGINE_WARNING
         if status != RUNNING:

@@ -11,12 +11,12 @@ from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import DRIVES, PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
-from cranectl.simulate.blocks import Started
-from cranectl.simulate.loop_inputs import Sampling
+from cranectl.simulate.blocks import PreparedRun
+from cranectl.simulate.loop_inputs import LoopInputs
 from cranectl.simulate.loops import compiled_loop, python_loop
 from cranectl.simulate.plan import Plan, plan_reference, plan_run
 from cranectl.simulate.run import Run
-from cranectl.simulate.signal_path import make_stages, whole_record
+from cranectl.simulate.signal_path import make_signal_path, whole_record
 from cranectl.status import RunStatus
 from cranectl.support.errors import unknown_name
 
@@ -33,7 +33,7 @@ def simulate_run(
     drive: str = "ideal",
     controller: str | None = None,
     design: Design | None = None,
-    known: Scenario | None = None,
+    nominal: Scenario | None = None,
     plan: Plan | None = None,
     compiled: bool = True,
     progress: Progress | None = None,
@@ -41,17 +41,17 @@ def simulate_run(
     """Run `scenario` on one plant and record every sample.
 
     `controller`: a name from `design.CONTROLLERS`, by default the scenario's; or give a finished `design`.
-    `known`: what the controller takes the crane for, by default what it is; reference, feedback and observer
+    `nominal`: what the controller takes the crane for, by default what it is; reference, feedback, observer
     are made for it. It may differ from `scenario` in rig, effects, initial and disturbances only. `plan`
     saves planning the same scenario twice. Raises InputError for wrong names and for a reference that the
     rig cannot follow. A run that has to stop early, Ctrl-C included, returns what it has, with the reason in
     its status.
     """
-    known = known or scenario
-    design = design or design_controller(controller or known.controller, known.design)
-    plan = plan or plan_run(plan_reference(known), scenario)
+    nominal = nominal or scenario
+    design = design or design_controller(controller or nominal.controller, nominal.design)
+    plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, checked_drive(drive))
-    run = start_run(crane, scenario, tracker_of(known, design), plan, known=known, compiled=compiled)
+    run = start_run(crane, scenario, tracker_of(nominal, design), plan, nominal=nominal, compiled=compiled)
     record = np.zeros((len(plan.time_ns), record_width(design)))
     rows, last, status = _run_blocks(run, record, plan, progress)
     return Run(
@@ -61,7 +61,7 @@ def simulate_run(
         drive=crane.drive,
         model=crane.description,
         time_ns=plan.time_ns[:rows],
-        table=whole_record(record, run.stages)[:rows],
+        table=whole_record(record, run.path)[:rows],
         reference=plan.reference[:rows],
         status=status,
         end_ns=int(plan.time_ns[last]),
@@ -74,31 +74,31 @@ def start_run(
     tracker: Tracker,
     plan: Plan,
     *,
-    known: Scenario,
-    stages_record: Array | None = None,
+    nominal: Scenario,
+    path_record: Array | None = None,
     compiled: bool = True,
-) -> Started:
+) -> PreparedRun:
     """Put `crane`, which is that of `scenario`, at the start of `plan`.
 
     Raises InputError where effects or steps do not suit its rope.
-    `stages_record`: where the stages write, by default whole memory for all samples.
+    `path_record`: where the signal path writes, by default whole memory for all samples.
     """
     crane.check_length(plan.shortest_rope)
     start = plan.initial_state
     crane.reset(start)
     samples = len(plan.time_ns)
-    return Started(
+    return PreparedRun(
         advance=(compiled_loop if compiled else python_loop)(crane),
-        sampling=sampling_of(scenario, tracker, plan, crane.drive),
-        stages=make_stages(
-            scenario, start, drive=crane.drive, samples=samples, known=known, record=stages_record
+        inputs=inputs_of(scenario, tracker, plan, crane.drive),
+        path=make_signal_path(
+            scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
         ),
         memory=initial_memory(tracker, start, plan.reference[0]),
     )
 
 
 def record_width(design: Design) -> int:
-    """Columns of a run's record without those of its stages."""
+    """Columns of a run's record without those of its signal path."""
     return BASE_WIDTH + 3 * design.robustifier.sampled_order
 
 
@@ -145,9 +145,9 @@ def checked_drive(name: str) -> Drive:
     raise unknown_name("drive", name, DRIVES)
 
 
-def sampling_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) -> Sampling:
+def inputs_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) -> LoopInputs:
     """What a loop needs to run `plan` from its first row to its last."""
-    return Sampling(
+    return LoopInputs(
         tracker=tracker,
         reference=plan.reference,
         disturbance=plan.disturbance,
@@ -161,7 +161,7 @@ def sampling_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) 
 
 
 def _run_blocks(
-    run: Started, record: Array, plan: Plan, progress: Progress | None
+    run: PreparedRun, record: Array, plan: Plan, progress: Progress | None
 ) -> tuple[int, int, RunStatus]:
     """Returns (complete rows, index of the sample at which the run ended, status)."""
     rows, status, total = 0, RunStatus.RUNNING, len(plan.time_ns)
@@ -169,11 +169,11 @@ def _run_blocks(
         while rows < total and status == RunStatus.RUNNING:
             done = rows
             rows, end, code = run.advance(
-                run.sampling, run.stages, record, run.memory, rows, min(rows + BLOCK, total)
+                run.inputs, run.path, record, run.memory, rows, min(rows + BLOCK, total)
             )
             status = RunStatus(code)
             if progress is not None:
-                progress((rows - done) * run.sampling.tracker.period)
+                progress((rows - done) * run.inputs.tracker.period)
     except KeyboardInterrupt:
         return rows, max(rows - 1, 0), RunStatus.INTERRUPTED
     if status == RunStatus.RUNNING:

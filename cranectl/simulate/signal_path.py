@@ -23,10 +23,10 @@ from cranectl.controllers.observer import (
     make_observer,
     predict,
 )
-from cranectl.plants.surroundings import Misreading, make_misreading
+from cranectl.plants.surroundings import CalibrationError, make_calibration_error
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import Delay, DriveLimits, Sensing
-from cranectl.signals import COMMAND_COLUMN, INPUT_COLUMN, STAGE_WIDTH, STATE_COLUMN
+from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
@@ -97,103 +97,104 @@ def transport(line, sample, command):
 ROPE = 2  # among the joints
 
 
-class Stages(NamedTuple):
-    """The stages of one run, with their memories and their part of the record."""
+class SignalPath(NamedTuple):
+    """Encoders, observer, limits and transport of a run, with their memories and their part of the record."""
 
-    sensed: bool  # else the tracker is told the true state
+    sensed: bool  # else the true state is measured
     encoders: Encoders
     observer: Observer
     estimate: Array  # the observer's memory
-    misreading: Misreading
+    calibration: CalibrationError
     limits: SetpointLimits
     previous: Array  # (3,) last command given
     line: Array  # (samples of delay, 3) commands under way
     clock: NDArray[np.int64]  # (1,) samples since the start
-    record: Array  # (N, STAGE_WIDTH)
+    record: Array  # (N, PATH_WIDTH)
 
 
-def make_stages(
+def make_signal_path(
     scenario: Scenario,
     start: Array,
     *,
     drive: str,
     samples: int,
-    known: Scenario | None = None,
+    nominal: Scenario | None = None,
     record: Array | None = None,
-) -> Stages | None:
-    """The stages of a run that starts at `start` (10,); None if the scenario has none of their effects.
+) -> SignalPath | None:
+    """The signal path of a run that starts at `start` (10,); None if the scenario has none of its effects.
 
-    The observer is designed for `known`, by default the scenario itself. `record`: where they write, by
+    The observer is designed for `nominal`, by default the scenario itself. `record`: where it is written, by
     default whole memory for `samples`.
     """
     effects = scenario.effects
     if not effects.staged:
         return None
     period = scenario.period_ns / NANOSECONDS
-    known = known or scenario
+    nominal = nominal or scenario
     sensing = effects.sensing or Sensing()
-    bandwidth = (known.effects.sensing or sensing).observer_bandwidth
+    bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
     first = start[1:6:2] if drive == "velocity" else np.zeros(3)
-    return Stages(
+    return SignalPath(
         sensed=effects.sensing is not None,
         encoders=make_encoders(sensing, samples if effects.sensing else 1),
-        observer=make_observer(bandwidth, period=period, gravity=known.rig.gravity),
+        observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
         estimate=initial_estimate(start),
-        misreading=make_misreading(effects.installation),
+        calibration=make_calibration_error(effects.installation),
         limits=make_limits(effects.limits, period),
         previous=first.copy(),
         line=make_line(effects.delay, period, first),
         clock=np.zeros(1, dtype=np.int64),
-        record=np.zeros((samples, STAGE_WIDTH)) if record is None else record,
+        record=np.zeros((samples, PATH_WIDTH)) if record is None else record,
     )
 
 
-def whole_record(record: Array, stages: Stages | None) -> Array:
-    """The record of a run with the part of its stages, if it has any."""
-    return record if stages is None else np.hstack([record, stages.record])
+def whole_record(record: Array, path: SignalPath | None) -> Array:
+    """The record of a run with the part of its signal path, if it has one."""
+    return record if path is None else np.hstack([record, path.record])
 
 
 @jit
-def sense(stages, row, told):
-    """Write what the tracker is told of the state in `row` into `told` (STAGE_WIDTH,)."""
-    offset = stages.misreading.rope_offset
-    if not stages.sensed:
+def sense(path, row, measured):
+    """Write what is measured of the state in `row` into `measured` (12,), order of `signals.MEASUREMENT`."""
+    offset = path.calibration.rope_offset
+    if not path.sensed:
         for i in range(2 * JOINTS):
-            told[i] = row[STATE_COLUMN + i]
-        told[2 * ROPE] += offset
+            measured[i] = row[STATE_COLUMN + i]
+        measured[2 * ROPE] += offset
         return
-    estimate = stages.estimate
+    estimate = path.estimate
     for joint in range(JOINTS):
         position = row[STATE_COLUMN + 2 * joint] + (offset if joint == ROPE else 0.0)
         correct(
-            stages.observer,
+            path.observer,
             joint,
-            read_encoder(stages.encoders, stages.clock[0], joint, position),
+            read_encoder(path.encoders, path.clock[0], joint, position),
             estimate,
         )
-        told[2 * joint] = estimate[POSITION + joint]
-        told[2 * joint + 1] = estimate[VELOCITY + joint]
-    told[2 * JOINTS] = estimate[DISTURBANCE + 3]
-    told[2 * JOINTS + 1] = estimate[DISTURBANCE + 4]
+        measured[2 * joint] = estimate[POSITION + joint]
+        measured[2 * joint + 1] = estimate[VELOCITY + joint]
+    measured[2 * JOINTS] = estimate[DISTURBANCE + 3]
+    measured[2 * JOINTS + 1] = estimate[DISTURBANCE + 4]
 
 
 @jit
-def act(stages, command_column, row, memory, told):
-    """Turn the command in `row` into what the drives get, at the end of `told`; limits correct `memory`.
+def act(path, command_column, row, memory, commanded):
+    """Turn the command in `row` into what the drives get and whether limits act, `commanded` (6,).
 
-    A set-point that is cut off is cut off in the tracker's integral too, so that it does not run away.
+    A set-point that is cut off is cut off in the tracker's integral in `memory` too, so that it does not run
+    away.
     """
-    command = told[COMMAND_COLUMN : COMMAND_COLUMN + 3]
+    command = commanded[:3]
     for axis in range(3):
         wanted = row[command_column + axis]
-        command[axis] = limited(stages.limits, axis, wanted, stages.previous[axis])
-        told[COMMAND_COLUMN + 3 + axis] = 0.0
+        command[axis] = limited(path.limits, axis, wanted, path.previous[axis])
+        commanded[3 + axis] = 0.0
         if command[axis] != wanted:
             memory[SETPOINT + axis] += command[axis] - wanted
-            told[COMMAND_COLUMN + 3 + axis] = 1.0
-        stages.previous[axis] = command[axis]
-        command[axis] *= stages.misreading.drive_gain[axis]
-    if stages.sensed:
-        predict(stages.observer, row[INPUT_COLUMN : INPUT_COLUMN + 3], stages.estimate)
-    transport(stages.line, stages.clock[0], command)
-    stages.clock[0] += 1
+            commanded[3 + axis] = 1.0
+        path.previous[axis] = command[axis]
+        command[axis] *= path.calibration.drive_gain[axis]
+    if path.sensed:
+        predict(path.observer, row[INPUT_COLUMN : INPUT_COLUMN + 3], path.estimate)
+    transport(path.line, path.clock[0], command)
+    path.clock[0] += 1

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign import Campaign, sample_values, sampled_scenario
-from cranectl.campaign.definition import Batch, known_scenario
+from cranectl.campaign.definition import Batch, nominal_scenario
 from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
 from cranectl.campaign.threads import run_batch, run_batches, run_campaign
@@ -66,7 +66,7 @@ def alone(made: Campaign, sample: int, plant: str, controller: str) -> Run:
     sampled = sampled_scenario(made, values)
     return simulate_run(
         sampled,
-        known=known_scenario(made, sampled),
+        nominal=nominal_scenario(made, sampled),
         plant=plant,
         drive=made.settings.drive,
         controller=controller,
@@ -261,7 +261,7 @@ def test_the_controller_knows_the_nominal_crane_only(both: Campaign) -> None:
     (values,) = sample_values(both, 0, 1)
     scenario = sampled_scenario(both, values)
     options: dict[str, Any] = {"plant": "analytic", "drive": "velocity", "controller": "lqr"}
-    known = simulate_run(scenario, known=both.nominal, **options)
+    known = simulate_run(scenario, nominal=both.nominal, **options)
     told = simulate_run(scenario, **options)
     nominal = simulate_run(both.nominal, **options)
     for other in (told, nominal):

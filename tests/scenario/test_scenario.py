@@ -20,7 +20,7 @@ def test_every_scenario_loads_under_its_file_name_with_a_title(name: str) -> Non
     assert scenario.title
 
 
-def test_unknown_scenario_lists_the_known_nearest_first() -> None:
+def test_unnominal_scenario_lists_the_known_nearest_first() -> None:
     with pytest.raises(InputError) as caught:
         load_scenario("setled-trajectory")
     assert caught.value.allowed.startswith("settled-trajectory")

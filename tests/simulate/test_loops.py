@@ -12,7 +12,7 @@ from cranectl.plants.plant import DRIVES, PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, make_plant, simulate_run
 from cranectl.simulate import runner as runner_module
-from cranectl.simulate.loop_inputs import Sampling, judge_sample
+from cranectl.simulate.loop_inputs import LoopInputs, judge_sample
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.conftest import ALL_CONTROLLERS
@@ -173,10 +173,10 @@ def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStat
     row = np.zeros(signals.BASE_WIDTH)
     row[signals.TENSION_COLUMN] = tension
     none = np.zeros((0, 2))
-    sampling = Sampling(
+    inputs = LoopInputs(
         None, none, none, none, np.zeros((3, 2)), False, signals.INPUT_COLUMN, False, np.zeros(1)
     )
-    assert RunStatus(judge_sample.py_func(sampling, row)) == status
+    assert RunStatus(judge_sample.py_func(inputs, row)) == status
 
 
 @pytest.mark.parametrize("plant", PLANTS)

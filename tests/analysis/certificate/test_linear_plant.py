@@ -28,8 +28,8 @@ from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
 from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
 from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.loops import python_loop
-from cranectl.simulate.runner import sampling_of
-from cranectl.simulate.signal_path import make_stages
+from cranectl.simulate.runner import inputs_of
+from cranectl.simulate.signal_path import make_signal_path
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
 
@@ -328,12 +328,12 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int) -> None:
     plan.reference[:] = 0.0
     plan.reference[:, 2] = -point.rope_length
     tracker, plant = tracker_of(scenario, design), run_plant(scenario, "velocity")
-    sampling = sampling_of(scenario, tracker, plan, "velocity")._replace(stop_outside=False)
-    stages = make_stages(scenario, held, drive="velocity", samples=200)
+    inputs = inputs_of(scenario, tracker, plan, "velocity")._replace(stop_outside=False)
+    path = make_signal_path(scenario, held, drive="velocity", samples=200)
     record = np.zeros((200, BASE_WIDTH + 3 * design.robustifier.sampled_order))
     plant.reset(held + offset)
     memory = initial_memory(tracker, held, plan.reference[0])
-    python_loop(plant)(sampling, stages, record, memory, 0, 200)
+    python_loop(plant)(inputs, path, record, memory, 0, 200)
     x = np.zeros(len(matrix))
     x[:10] = offset
     for joints in record[:, :10] - held:
