@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cranectl.campaign.definition import Batch, sampled_scenario
 from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.table import FAILED, Key, Row, make_row
-from cranectl.metrics import MetricsSetup, Tally, accumulate, empty_tally, finish, metrics_setup
+from cranectl.metrics import Accumulator, MetricsSetup, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import Plant
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -75,10 +75,10 @@ class Worker:
             nominal=controller.nominal,
             path_record=self._path_record,
         )
-        setup, tally = metrics_setup(scenario, crane.drive), empty_tally()
+        setup, accumulator = metrics_setup(scenario, crane.drive), empty_accumulator()
         record = self._record(controller.width)
-        end_ns, status = stream_run(run, plan, record, _measurement(setup, tally, stop))
-        metrics = finish(setup, tally, status, end_ns)
+        end_ns, status = stream_run(run, plan, record, _measurement(setup, accumulator, stop))
+        metrics = finish(setup, accumulator, status, end_ns)
         reason = status.explanation if status.stopped else ""
         return row(metrics, status=status.label, reason=reason, end_s=end_ns / NANOSECONDS)
 
@@ -105,9 +105,9 @@ def reason_of(error: Exception) -> str:
     return f"{type(error).__name__}: {text}".rstrip(":; ")
 
 
-def _measurement(setup: MetricsSetup, tally: Tally, stop: Stop) -> Callable[[Block], None]:
+def _measurement(setup: MetricsSetup, accumulator: Accumulator, stop: Stop) -> Callable[[Block], None]:
     def look(block: Block) -> None:
-        accumulate(setup, tally, block.time_ns, block.record, block.reference, block.path)
+        accumulate(setup, accumulator, block.time_ns, block.record, block.reference, block.path)
         if stop():
             raise StoppedError
 

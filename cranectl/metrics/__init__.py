@@ -1,30 +1,30 @@
 """Metrics of a run: defined once, measured from a whole record or block by block while it runs.
 
     setup = metrics_setup(scenario, drive)
-    tally = empty_tally()
-    accumulate(setup, tally, time_ns, record, reference, commands)  # for each block
-    metrics = finish(setup, tally, status, end_ns)
+    accumulator = empty_accumulator()
+    accumulate(setup, accumulator, time_ns, record, reference, commands)  # for each block
+    metrics = finish(setup, accumulator, status, end_ns)
 
 `run_metrics(run)` does that for a run in memory.
 """
 
+from cranectl.metrics.accumulator import SETTLING_TOLERANCE, Accumulator, accumulate, empty_accumulator
 from cranectl.metrics.rows import METRIC_ROWS, MetricRow, peak_acceleration
 from cranectl.metrics.setup import MetricsSetup, metrics_setup
 from cranectl.metrics.summary import RunMetrics, finish, run_metrics, workspace_violations
-from cranectl.metrics.tally import SETTLING_TOLERANCE, Tally, accumulate, empty_tally
 from cranectl.metrics.workspace import WorkspaceViolation, workspace_excess
 
 __all__ = [
     "METRIC_ROWS",
     "NEARLY_SLACK",
     "SETTLING_TOLERANCE",
+    "Accumulator",
     "MetricRow",
     "MetricsSetup",
     "RunMetrics",
-    "Tally",
     "WorkspaceViolation",
     "accumulate",
-    "empty_tally",
+    "empty_accumulator",
     "finish",
     "metrics_setup",
     "peak_acceleration",

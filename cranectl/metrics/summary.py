@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
 from cranectl.metrics.setup import MetricsSetup, metrics_setup
-from cranectl.metrics.tally import Tally, accumulate, empty_tally
 from cranectl.metrics.workspace import WorkspaceViolation
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import WORKSPACE_SIGNALS
@@ -60,10 +60,10 @@ class RunMetrics:
 def run_metrics(run: Run) -> RunMetrics | None:
     """Metrics of `run` over its recorded samples; None for a run that stopped before its first."""
     setup = metrics_setup(run.scenario, run.drive, flag_column=_flag_column(run))
-    tally = empty_tally()
+    accumulator = empty_accumulator()
     table, reference = np.ascontiguousarray(run.table), np.ascontiguousarray(run.reference)
-    accumulate(setup, tally, run.time_ns, table, reference, table)
-    return finish(setup, tally, run.status, run.end_ns)
+    accumulate(setup, accumulator, run.time_ns, table, reference, table)
+    return finish(setup, accumulator, run.status, run.end_ns)
 
 
 def workspace_violations(run: Run) -> tuple[WorkspaceViolation, ...]:
@@ -72,9 +72,11 @@ def workspace_violations(run: Run) -> tuple[WorkspaceViolation, ...]:
     return () if metrics is None else metrics.workspace_violations
 
 
-def finish(setup: MetricsSetup, tally: Tally, status: RunStatus, end_ns: int) -> RunMetrics | None:
-    """Metrics of a run all of whose samples are in `tally`; None if there are none."""
-    total = tally[0]
+def finish(
+    setup: MetricsSetup, accumulator: Accumulator, status: RunStatus, end_ns: int
+) -> RunMetrics | None:
+    """Metrics of a run all of whose samples are in `accumulator`; None if there are none."""
+    total = accumulator[0]
     n = float(total["samples"])
     if not n:
         return None

@@ -18,7 +18,7 @@ from cranectl.metrics import (
     SETTLING_TOLERANCE,
     RunMetrics,
     accumulate,
-    empty_tally,
+    empty_accumulator,
     finish,
     metrics_setup,
     run_metrics,
@@ -252,9 +252,9 @@ def test_every_metric_is_changed_by_something() -> None:
     assert set.union(*(expected for _, expected in CHANGES.values())) == ALL
 
 
-def fed(run: Run, ends: list[int], tally: np.ndarray | None = None) -> bytes:
-    """The tally after blocks that end at `ends`, each in the same reused buffer."""
-    tally = empty_tally() if tally is None else tally
+def fed(run: Run, ends: list[int], accumulator: np.ndarray | None = None) -> bytes:
+    """The accumulator after blocks that end at `ends`, each in the same reused buffer."""
+    accumulator = empty_accumulator() if accumulator is None else accumulator
     setup = metrics_setup(run.scenario, run.drive)
     width = LIMITED - FLAG_COLUMN
     record, stages = (
@@ -265,9 +265,9 @@ def fed(run: Run, ends: list[int], tally: np.ndarray | None = None) -> bytes:
         n = last - first
         record[:n], stages[:n] = run.table[first:last, :width], run.table[first:last, width:]
         rows = slice(first, last)
-        accumulate(setup, tally, run.time_ns[rows], record[:n], run.reference[rows], stages[:n])
-    assert finish(setup, tally, run.status, run.end_ns) == run_metrics(run)
-    return tally.tobytes()
+        accumulate(setup, accumulator, run.time_ns[rows], record[:n], run.reference[rows], stages[:n])
+    assert finish(setup, accumulator, run.status, run.end_ns) == run_metrics(run)
+    return accumulator.tobytes()
 
 
 def test_blocks_give_the_same_bits(synthetic: Run) -> None:
@@ -279,14 +279,14 @@ def test_blocks_give_the_same_bits(synthetic: Run) -> None:
         assert fed(synthetic, sorted(random.integers(0, SAMPLES, 7).tolist())) == whole, "empty blocks too"
 
 
-def test_a_tally_can_be_used_again(synthetic: Run) -> None:
-    tally = empty_tally()
-    whole = fed(synthetic, [123], tally)
-    tally[:] = empty_tally()
-    assert fed(synthetic, [], tally) == whole
+def test_an_accumulator_can_be_used_again(synthetic: Run) -> None:
+    accumulator = empty_accumulator()
+    whole = fed(synthetic, [123], accumulator)
+    accumulator[:] = empty_accumulator()
+    assert fed(synthetic, [], accumulator) == whole
 
 
-def test_a_lost_sample_changes_the_tally(synthetic: Run) -> None:
+def test_a_lost_sample_changes_the_accumulator(synthetic: Run) -> None:
     rows = np.delete(np.arange(SAMPLES), 100)
     run = replace(synthetic, time_ns=synthetic.time_ns[rows], table=synthetic.table[rows],
                   reference=synthetic.reference[rows])  # fmt: skip

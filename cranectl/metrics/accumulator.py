@@ -1,7 +1,7 @@
-"""Measure a run block by block: one compiled pass over its samples, whose tally stays small.
+"""Measure a run block by block: one compiled pass over its samples into an accumulator that stays small.
 
 A run gives the same bits whether it comes in one block or in many: every sum goes sample by sample, and what
-an interval needs of the sample before it is kept in the tally.
+an interval needs of the sample before it is kept in the accumulator.
 """
 
 from math import acos, cos, inf, sin, sqrt
@@ -15,7 +15,7 @@ from cranectl.signals import DISTURBANCE_COLUMN, INPUT_COLUMN, LOAD_COLUMN, STAT
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
-Tally = NDArray[np.void]  # (1,) of TALLY
+Accumulator = NDArray[np.void]  # (1,) of TOTALS
 
 SETTLING_TOLERANCE = 0.005  # [m]; assumed: where a laboratory crane's hook counts as in its place
 _SCALAR, _TRIPLE = (np.float64,), (np.float64, (3,))
@@ -61,36 +61,36 @@ _PLACES = np.dtype(
         ("outside", *_TRIPLE),
     ]
 )
-TALLY = np.dtype((np.record, _PLACES))  # a record: its places are attributes, compiled or not
+TOTALS = np.dtype((np.record, _PLACES))  # a record: its places are attributes, compiled or not
 _LOWEST = ("input_lowest", "tension_least", "rest_load_lowest", "outside_first", "settled_since")
 _HIGHEST = ("input_highest", "overshoot", "rest_load_highest")
 
 
-def empty_tally() -> Tally:
-    """A tally without a sample, shape (1,). Assign it to `tally[:]` to use another tally again."""
-    tally = np.zeros(1, dtype=TALLY)
+def empty_accumulator() -> Accumulator:
+    """Without a sample, shape (1,). Assign it to `accumulator[:]` to use another one again."""
+    accumulator = np.zeros(1, dtype=TOTALS)
     for names, start in ((_LOWEST, inf), (_HIGHEST, -inf)):
         for name in names:
-            tally[name] = start
-    return tally
+            accumulator[name] = start
+    return accumulator
 
 
 @jit
 def accumulate(
     setup: MetricsSetup,
-    tally: Any,
+    accumulator: Any,
     time_ns: NDArray[np.int64],
     record: Array,
     reference: Array,
     commands: Array,
 ) -> None:
-    """Add consecutive samples to `tally` (1,).
+    """Add consecutive samples to `accumulator` (1,).
 
     `time_ns` (n,); `record` (n, BASE_WIDTH or more), columns as in `signals`; `reference` (n, 15); `commands`
     (n, any) with the flags of saturation from `setup.flag_column` on: the record of the stages, or of the
     whole run. Without stages anything will do, e.g. `record`.
     """
-    total = tally[0]
+    total = accumulator[0]
     for k in range(len(time_ns)):
         row, time = record[k], float(time_ns[k])
         if total.samples == 0.0:
