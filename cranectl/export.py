@@ -17,7 +17,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.files import replacing
+from cranectl.support.files import replacing, writing
 from cranectl.support.patterns import matching, unmatched
 
 Array = NDArray[np.float64]
@@ -90,11 +90,8 @@ def chosen_format(name: str | None, out: Path | None) -> str:
 
 def write_table(table: ExportTable, path: Path, file_format: str) -> None:
     """Write `table` to `path`, whole or not at all; raises InputError if that cannot be done."""
-    try:
-        with replacing(path) as part:
-            FORMATS[file_format](table, part)
-    except OSError as error:
-        raise InputError.unwritable(path, error, remedy="choose another place with --out") from None
+    with writing(path, remedy="choose another place with --out"), replacing(path) as part:
+        FORMATS[file_format](table, part)
 
 
 def _recorded(runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:

@@ -13,10 +13,11 @@ from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, part_name, re
 from cranectl.campaign.table import Row
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
-from cranectl.support.files import exists, write_text
+from cranectl.support.files import exists, write_text, writing
 from cranectl.support.provenance import provenance, provenance_differences
 
 LOCK_FILE = ".lock"
+ELSEWHERE = "choose another place with --out"
 
 
 @contextmanager
@@ -28,16 +29,15 @@ def locked(directory: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     lock = FileLock(directory / LOCK_FILE)
-    try:
-        lock.acquire(blocking=False)
-    except Timeout:
-        raise InputError(
-            f"another process is writing {directory}",
-            allowed="one process for each result",
-            remedy="wait for it, or choose another place with --out",
-        ) from None
-    except OSError as error:
-        raise InputError.unwritable(directory, error, remedy="choose another place with --out") from None
+    with writing(directory, remedy=ELSEWHERE):
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            raise InputError(
+                f"another process is writing {directory}",
+                allowed="one process for each result",
+                remedy="wait for it, or choose another place with --out",
+            ) from None
     try:
         yield
     finally:
@@ -119,15 +119,13 @@ def _check_empty(directory: Path) -> None:
         raise InputError(
             f"{directory} holds other files: {', '.join(others[:SHOWN])}",
             allowed="a new or an empty directory, or one with a result",
-            remedy="choose another place with --out",
+            remedy=ELSEWHERE,
         )
 
 
 def _make(directory: Path) -> None:
-    try:
+    with writing(directory, remedy=ELSEWHERE):
         (directory / PARTS).mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise InputError.unwritable(directory, error, remedy="choose another place with --out") from None
 
 
 def _check_same(directory: Path, found: Table, wanted: Table, *, resume: bool) -> None:
@@ -165,10 +163,8 @@ def _software(directory: Path, found: Table, installed: dict[str, str], *, accep
 
 def _write_record(directory: Path, record: Table) -> None:
     text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
-    try:
+    with writing(directory, remedy=ELSEWHERE):
         write_text(directory / RECORD_FILE, text)
-    except OSError as error:
-        raise InputError.unwritable(directory, error, remedy="choose another place with --out") from None
 
 
 def _prepared(directory: Path, campaign: Campaign, record: Table) -> Store:

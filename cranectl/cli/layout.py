@@ -29,12 +29,9 @@ def layout_command(name: str, out: Path, plant: str) -> None:
     """
     from cranectl.cli.output import console
     from cranectl.report.viewer_layouts import layout_json
-    from cranectl.support.errors import InputError
-    from cranectl.support.files import write_text
+    from cranectl.support.files import write_text, writing
 
     content = layout_json(name, plant=plant)
-    try:
+    with writing(out):
         write_text(out, content)
-    except (OSError, ValueError) as error:
-        raise InputError.unwritable(out, error) from None
     console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")

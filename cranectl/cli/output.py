@@ -14,8 +14,7 @@ from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from cranectl.cli.screen import Screen, heading, progress, styled
-from cranectl.support.errors import InputError
-from cranectl.support.files import write_text
+from cranectl.support.files import write_text, writing
 from cranectl.support.text import printable
 from cranectl.support.trees import mapped
 
@@ -43,12 +42,8 @@ def write_json(json_file: str | None, data: dict[str, Any]) -> None:
     if json_file == "-":
         print(text)
         return
-    try:
+    with writing(Path(json_file), remedy="choose another place with --json"):
         write_text(Path(json_file), text + "\n")
-    except OSError as error:
-        raise InputError.unwritable(
-            Path(json_file), error, remedy="choose another place with --json"
-        ) from None
 
 
 def _finite(value: Any) -> Any:

@@ -13,7 +13,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from cranectl.support.errors import LogError
-from cranectl.support.files import check_replaceable
+from cranectl.support.files import check_replaceable, writing
 
 REMEDY = "choose another place with --record"
 LOCK = ".lock"
@@ -27,11 +27,9 @@ def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
     `FILE-3`, … that is free. Raises LogError if nothing can be written there. The operating system lets go of
     a place when its process ends, however that happens.
     """
-    try:
+    with writing(path, remedy=REMEDY, error=LogError):
         check_replaceable(path)
         lock = _first_free(path) if numbered else _locked(path)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise LogError.unwritable(path, error, remedy=REMEDY) from None
     try:
         yield Path(lock.lock_file.removesuffix(LOCK))
     finally:

@@ -26,7 +26,7 @@ from cranectl.mcap_columns.container import open_container
 from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError, LogError
+from cranectl.support.errors import LogError
 from cranectl.support.files import replacing
 from cranectl.support.interrupts import interrupts_wait
 from cranectl.support.places import MCAP, check_place
@@ -40,10 +40,7 @@ FAILURES = (OSError, RuntimeError, DamageError)  # of writing; of a full disk th
 
 def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:
     """Raise LogError now rather than after the simulation if no log can be written; see `check_place`."""
-    try:
-        check_place(path, MCAP, inputs=inputs, option="--out", at_once=at_once)
-    except InputError as error:
-        raise LogError(error.found, allowed=error.allowed, remedy=error.remedy) from None
+    check_place(path, MCAP, inputs=inputs, option="--out", at_once=at_once)
 
 
 def write_log(

@@ -16,7 +16,7 @@ from cranectl.render.timeline import Array, Film, film_of
 from cranectl.render.video import check_encoder, write_gif, write_mp4, write_png
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
-from cranectl.support.files import replacing
+from cranectl.support.files import replacing, writing
 
 PLOTS_SHARE = 3  # plots take the third part of the width
 
@@ -66,18 +66,15 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
     check_engine()
     from cranectl.render.draw import painter
 
-    try:
-        with painter(film, settings) as paint, replacing(settings.out) as part:
-            pictures = _pictures(paint, times, progress)
-            if settings.still:
-                write_png(part, next(pictures))
-            elif settings.out.suffix.lower() == ".gif":
-                samples = [paint(film.duration * k / (PALETTE_SAMPLES - 1)) for k in range(PALETTE_SAMPLES)]
-                write_gif(part, pictures, len(times), settings.fps, samples)
-            else:
-                write_mp4(part, pictures, settings.fps, (settings.width, settings.height))
-    except OSError as error:
-        raise InputError.unwritable(settings.out, error) from None
+    with writing(settings.out), painter(film, settings) as paint, replacing(settings.out) as part:
+        pictures = _pictures(paint, times, progress)
+        if settings.still:
+            write_png(part, next(pictures))
+        elif settings.out.suffix.lower() == ".gif":
+            samples = [paint(film.duration * k / (PALETTE_SAMPLES - 1)) for k in range(PALETTE_SAMPLES)]
+            write_gif(part, pictures, len(times), settings.fps, samples)
+        else:
+            write_mp4(part, pictures, settings.fps, (settings.width, settings.height))
     return float(times[-1])
 
 

@@ -8,8 +8,7 @@ from markupsafe import Markup
 
 from cranectl.report.table import Table
 from cranectl.report.theme import css_variables
-from cranectl.support.errors import InputError
-from cranectl.support.files import write_text
+from cranectl.support.files import write_text, writing
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,5 @@ def render(page: Page) -> str:
 
 def write_page(page: Page, path: Path) -> None:
     """Write the page, whole or not at all; raises InputError if that cannot be done."""
-    try:
+    with writing(path):
         write_text(path, render(page))
-    except OSError as error:
-        raise InputError.unwritable(path, error) from None

@@ -8,10 +8,25 @@ from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
 
+from cranectl.support.errors import InputError
+
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
+
+
+@contextlib.contextmanager
+def writing(
+    path: Path, *, remedy: str = "choose another place", error: type[InputError] = InputError
+) -> Iterator[None]:
+    """For a block that writes `path` or finds out whether it could: raises `error` where it cannot."""
+    try:
+        yield
+    except (OSError, ValueError) as failure:
+        if isinstance(failure, ValueError) and "\0" not in str(path):  # no name of a file has that character
+            raise
+        raise error.unwritable(path, failure, remedy=remedy) from None
 
 
 @contextlib.contextmanager

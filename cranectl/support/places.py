@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from cranectl.support.errors import InputError
-from cranectl.support.files import being_written, check_replaceable
+from cranectl.support.errors import InputError, LogError
+from cranectl.support.files import being_written, check_replaceable, writing
 
 
 class Kind(NamedTuple):
@@ -15,13 +15,14 @@ class Kind(NamedTuple):
     name: str
     begins: re.Pattern[bytes]  # what each such file begins with
     piped: bool = False  # whether it may go into a device or a pipe
+    error: type[InputError] = InputError  # that says that it cannot be written
 
 
-def _kind(name: str, begins: bytes, *, piped: bool = False) -> Kind:
-    return Kind(name, re.compile(begins, re.DOTALL | re.IGNORECASE), piped)
+def _kind(name: str, begins: bytes, *, piped: bool = False, error: type[InputError] = InputError) -> Kind:
+    return Kind(name, re.compile(begins, re.DOTALL | re.IGNORECASE), piped, error)
 
 
-MCAP = _kind("MCAP file", rb"\x89MCAP0\r\n")
+MCAP = _kind("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
 JSON = _kind("JSON file", rb"\s*[\[{]", piped=True)
 HTML = _kind("HTML page", rb"\s*<!doctype html", piped=True)
 BY_ENDING = {
@@ -50,26 +51,23 @@ def kind_of(path: Path, endings: Iterable[str]) -> Kind:
 def check_place(
     path: Path, kind: Kind, *, inputs: Iterable[Path] = (), option: str = "", at_once: bool = False
 ) -> None:
-    """Raise InputError unless a file of `kind` may be written to `path`; makes its directory.
+    """Raise InputError, LogError for a log, unless `kind` may be written to `path`; makes its directory.
 
     It may not replace one of `inputs`, by whatever name, nor anything but an empty file or one of its kind,
     nor what somebody is writing, unless it is complete and written `at_once`: then the last to finish wins.
     `option` is what the user called the place.
     """
     remedy = f"choose another place with {option}" if option else "choose another place"
-    try:
+    with writing(path, remedy=remedy, error=kind.error):
         obstacle = _obstacle(path, kind, inputs)
         if not obstacle and not at_once and path.is_file() and being_written(path):
             obstacle = "another command is writing it at this moment"
         if not obstacle and (path.is_file() or not path.exists()):
             check_replaceable(path)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise InputError.unwritable(path, error, remedy=remedy) from None
     if obstacle:
         found = f"cannot write {path}: {obstacle}"
-        raise InputError(
-            found, allowed=f"a free place, or a file of the same kind ({kind.name})", remedy=remedy
-        )
+        allowed = f"a free place, or a file of the same kind ({kind.name})"
+        raise kind.error(found, allowed=allowed, remedy=remedy)
 
 
 def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.support.files import check_replaceable, replacing, write_text
+from cranectl.support.errors import InputError, LogError
+from cranectl.support.files import check_replaceable, replacing, write_text, writing
 
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:
@@ -88,3 +89,18 @@ def test_a_part_belongs_to_who_made_it(tmp_path: Path) -> None:
         assert first != second
         check_replaceable(path)
         assert sorted(tmp_path.iterdir()) == sorted([first, second])
+
+
+@pytest.mark.parametrize("error", [InputError, LogError])
+@pytest.mark.parametrize(
+    ("name", "failure"), [("a", OSError("disk full")), ("a\0", ValueError("embedded null byte"))]
+)
+def test_what_cannot_be_written_is_bad_input(name: str, failure: Exception, error: type[InputError]) -> None:
+    with pytest.raises(error, match=f"{failure}") as caught, writing(Path(name), remedy="x", error=error):
+        raise failure
+    assert caught.value.remedy == "x"
+
+
+def test_other_errors_of_who_writes_stay_what_they_are(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no such colour"), writing(tmp_path / "a"):
+        raise ValueError("no such colour")
