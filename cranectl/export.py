@@ -127,7 +127,7 @@ def _info(runs: Sequence[Run]) -> dict[str, str | float]:
     }
     for run in runs:
         info[f"{run.plant}_status"] = run.status.label
-        info[f"{run.plant}_end_s"] = run.end_ns / NANOSECONDS
+        info[f"{run.plant}_end_s"] = run.end_s
     return info
 
 

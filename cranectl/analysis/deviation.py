@@ -30,5 +30,5 @@ def size_of(load: Array) -> Size:
 def load_difference(run: Run, before: Run) -> Array:
     """Load of `run` less that of `before`, over the samples that both have, (n, 3) [m]."""
     common = min(len(run.time_ns), len(before.time_ns))
-    difference: Array = run.block("load")[:common, :3] - before.block("load")[:common, :3]
+    difference: Array = run.load_position[:common] - before.load_position[:common]
     return difference

@@ -16,7 +16,6 @@ from cranectl.campaign.summary import worst_first
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS, metric_values
 from cranectl.log import write_log
 from cranectl.metrics import run_metrics
-from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, unknown_name
@@ -139,7 +138,7 @@ def replay_run(
         **dict(zip(campaign.names, map(float, values), strict=True)),
         **metric_values(metrics),
         "status": run.status.label,
-        "end_s": run.end_ns / NANOSECONDS,
+        "end_s": run.end_s,
     }
     log = write_log(directory / f"{plant}-{controller}-{sample:07d}.mcap", [run], every=every)
     return Replay(

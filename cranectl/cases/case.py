@@ -195,7 +195,7 @@ def _result(
             plant=run.plant,
             drive=run.drive,
             status=run.status,
-            end_s=run.end_ns / 1e9,
+            end_s=run.end_s,
             log=case.log,
             metrics=run_metrics(run),
         )

@@ -47,7 +47,7 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
                     "plant": run.plant,
                     "drive": run.drive,
                     "status": run.status.label,
-                    "end_s": run.end_ns / 1e9,
+                    "end_s": run.end_s,
                     "samples": len(run.time_ns),
                 }
                 for run in pair

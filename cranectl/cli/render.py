@@ -56,7 +56,7 @@ def render_command(
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
     runs = read_log(log)
-    with progress_bar(max(run.end_ns for run in runs.values()) / 1e9, done="drawn") as (advance, describe):
+    with progress_bar(max(run.end_s for run in runs.values()), done="drawn") as (advance, describe):
         describe(out.name)
         shown = draw_runs(runs, settings, progress=advance)
     what = f"picture at {shown:g} s" if settings.still else f"video of {shown:g} s"

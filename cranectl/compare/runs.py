@@ -89,8 +89,8 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
         )
     time = a.time[in_a]
     with np.errstate(invalid="ignore", over="ignore"):  # of runs that are not finite: NaN keeps no limit
-        load = np.linalg.norm(b.block("load")[in_b, :3] - a.block("load")[in_a, :3], axis=1)
-        angles = np.abs(b.block("state")[in_b][:, [6, 8]] - a.block("state")[in_a][:, [6, 8]])
+        load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
+        angles = np.abs(b.angles[in_b] - a.angles[in_a])
         differences = tuple(
             _differences(a, b, compared_signals(a) if signals is None else signals, in_a, in_b, time)
         )

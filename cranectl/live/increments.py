@@ -192,7 +192,7 @@ class Pieces:
         for run in logged:
             found.append(scene.cable(run, self._opacities[run.plant], self._rows(run, origin_ns, self._pose)))
             seen, dots = self._seen[run.plant], self._rows(run, origin_ns, self._dot)
-            trail = np.vstack([seen.trail, run.block("load")[dots, :3]])
+            trail = np.vstack([seen.trail, run.load_position[dots]])
             found.append(scene.trail(run.plant, run.time_ns[dots], trail))
             seen.trail = trail[-scene.TRAIL_POINTS :]
         return found

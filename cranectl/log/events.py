@@ -139,7 +139,7 @@ def events(run: Run) -> list[Event]:
 
 def end_event(run: Run) -> Event:
     """How and why a run ended."""
-    end = f"{run.status.label} at {run.end_ns / NANOSECONDS:g} s: {run.status.explanation}"
+    end = f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}"
     return Event(run.end_ns, run.plant, end, warning=run.status.stopped)
 
 

@@ -66,13 +66,13 @@ def _streams(runs: list[Run]) -> list[Stream]:
     for k, run in enumerate(drawn):
         rows = scene.rows_apart(run, scene.TRAIL_STEP)
         colour = VIEWER_SERIES[k % len(VIEWER_SERIES)]
-        found.append(scene.trail(run.plant, run.time_ns[rows], run.block("load")[rows, :3], colour=colour))
+        found.append(scene.trail(run.plant, run.time_ns[rows], run.load_position[rows], colour=colour))
     return found
 
 
 def _distances(runs: list[Run], longest: Run) -> Stream:
     """On the times of the longest run; NaN after the end of a shorter one."""
-    first, *others = (run.block("load")[:, :3] for run in runs)
+    first, *others = (run.load_position for run in runs)
     table = np.full((len(longest.time_ns), len(others)), np.nan)
     for k, load in enumerate(others):
         common = min(len(first), len(load))

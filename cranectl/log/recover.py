@@ -19,7 +19,6 @@ from cranectl.log.salvage import Salvage, salvage
 from cranectl.log.schema import row_layout
 from cranectl.log.stream import Stream
 from cranectl.log.writer import check_writable, run_metadata, write_container
-from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
@@ -190,7 +189,7 @@ def _recovered(run: Run, said: Outcome | None) -> RecoveredRun:
     return RecoveredRun(
         plant=run.plant,
         status=run.status.label,
-        end_s=run.end_ns / NANOSECONDS,
+        end_s=run.end_s,
         samples=len(run.time_ns),
         expected=said.samples if said else None,
     )

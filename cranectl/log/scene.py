@@ -89,7 +89,7 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[shapes.Rows, shapes.Row
     rows = np.minimum(np.searchsorted(run.time_ns, time_ns), len(run.time_ns) - 1)
     state = run.block("state")[rows]
     trolley = state[:, [0, 2]]
-    load = run.block("load")[rows, :3].copy()
+    load = run.load_position[rows].copy()
     load[:, :2] -= trolley
     # Alpha about x, then beta about -y.
     sa, ca = np.sin(0.5 * state[:, 6]), np.cos(0.5 * state[:, 6])
@@ -144,7 +144,7 @@ def cable(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
 
 def _whole_trail(run: Run) -> Stream:
     rows = rows_apart(run, TRAIL_STEP)
-    return trail(run.plant, run.time_ns[rows], run.block("load")[rows, :3])
+    return trail(run.plant, run.time_ns[rows], run.load_position[rows])
 
 
 def trail(plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: str | None = None) -> Stream:

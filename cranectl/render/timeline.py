@@ -30,7 +30,7 @@ class Actor:
     @cached_property
     def error(self) -> Array:
         """Distance of the load from its reference [m], shape (N,)."""
-        distance: Array = np.linalg.norm(self.run.block("load")[:, :3] - self.run.reference[:, :3], axis=1)
+        distance: Array = np.linalg.norm(self.run.load_position - self.run.reference[:, :3], axis=1)
         return distance
 
     def row(self, time: float) -> int:
@@ -44,7 +44,7 @@ class Actor:
 
     def load(self, row: int) -> Array:
         """World position of the load (3,)."""
-        position: Array = self.run.block("load")[row, :3]
+        position: Array = self.run.load_position[row]
         return position
 
     def nearly_slack(self, row: int) -> bool:
@@ -70,7 +70,7 @@ class Actor:
         time = self.run.time_ns
         start = int(np.searchsorted(time, time[row] - int(TRAIL * 1e9)))
         rows = np.unique(np.linspace(start, row, TRAIL_POINTS).astype(int))
-        points: Array = self.run.block("load")[rows, :3]
+        points: Array = self.run.load_position[rows]
         return points
 
 
@@ -105,7 +105,7 @@ class Film:
             return None
         a, b = (actor.run for actor in self.cast)
         _, rows_a, rows_b = np.intersect1d(a.time_ns, b.time_ns, assume_unique=True, return_indices=True)
-        apart = np.linalg.norm(b.block("load")[rows_b, :3] - a.block("load")[rows_a, :3], axis=1)
+        apart = np.linalg.norm(b.load_position[rows_b] - a.load_position[rows_a], axis=1)
         return a.time[rows_a], apart
 
     def apart(self, time: float) -> float | None:

@@ -42,6 +42,26 @@ class Run:
         return seconds
 
     @property
+    def end_s(self) -> float:
+        """When the run ended [s]."""
+        return self.end_ns / NANOSECONDS
+
+    @property
+    def load_position(self) -> Array:
+        """Of the load in the world (x, y, z) [m], shape (N, 3). A view, as the others."""
+        return self.block("load")[:, :3]
+
+    @property
+    def tension(self) -> Array:
+        """Of the rope [N], positive when it pulls, shape (N,)."""
+        return self.block("load")[:, 6]
+
+    @property
+    def angles(self) -> Array:
+        """Cardan angles alpha, beta [rad], shape (N, 2)."""
+        return self.block("state")[:, 6::2]
+
+    @property
     def groups(self) -> tuple[SignalGroup, ...]:
         """The recorded groups, in column order."""
         return groups_of(self.scenario, self.design, self.drive)

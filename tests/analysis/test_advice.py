@@ -43,7 +43,7 @@ def test_a_run_that_ends_early_has_failed(found: Advice) -> None:
 
 def test_costs_are_those_of_the_run(found: Advice) -> None:
     run = simulate_run(found.scenario, plant="mujoco", drive="velocity", controller="lqr+loop-shaping")
-    error = np.linalg.norm(run.reference[:, :3] - run.block("load")[:, :3], axis=1)
+    error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
     assert found.best.metrics.max_error_m == pytest.approx(error.max())
     assert 0.0 < found.best.cost.max < error.max()
 

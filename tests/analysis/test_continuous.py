@@ -67,7 +67,7 @@ def test_sampling_comes_nearer_in_proportion_to_its_period() -> None:
         scenario = load_scenario("fast-diagonal", overrides=steps)
         ideal = simulate_continuous(scenario, controller="lqr")
         sampled = simulate_run(scenario, plant="analytic", controller="lqr")
-        distances.append(np.abs(sampled.block("load")[:, :3] - ideal.block("load")[:, :3]).max())
+        distances.append(np.abs(sampled.load_position - ideal.load_position).max())
     assert distances[0] / distances[1] == pytest.approx(2.0, rel=0.05)
     assert distances[1] > 1e-5
 
@@ -89,6 +89,6 @@ def test_effects_are_left_out_and_the_run_is_a_run(tmp_path) -> None:  # type: i
     run, same = (simulate_continuous(s, controller="lqr+hinf") for s in (scenario, delayed))
     assert np.array_equal(run.table, same.table)
     assert run.table.shape[1] == sum(len(group) for group in run.groups)
-    assert np.abs(run.block("load")[:, :3] - [1.0, 0.77, -0.7]).max() < 1e-12
+    assert np.abs(run.load_position - [1.0, 0.77, -0.7]).max() < 1e-12
     write_log(tmp_path / "ideal.mcap", [run])
     assert read_log(tmp_path / "ideal.mcap")["analytic"].end_ns == run.end_ns

@@ -113,7 +113,7 @@ def test_the_tree_is_whole_in_every_message_and_puts_the_load_where_the_plant_ha
         for plant, run in runs.items():
             k = int(np.searchsorted(run.time_ns, time))
             load, turn = placed(tree, f"{plant}/load")
-            assert load == pytest.approx(run.block("load")[k, :3], abs=1e-12)
+            assert load == pytest.approx(run.load_position[k], abs=1e-12)
             trolley, _ = placed(tree, f"{plant}/trolley")
             rope = load - trolley
             assert turn @ [0.0, 0.0, -1.0] == pytest.approx(rope / np.linalg.norm(rope), abs=1e-9)
@@ -180,7 +180,7 @@ def test_the_rope_hangs_from_trolley_to_load(scene: Messages, runs: dict[str, Ru
         state = run.block("state")[k]
         assert (entity.id, entity.frame_id) == ("rope", "world")
         assert vector(line.points[0]) == pytest.approx([state[0], state[2], 0.0])
-        assert vector(line.points[1]) == pytest.approx(run.block("load")[k, :3])
+        assert vector(line.points[1]) == pytest.approx(run.load_position[k])
         assert line.color.r < 0.6, "taut"
 
 
@@ -203,7 +203,7 @@ def test_trails_end_at_the_load_and_fade_with_age(scene: Messages, runs: dict[st
         for time, update in trail[::20]:
             k = int(np.searchsorted(run.time_ns, time))
             (line,) = update.entities[0].lines
-            assert vector(line.points[-1]) == pytest.approx(run.block("load")[k, :3])
+            assert vector(line.points[-1]) == pytest.approx(run.load_position[k])
             assert len(line.points) == len(line.colors) <= 52
             assert np.all(np.diff([colour.a for colour in line.colors]) > 0.0)
             assert line.colors[-1].a == 1.0
@@ -272,7 +272,7 @@ def test_a_run_that_ends_first_stays_where_it_ended(short: Scenario, tmp_path: P
     times = [time for time, _ in decode(path)["/tf"]]
     assert times[-1] == long.end_ns
     last = decode(path)["/tf"][-1][1]
-    assert placed(last, "analytic/load")[0] == pytest.approx(cut.block("load")[-1, :3], abs=1e-12)
+    assert placed(last, "analytic/load")[0] == pytest.approx(cut.load_position[-1], abs=1e-12)
     assert list(read_log(path)) == ["analytic", "mujoco"]
 
 

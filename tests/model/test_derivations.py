@@ -45,9 +45,9 @@ def test_steady_offset_under_constant_disturbances(plant: str, controller: str) 
         design.gain, (1.0, 0.77, -0.7), 0.8, -0.5, robustifier_gain=design.robustifier.static_gain
     )
     expected = [found["load_x"], found["load_y"], found["load_z"]]
-    assert run.block("load")[-1, :3] == pytest.approx(expected, abs=1e-6)
-    assert run.block("state")[-1, [6, 8]] == pytest.approx([found["alpha"], found["beta"]], abs=1e-6)
+    assert run.load_position[-1] == pytest.approx(expected, abs=1e-6)
+    assert run.angles[-1] == pytest.approx([found["alpha"], found["beta"]], abs=1e-6)
     assert run.signal("controller.zeta")[-1] == pytest.approx(found["zeta"], abs=1e-6)
     assert module["residual"](found, 0.8, -0.5) < 1e-9
-    offset = abs(run.block("load")[-1, :3] - [1.0, 0.77, -0.7]).max()
+    offset = abs(run.load_position[-1] - [1.0, 0.77, -0.7]).max()
     assert offset > (0.004 if "hinf" in controller else 0.05), "there is an offset to explain"

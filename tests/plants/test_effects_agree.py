@@ -45,7 +45,7 @@ def test_air_at_rest_slows_the_load() -> None:
     """Drag is quadratic: four times the area, four times the loss, as long as that is small."""
     swing = ["initial.alpha_offset=0.3", "disturbances=[]", STILL_AIR]
     rows = [run("analytic", *swing, f"effects.wind.drag_area={area}") for area in (0.0, 0.01, 0.04)]
-    loads = [row.block("load")[:3000, :3] for row in rows]
+    loads = [row.load_position[:3000] for row in rows]
     small, large = (np.linalg.norm(load - loads[0], axis=1).max() for load in loads[1:])
     assert small > 1e-5
     assert_allclose(large / small, 4.0, rtol=0.05)

@@ -29,12 +29,12 @@ def test_gravity_of_sloping_rails_keeps_its_size() -> None:
 def test_plants_agree_on_a_slope(drive: str) -> None:
     first, second = (run_with("{tilt=[0.03, -0.02]}", plant, drive) for plant in PLANTS)
     level = run_with("{}", "mujoco", drive)
-    apart = np.abs(first.block("load")[:, :3] - second.block("load")[:, :3]).max()
-    moved = np.abs(second.block("load")[:, :3] - level.block("load")[:, :3]).max()
+    apart = np.abs(first.load_position - second.load_position).max()
+    moved = np.abs(second.load_position - level.load_position).max()
     # Velocity drives of the engine feel the bridge slide down; the analytic lag is blind to all forces.
     assert apart < (1e-9 if drive == "ideal" else 0.2 * moved)
     assert moved > 0.01
-    tension = np.abs(first.block("load")[:, 6] - second.block("load")[:, 6]).max()
+    tension = np.abs(first.tension - second.tension).max()
     assert tension < (1e-7 if drive == "ideal" else 0.2)
 
 
@@ -42,7 +42,7 @@ def test_plants_agree_on_a_slope(drive: str) -> None:
 def test_a_wrong_zero_of_the_rope_leaves_the_load_that_much_off(plant: str) -> None:
     """The tracker brings the rope it reads to the length it wants: the load hangs 1 cm too high."""
     found = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0")
-    apart = found.block("load")[-1, :3] - found.reference[-1, :3]
+    apart = found.load_position[-1] - found.reference[-1, :3]
     assert apart == pytest.approx([0.0, 0.0, 0.01], abs=1e-4)
     sensed = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0", "effects.sensing={}")
     assert sensed.block("load")[-1, 2] - sensed.reference[-1, 2] == pytest.approx(0.01, abs=3e-4)

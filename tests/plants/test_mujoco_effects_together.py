@@ -151,7 +151,7 @@ def test_a_closed_loop_runs_through_with_all_effects() -> None:
     ]
     assert all(run.status.label == "completed" for run in runs)
     assert np.array_equal(runs[0].table[:, :BASE_WIDTH], runs[1].table[:, :BASE_WIDTH])
-    assert np.abs(runs[0].block("load")[-1, :3] - runs[0].reference[-1, :3]).max() < 0.02
+    assert np.abs(runs[0].load_position[-1] - runs[0].reference[-1, :3]).max() < 0.02
 
 
 # What is refused

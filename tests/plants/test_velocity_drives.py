@@ -41,7 +41,7 @@ def test_a_run_at_rest_stays_at_rest(plant: str, controller: str) -> None:
     run = undisturbed("fixed-position", plant, "duration=5", controller=controller)
     assert run.status == RunStatus.COMPLETED
     assert np.abs(run.block("state")[:, 1::2]).max() < 1e-9
-    assert np.abs(run.block("load")[:, :3] - [1.0, 0.77, -0.7]).max() < 1e-9
+    assert np.abs(run.load_position - [1.0, 0.77, -0.7]).max() < 1e-9
     assert run.signal("load.rope_tension") == pytest.approx(9.81, abs=1e-6)
 
 

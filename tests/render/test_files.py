@@ -53,7 +53,7 @@ def test_the_same_log_gives_the_same_png(capsys: pytest.CaptureFixture[str]) -> 
 def test_a_png_is_of_the_largest_error_unless_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", "run.mcap", "a.png", *SMALL]) == 0
     run = read_log("run.mcap")["mujoco"]
-    worst = run.time[np.argmax(np.linalg.norm(run.reference[:, :3] - run.block("load")[:, :3], axis=1))]
+    worst = run.time[np.argmax(np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1))]
     assert f"picture at {worst:g} s" in capsys.readouterr().out
 
 

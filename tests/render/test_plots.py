@@ -62,7 +62,7 @@ def test_the_dot_is_on_the_curve() -> None:
         column = cursor(picture)
         dot = has(picture, PLANTS["mujoco"])[:, column - 1 : column + 2].all(axis=1)
         heights.append(np.nonzero(dot)[0].mean())
-    error = np.linalg.norm(run.reference[:, :3] - run.block("load")[:, :3], axis=1)
+    error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
     early, late = (error[np.searchsorted(run.time, time)] for time in (1.0, 13.0))
     assert late > 1000 * early
     assert heights[0] - heights[1] > 100  # towards the top

@@ -44,11 +44,11 @@ def test_the_cameras_are_those_of_the_model() -> None:
 def test_the_load_is_drawn_where_the_log_says(camera: str, time: float, seen: int) -> None:
     run = moving_run("mujoco")
     red = is_load(draw({"mujoco": run}, time, camera))
-    row, column = pixel(run.block("load")[at(run, time), :3], camera)
+    row, column = pixel(run.load_position[at(run, time)], camera)
     rows, columns = np.nonzero(red)
     assert len(rows) > seen
     assert np.hypot(np.median(rows) - row, np.median(columns) - column) < 2.5
-    assert not red[pixel(run.block("load")[at(run, 7.0), :3], camera)]
+    assert not red[pixel(run.load_position[at(run, 7.0)], camera)]
 
 
 def test_from_above_the_trolley_is_over_the_load() -> None:
@@ -65,7 +65,7 @@ def test_moving_the_load_moves_its_pixels_and_nothing_of_the_frame() -> None:
     before, after = (draw({"mujoco": r}, 5.0, "side") for r in (run, moved(run, 0.3)))
     columns = [np.nonzero(is_load(picture))[1].mean() for picture in (before, after)]
     row = at(run, 5.0)
-    places = [pixel(r.block("load")[row, :3], "side")[1] for r in (run, moved(run, 0.3))]
+    places = [pixel(r.load_position[row], "side")[1] for r in (run, moved(run, 0.3))]
     assert columns[1] - columns[0] == pytest.approx(places[1] - places[0], abs=1.5)
     post = np.array([-0.10, -0.145, -0.9])
     assert (patch(before, post, "side") == patch(after, post, "side")).all()
@@ -73,7 +73,7 @@ def test_moving_the_load_moves_its_pixels_and_nothing_of_the_frame() -> None:
 
 def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
     solid, other = moving_run("mujoco"), moved(moving_run("analytic"), -0.35)
-    place = other.block("load")[at(other, 5.0), :3]
+    place = other.load_position[at(other, 5.0)]
     pair = draw({"analytic": other, "mujoco": solid}, 5.0)
     alone = draw({"mujoco": solid}, 5.0)
     assert nearness(patch(pair, place), PLANTS["analytic"]) > 0.25
@@ -85,7 +85,7 @@ def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
 
 def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> None:
     runs = {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
-    load = runs["mujoco"].block("load")[at(runs["mujoco"], 5.0), :3]
+    load = runs["mujoco"].load_position[at(runs["mujoco"], 5.0)]
     pair, alone = (draw(r, 5.0, "side", (3 * WIDTH, 3 * HEIGHT)) for r in (runs, {"mujoco": runs["mujoco"]}))
     for picture, rim in ((pair, True), (alone, False)):
         centre, edge = (picture[pixel(load - (0.0, 0.0, offset), "side", 3)] for offset in (0.0, 0.054))
@@ -108,7 +108,7 @@ def test_the_rope_turns_red_before_it_is_slack(tension: float, slack: bool) -> N
     picture = draw({"mujoco": replace(run, table=table)}, 5.0, "side")
     row = at(run, 5.0)
     x, y = run.signal("state.bridge_position")[row], run.signal("state.trolley_position")[row]
-    middle = (np.array([x, y, 0.0]) + run.block("load")[row, :3]) / 2.0
+    middle = (np.array([x, y, 0.0]) + run.load_position[row]) / 2.0
     line, column = pixel(middle, "side")
     rope = min(picture[line, column - 2 : column + 3], key=lambda colour: colour[2])  # the least blue
     assert (nearness(rope, SLACK_ROPE) > 0.4) == slack
@@ -128,7 +128,7 @@ def test_the_marker_is_where_the_load_should_be() -> None:
     picture = draw({"mujoco": run}, 9.0)
     row = at(run, 9.0)
     assert nearness(patch(picture, run.reference[row, :3]), LIGHT["series-3"]) > 0.5
-    assert nearness(patch(picture, run.block("load")[row, :3]), LIGHT["series-3"]) < 0.0
+    assert nearness(patch(picture, run.load_position[row]), LIGHT["series-3"]) < 0.0
 
 
 def test_the_path_is_dashed_and_the_trail_is_behind_the_load() -> None:
@@ -139,10 +139,10 @@ def test_the_path_is_dashed_and_the_trail_is_behind_the_load() -> None:
     assert 0.3 < np.mean(dark) < 0.9
     off_path = [picture[row + 12, column].max() < 165 for row, column in map(pixel, ahead)]
     assert np.mean(off_path) < 0.1  # a post of the frame
-    trail = run.block("load")[at(run, 4.0) : at(run, 4.5) : 10, :3]
+    trail = run.load_position[at(run, 4.0) : at(run, 4.5) : 10]
     tints = [nearness(patch(picture, point), PLANTS["mujoco"]) for point in trail]
     assert np.median(tints) > 0.25
-    old = run.block("load")[at(run, 0.1) : at(run, 0.6) : 10, :3]
+    old = run.load_position[at(run, 0.1) : at(run, 0.6) : 10]
     assert np.median([nearness(patch(picture, point), PLANTS["mujoco"]) for point in old]) < 0.1
 
 

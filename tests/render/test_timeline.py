@@ -54,7 +54,7 @@ def test_mujoco_is_solid_and_analytic_its_ghost_only_as_a_pair() -> None:
 def test_a_still_shows_the_largest_error() -> None:
     run = moving_run("mujoco")
     film = film_of({"mujoco": run})
-    distance = np.linalg.norm(run.reference[:, :3] - run.block("load")[:, :3], axis=1)
+    distance = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
     assert film.lead.error[film.lead.row(film.worst_time)] == distance.max()
     assert distance.max() > 2.0 * np.median(distance)
 

@@ -133,7 +133,7 @@ def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) ->
 
 def test_sentences_say_what_the_run_did() -> None:
     run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
-    final = np.linalg.norm(run.reference[-1, :3] - run.block("load")[-1, :3])
+    final = np.linalg.norm(run.reference[-1, :3] - run.load_position[-1])
     plain = verdict(FAMILIES["error"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
     assert plain == f"Load off its reference at 25 s: {final:.3f} m."
     assert "past the end of the rig, from 15.75 s on" in verdict(FAMILIES["trolley"], {"PP": run})
@@ -145,7 +145,7 @@ def test_sentences_say_what_the_run_did() -> None:
     assert verdict(FAMILIES["trolley"], {"LQR": good}) == "All stay within the rig."
     both = verdict(FAMILIES["angles"], {"PP": run, "LQR": good})
     for label, each in (("PP", run), ("LQR", good)):
-        assert f"{np.degrees(np.abs(each.block('state')[:, [6, 8]]).max()):.2f}° ({label})" in both.replace(
+        assert f"{np.degrees(np.abs(each.angles).max()):.2f}° ({label})" in both.replace(
             "\N{NO-BREAK SPACE}", " "
         )
 

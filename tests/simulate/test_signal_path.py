@@ -124,7 +124,7 @@ def test_noise_has_its_seed() -> None:
 
 
 def test_finer_sensing_and_a_faster_observer_approach_perfect_state() -> None:
-    perfect = run(drive="ideal").block("load")[:, :3]
+    perfect = run(drive="ideal").load_position
     errors = []
     for scale in (1.0, 0.1):
         found = run(
@@ -134,7 +134,7 @@ def test_finer_sensing_and_a_faster_observer_approach_perfect_state() -> None:
             f"effects.sensing.observer_bandwidth={60.0 / scale**0.5}",
             drive="ideal",
         )
-        errors.append(np.linalg.norm(found.block("load")[:, :3] - perfect, axis=1).max())
+        errors.append(np.linalg.norm(found.load_position - perfect, axis=1).max())
     assert errors[1] < 0.3 * errors[0]
     assert errors[0] < 2e-3
 

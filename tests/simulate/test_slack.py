@@ -28,7 +28,7 @@ def test_a_tracker_that_is_to_recover_keeps_the_rope_taut() -> None:
     assert recovered.signal("load.rope_tension").min() > 0.0
     least = (LEAST_TENSION - 1.0) * 9.81
     assert recovered.signal("controller.zeta").min() >= least * (1.0 + 1e-9)
-    final = recovered.reference[-1, :3] - recovered.block("load")[-1, :3]
+    final = recovered.reference[-1, :3] - recovered.load_position[-1]
     assert np.linalg.norm(final) < 1e-3
 
 

@@ -50,7 +50,7 @@ def test_loop_shaping_removes_the_steady_error_and_mixed_sensitivity_does_not(
 
     def offset(controller: str) -> float:
         run = simulate_run(scenario, plant=plant, controller=controller)
-        return float(np.linalg.norm((run.reference[:, :3] - run.block("load")[:, :3])[-1]))
+        return float(np.linalg.norm((run.reference[:, :3] - run.load_position)[-1]))
 
     plain = offset(feedback)
     assert plain > 0.2

@@ -45,7 +45,7 @@ def test_table_5_1_trolley_columns(controller: str, plant: str) -> None:
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("controller", TABLE_5_2)
 def test_table_5_2_final_position(controller: str, plant: str) -> None:
-    load = closed_loop("fixed-position", controller, plant).block("load")[-1, :3]
+    load = closed_loop("fixed-position", controller, plant).load_position[-1]
     assert load == pytest.approx(TABLE_5_2[controller], abs=0.01)
 
 
@@ -62,7 +62,7 @@ def test_table_5_3_trolley_columns(controller: str, plant: str) -> None:
 def test_table_5_4_position_at_20_seconds(controller: str, plant: str) -> None:
     run = closed_loop("settled-trajectory", controller, plant)
     assert run.time[20_000] == 20.0
-    assert run.block("load")[20_000, :3] == pytest.approx(TABLE_5_4[controller], abs=0.015)
+    assert run.load_position[20_000] == pytest.approx(TABLE_5_4[controller], abs=0.015)
 
 
 @functools.cache

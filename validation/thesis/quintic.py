@@ -41,7 +41,7 @@ def scenario(law: str) -> Scenario:
 def cost(law: str, controller: str, plant: str, drive: str) -> Cost:
     """Run it."""
     run = simulate_run(scenario(law), plant=plant, drive=drive, controller=controller)
-    error = np.linalg.norm(run.reference[:, :3] - run.block("load")[:, :3], axis=1)
+    error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
     inputs = run.block("input")[:, :3]
     return Cost(
         max_error=float(error.max()),

@@ -148,7 +148,7 @@ def linearise_run(
     states, kept, stride = joints, np.arange(10), 1
     if crane is not None:
         states, kept, stride = (
-            nominal_states(crane, joints, run.block("load")[:, 6]),
+            nominal_states(crane, joints, run.tension),
             kept_states(crane),
             STRIDE,
         )
@@ -195,7 +195,7 @@ def _load_derivatives(
             shift = DIFFERENCE * np.eye(states.shape[1])[place]
             apart = load_positions(crane, states + shift) - load_positions(crane, states - shift)
             load[:, :, column] = apart / (2.0 * DIFFERENCE)
-    return load, load_positions(crane, states) - run.block("load")[:, :3]
+    return load, load_positions(crane, states) - run.load_position
 
 
 def analytic_rig(run: Run, drive: Drive = "ideal") -> AnalyticRig:

@@ -29,7 +29,7 @@ def ladder_table(steps: Sequence[Step]) -> Table:
 def _row(step: Step) -> tuple[Cell, ...]:
     status, metrics = step.run.status, step.metrics
     if status.stopped:
-        ended = Cell(f"{status.label} at {step.run.end_ns / 1e9:g} s", "bad")
+        ended = Cell(f"{status.label} at {step.run.end_s:g} s", "bad")
     else:
         ended = Cell(status.label, "good")
     if metrics is None:

@@ -77,7 +77,7 @@ def distance_svg(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, floa
         _mark_disturbances(axes, next(iter(pairs.values()))[0], named=True)
         for (label, (a, b)), role in zip(pairs.items(), SERIES, strict=False):
             n = min(len(a.time_ns), len(b.time_ns))
-            distance = np.linalg.norm(b.block("load")[:n, :3] - a.block("load")[:n, :3], axis=1)
+            distance = np.linalg.norm(b.load_position[:n] - a.load_position[:n], axis=1)
             axes.semilogy(a.time[:n], distance.clip(min=1e-16), color=STAND_IN[role], label=label)
         for whose, limit in limits.items():
             axes.axhline(limit, label=f"limit, {whose}", **_LIMIT)

@@ -56,7 +56,7 @@ def _trolley(runs: Runs) -> str:
 
 def _angles(runs: Runs) -> str:
     largest = _each(runs, lambda run: max(_measured(run).max_abs_angle_rad) * DEGREES, "°")
-    tilt = max(float(np.abs(run.block("state")[-1, [6, 8]]).max() * DEGREES) for run in runs.values())
+    tilt = max(float(np.abs(run.angles[-1]).max() * DEGREES) for run in runs.values())
     return f"Largest angle: {largest}; at the end the rope leans by up to {_quantity(tilt, '°')}."
 
 

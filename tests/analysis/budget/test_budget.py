@@ -141,7 +141,7 @@ def test_a_servo_of_another_kind_is_noticed() -> None:
     right = nominal()
     ideal = simulate_run(right.run.scenario, plant="mujoco", controller="lqr", drive="ideal")
     real = simulate_run(right.run.scenario, plant="mujoco", controller="lqr", drive="velocity")
-    measured = size_of(real.block("load")[:, :3] - ideal.block("load")[:, :3]).rms
+    measured = size_of(real.load_position - ideal.load_position).rms
     assert predicted(right) == pytest.approx(measured, rel=0.05)
     for wrong in ("control.lag_compensation=false", "rig.bridge_time_constant=0.04"):
         assert predicted(nominal(wrong)) > 1.2 * measured
