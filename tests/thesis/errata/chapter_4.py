@@ -12,7 +12,7 @@ from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.design.mixed_sensitivity import generalised_plant
 from cranectl.reference import time_law
-from tests.errata.registry import apart, beyond, erratum, shaped_plant
+from tests.thesis.errata.registry import apart, beyond, erratum, shaped_plant
 
 
 @erratum("4.3")

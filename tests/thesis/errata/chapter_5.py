@@ -11,7 +11,7 @@ from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support import resources
 from tests.conftest import closed_loop
-from tests.errata.registry import apart, beyond, erratum, shaped_plant
+from tests.thesis.errata.registry import apart, beyond, erratum, shaped_plant
 
 PRINTED = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))["tables"]
 

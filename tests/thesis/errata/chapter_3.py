@@ -9,7 +9,7 @@ from cranectl.design import design_controller
 from cranectl.model import dynamics
 from cranectl.model.flatness import state_and_input
 from tests.conftest import random_states, split
-from tests.errata.registry import INPUT, G, apart, erratum, manipulator, over_states
+from tests.thesis.errata.registry import INPUT, G, apart, erratum, manipulator, over_states
 
 
 def third_order_example() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from cranectl.model import dynamics
 from tests.conftest import random_states, split
-from tests.errata.registry import INPUT, RIG, G, apart, erratum, manipulator, over_states
+from tests.thesis.errata.registry import INPUT, RIG, G, apart, erratum, manipulator, over_states
 
 
 @erratum("2.3")
