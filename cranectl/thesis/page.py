@@ -13,16 +13,10 @@ from cranectl.report.run.wording import agreement, verdict
 from cranectl.report.theme import SERIES, inline_svg, styled
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run
+from cranectl.thesis.controllers import FEEDBACK, ROBUSTIFIERS
 from cranectl.thesis.diagrams import DIAGRAMS, diagram_svg
 from cranectl.thesis.reproduction import SOURCES, Reproduction
-from cranectl.thesis.tables import (
-    FEEDBACK,
-    ROBUSTIFIERS,
-    gain_table,
-    norms_table,
-    printed_tables,
-    robustifier_table,
-)
+from cranectl.thesis.tables import gain_table, norms_table, printed_tables, robustifier_table
 
 # First figure of a scenario: the load in space; two figures a family follow, one for each feedback.
 FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}

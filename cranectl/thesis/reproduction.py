@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from cranectl.design import CONTROLLERS, Design, design_controller
+from cranectl.design import Design, design_controller
 from cranectl.metrics import WorkspaceViolation, workspace_violations
 from cranectl.plants.plant import Drive
 from cranectl.scenario import DesignSettings, Scenario, load_scenario
@@ -13,6 +13,7 @@ from cranectl.signals import LOAD
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
+from cranectl.thesis.controllers import CONTROLLERS
 
 # Where the numbers of a row come from, in the order of columns.
 SOURCES: dict[str, tuple[str, Drive]] = {

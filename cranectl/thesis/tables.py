@@ -1,11 +1,9 @@
 """The tables of the thesis beside ours, for the terminal and for the page."""
 
-from cranectl.design import CONTROLLERS
 from cranectl.report.table import Cell, Table
+from cranectl.thesis.controllers import FEEDBACK, controller_name
 from cranectl.thesis.reproduction import SOURCES, SYMBOLS, Number, Reproduction, Row
 
-ROBUSTIFIERS = {"": "feedback alone", "hinf": "S/KS", "loop-shaping": "loop shaping"}
-FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}
 SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
 
 
@@ -81,12 +79,3 @@ def _number_cells(number: Number) -> tuple[Cell, ...]:
 
 def _digits(value: float, sign: str = "") -> str:
     return f"{value:{sign}.4f}".replace("-", "−")
-
-
-def controller_name(name: str) -> str:
-    """A controller as the thesis calls it."""
-    feedback, _, robustifier = name.partition("+")
-    return FEEDBACK[feedback] + (f" + {ROBUSTIFIERS[robustifier]}" if robustifier else "")
-
-
-assert {name.partition("+")[2] for name in CONTROLLERS} == set(ROBUSTIFIERS)

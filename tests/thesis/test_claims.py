@@ -9,7 +9,8 @@ from cranectl.design import design_controller
 from cranectl.plants.plant import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
-from tests.conftest import ALL_CONTROLLERS, ROOT, closed_loop
+from cranectl.thesis.controllers import CONTROLLERS
+from tests.conftest import ROOT, closed_loop
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -32,7 +33,7 @@ def test_motion_is_independent_of_the_load_mass_and_tension_proportional_to_it(p
 @pytest.mark.parametrize("plant", PLANTS)
 def test_lqr_with_loop_shaping_has_the_least_peaks_but_not_the_least_effort(plant: str) -> None:
     """Section 5.2.2 on Table 5.1: true of the peaks; by mean square plain LQR needs less."""
-    inputs = {c: closed_loop("fixed-position", c, plant).block("input")[:, :2] for c in ALL_CONTROLLERS}
+    inputs = {c: closed_loop("fixed-position", c, plant).block("input")[:, :2] for c in CONTROLLERS}
     for axis in (0, 1):
         peaks = {c: float(np.abs(u[:, axis]).max()) for c, u in inputs.items()}
         assert min(peaks, key=peaks.__getitem__) == "lqr+loop-shaping"

@@ -7,21 +7,26 @@ import functools
 import json
 import re
 import runpy
+import sys
 import tomllib
 from dataclasses import replace
 from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from cranectl import design
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.cli.main import main
-from cranectl.design import design_controller
+from cranectl.design import Design, design_controller
 from cranectl.plants.plant import PLANTS
 from cranectl.report.page import render
-from cranectl.scenario import load_scenario
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run
 from cranectl.support import resources
+from cranectl.thesis.controllers import CONTROLLERS
 from cranectl.thesis.page import FIRST_FIGURE, ChapterFigures, thesis_page
 from cranectl.thesis.reproduction import Number, Reproduction, reproduce, total_simulated_seconds
 from tests.conftest import ROOT, closed_loop
@@ -93,6 +98,25 @@ def test_every_printed_number_is_within_its_tolerance_and_the_open_ones_are_name
     assert {controller for table, controller in smooth if table == "norms"} == {"pole-placement+loop-shaping"}
     for *_, number in found.numbers():
         assert len(number.reason) > 5
+
+
+def test_a_seventh_controller_of_cranectl_is_not_in_the_thesis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever module holds the registry's names has one more."""
+
+    def run_of_six(scenario: Scenario, *, plant: str, design: Design, **_: Any) -> Run:
+        return closed_loop(scenario.name, design.name, plant)
+
+    def thesis() -> tuple[dict[str, Any], float]:
+        return reproduce().to_json(), total_simulated_seconds()
+
+    assert all(tuple(table["rows"]) == CONTROLLERS for table in PRINTED["tables"].values())
+    monkeypatch.setattr("cranectl.thesis.reproduction.simulate_run", run_of_six)
+    before, registry = thesis(), design.CONTROLLERS
+    for name, module in list(sys.modules.items()):
+        if name.startswith("cranectl") and getattr(module, "CONTROLLERS", None) is registry:
+            monkeypatch.setattr(module, "CONTROLLERS", (*registry, "seventh"))
+    assert "seventh" in design.CONTROLLERS
+    assert thesis() == before
 
 
 def prints(value: float, printed: float, decimals: int) -> bool:

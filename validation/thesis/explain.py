@@ -22,13 +22,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.design import CONTROLLERS, design_controller
+from cranectl.design import design_controller
 from cranectl.design.mixed_sensitivity import hinf_robustifier
 from cranectl.model.flatness import flat_output, slopes_from_angles
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.support import resources
 from cranectl.support.jit import jit
+from cranectl.thesis.controllers import CONTROLLERS
 
 Array = NDArray[np.float64]
 
