@@ -66,12 +66,8 @@ def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) ->
             Section(
                 "designs",
                 "Designs",
-                tables=(
-                    gain_table(found),
-                    norms_table(found),
-                    robustifier_table(found),
-                ),
-                figures=_design_figures(found),
+                tables=(gain_table(found), norms_table(found), robustifier_table(found)),
+                figures=tuple(_design_figures(found)),
             ),
             Section(
                 "fixed-position",
@@ -171,23 +167,19 @@ def _time_law_figure() -> Figure:
     )
 
 
-def _design_figures(found: Reproduction) -> tuple[Figure, ...]:
+def _design_figures(found: Reproduction) -> Iterable[Figure]:
     """5.7 and 5.8: the loops that loop shaping makes of both feedbacks."""
-    figures = []
     settings = load_scenario("fixed-position").design.loop_shaping
     for number, (feedback, name) in zip(("5.7", "5.8"), FEEDBACK.items(), strict=True):
         design = found.designs[f"{feedback}+loop-shaping"]
         with styled():
             svg = inline_svg(loop_shaping_figure(design, settings), f"f{number.replace('.', '-')}")
         margins = design.margins
-        figures.append(
-            Figure(
-                number,
-                f"Singular values and shaped loop, {name} with loop shaping",
-                svg,
-                f"γ = {design.gamma:.4f}, the coprime factors may err by ε = {design.stability_margin:.3f}; "
-                f"cut at v, the loop gain may fall to {margins.gain_margin:.2f} of itself, the phase lag by "
-                f"{np.degrees(margins.phase_margin):.0f}°; modulus margin {margins.modulus_margin:.2f}.",
-            )
+        yield Figure(
+            number,
+            f"Singular values and shaped loop, {name} with loop shaping",
+            svg,
+            f"γ = {design.gamma:.4f}, the coprime factors may err by ε = {design.stability_margin:.3f}; "
+            f"cut at v, the loop gain may fall to {margins.gain_margin:.2f} of itself, the phase lag by "
+            f"{np.degrees(margins.phase_margin):.0f}°; modulus margin {margins.modulus_margin:.2f}.",
         )
-    return tuple(figures)

@@ -95,17 +95,15 @@ class Reproduction:
 
     def numbers(self) -> Iterator[tuple[str, str, str, Number]]:
         """(table, controller, column, number) of everything printed."""
-        for row in self.norms:
-            yield "norms", row.controller, "gamma", row.numbers["gamma"]
-        for table in self.tables:
-            for row in table.rows:
+        for name, rows in (("norms", self.norms), *((table.name, table.rows) for table in self.tables)):
+            for row in rows:
                 for column, number in row.numbers.items():
-                    yield table.name, row.controller, column, number
+                    yield name, row.controller, column, number
 
     @property
-    def gains(self) -> dict[str, tuple[float, ...]]:
+    def gains(self) -> dict[str, list[float]]:
         """State feedback by name; not printed in the thesis."""
-        return {name: tuple(d.gain.tolist()) for name, d in self.designs.items() if "+" not in name}
+        return {name: design.gain.tolist() for name, design in self.designs.items() if "+" not in name}
 
     @property
     def passed(self) -> bool:
@@ -136,7 +134,7 @@ class Reproduction:
         """Plain data."""
         return {
             "passed": self.passed,
-            "gains": {name: list(gain) for name, gain in self.gains.items()},
+            "gains": self.gains,
             "norms": [_row_json(row) for row in self.norms],
             "tables": {table.name: [_row_json(row) for row in table.rows] for table in self.tables},
             "unexplained": sorted(
@@ -166,12 +164,12 @@ def reproduce(
     """
     printed, tolerances = _read("printed.toml"), _read("tolerances.toml")
     tables: dict[str, dict[str, Any]] = printed["tables"]
-    scenarios = {name: load_scenario(name) for name in dict.fromkeys(t["scenario"] for t in tables.values())}
+    scenarios = _scenarios(tables)
     norms = {entry["controller"]: entry["gamma"] for entry in printed["norms"]}
     found: dict[tuple[str, str, str], dict[str, float]] = {}  # by table, controller, source; by column
     designs: dict[str, Design] = {}
     departures = []
-    for scenario in scenarios.values():
+    for scenario in scenarios:
         plan = plan_scenario(scenario)
         for controller in CONTROLLERS:
             design = design_controller(controller, _settings(scenario, controller, norms))
@@ -189,7 +187,7 @@ def reproduce(
                     departures += [Departure(scenario.name, controller, v) for v in workspace_violations(run)]
     return Reproduction(
         designs=designs,
-        norms=tuple(_norm_row(entry, tolerances["norms"], scenarios) for entry in printed["norms"]),
+        norms=tuple(_norm_row(entry, tolerances["norms"], scenarios[0].design) for entry in printed["norms"]),
         tables=tuple(
             _table(name, table, tolerances["tables"][name], found) for name, table in tables.items()
         ),
@@ -206,12 +204,16 @@ def prints_as(value: float, printed: float, decimals: int) -> bool:
 
 def total_simulated_seconds() -> float:
     """Simulated time of all runs of `reproduce`."""
-    names = dict.fromkeys(table["scenario"] for table in _read("printed.toml")["tables"].values())
-    return sum(load_scenario(name).duration for name in names) * len(CONTROLLERS) * len(SOURCES)
+    seconds = sum(scenario.duration for scenario in _scenarios(_read("printed.toml")["tables"]))
+    return seconds * len(CONTROLLERS) * len(SOURCES)
 
 
 def _read(name: str) -> dict[str, Any]:
     return read_toml(resources.THESIS_DIRECTORY / name)
+
+
+def _scenarios(tables: dict[str, dict[str, Any]]) -> list[Scenario]:
+    return [load_scenario(name) for name in dict.fromkeys(table["scenario"] for table in tables.values())]
 
 
 def _settings(scenario: Scenario, controller: str, norms: dict[str, float]) -> DesignSettings:
@@ -255,11 +257,10 @@ def _table(
     return ThesisTable(name, table["title"], table["page"], tuple(rows))
 
 
-def _norm_row(entry: dict[str, Any], tolerance: dict[str, Any], scenarios: dict[str, Scenario]) -> Row:
-    settings = next(iter(scenarios.values())).design
-    gamma = design_controller(entry["controller"], settings).gamma
-    assert gamma is not None
+def _norm_row(entry: dict[str, Any], tolerance: dict[str, Any], settings: DesignSettings) -> Row:
     controller = entry["controller"]
+    gamma = design_controller(controller, settings).gamma
+    assert gamma is not None
     kind = tolerance[controller.partition("+")[2]]
     return Row(controller, {"gamma": _number(entry["gamma"], {"analytic": gamma}, kind, controller)})
 

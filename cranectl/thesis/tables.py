@@ -24,8 +24,8 @@ def robustifier_table(found: Reproduction) -> Table:
         if design.gamma_achieved is not None:
             pole, gain = design.robustifier.fastest_mode
             left = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
-            numbers = (f"{design.gamma_achieved:.4f}", f"{left:.4f}", f"{pole:.4g}", f"{gain:.4g}")
-            rows.append((Cell(controller_name(name)), *(Cell(n.replace("-", "−")) for n in numbers)))
+            numbers = (_text(design.gamma_achieved), _text(left), _text(pole, ".4g"), _text(gain, ".4g"))
+            rows.append((Cell(controller_name(name)), *map(Cell, numbers)))
     return Table(
         "Robustifiers, one axis",
         ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
@@ -66,16 +66,16 @@ def _comparison(title: str, rows: tuple[Row, ...]) -> Table:
 
 
 def _number_cells(number: Number) -> tuple[Cell, ...]:
-    ours = [_digits(number.ours[source]) if source in number.ours else "–" for source in SOURCES]
+    ours = [_text(number.ours[source]) if source in number.ours else "–" for source in SOURCES]
     mark = "bad" if not number.within else "good" if number.explained else "open"
-    difference = _digits(number.difference, "+") + ("" if number.explained else " ?")
+    difference = _text(number.difference, "+.4f") + ("" if number.explained else " ?")
     return (
-        Cell(_digits(number.printed)),
+        Cell(_text(number.printed)),
         *map(Cell, ours),
         Cell(difference, mark),
-        Cell(_digits(number.tolerance)),
+        Cell(_text(number.tolerance)),
     )
 
 
-def _digits(value: float, sign: str = "") -> str:
-    return f"{value:{sign}.4f}".replace("-", "−")
+def _text(value: float, form: str = ".4f") -> str:
+    return f"{value:{form}}".replace("-", "−")
