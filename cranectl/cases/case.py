@@ -9,7 +9,7 @@ from typing import Any
 from cranectl.compare import Agreement, Comparison, compare_runs
 from cranectl.compare.limits import Limits, NoLimits, Predict, limits_for
 from cranectl.compare.step_length import judge_steps
-from cranectl.design import Design, design_controller
+from cranectl.design import design_controller
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants.plant import PLANTS, Drive
@@ -51,6 +51,20 @@ class RunSummary:
     end_s: float
     log: Path
     metrics: RunMetrics | None
+
+    @classmethod
+    def of(cls, run: Run, log: Path) -> "RunSummary":
+        """The summary of a run that is in `log`."""
+        return cls(
+            scenario=run.scenario.name,
+            controller=run.design.name,
+            plant=run.plant,
+            drive=run.drive,
+            status=run.status,
+            end_s=run.end_s,
+            log=log,
+            metrics=run_metrics(run),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -170,7 +184,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         if run.status == RunStatus.INTERRUPTED:
             break
     write_log(case.log, runs, limits=limits)
-    return _result(case, design, runs, limits, progress)
+    return _result(case, runs, limits, progress)
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
@@ -183,24 +197,11 @@ def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
 
 def _result(
     case: Case,
-    design: Design,
     runs: Sequence[Run],
     limits: Limits | NoLimits,
     progress: Callable[[float], None] | None,
 ) -> CaseResult:
-    summaries = tuple(
-        RunSummary(
-            scenario=case.scenario.name,
-            controller=design.name,
-            plant=run.plant,
-            drive=run.drive,
-            status=run.status,
-            end_s=run.end_s,
-            log=case.log,
-            metrics=run_metrics(run),
-        )
-        for run in runs
-    )
+    summaries = tuple(RunSummary.of(run, case.log) for run in runs)
     if len(runs) < 2 or not all(len(run.time_ns) for run in runs):
         return CaseResult(summaries, None, None, case.scenario.expected)
     agreement = judge_steps(runs, limits, progress)

@@ -1,19 +1,12 @@
 """`cranectl certify`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import drive_option, json_option, scenario_options
 from cranectl.support.places import PLOTS
-
-if TYPE_CHECKING:
-    from cranectl.analysis.certificate.certify import Certificate, PointVerdict
-    from cranectl.analysis.certificate.conservatism import Limits
-    from cranectl.analysis.certificate.structured import DriveMargins
-    from cranectl.report.table import Cell, Table
 
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
 TILTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
@@ -99,6 +92,7 @@ def certify_command(
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.cli.screen_table import screen_table
     from cranectl.design import design_controller
+    from cranectl.report.rig.certificate_tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import default_scenario, load_scenario
     from cranectl.simulate import checked_drive
 
@@ -128,12 +122,12 @@ def certify_command(
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(judge, loaded, point, checked) for point in ends]
     screen = console(json_file)
-    screen.print(screen_table(_map_table(found)))
-    for line in _summary(found):
+    screen.print(screen_table(map_table(found)))
+    for line in summary_lines(found):
         screen.print(line)
-    screen.print(screen_table(_drive_table(margins, found.worst)))
+    screen.print(screen_table(drive_table(margins, found.worst)))
     if limit_list:
-        screen.print(screen_table(_limit_table(limit_list)))
+        screen.print(screen_table(limit_table(limit_list)))
     taken, left = taken_in(loaded.effects), left_out(loaded.effects)
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:
@@ -155,76 +149,3 @@ def certify_command(
         data["limits"] = [found_limits.to_json() for found_limits in limit_list]
     write_json(json_file, data)
     return exit_codes.GOOD if found.certified else exit_codes.LIMIT_EXCEEDED
-
-
-def _map_table(found: "Certificate") -> "Table":
-    from cranectl.report.table import Cell, Table
-
-    title = (
-        f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}\n"
-        "columns: tilting disturbance [rad/s²], hoisting speed [m/s]"
-    )
-    columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in found.points))
-    headings = tuple(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}" for (d_alpha, d_beta), speed in columns)
-    at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in found.points}
-    lengths = dict.fromkeys(verdict.point.rope_length for verdict in found.points)
-    rows = ((Cell(f"{length:g}"), *(_cell(at[length, *column]) for column in columns)) for length in lengths)
-    return Table(title, ("rope\n[m]", *headings), tuple(rows))
-
-
-def _cell(verdict: "PointVerdict") -> "Cell":
-    from cranectl.report.table import Cell
-
-    if not verdict.stable:
-        return Cell(f"{verdict.gap:.3f} u", "bad")
-    letter, mark = {"gap": (" ", "good"), "by frequency": ("f", "good"), "refused": ("r", "open")}[
-        verdict.grade
-    ]
-    return Cell(f"{verdict.gap:.3f} {letter}", mark)
-
-
-def _summary(found: "Certificate") -> list[str]:
-    worst, total = found.worst, len(found.points)
-    counts = {
-        grade: sum(v.grade == grade for v in found.points) for grade in ("gap", "by frequency", "refused")
-    }
-    unstable = sum(not verdict.stable for verdict in found.points)
-    return [
-        f"loop cut at {found.cut.name}; b(G, K) = {found.margin:.4f} at {found.margin_frequency:.3g} rad/s; "
-        f"delay {found.delay:g} s",
-        f"least margin {found.margin - worst.gap:+.4f}: gap {worst.gap:.4f} at {worst.frequency:.3g} rad/s, "
-        f"{worst.point}",
-        f"of {total} points certified: {counts['gap']} by the gap, {counts['by frequency']} frequency by "
-        f"frequency (f); refused (r): {counts['refused']}; truly unstable (u): {unstable}",
-        "A statement on the linear loop frozen at each point, not on a motion through them.",
-    ]
-
-
-def _drive_table(margins: "DriveMargins", worst: "PointVerdict") -> "Table":
-    from cranectl.report.table import Cell, Table
-
-    low, high = margins.gain_range
-    rows = [
-        ("gain and phase, disk margin", f"{margins.disk_margin:.3f}"),
-        ("gains alone", f"{low:.2f} … {high:.2f}"),
-        ("phases alone", f"± {57.29577951308232 * margins.phase:.0f}°"),
-    ]
-    for spread, delay in margins.delays:
-        tolerated = f"{1e3 * delay:.1f} ms" if delay > 0.0 else "not known"
-        rows.append((f"gains ± {100 * spread:.0f} % and further delay up to", tolerated))
-    title = f"The three drives at once, each on its own: {worst.point}"
-    cells = tuple((Cell(what), Cell(tolerated)) for what, tolerated in rows)
-    return Table(title, ("what changes", "tolerated"), cells)
-
-
-def _limit_table(limits: list["Limits"]) -> "Table":
-    from cranectl.report.table import Cell, Table
-
-    title = "How conservative: largest certified, largest survived by the linear loop"
-    headings = ("rope\n[m]", "delay certified\n[ms]", "survived\n[ms]")
-    rows = []
-    for limit in limits:
-        values = (limit.delay_certified, limit.delay_stable, limit.lag_certified, limit.lag_stable)
-        cells = (Cell("-" if value is None else f"{1e3 * value:.0f}") for value in values)
-        rows.append((Cell(f"{limit.point.rope_length:g}"), *cells))
-    return Table(title, (*headings, "lag certified\n[ms]", "survived\n[ms]"), tuple(rows))

@@ -13,6 +13,8 @@ from cranectl.support.errors import InputError
 from cranectl.support.places import MCAP
 
 if TYPE_CHECKING:
+    from cranectl.cli.screen import Screen
+    from cranectl.compare import Comparison
     from cranectl.simulate import Run
 
 
@@ -95,14 +97,13 @@ def _check_usage(
 def _compare(
     pairs: list[tuple["Run", "Run"]], software: Sequence[str], json_file: str | None, merged: Path | None
 ) -> None:
-    from cranectl.cli.compare_output import print_comparison
     from cranectl.cli.output import console, write_json
     from cranectl.compare import compare_runs
 
     comparisons = [compare_runs(a, b) for a, b in pairs]
     screen = console(json_file)
     for comparison in comparisons:
-        print_comparison(screen, comparison)
+        _print(screen, comparison)
     for difference in software:
         screen.print(f"made by other software: {difference}")
     if merged is not None:
@@ -111,13 +112,29 @@ def _compare(
     write_json(json_file, {**found, "software_differences": list(software)})
 
 
+def _print(screen: "Screen", comparison: "Comparison") -> None:
+    """Every signal, then the largest distances."""
+    from cranectl.cli.screen import styled
+    from cranectl.cli.screen_table import screen_table
+    from cranectl.report.run.tables import comparison_table
+
+    screen.print(screen_table(comparison_table(f"{comparison.b} minus {comparison.a}", comparison)))
+    screen.print(
+        f"loads at most {comparison.max_load_error_m:.3e} m apart, "
+        f"at {comparison.max_load_error_at_s:g} s; "
+        f"angles {comparison.max_angle_error_rad:.3e} rad; {comparison.samples} common samples",
+    )
+    if not comparison.same_length:
+        screen.print(styled("the runs did not end at the same time", "yellow"))
+
+
 def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
     """The two plants of one log, judged as by the run that wrote it."""
-    from cranectl.cli.agreement_table import agreement_table, limit_notes
-    from cranectl.cli.compare_output import print_comparison
     from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
+    from cranectl.cli.screen_table import screen_table
     from cranectl.compare import compare_runs, ended_as_expected, judge
+    from cranectl.report.run.agreement import agreement_table, limit_notes
 
     ((a, b),) = _pairs((log,))
     comparison = compare_runs(a, b)
@@ -125,8 +142,8 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
     unexpected = [run for run in (a, b) if not ended_as_expected(run)]
     good = agreement.passed is not False and not unexpected
     screen = console(json_file)
-    print_comparison(screen, comparison)
-    screen.print(agreement_table([agreement], [good]))
+    _print(screen, comparison)
+    screen.print(screen_table(agreement_table([agreement], [good])))
     for note in limit_notes([agreement]):
         screen.print(f"  {note}")
     for run in unexpected:
@@ -145,11 +162,12 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:
-    from cranectl.cli.compare_output import regression_table
     from cranectl.cli.output import FAILED, PASSED, console, write_json
+    from cranectl.cli.screen_table import screen_table
     from cranectl.compare import differing_fields
     from cranectl.compare.golden import judge_regression, load_tolerances
     from cranectl.log import read_log
+    from cranectl.report.run.tables import regression_table
 
     limits = load_tolerances(tolerances)
     new, golden = read_log(new_log), read_log(golden_log)
@@ -162,9 +180,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
     passed = all(verdict.passed for verdict in verdicts)
     screen = console(json_file)
     for verdict in verdicts:
-        screen.print(
-            regression_table(verdict, f"{verdict.plant}, {verdict.samples} samples: new minus golden")
-        )
+        screen.print(screen_table(regression_table(verdict)))
     for plant in sorted(new.keys() ^ golden.keys()):
         only = new_log if plant in new else golden_log
         screen.print(f"not compared: {plant}, only in {only}")

@@ -1,11 +1,18 @@
 """`cranectl info`."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, predict_option
+
+if TYPE_CHECKING:
+    from cranectl.compare import Agreement
+    from cranectl.log import LogDescription
+    from cranectl.simulate import Run
 
 
 @click.command("info", cls=Command)
@@ -21,9 +28,11 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     cranectl info logs/fixed-position/lqr-ideal.mcap
     """
     from cranectl.cli.judgement import limits_of
-    from cranectl.cli.output import console, info_lines, topic_table, write_json
+    from cranectl.cli.output import console, write_json
+    from cranectl.cli.screen_table import screen_table
     from cranectl.compare import judge
     from cranectl.log import describe_log, read_log
+    from cranectl.report.run.tables import topic_table
     from cranectl.support.provenance import provenance, provenance_differences
 
     runs = read_log(log)
@@ -33,9 +42,9 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     agreement = judge(*pair, limits=limits_of(pair[0], predict=predict)) if both else None
     software = provenance_differences(description.versions, provenance())
     screen = console(json_file)
-    for line in info_lines(description, pair, agreement, software):
+    for line in _lines(description, pair, agreement, software):
         screen.print(line)
-    screen.print(topic_table(description))
+    screen.print(screen_table(topic_table(description)))
     write_json(
         json_file,
         {
@@ -56,3 +65,40 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
             "software_differences": software,
         },
     )
+
+
+def _lines(
+    description: "LogDescription",
+    runs: Sequence["Run"],
+    agreement: "Agreement | None",
+    software: Sequence[str],
+) -> list[str]:
+    """What a log is, a line a fact; `software` is what differs from what is installed."""
+    scenario, design = runs[0].scenario, runs[0].design
+    defaults = type(scenario.rig)().model_dump()
+    changed = {name: value for name, value in scenario.rig.model_dump().items() if value != defaults[name]}
+    facts = [
+        ("file", description.path),
+        ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
+        ("design", f"{design.name}, {runs[0].drive} drives"),
+    ]
+    facts += [
+        (run.plant, f"{run.status.label} at {run.end_s:g} s, {len(run.time_ns)} samples") for run in runs
+    ]
+    facts += [
+        ("rig", ", ".join(f"{name} = {value}" for name, value in changed.items()) or "default parameters"),
+        ("effects", ", ".join(scenario.effects.names) or "none"),
+        ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
+    ]
+    if agreement is not None:
+        apart = f"{agreement.max_load_error_m:.1e} m, {agreement.max_angle_error_rad:.1e} rad"
+        why = f": {agreement.limits}" if agreement.passed is None else ""
+        facts.append(("verdict", f"plants at most {apart} apart: {agreement.verdict}{why}"))
+    size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
+    facts += [
+        ("versions", ", ".join(f"{name} {version}" for name, version in description.versions.items())),
+        *(("differs", difference) for difference in software),
+        ("attachments", ", ".join(description.attachments)),
+        ("integrity", f"format {description.format}, {size}; checksums and counts are right"),
+    ]
+    return [f"{name:12} {text}" for name, text in facts]

@@ -40,7 +40,10 @@ class Screen(Console):
             super().print(*objects, **{"soft_wrap": True, **options})
 
     def _parts(self, table: Table) -> Iterator[Table]:
-        """`table`, or tables of its first column and as many others as there is room for."""
+        """`table`, dense if need be, or tables of its first column and as many others as fit."""
+        if self._needed(table) > self.width:
+            table = copy(table)
+            table.padding = (0, 0)
         if self._needed(table) <= self.width:
             yield table
             return

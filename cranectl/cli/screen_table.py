@@ -7,11 +7,14 @@ from rich.text import Text
 from cranectl.cli.screen import heading, styled
 from cranectl.report.table import Cell, Table
 
-COLOURS = {"good": "green", "open": "yellow", "bad": "bold red"}
+COLOURS = {"good": "green", "open": "yellow", "bad": "bold red", "head": "bold"}
 
 
 def screen_table(table: Table) -> ScreenTable:
-    """The table with its note below; what neighbouring headings begin with is said once."""
+    """The table with its note below; what neighbouring headings begin with is said once.
+
+    Where there is little room its texts are folded, but never the first column, nor numbers.
+    """
     shown = ScreenTable(
         title=heading(table.title),
         title_justify="left",
@@ -19,13 +22,17 @@ def screen_table(table: Table) -> ScreenTable:
         caption_justify="left",
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
+        show_header=any(table.headings),
     )
     before = ""
     for k, text in enumerate(table.headings):
         first, *rest = text.split("\n")
         lines = ["" if rest and first == before else first, *rest]
         shown.add_column(
-            heading("\n".join(lines)), justify="left" if k < table.labels else "right", no_wrap=True
+            heading("\n".join(lines)),
+            justify="left" if k < table.labels else "right",
+            no_wrap=not 0 < k < table.labels,
+            overflow="fold",
         )
         before = first
     for row in table.rows:

@@ -5,17 +5,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell of a table; `mark` is "", "good", "open" or "bad"."""
+    """One cell of a table; `mark` is "", "good", "open", "bad" or "head", what stands over the rows below."""
 
     text: str
     mark: str = ""
+
+
+VERDICTS = {True: Cell("passed", "good"), False: Cell("FAILED", "bad"), None: Cell("not judged", "open")}
 
 
 @dataclass(frozen=True)
 class Table:
     """A table; the first `labels` columns are text, the others numbers.
 
-    A line break in a heading is for the terminal, where columns are narrow.
+    A line break in a heading is for the terminal, where columns are narrow. All headings may be empty.
     """
 
     title: str

@@ -157,7 +157,7 @@ def test_tables_fit_a_terminal_of_80_columns(
     assert main(["compare", "logs/settled-trajectory/pole-placement-ideal.mcap"]) == 1
     out = capsys.readouterr().out
     assert "…" not in out
-    for first in ("status", "max |diff|"):  # of the columns that would begin another part
+    for first in ("outside rig [m]", "max |diff|"):  # of the columns that would begin another part
         assert out.count(first) == 1
 
 

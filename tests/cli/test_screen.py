@@ -85,7 +85,7 @@ def test_parts_keep_title_note_and_groups() -> None:
     headings = ("rung", *(f"error [mm]\n{name}" for name in ("RMS", "max", "final")), "sway\n[°]")
     cells = tuple(report.Cell(text) for text in ("servos", "1.0", "2.0", "3.0", "4.0"))
     table = report.Table("what each rung adds", headings, (cells,), note="a note")
-    on = screen(26)
+    on = screen(23)
     on.print(screen_table(table))
     text = shown(on)
     assert text.count("what each rung") == text.count("a note") == 1
@@ -98,10 +98,21 @@ def test_parts_keep_title_note_and_groups() -> None:
 
 
 def test_lines_are_not_wrapped() -> None:
-    on = screen(20)
+    on = screen(23)
     on.print("log:", "a" * 50)
     assert shown(on) == "log: " + "a" * 50 + "\n"
 
 
 def test_own_headings_may_have_several_lines() -> None:
     assert heading("a\nb") == Text("a\nb")
+
+
+def test_columns_move_together_before_a_table_goes_in_parts() -> None:
+    cells = (report.Cell("row"), *map(report.Cell, NUMBERS[:8]))
+    table = report.Table("t", ("", *"abcdefgh"), (cells,))
+    wide, narrow = screen(200), screen(80)
+    for on in (wide, narrow):
+        on.print(screen_table(table))
+        assert shown(on).count("row") == 1
+    widths = [len(max(shown(on).splitlines(), key=len)) for on in (wide, narrow)]
+    assert widths[0] > 80 >= widths[1]

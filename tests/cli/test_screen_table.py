@@ -1,7 +1,10 @@
 """Tables of reports on the terminal."""
 
+import io
+
 from rich.console import Console
 
+from cranectl.cli.screen import Screen
 from cranectl.cli.screen_table import screen_table
 from cranectl.report.table import Cell, Table
 
@@ -43,3 +46,33 @@ def test_marks_have_colours() -> None:
     red = "\x1b[1;31m"
     assert [red in line for line in lines(colours=True) if "sampled" in line] == [True]
     assert not any(red in line for line in lines(colours=True) if "all" in line)
+
+
+def test_texts_fold_where_there_is_no_room_but_never_the_first_column() -> None:
+    words = "what a scenario is for, in some words"
+    table = Table(
+        "", ("name", "what it is", "[m]"), ((Cell("settled-trajectory"), Cell(words), Cell("1.5")),), 2
+    )
+    on = Screen(stderr=False)
+    on.file, on.width = io.StringIO(), 40
+    on.print(screen_table(table))
+    shown = on.file.getvalue()
+    assert "settled-trajectory" in shown
+    assert "1.5" in shown
+    assert words not in shown
+    below = shown.rpartition("─")[2].split()
+    assert [word for word in below if word in words.split()] == words.split()
+
+
+def test_a_table_without_headings_has_no_line_for_them() -> None:
+    screen = Console(width=80)
+    with screen.capture() as capture:
+        screen.print(screen_table(Table("title", ("", ""), ((Cell("gain"), Cell("2")),))))
+    assert [line.split() for line in capture.get().splitlines() if line.strip()] == [["title"], ["gain", "2"]]
+
+
+def test_what_stands_over_rows_is_bold() -> None:
+    screen = Console(width=80, color_system="standard", force_terminal=True)
+    with screen.capture() as capture:
+        screen.print(screen_table(Table("", ("a", "b"), ((Cell("over", "head"), Cell("")),))))
+    assert "\x1b[1mover" in capture.get()

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cranectl.cases import RunSummary
 from cranectl.cli.main import main
 from cranectl.design import design_controller
 from cranectl.metrics import (
@@ -26,8 +27,8 @@ from cranectl.metrics import (
 )
 from cranectl.metrics.setup import FLAG_COLUMN
 from cranectl.model.dynamics import kinetic_energy, potential_energy, rope_direction
-from cranectl.report.run.metrics_table import metrics_table
-from cranectl.report.run.page import _run_table, log_page
+from cranectl.report.run.page import log_page
+from cranectl.report.run.tables import metrics_table, run_table
 from cranectl.report.table import Cell
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.scenario.settings import parse_settings
@@ -571,12 +572,8 @@ def test_reports_show_every_row(synthetic: Run) -> None:
 
 
 def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:
-    logs = {"log": {"analytic": synthetic, "mujoco": first_rows(synthetic, 1000)}}
-    metrics = {("log", plant): run_metrics(run) for plant, run in logs["log"].items()}
-    assert [row[-1] for row in _run_table(logs, metrics, "").rows] == [
-        Cell("0.2000", "bad"),
-        Cell("0.0000", ""),
-    ]
+    runs = [RunSummary.of(run, Path("log")) for run in (synthetic, first_rows(synthetic, 1000))]
+    assert [row[-1] for row in run_table({"log": runs}).rows] == [Cell("0.2000", "bad"), Cell("0.0000", "")]
 
 
 def test_the_command_line_shows_and_writes_them(

@@ -11,9 +11,9 @@ from cranectl.report.page import Figure, Page, Section
 from cranectl.report.rig.advice_tables import controllers_table, improvements_table, recommendation
 from cranectl.report.rig.budget_table import budget_table
 from cranectl.report.rig.certificate_figure import certificate_figure
+from cranectl.report.rig.certificate_tables import certificates_table
 from cranectl.report.rig.deviation_bars import deviation_bars
 from cranectl.report.rig.ladder_page import ladder_sections
-from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN, inline_svg, styled
 
 
@@ -33,7 +33,7 @@ def rig_page(
                 "A nu-gap below the margin guarantees that the linear loop, frozen at that point, is stable. "
                 "It says nothing of the motion from point to point; refused does not mean unstable.",
             ),
-            (_certificates(advice.assessments),),
+            (certificates_table(advice.assessments),),
             (_certificate(best, judge, worst),),
         ),
         *ladder_sections(steps, first=2),
@@ -41,29 +41,6 @@ def rig_page(
     )
     title = f"{advice.scenario.name}: the rig and its controllers"
     return Page(title, advice.scenario.title, sections, remade_by)
-
-
-def _certificates(assessments: Sequence[Assessment]) -> Table:
-    rows = []
-    for row in assessments:
-        found = row.certificate
-        grades = [point.grade for point in found.points]
-        rows.append(
-            (
-                Cell(row.controller),
-                Cell(found.cut.name),
-                Cell(str(found.worst.point)),
-                Cell(f"{found.margin:.3f}"),
-                Cell(f"{found.worst.gap:.3f}"),
-                Cell(str(grades.count("gap"))),
-                Cell(str(grades.count("by frequency"))),
-                Cell(str(grades.count("refused")), "open" if "refused" in grades else ""),
-                Cell(str(sum(not point.stable for point in found.points))),
-            )
-        )
-    headings = ("controller", "cut at", "worst point", "margin b", "largest gap", "by the gap",
-                "by frequency", "refused", "unstable")  # fmt: skip
-    return Table("Certificates at the points that the scenario visits", headings, tuple(rows), labels=3)
 
 
 def _certificate(best: Assessment, judge: Judge, worst: InnerLoop) -> Figure:

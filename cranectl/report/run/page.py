@@ -1,22 +1,21 @@
 """Any runs as one page: what they were, how they ended, every figure, every difference."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from cranectl.cases import RunSummary
 from cranectl.compare import Agreement, Comparison, compare_runs, judge
 from cranectl.compare.limits import Limits, Predict, limits_for
-from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.figures import FAMILIES, Curve, distance_svg, family_svg
-from cranectl.report.run.metrics_table import metrics_table
+from cranectl.report.run.tables import comparison_table, metrics_table, run_table
 from cranectl.report.run.wording import agreement, verdict
-from cranectl.report.table import Cell, Table
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
 
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
-Metrics = Mapping[tuple[str, str], RunMetrics | None]  # by label and plant
 
 
 @np.errstate(invalid="ignore")  # of a last sample that may hold what stopped its run
@@ -31,36 +30,17 @@ def log_page(
     runs = [run for log in logs.values() for run in log.values()]
     scenarios = dict.fromkeys(run.scenario.name for run in runs)
     title = runs[0].scenario.title if len(scenarios) == 1 else ""
-    metrics = {(label, plant): run_metrics(run) for label, log in logs.items() for plant, run in log.items()}
-    labelled = {f"{label}, {plant}": found for (label, plant), found in metrics.items()}
-    run_table = _run_table(logs, metrics, _verdicts(agreements))
+    found = {label: [RunSummary.of(run, Path(label)) for run in log.values()] for label, log in logs.items()}
+    metrics = {f"{label}, {run.plant}": run.metrics for label, log in found.items() for run in log}
+    run_tables = (run_table(found, _verdicts(agreements)), metrics_table(metrics))
     sections = [
-        Section("runs", "Runs", tuple(notes), (run_table, metrics_table(labelled))),
+        Section("runs", "Runs", tuple(notes), run_tables),
         Section("figures", "Figures", figures=_figures(logs, agreements)),
     ]
-    tables = tuple(_comparison_table(label, comparison) for label, comparison in _comparisons(logs))
+    tables = tuple(comparison_table(label, comparison) for label, comparison in _comparisons(logs))
     if tables:
         sections.append(Section("differences", "Differences", tables=tables))
     return Page(", ".join(scenarios), title, tuple(sections), remade_by)
-
-
-def _run_table(logs: Logs, metrics: Metrics, note: str) -> Table:
-    headings = ("log", "plant", "controller", "drives", "ended", "at [s]", "max error [m]", "outside rig [m]")
-    rows = []
-    for label, log in logs.items():
-        for plant, run in log.items():
-            status = Cell(run.status.label, "bad" if run.status.stopped else "good")
-            identity = (label, plant, run.design.name, run.drive)
-            found = _metric_cells(metrics[label, plant])
-            rows.append((*map(Cell, identity), status, Cell(f"{run.end_ns / 1e9:g}"), *found))
-    return Table("How the runs went", headings, tuple(rows), labels=5, note=note)
-
-
-def _metric_cells(metrics: RunMetrics | None) -> tuple[Cell, Cell]:
-    if metrics is None:
-        return Cell("–"), Cell("–")
-    excess = max((violation.max_excess_m for violation in metrics.workspace_violations), default=0.0)
-    return Cell(f"{metrics.max_error_m:.4f}"), Cell(f"{excess:.4f}", "bad" if excess else "")
 
 
 def _judged(a: Run, b: Run, predict: Predict | None) -> Agreement:
@@ -135,19 +115,3 @@ def _comparisons(logs: Logs) -> list[tuple[str, Comparison]]:
                 name = f"{plant}: {label} minus {first_label}"
                 found.append((name, compare_runs(first[plant], log[plant])))
     return found
-
-
-def _comparison_table(label: str, comparison: Comparison) -> Table:
-    headings = ("signal", "unit", "max |diff|", "at [s]", "RMS", "final")
-    rows = tuple(
-        (
-            Cell(row.signal),
-            Cell(row.unit),
-            Cell(f"{row.max_abs:.1e}"),
-            Cell(f"{row.at_s:.3f}"),
-            Cell(f"{row.rms:.1e}"),
-            Cell(f"{row.final:+.1e}"),
-        )
-        for row in comparison.signals
-    )
-    return Table(label, headings, rows, labels=2)

@@ -1,0 +1,77 @@
+"""Tables of runs: what they share is said once, agreement is judged row by row."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cranectl.cases import RunSummary
+from cranectl.compare import Agreement
+from cranectl.report.run.agreement import agreement_table
+from cranectl.report.run.tables import run_table
+from cranectl.report.table import Cell
+from cranectl.status import RunStatus
+
+RUN = RunSummary("fast", "lqr", "analytic", "ideal", RunStatus.COMPLETED, 2.0, Path("a.mcap"), None)
+GOOD = Agreement("fast", "lqr", "ideal", 1e-9, 2e-9, 1e-7, 1e-7, True, "as shipped")
+
+
+def texts(cells: tuple[Cell, ...]) -> list[str]:
+    return [cell.text for cell in cells]
+
+
+def test_what_runs_share_stands_in_the_title() -> None:
+    stopped = replace(RUN, plant="mujoco", status=RunStatus.SLACK_ROPE, end_s=1.25)
+    table = run_table({"a": [RUN, stopped]}, "a note")
+    assert (table.title, table.note) == ("Runs, fast, lqr, ideal drives", "a note")
+    assert table.headings[:3] == ("plant", "ended", "at [s]")
+    assert [texts(row)[:3] for row in table.rows] == [
+        ["analytic", "completed", "2"],
+        ["mujoco", "slack-rope", "1.25"],
+    ]
+    assert [row[1].mark for row in table.rows] == ["good", "bad"]
+
+
+@pytest.mark.parametrize(
+    ("heading", "other", "text"),
+    [
+        ("scenario", replace(RUN, scenario="slow"), "slow"),
+        ("controller", replace(RUN, controller="pid"), "pid"),
+        ("drives", replace(RUN, drive="velocity"), "velocity drives"),
+    ],
+)
+def test_what_tells_runs_apart_has_a_column(heading: str, other: RunSummary, text: str) -> None:
+    table = run_table({"a": [RUN], "b": [other]})
+    assert table.headings[: table.labels] == ("log", heading, "plant", "ended")
+    assert [row[0].text for row in table.rows] == ["a", "b"]
+    assert table.rows[1][1].text == text
+    assert text not in table.title
+    assert {len(row) for row in table.rows} == {len(table.headings)}
+
+
+def test_agreement_has_a_row_for_each_controller_below_its_scenario() -> None:
+    velocity = replace(GOOD, drive="velocity", max_load_error_m=2e-7, passed=False)
+    other = replace(GOOD, scenario="slow", controller="pid")
+    table = agreement_table([GOOD, velocity, other], [True, False, True])
+    assert [texts(row)[0] for row in table.rows] == ["fast", " lqr", "slow", " pid"]
+    assert [row[0].mark for row in table.rows] == ["head", "", "head", ""]
+    assert {len(row) for row in table.rows} == {len(table.headings)} == {6}
+    assert table.headings[1:3] == ("ideal\nload [m]\n< 1e-07", "ideal\nangle [rad]\n< 1e-07")
+    assert [(cell.text, cell.mark) for cell in table.rows[1][1:]] == [
+        ("1.0e-09", ""), ("2.0e-09", ""), ("2.0e-07", "bad"), ("2.0e-09", ""), ("FAILED", "bad"),
+    ]  # fmt: skip
+    assert texts(table.rows[3])[1:] == ["1.0e-09", "2.0e-09", "-", "-", "passed"]
+
+
+def test_limits_of_their_own_stand_beside_the_numbers() -> None:
+    other = replace(GOOD, scenario="slow", limit_m=1e-3, limit_rad=1e-3)
+    table = agreement_table([GOOD, other], [True, True])
+    assert table.headings[1] == "ideal\nload [m]"
+    assert [table.rows[k][1].text for k in (1, 3)] == ["1.0e-09 < 1.0e-07", "1.0e-09 < 1.0e-03"]
+
+
+def test_a_verdict_names_the_drives_that_are_judged() -> None:
+    unjudged = replace(GOOD, drive="velocity", limit_m=None, limit_rad=None, passed=None)
+    assert agreement_table([unjudged], [True]).rows[1][-1] == Cell("not judged", "open")
+    assert agreement_table([unjudged], [False]).rows[1][-1] == Cell("FAILED", "bad")
+    assert agreement_table([GOOD, unjudged], [True, True]).rows[1][-1] == Cell("passed (ideal)", "good")
