@@ -122,7 +122,7 @@ def control_step_alone(repeats: int) -> list[Figure]:
         row = np.zeros(run.table.shape[1])
         times = []
         for _ in range(repeats + 1):
-            memory = initial_memory(tracker, states[0], run.reference[0])
+            memory = initial_memory(tracker, run.reference[0])
             work = functools.partial(_repeat_control, tracker, states, run.reference, memory, row)
             times.append(seconds(work))
         found.append(figure(f"control step, {name}", [1e9 * t / len(states) for t in times[1:]], "ns"))

@@ -47,6 +47,7 @@ TARGETS = {
     """,
     "cranectl.controllers.flat": "robustify inner_law control_step",
     "cranectl.controllers.observer": "make_observer correct",
+    "cranectl.simulate.actuation": "actuate brake",
     "cranectl.plants.analytic": """
         drive_accelerations derivative observe_load outer_force passive_accelerations pivot_torque
     """,
@@ -61,6 +62,7 @@ SUITE = [
     "tests/model/test_flatness.py",
     "tests/controllers/test_flat.py",
     "tests/controllers/test_observer.py",
+    "tests/simulate/test_actuation.py",
     "tests/scenario/test_rig.py",
     "tests/plants/test_disturbed_step.py",
     "tests/plants/test_plants.py",

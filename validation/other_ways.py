@@ -22,6 +22,7 @@ from cranectl.plants.mujoco.model import (
 )
 from cranectl.scenario import load_scenario
 from cranectl.simulate import plan_scenario, tracker_of
+from cranectl.simulate.actuation import make_actuation
 
 Array = NDArray[np.float64]
 SCENARIO, OVERRIDES = "off-reference", ["duration=7"]  # nothing but a path caught from beside it
@@ -45,6 +46,7 @@ class Task:
         self.plan = plan_scenario(self.scenario)
         self.design = design_controller(controller, self.scenario.design)
         self.tracker = tracker_of(self.scenario, self.design)
+        self.lag = make_actuation(self.scenario, self.plan.initial_state).lag
         self.a, self.b, self.c = dense_robustifier(self.tracker)
         spec = model_spec(self.scenario.rig, drive=DRIVE, step=self.tracker.period)
         self.model = spec.compile()
@@ -112,7 +114,7 @@ class Task:
             setpoint + dt * u,
             xi @ self.a.T + error[0][..., None] * self.b,
         )
-        return setpoint + t.drive_lag * u, following
+        return setpoint + self.lag * u, following
 
 
 def python_loop(task: Task, cranes: int) -> Array:

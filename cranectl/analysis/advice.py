@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.analysis.certificate.certify import Certificate, certify, make_judge
+from cranectl.analysis.certificate.certify import Certificate, certify, make_nominal_loop
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size
@@ -149,7 +149,7 @@ def advise(
 def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]) -> Assessment:
     """Certify `controller` at `points` and run it on the engine's rig."""
     design = design_controller(controller, scenario.design)
-    certificate = certify(make_judge(scenario, design), scenario, points, drive="velocity")
+    certificate = certify(make_nominal_loop(scenario, design), scenario, points, drive="velocity")
     run = simulate_run(scenario, plant="mujoco", drive="velocity", design=design)
     ideal = simulate_continuous(scenario, design=design)
     return Assessment(controller, certificate, run.status, run_metrics(run), deviation(ideal, run))

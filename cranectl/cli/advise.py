@@ -77,7 +77,7 @@ def advise_command(
 def _write_report(found: "Advice", report: Path, command: str) -> None:
     """Climb the ladder with the best controller, budget it, and write all of it."""
     from cranectl.analysis.budget.error_budget import error_budget
-    from cranectl.analysis.certificate.certify import make_judge
+    from cranectl.analysis.certificate.certify import make_nominal_loop
     from cranectl.analysis.certificate.linear_plant import linear_plant
     from cranectl.analysis.certificate.loop import inner_loop_of
     from cranectl.analysis.ladder import climb
@@ -88,8 +88,8 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
     best, scenario = found.best, found.scenario
     assert best is not None
     design = design_controller(best.controller, scenario.design)
-    judge = make_judge(scenario, design)
+    nominal_loop = make_nominal_loop(scenario, design)
     worst = inner_loop_of(linear_plant(scenario, best.certificate.worst.point, "velocity"), design.gain)
     steps = list(climb(scenario, best.controller))
     budget = error_budget(scenario, best.controller)
-    write_page(rig_page(found, judge, worst, steps, budget, command), report)
+    write_page(rig_page(found, nominal_loop, worst, steps, budget, command), report)

@@ -82,7 +82,7 @@ def certify_command(
     cranectl certify pole-placement --tilt 0 0 --time-constant 0.05 --delay 0.02 --limits
     cranectl certify lqr+loop-shaping --set effects.body={} --set effects.frame={}
     """
-    from cranectl.analysis.certificate.certify import certify, make_judge
+    from cranectl.analysis.certificate.certify import certify, make_nominal_loop
     from cranectl.analysis.certificate.conservatism import find_limits
     from cranectl.analysis.certificate.linear_plant import left_out, linear_plant, taken_in
     from cranectl.analysis.certificate.loop import inner_loop_of
@@ -112,15 +112,17 @@ def certify_command(
         tilts=tilts or TILTS,
         hoisting_speeds=hoisting_speeds or HOISTING_SPEEDS,
     )
-    judge = make_judge(loaded, design, cut)
+    nominal_loop = make_nominal_loop(loaded, design, cut)
     with progress_bar(len(points), done="points") as (advance, describe):
         describe(design.name)
-        found = certify(judge, loaded, points, drive=checked, progress=advance)
+        found = certify(nominal_loop, loaded, points, drive=checked, progress=advance)
     worst = linear_plant(loaded, found.worst.point, checked)
-    margins = drive_margins(inner_loop_of(worst, design.gain), judge.cut.robustifier, judge.period)
+    margins = drive_margins(
+        inner_loop_of(worst, design.gain), nominal_loop.cut.robustifier, nominal_loop.period
+    )
     lengths = sorted({point.rope_length for point in points})
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
-    limit_list = [find_limits(judge, loaded, point, checked) for point in ends]
+    limit_list = [find_limits(nominal_loop, loaded, point, checked) for point in ends]
     screen = console(json_file)
     screen.print(screen_table(map_table(found)))
     for line in summary_lines(found):
@@ -138,7 +140,7 @@ def certify_command(
             certificate_figure,  # matplotlib, only where asked for
         )
 
-        save_figure(certificate_figure(found, judge, inner_loop_of(worst, design.gain)), plot)
+        save_figure(certificate_figure(found, nominal_loop, inner_loop_of(worst, design.gain)), plot)
         screen.print(f"picture: {plot}")
     data = found.to_json() | {
         "drive_margins_at_worst": margins.to_json(),

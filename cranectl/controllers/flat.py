@@ -33,9 +33,8 @@ LENGTH_SINGULAR = int(RunStatus.LENGTH_SINGULAR)
 NON_FINITE = int(RunStatus.NON_FINITE)
 
 # Places in the memory vector; the robustifier states of the axes x, y, z follow one another.
-ZETA, ZETA_DOT, SETPOINT, ROBUSTIFIER = 0, 1, 2, 5
+ZETA, ZETA_DOT, ROBUSTIFIER = 0, 1, 2
 LEAST_TENSION = 0.05  # of the load's weight, asked for by a tracker that is to recover; assumed
-BRAKING = 0.1  # [s], time constant with which the drives come to rest while the rope is slack; assumed
 
 
 class Tracker(NamedTuple):
@@ -46,12 +45,11 @@ class Tracker(NamedTuple):
     input_matrix: Array  # (n, 2)
     output_matrix: Array  # (n, 2)
     feedthrough: float
-    drive_lag: Array  # (3,) [s], cancelled in the velocity set-points
     period: float  # [s]
     gravity: float  # [m/s²]
 
 
-def make_tracker(design: Design, *, drive_lag: Array, period: float, gravity: float) -> Tracker:
+def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
     """Put a design into the form that the kernel takes.
 
     Raises InputError if its loop is unstable when sampled with `period`.
@@ -71,17 +69,15 @@ def make_tracker(design: Design, *, drive_lag: Array, period: float, gravity: fl
         input_matrix=blocks.input_matrix,
         output_matrix=blocks.output_matrix,
         feedthrough=blocks.feedthrough,
-        drive_lag=drive_lag,
         period=period,
         gravity=gravity,
     )
 
 
-def initial_memory(tracker: Tracker, state: Array, reference: Array) -> Array:
-    """Controller states with which a run that starts on its reference starts without a transient."""
+def initial_memory(tracker: Tracker, reference: Array) -> Array:
+    """Controller states with which a run that starts on its reference (15,) starts without a transient."""
     memory = np.zeros(ROBUSTIFIER + 6 * len(tracker.state_matrix))
     memory[ZETA], memory[ZETA_DOT] = reference[8], reference[11]
-    memory[SETPOINT:ROBUSTIFIER] = state[1], state[3], state[5]
     return memory
 
 
@@ -119,23 +115,21 @@ def robustify(tracker, axis, error, memory):
 
 @jit
 def inner_law(tracker, state, memory, v, command):
-    """The exactly linearising law: (10,) joints and v (3,) [m/s⁴] in, accelerations and set-points out.
+    """The exactly linearising law: (10,) joints and v (3,) [m/s⁴] in, accelerations out.
 
-    Writes `command` (6,) and advances zeta, its rate and the set-points in `memory` by one period.
+    Writes `command` (3,) [m/s²] and advances zeta and its rate in `memory` by one period.
     """
     zeta, zeta_dot, period = memory[ZETA], memory[ZETA_DOT], tracker.period
     u = linearising_input(state, zeta, zeta_dot, v[0], v[1], v[2], tracker.gravity)
     for i in range(3):
         command[i] = u[i]
-        command[3 + i] = memory[SETPOINT + i] + tracker.drive_lag[i] * u[i]
-        memory[SETPOINT + i] += period * u[i]
     memory[ZETA] += period * (zeta_dot + 0.5 * period * v[2])
     memory[ZETA_DOT] += period * v[2]
 
 
 @jit
 def control_step(tracker, state, reference, memory, row):
-    """One sample: measured joints and reference in, accelerations and velocity set-points out.
+    """One sample: measured joints and reference in, accelerations out.
 
     `state` (10,), order of `signals.STATE`; `reference` (15,); `memory` is advanced by one period. Writes the
     flat output, error, input, virtual input and controller blocks of the record `row`. Returns RUNNING, or
@@ -164,7 +158,7 @@ def control_step(tracker, state, reference, memory, row):
         row[VIRTUAL_INPUT_COLUMN + axis] = v
         row[VIRTUAL_INPUT_COLUMN + 3 + axis] = v_bar
 
-    inner_law(tracker, state, memory, flat[12:15], row[INPUT_COLUMN : INPUT_COLUMN + 6])
+    inner_law(tracker, state, memory, flat[12:15], row[INPUT_COLUMN : INPUT_COLUMN + 3])
     return RUNNING
 
 
@@ -177,11 +171,10 @@ def keep_taut(tracker, memory):
 
 
 @jit
-def brake_step(tracker, state, reference, memory, row):
-    """As `control_step`, while the rope is slack: no law holds, so bring the drives to rest.
+def wait_step(tracker, state, reference, memory, row):
+    """In place of `control_step` while the rope is slack: dynamic extension and robustifiers wait.
 
-    The load falls freely, z'' = (0, 0, -g), and position and velocity are those of a rope that is taut. The
-    dynamic extension and the robustifiers wait.
+    The load falls freely, z'' = (0, 0, -g), and position and velocity are those of a rope that is taut.
     """
     row[CONTROLLER_COLUMN], row[CONTROLLER_COLUMN + 1] = memory[ZETA], memory[ZETA_DOT]
     for i in range(len(memory) - ROBUSTIFIER):
@@ -190,9 +183,3 @@ def brake_step(tracker, state, reference, memory, row):
     flat_output(state, -tracker.gravity, 0.0, tracker.gravity, flat)
     for i in range(12):
         row[ERROR_COLUMN + i] = reference[i] - flat[i]
-    for i in range(3):
-        u = -memory[SETPOINT + i] / BRAKING
-        row[INPUT_COLUMN + i] = u
-        row[INPUT_COLUMN + 3 + i] = memory[SETPOINT + i] + tracker.drive_lag[i] * u
-        memory[SETPOINT + i] += tracker.period * u
-    return RUNNING

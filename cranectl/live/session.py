@@ -15,6 +15,7 @@ from cranectl.design import Design
 from cranectl.plants.plant import PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import BASE_WIDTH, PATH_WIDTH
+from cranectl.simulate.actuation import make_actuation
 from cranectl.simulate.loop_inputs import LoopInputs
 from cranectl.simulate.loops import AdvanceBlock, compiled_loop
 from cranectl.simulate.plan import plan_scenario
@@ -60,9 +61,14 @@ class Session:
         self.origin_ns = 0  # time of the last start
         self._samples = 0  # since the last start
         self._kicks: list[_Kick] = []
-        tracker = tracker_of(scenario, design)
+        tracker, start = tracker_of(scenario, design), self.plan.initial_state
         self._lanes = [
-            _Lane(plant, compiled_loop(plant), inputs_of(scenario, tracker, self.plan, drive), np.zeros(0))
+            _Lane(
+                plant,
+                compiled_loop(plant),
+                inputs_of(scenario, tracker, make_actuation(scenario, start), self.plan, drive),
+                np.zeros(0),
+            )
             for plant in (make_plant(name, scenario, drive) for name in plants)
         ]
         for lane in self._lanes:
@@ -127,7 +133,8 @@ class Session:
         for lane in self._lanes:
             lane.plant.reset(start)
             lane.inputs.slack[:] = 0.0
-            lane.memory = initial_memory(lane.inputs.tracker, start, self.plan.reference[0])
+            lane.inputs.actuation.velocity[:] = start[1:6:2]
+            lane.memory = initial_memory(lane.inputs.tracker, self.plan.reference[0])
             lane.path = make_signal_path(
                 self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns)
             )

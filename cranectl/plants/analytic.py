@@ -32,7 +32,7 @@ class PassiveForces(NamedTuple):
     drag: float  # force over the square of the load's speed through the air [kg/m]
     pivot_viscous: float  # [N m s/rad]
     pivot_coulomb: float  # [N m]
-    lean: tuple[float, float, float]  # weight of the load less that on level rails [N]
+    tilt: tuple[float, float, float]  # weight of the load less that on level rails [N]
 
 
 class AnalyticRig(NamedTuple):
@@ -68,8 +68,8 @@ def outer_force(passive, state, wind):
     v_y = wind[1] - state[3] - state[5] * n[1] - state[4] * n_dot[1]
     v_z = wind[2] - state[5] * n[2] - state[4] * n_dot[2]
     factor = passive.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
-    lean = passive.lean
-    return factor * v_x + lean[0], factor * v_y + lean[1], factor * v_z + lean[2]
+    tilt = passive.tilt
+    return factor * v_x + tilt[0], factor * v_y + tilt[1], factor * v_z + tilt[2]
 
 
 @jit
@@ -242,6 +242,10 @@ def _passive_forces(rig: RigParameters, effects: EffectSettings) -> PassiveForce
         drag=air_drag(effects),
         pivot_viscous=friction.pivot_viscous if friction else 0.0,
         pivot_coulomb=friction.pivot_coulomb if friction else 0.0,
-        lean=(rig.load_mass * along_x, rig.load_mass * along_y, rig.load_mass * (along_z + rig.gravity)),
+        tilt=(
+            rig.load_mass * along_x,
+            rig.load_mass * along_y,
+            rig.load_mass * (along_z + rig.gravity),
+        ),
     )
-    return forces if any((*forces[:3], *forces.lean)) else None
+    return forces if any((*forces[:3], *forces.tilt)) else None

@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.flat import Tracker, brake_step, control_step, keep_taut
-from cranectl.signals import COMMAND_COLUMN, DISTURBANCE_COLUMN, STATE_COLUMN, TENSION_COLUMN
+from cranectl.controllers.flat import Tracker, control_step, keep_taut, wait_step
+from cranectl.signals import COMMAND_COLUMN, DISTURBANCE_COLUMN, INPUT_COLUMN, STATE_COLUMN, TENSION_COLUMN
+from cranectl.simulate.actuation import Actuation, actuate, brake
 from cranectl.simulate.signal_path import act, sense
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
@@ -21,9 +22,10 @@ WORKSPACE_LEFT = int(RunStatus.WORKSPACE_LEFT)
 
 
 class LoopInputs(NamedTuple):
-    """Everything a loop needs besides the plant, the record and the controller's memory."""
+    """Everything a loop needs besides the plant, the record and the memory of the law."""
 
     tracker: Tracker
+    actuation: Actuation
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
     wind: Array  # (N, 3) velocity of the air [m/s]
@@ -36,12 +38,18 @@ class LoopInputs(NamedTuple):
 
 @jit
 def _control(inputs, state, k, memory, row):
-    """The law, or what takes its place while the rope is slack."""
+    """The law, or what takes its place while the rope is slack, and the set-points that follow."""
+    command, status = row[INPUT_COLUMN : INPUT_COLUMN + 6], RUNNING
     if inputs.recover:
         keep_taut(inputs.tracker, memory)
     if inputs.slack[0] > 0.0:
-        return brake_step(inputs.tracker, state, inputs.reference[k], memory, row)
-    return control_step(inputs.tracker, state, inputs.reference[k], memory, row)
+        wait_step(inputs.tracker, state, inputs.reference[k], memory, row)
+        brake(inputs.actuation, command)
+    else:
+        status = control_step(inputs.tracker, state, inputs.reference[k], memory, row)
+    if status == RUNNING:
+        actuate(inputs.actuation, command)
+    return status
 
 
 @jit
@@ -54,7 +62,7 @@ def control_sample(inputs, path, k, row, memory):
         sense(path, row, measured)
         status = _control(inputs, measured[:10], k, memory, row)
         if status == RUNNING:
-            act(path, inputs.command_column, row, memory, path.record[k, COMMAND_COLUMN:])
+            act(path, inputs.actuation, inputs.command_column, row, path.record[k, COMMAND_COLUMN:])
     row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]
     row[DISTURBANCE_COLUMN + 1] = inputs.disturbance[k, 1]
     return status

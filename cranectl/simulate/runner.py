@@ -11,6 +11,7 @@ from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import DRIVES, PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
+from cranectl.simulate.actuation import Actuation, make_actuation
 from cranectl.simulate.blocks import PreparedRun
 from cranectl.simulate.loop_inputs import LoopInputs
 from cranectl.simulate.loops import compiled_loop, python_loop
@@ -89,11 +90,11 @@ def start_run(
     samples = len(plan.time_ns)
     return PreparedRun(
         advance=(compiled_loop if compiled else python_loop)(crane),
-        inputs=inputs_of(scenario, tracker, plan, crane.drive),
+        inputs=inputs_of(scenario, tracker, make_actuation(nominal, start), plan, crane.drive),
         path=make_signal_path(
             scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
         ),
-        memory=initial_memory(tracker, start, plan.reference[0]),
+        memory=initial_memory(tracker, plan.reference[0]),
     )
 
 
@@ -106,7 +107,6 @@ def tracker_of(scenario: Scenario, design: Design) -> Tracker:
     """The tracker that runs `design` in `scenario`; raises InputError if its sampling makes it unstable."""
     return make_tracker(
         design,
-        drive_lag=scenario.rig.time_constants * scenario.control.lag_compensation,
         period=scenario.period_ns / NANOSECONDS,
         gravity=scenario.rig.gravity,
     )
@@ -145,10 +145,13 @@ def checked_drive(name: str) -> Drive:
     raise unknown_name("drive", name, DRIVES)
 
 
-def inputs_of(scenario: Scenario, tracker: Tracker, plan: Plan, drive: Drive) -> LoopInputs:
+def inputs_of(
+    scenario: Scenario, tracker: Tracker, actuation: Actuation, plan: Plan, drive: Drive
+) -> LoopInputs:
     """What a loop needs to run `plan` from its first row to its last."""
     return LoopInputs(
         tracker=tracker,
+        actuation=actuation,
         reference=plan.reference,
         disturbance=plan.disturbance,
         wind=plan.wind,

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.flat import SETPOINT
 from cranectl.controllers.observer import (
     DISTURBANCE,
     JOINTS,
@@ -178,11 +177,10 @@ def sense(path, row, measured):
 
 
 @jit
-def act(path, command_column, row, memory, commanded):
+def act(path, actuation, command_column, row, commanded):
     """Turn the command in `row` into what the drives get and whether limits act, `commanded` (6,).
 
-    A set-point that is cut off is cut off in the tracker's integral in `memory` too, so that it does not run
-    away.
+    A set-point that is cut off is cut off in the integral of `actuation` too, so that it does not run away.
     """
     command = commanded[:3]
     for axis in range(3):
@@ -190,7 +188,7 @@ def act(path, command_column, row, memory, commanded):
         command[axis] = limited(path.limits, axis, wanted, path.previous[axis])
         commanded[3 + axis] = 0.0
         if command[axis] != wanted:
-            memory[SETPOINT + axis] += command[axis] - wanted
+            actuation.velocity[axis] += command[axis] - wanted
             commanded[3 + axis] = 1.0
         path.previous[axis] = command[axis]
         command[axis] *= path.calibration.drive_gain[axis]

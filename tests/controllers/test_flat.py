@@ -24,11 +24,10 @@ from cranectl.support.errors import InputError
 from tests.conftest import random_states
 
 G, PERIOD = 9.81, 0.001
-LAG = np.array([0.01, 0.02, 0.03])
 
 
 def tracker_of(design: Design) -> Tracker:
-    return make_tracker(design, drive_lag=LAG, period=PERIOD, gravity=G)
+    return make_tracker(design, period=PERIOD, gravity=G)
 
 
 def robust_design() -> Design:
@@ -53,7 +52,7 @@ def test_control_law_is_the_sum_it_should_be() -> None:
     design = design_controller("pole-placement")
     for state in random_states(100):
         reference = rng.normal(size=15)
-        memory = np.array([0.3, -0.2, 0.1, 0.2, 0.3])
+        memory = np.array([0.3, -0.2])
         status, row = step(design, state, reference, memory.copy())
         assert status == RunStatus.RUNNING
         flat = np.zeros(15)
@@ -69,17 +68,13 @@ def test_control_law_is_the_sum_it_should_be() -> None:
 def test_memory_advances_by_one_held_period() -> None:
     design = design_controller("lqr")
     state, reference = random_states(1)[0], np.arange(15) * 0.01
-    memory = np.array([0.3, -0.2, 0.1, 0.2, 0.3])
+    memory = np.array([0.3, -0.2])
     before = memory.copy()
     _, row = step(design, state, reference, memory)
     v_z = row[signals.VIRTUAL_INPUT_COLUMN + 2]
-    u = row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3]
     assert memory[1] == pytest.approx(before[1] + PERIOD * v_z, rel=1e-14)
     assert memory[0] == pytest.approx(before[0] + PERIOD * before[1] + 0.5 * PERIOD**2 * v_z, rel=1e-14)
-    assert memory[2:5] == pytest.approx(before[2:5] + PERIOD * u, rel=1e-14)
-    setpoints = row[signals.INPUT_COLUMN + 3 : signals.INPUT_COLUMN + 6]
-    assert setpoints == pytest.approx(before[2:5] + LAG * u, rel=1e-14)
-    assert row[signals.CONTROLLER_COLUMN :].tolist() == before[:2].tolist()
+    assert row[signals.CONTROLLER_COLUMN :].tolist() == before.tolist()
 
 
 def test_on_its_reference_the_tracker_commands_the_feed_forward() -> None:
@@ -88,8 +83,7 @@ def test_on_its_reference_the_tracker_commands_the_feed_forward() -> None:
     for _ in range(50):
         flat = np.concatenate([[1.0, 0.7, -0.6], 0.3 * rng.normal(size=12)])
         states, inputs = states_and_inputs(flat[np.newaxis], G)
-        memory = initial_memory(tracker_of(design), states[0], flat)
-        assert memory[2:5].tolist() == states[0][[1, 3, 5]].tolist()
+        memory = initial_memory(tracker_of(design), flat)
         _, row = step(design, states[0], flat, memory)
         assert row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3] == pytest.approx(inputs[0], abs=1e-10)
         assert row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 12] == pytest.approx(np.zeros(12), abs=1e-12)
@@ -115,16 +109,16 @@ def test_a_design_too_fast_for_its_sampling_is_refused() -> None:
     fast = design_controller("pole-placement", DesignSettings(poles=(-900.0, -900.0, -900.0, -900.0)))
     with pytest.raises(InputError, match=r"unstable when sampled every 0\.001 s"):
         tracker_of(fast)
-    make_tracker(fast, drive_lag=LAG, period=1e-5, gravity=G)
+    make_tracker(fast, period=1e-5, gravity=G)
 
 
 def test_robustifier_adds_to_v_and_its_states_are_recorded() -> None:
     design, plain = robust_design(), design_controller("lqr")
     state, reference = random_states(1)[0], np.arange(15) * 0.01
-    memory = np.concatenate([[0.3, -0.2, 0.1, 0.2, 0.3], np.arange(12.0)])
+    memory = np.concatenate([[0.3, -0.2], np.arange(12.0)])
     states = memory[ROBUSTIFIER:].copy()
     _, row = step(design, state, reference, memory)
-    _, base = step(plain, state, reference, np.array([0.3, -0.2, 0.1, 0.2, 0.3]))
+    _, base = step(plain, state, reference, np.array([0.3, -0.2]))
     first = signals.VIRTUAL_INPUT_COLUMN
     v_bar = row[first + 3 : first + 6]
     r = design.robustifier
@@ -156,7 +150,7 @@ def test_singular_states_are_refused_and_nothing_is_written(
 ) -> None:
     state = random_states(1)[0]
     state[index] = value
-    memory = np.array([zeta, 0.0, 0.0, 0.0, 0.0])
+    memory = np.array([zeta, 0.0])
     before = memory.copy()
     code, row = step(design_controller("lqr"), state, np.zeros(15), memory)
     assert RunStatus(code) == status

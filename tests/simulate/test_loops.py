@@ -174,7 +174,7 @@ def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStat
     row[signals.TENSION_COLUMN] = tension
     none = np.zeros((0, 2))
     inputs = LoopInputs(
-        None, none, none, none, np.zeros((3, 2)), False, signals.INPUT_COLUMN, False, np.zeros(1)
+        None, None, none, none, none, np.zeros((3, 2)), False, signals.INPUT_COLUMN, False, np.zeros(1)
     )
     assert RunStatus(judge_sample.py_func(inputs, row)) == status
 

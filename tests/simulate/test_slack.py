@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from cranectl.controllers.flat import BRAKING, LEAST_TENSION
+from cranectl.controllers.flat import LEAST_TENSION
 from cranectl.log.events import events
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
+from cranectl.simulate.actuation import BRAKING
 from cranectl.status import RunStatus
 
 UPDRAUGHT = ["effects.wind.mean=[0.0,0.0,80.0]", "effects.wind.gust=0.0"]  # 14 N on a load of 9.8 N

@@ -12,10 +12,10 @@ an L1 norm. What is told of the motion goes through the loop as it does for any 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.propagation import Deviation, Ports, Rubbing, no_errors, propagate
+from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports, no_errors, propagate
 from cranectl.analysis.budget.random_errors import flush
 from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
-from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, controller_rows, loop_matrix, miss
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, controller_rows, loop_matrix, step_defect
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.simulate import Run, tracker_of
 from cranectl.support.jit import jit
@@ -38,7 +38,7 @@ def second_order(
     states[:, loop.kept] += predicted.state[:, :p]
     made = np.zeros((len(defect.local), p))
     commands, disturbances = loop.commands + predicted.given, loop.disturbances + predicted.disturbance
-    miss(loop.plant, loop.kept, states, commands, disturbances, loop.winds, states[1:], made)
+    step_defect(loop.plant, loop.kept, states, commands, disturbances, loop.winds, states[1:], made)
     defect.local[:, :p] = made + ports.local[:, :p] - loop.defect
     found = propagate(loop, defect, delay)
     return found._replace(load=found.load - loop.load_offset)
@@ -93,7 +93,7 @@ def law_defect(tracker, loop, states, controller, inputs, virtual, flats, ports,
 INSTANTS = 16  # spread over the run, at which the load error is bounded
 
 
-def worst_rubbing(loop: TrajectoryLoop, rubbing: Rubbing, about: Deviation, delay: int) -> float:
+def worst_friction(loop: TrajectoryLoop, friction: FrictionPort, about: Deviation, delay: int) -> float:
     """Largest load error [m] under any course of friction, at rates like those of the motion `about`.
 
     By one backward sweep of the adjoint from each of INSTANTS, the axes of the load added as a vector.
@@ -101,8 +101,8 @@ def worst_rubbing(loop: TrajectoryLoop, rubbing: Rubbing, about: Deviation, dela
     last = loop.samples - 1
     instants = np.unique(np.linspace(0, last, INSTANTS + 1)[1:].astype(np.intp))
     worst = np.zeros((len(instants), 3))
-    rates = np.abs(rubbing.rates + about.state[:, 1:10:2])[:-1]
-    amplitudes = np.ascontiguousarray(rubbing.coulomb + rubbing.viscous * rates)
+    rates = np.abs(friction.rates + about.state[:, 1:10:2])[:-1]
+    amplitudes = np.ascontiguousarray(friction.coulomb + friction.viscous * rates)
     sweep_back(loop, delay, amplitudes, instants, worst)
     return float(np.linalg.norm(worst, axis=1).max(initial=0.0))
 

@@ -154,7 +154,7 @@ def derivative(crane, state, setpoint, disturbance, wind, work, rate):
 
     set_velocities(work, reach, crane.offset)
     if crane.drag > 0.0:
-        blow_on_load(crane, state, reach_rate, reach, wind, work)
+        drag_on_load(crane, state, reach_rate, reach, wind, work)
     for axis in range(3):
         work.bias[axis] = 2.0 * reach_rate * n[3, axis] + reach * n[4, axis] + crane.offset * b[4, axis]
     add_mass(work, crane.load_mass, crane.gravity)
@@ -174,7 +174,7 @@ def derivative(crane, state, setpoint, disturbance, wind, work, rate):
 
 
 @jit
-def blow_on_load(crane, state, reach_rate, reach, wind, work):
+def drag_on_load(crane, state, reach_rate, reach, wind, work):
     """Drag [N] into `work.outer`."""
     n, b = work.ropes, work.body
     square = 0.0

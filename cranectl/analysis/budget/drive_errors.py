@@ -8,7 +8,7 @@ friction     its force on the axes, its torque on the joint
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.propagation import Deviation, Ports, Rubbing, no_errors
+from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports, no_errors
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop
 from cranectl.scenario.effects import DriveLimits, Friction
 from cranectl.simulate import Run
@@ -54,7 +54,7 @@ def cut_off(limits, wanted, start, cut):
             cut[k, axis] = shift[axis]
 
 
-def friction_of(run: Run, friction: Friction) -> Rubbing:
+def friction_of(run: Run, friction: Friction) -> FrictionPort:
     """Friction as a shift of the set-points of servos and an angular acceleration of the joint."""
     rig, states = run.scenario.rig, run.block("state")
     inertia = rig.load_mass * states[:-1, 4] ** 2
@@ -63,4 +63,4 @@ def friction_of(run: Run, friction: Friction) -> Rubbing:
     worth[:, 3], worth[:, 4] = inertia * np.cos(states[:-1, 8]) ** 2, inertia
     viscous = np.array([*friction.viscous, *(friction.pivot_viscous,) * 2])
     coulomb = np.array([*friction.coulomb, *(friction.pivot_coulomb,) * 2])
-    return Rubbing(np.ascontiguousarray(states[:, 1::2]), viscous / worth, coulomb / worth)
+    return FrictionPort(np.ascontiguousarray(states[:, 1::2]), viscous / worth, coulomb / worth)

@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.bounds import higher_orders, worst_rubbing
+from cranectl.analysis.budget.bounds import higher_orders, worst_friction
 from cranectl.analysis.budget.drive_errors import delayed, friction_of, limited_commands
 from cranectl.analysis.budget.equivalent import hold_error, integrator_error
 from cranectl.analysis.budget.nominal import STRUCTURE, Nominal, Prediction
 from cranectl.analysis.budget.propagation import (
-    NO_RUBBING,
+    NO_FRICTION,
     Deviation,
     Ports,
     no_deviation,
@@ -110,12 +110,12 @@ def _find_motion(
 ) -> tuple[Deviation, Ports, float]:
     """The motion under `effects`, each taken on the motion itself, their signals, and the last change [m]."""
     loop, delay = _loop(nominal, effects), _delay(nominal, effects)
-    rubbing = friction_of(nominal.run, nominal.effects.friction) if "friction" in effects else NO_RUBBING
+    friction = friction_of(nominal.run, nominal.effects.friction) if "friction" in effects else NO_FRICTION
     repeated = bool(set(effects) & set(REPEATED))
     deviation, change = start, 0.0
     for _ in range(REPETITIONS if repeated else 1):
         ports = _join(nominal, effects, loop, deviation)
-        found = propagate(loop, ports, delay, rubbing)
+        found = propagate(loop, ports, delay, friction)
         change = float(np.abs(found.load - deviation.load).max())
         deviation = found
     return deviation, ports, change if repeated else 0.0
@@ -198,8 +198,8 @@ def _bound_friction(
     What higher orders and the observer add to the motion `found` is scaled to that of the worst case.
     """
     run, loop, delay = nominal.run, _loop(nominal, effects), _delay(nominal, effects)
-    rubbing = friction_of(run, nominal.effects.friction)
-    worst = max(worst_rubbing(loop, rubbing, path.deviation, delay) for path in (below, found))
+    friction = friction_of(run, nominal.effects.friction)
+    worst = max(worst_friction(loop, friction, path.deviation, delay) for path in (below, found))
     size = size_of(found.deviation.load - below.deviation.load).max
     without = tuple(name for name in effects if name != "observer")
     told = [_find_motion(nominal, names, below.deviation)[0].load for names in (without, without[:-1])]

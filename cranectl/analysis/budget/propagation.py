@@ -25,7 +25,7 @@ class Ports(NamedTuple):
     local: Array  # (N - 1, n) of X, made within one sample
 
 
-class Rubbing(NamedTuple):
+class FrictionPort(NamedTuple):
     """Friction of bridge, trolley, winch, alpha and beta, at the ports that the five have in a loop."""
 
     rates: Array  # (N, 5) nominal [m/s, rad/s]
@@ -67,56 +67,58 @@ def no_deviation(loop: TrajectoryLoop) -> Deviation:
     return Deviation(*(np.zeros(shape) for shape in shapes))
 
 
-NO_RUBBING = Rubbing(*(np.zeros((0, 5)) for _ in range(3)))
+NO_FRICTION = FrictionPort(*(np.zeros((0, 5)) for _ in range(3)))
 
 
-def propagate(loop: TrajectoryLoop, ports: Ports, delay: int = 0, rubbing: Rubbing = NO_RUBBING) -> Deviation:
+def propagate(
+    loop: TrajectoryLoop, ports: Ports, delay: int = 0, friction: FrictionPort = NO_FRICTION
+) -> Deviation:
     """The deviation that known errors and friction cause while commands are `delay` samples under way."""
     found = no_deviation(loop)
-    propagate_signals(loop, ports, delay, rubbing, found)
+    propagate_signals(loop, ports, delay, friction, found)
     p = len(loop.kept)
     return found._replace(load=loop.load_offset + np.einsum("kij,kj->ki", loop.load, found.state[:, :p]))
 
 
 @jit
-def rub(loop, rubbing, k, found, coulomb):
+def add_friction(loop, friction, k, found, coulomb):
     """Add friction to sample `k` and its effect to the next: Coulomb's stops each rate if it can.
 
     What one axis takes off another may have to hold, so it goes round (projected Gauss-Seidel).
     """
     for joint in range(5):
         coulomb[joint] = 0.0
-        rate = rubbing.rates[k, joint] + found.state[k, 2 * joint + 1]
-        push(loop, k, joint, -rubbing.viscous[k, joint] * rate, found)
+        rate = friction.rates[k, joint] + found.state[k, 2 * joint + 1]
+        add_input(loop, k, joint, -friction.viscous[k, joint] * rate, found)
     for _ in range(ROUNDS):
         for joint in range(5):
-            rate = rubbing.rates[k + 1, joint] + found.state[k + 1, 2 * joint + 1]
-            limit, before = rubbing.coulomb[k, joint], coulomb[joint]
-            wanted = before - rate / push_gain(loop, k, joint, 2 * joint + 1)
+            rate = friction.rates[k + 1, joint] + found.state[k + 1, 2 * joint + 1]
+            limit, before = friction.coulomb[k, joint], coulomb[joint]
+            wanted = before - rate / input_gain(loop, k, joint, 2 * joint + 1)
             coulomb[joint] = min(max(wanted, -limit), limit)
-            push(loop, k, joint, coulomb[joint] - before, found)
+            add_input(loop, k, joint, coulomb[joint] - before, found)
 
 
 @jit
-def push_gain(loop, k, joint, state):
+def input_gain(loop, k, joint, state):
     """Of the next plant state `state` by a signal at the port of `joint`."""
     at = k // loop.stride
     return loop.by_command[at, state, joint] if joint < 3 else loop.by_disturbance[at, state, joint - 3]
 
 
 @jit
-def push(loop, k, joint, signal, found):
+def add_input(loop, k, joint, signal, found):
     """Add `signal` at the port of `joint` to sample `k`, and its effect to the next."""
     if joint < 3:
         found.given[k, joint] += signal
     else:
         found.disturbance[k, joint - 3] += signal
     for i in range(loop.kept.shape[0]):
-        found.state[k + 1, i] += push_gain(loop, k, joint, i) * signal
+        found.state[k + 1, i] += input_gain(loop, k, joint, i) * signal
 
 
 @jit
-def propagate_signals(loop, ports, delay, rubbing, found):
+def propagate_signals(loop, ports, delay, friction, found):
     """Fills `found`, all but its load."""
     state, given, commanded = found.state, found.given, found.commanded
     size, p = state.shape[1], loop.kept.shape[0]
@@ -154,8 +156,8 @@ def propagate_signals(loop, ports, delay, rubbing, found):
             state[k + 1, i] = value
         for j in range(2):
             found.disturbance[k, j] = ports.disturbance[k, j]
-        if rubbing.coulomb.shape[0] > 0:
-            rub(loop, rubbing, k, found, coulomb)
+        if friction.coulomb.shape[0] > 0:
+            add_friction(loop, friction, k, found, coulomb)
         zeta, zeta_dot = state[k, extension], state[k, extension + 1]
         local = ports.local[k]
         state[k + 1, extension] = zeta + period * (zeta_dot + 0.5 * period * v_z) + local[extension]

@@ -31,6 +31,7 @@ from cranectl.plants.dop853 import STAGES
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run, tracker_of
+from cranectl.simulate.actuation import make_actuation
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
@@ -123,7 +124,7 @@ def linearise_plant(plant, kept, states, commands, disturbances, winds, stride, 
 
 
 @jit
-def miss(plant, kept, states, commands, disturbances, winds, following, defect):
+def step_defect(plant, kept, states, commands, disturbances, winds, following, defect):
     """One period from each of `states` under its ports, less `following`, into `defect`."""
     state = np.zeros(states.shape[1])
     for k in range(len(defect)):
@@ -164,7 +165,7 @@ def linearise_run(
     by_state, by_command, by_d = (np.zeros((-(-rows // stride), p, m)) for m in (p, 3, 2))
     linearise_plant(plant, kept, states, commands, disturbances, winds, stride, by_state, by_command, by_d)
     defect = np.zeros((rows, p))
-    miss(plant, kept, states, commands, disturbances, winds, states[1:], defect)
+    step_defect(plant, kept, states, commands, disturbances, winds, states[1:], defect)
     load, load_offset = _load_derivatives(run, crane, states, kept)
     flat_by, virtual, command = law_rows(run, tracker, p)
     robustifier_state, robustifier_input, _ = dense_robustifier(tracker)
@@ -175,7 +176,7 @@ def linearise_run(
         flat=flat_by,
         virtual=virtual,
         command=command,
-        lead=tracker.drive_lag if velocity else np.ones(3),
+        lead=make_actuation(run.scenario, joints[0]).lag if velocity else np.ones(3),
         integral=float(velocity),
         robustifier_state=robustifier_state,
         robustifier_input=robustifier_input,

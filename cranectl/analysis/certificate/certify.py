@@ -42,7 +42,7 @@ Grade = Literal["gap", "by frequency", "refused"]
 
 
 @dataclass(frozen=True)
-class Judge:
+class NominalLoop:
     """What a controller's plants are compared with; the same at every point."""
 
     design: Design
@@ -140,7 +140,7 @@ class Certificate:
         }
 
 
-def make_judge(scenario: Scenario, design: Design, cut_name: str | None = None) -> Judge:
+def make_nominal_loop(scenario: Scenario, design: Design, cut_name: str | None = None) -> NominalLoop:
     """Design model and margin of `design`; raises InputError for a cut that it does not have, and long delay.
 
     The default cut is the one that the robustifier was designed for, else "v".
@@ -151,7 +151,7 @@ def make_judge(scenario: Scenario, design: Design, cut_name: str | None = None) 
     cut = choose_cut(design, scenario.design, period, cut_name)
     graph = cut.graph(design_inner_loop(design.gain, period))
     margin = coprime_margin(graph, cut.controller, cut.robustifier.poles())
-    return Judge(design, cut, period, graph, margin)
+    return NominalLoop(design, cut, period, graph, margin)
 
 
 def _check_delay(scenario: Scenario) -> None:
@@ -166,30 +166,30 @@ def _check_delay(scenario: Scenario) -> None:
 
 
 def certify(
-    judge: Judge,
+    nominal_loop: NominalLoop,
     scenario: Scenario,
     points: Sequence[OperatingPoint],
     *,
     drive: Drive,
     progress: Callable[[float], None] | None = None,
 ) -> Certificate:
-    """Judge a controller at every point; drives, delay and observer are those of `scenario`."""
+    """NominalLoop a controller at every point; drives, delay and observer are those of `scenario`."""
     verdicts = []
     for point in points:
-        inner = inner_loop_of(linear_plant(scenario, point, drive), judge.design.gain)
-        verdicts.append(judge.judge(inner, point))
+        inner = inner_loop_of(linear_plant(scenario, point, drive), nominal_loop.design.gain)
+        verdicts.append(nominal_loop.judge(inner, point))
         if progress is not None:
             progress(1.0)
     lag_x, lag_y, lag_l = (float(lag) for lag in scenario.rig.time_constants)
     delay = scenario.effects.delay
     return Certificate(
-        controller=judge.design.name,
+        controller=nominal_loop.design.name,
         drive=drive,
         delay=delay.seconds if delay else 0.0,
         time_constants=(lag_x, lag_y, lag_l),
-        cut=judge.cut,
-        margin=judge.margin.margin,
-        margin_frequency=judge.margin.angle / judge.period,
+        cut=nominal_loop.cut,
+        margin=nominal_loop.margin.margin,
+        margin_frequency=nominal_loop.margin.angle / nominal_loop.period,
         points=tuple(verdicts),
     )
 

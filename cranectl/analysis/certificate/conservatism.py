@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from cranectl.analysis.certificate.certify import Judge
+from cranectl.analysis.certificate.certify import NominalLoop
 from cranectl.analysis.certificate.linear_plant import linear_plant, run_plant
 from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_radius, inner_loop_of
 from cranectl.analysis.certificate.operating_points import OperatingPoint
@@ -47,30 +47,30 @@ class Limits:
         }
 
 
-def find_limits(judge: Judge, scenario: Scenario, point: OperatingPoint, drive: Drive) -> Limits:
+def find_limits(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint, drive: Drive) -> Limits:
     """Raise delay, then lag, at `point`; the other stays as in `scenario`."""
     plant = linear_plant(scenario, point, drive)
 
     def delayed(samples: int) -> InnerLoop:
-        return inner_loop_of(replace(plant, delay=samples), judge.design.gain)
+        return inner_loop_of(replace(plant, delay=samples), nominal_loop.design.gain)
 
     def lagging(steps: int) -> InnerLoop:
         slower = run_plant(with_further_lag(scenario, steps * LAG_STEP), drive)
-        return inner_loop_of(linear_plant(scenario, point, drive, plant=slower), judge.design.gain)
+        return inner_loop_of(linear_plant(scenario, point, drive, plant=slower), nominal_loop.design.gain)
 
     def stable(inner: InnerLoop) -> bool:
-        return closed_loop_radius(inner, judge.cut.robustifier) < 1.0
+        return closed_loop_radius(inner, nominal_loop.cut.robustifier) < 1.0
 
     def both(loop: Callable[[int], InnerLoop], first: int, most: int) -> list[int | None]:
-        certified = last_good(lambda k: judge.certifies(loop(k)), first, most)
+        certified = last_good(lambda k: nominal_loop.certifies(loop(k)), first, most)
         return [certified, last_good(lambda k: stable(loop(k)), first, most)]
 
-    delays = both(delayed, plant.delay, round(MOST_DELAY / judge.period))
+    delays = both(delayed, plant.delay, round(MOST_DELAY / nominal_loop.period))
     lags = both(lagging, 0, round(MOST_LAG / LAG_STEP)) if drive == "velocity" else [None, None]
     slowest = float(scenario.rig.time_constants.max())
     return Limits(
         point,
-        *(None if k is None else round(k * judge.period, 9) for k in delays),
+        *(None if k is None else round(k * nominal_loop.period, 9) for k in delays),
         *(None if k is None else round(slowest + k * LAG_STEP, 9) for k in lags),
     )
 

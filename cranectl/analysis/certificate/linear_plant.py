@@ -17,7 +17,7 @@ import numpy as np
 
 from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint, equilibrium, step_at
 from cranectl.analysis.certificate.systems import Array, SampledSystem, differences
-from cranectl.controllers.flat import ROBUSTIFIER, SETPOINT, ZETA, Tracker, inner_law
+from cranectl.controllers.flat import ZETA, Tracker, inner_law
 from cranectl.controllers.observer import (
     DISTURBANCE,
     JOINTS,
@@ -37,6 +37,7 @@ from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import EffectSettings
 from cranectl.simulate import make_plant, tracker_of
+from cranectl.simulate.actuation import Actuation, actuate, make_actuation
 
 NONE = (0.0, 0.0, 0.0)
 
@@ -99,6 +100,8 @@ V_STEP = 1e-3  # [m/s⁴]
 JOINT_SIGNALS = 10
 UNSEEN = 1e-7  # below which an entry of the matrix is rounding
 
+SETPOINT, ESTIMATE = 2, 5  # places in the memory, which begins with zeta and its rate
+
 # Inputs and outputs of the linear plant.
 ARRIVING, V = slice(0, 3), slice(3, 6)
 COMMAND, FLAT = slice(0, 3), slice(3, 15)
@@ -136,11 +139,12 @@ def linear_plant(
         observer = make_observer(
             sensing.observer_bandwidth, period=tracker.period, gravity=tracker.gravity
         )  # fmt: skip
-    law, memory = _law_function(tracker, observer, drive), _held_memory(held, command, observer)
+    actuation = make_actuation(scenario, held.joints)
+    law, memory = _law_function(tracker, actuation, observer, drive), _held_memory(held, command, observer)
     at = np.concatenate([held.joints, memory, held.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
     law_matrix = differences(law, at, steps)
-    kept = [k for k in range(len(memory)) if drive == "velocity" or not SETPOINT <= k < ROBUSTIFIER]
+    kept = [k for k in range(len(memory)) if drive == "velocity" or not SETPOINT <= k < ESTIMATE]
     return LinearPlant(
         system=_joined(crane_matrix, law_matrix, len(memory), kept),
         delay=round(delay.seconds * NANOSECONDS / scenario.period_ns) if delay else 0,
@@ -190,8 +194,8 @@ def _without_unseen(matrix: Array) -> Array:
 
 
 def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> Array:
-    memory = np.zeros(ROBUSTIFIER)
-    memory[ZETA], memory[SETPOINT:ROBUSTIFIER] = held.zeta, command
+    memory = np.zeros(ESTIMATE)
+    memory[ZETA], memory[SETPOINT:ESTIMATE] = held.zeta, command
     if observer is None:
         return memory
     joints, estimate = held.joints, initial_estimate(held.joints)
@@ -203,21 +207,24 @@ def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> 
     return np.concatenate([memory, estimate])
 
 
-def _law_function(tracker: Tracker, observer: Observer | None, drive: Drive) -> Callable[[Array], Array]:
+def _law_function(
+    tracker: Tracker, actuation: Actuation, observer: Observer | None, drive: Drive
+) -> Callable[[Array], Array]:
     """(joints, memory, v) → (memory one period later, command (3), flat state (12))."""
-    size = ROBUSTIFIER + (0 if observer is None else MEMORY)
+    size = ESTIMATE + (0 if observer is None else MEMORY)
     first = 0 if drive == "ideal" else 3
 
     def law(values: Array) -> Array:
         joints, memory, v = values[:10].copy(), values[10 : 10 + size].copy(), values[10 + size :]
         given, flat = np.zeros(6), np.zeros(15)
-        estimate = memory[ROBUSTIFIER:]
+        estimate = memory[ESTIMATE:]
         if observer is not None:
             for joint in range(JOINTS):
                 correct(observer, joint, joints[2 * joint], estimate)
             joints[0::2], joints[1::2] = estimate[:JOINTS], estimate[JOINTS : 2 * JOINTS]
         flat_output(joints, memory[ZETA], memory[ZETA + 1], tracker.gravity, flat)
-        inner_law(tracker, joints, memory, v, given)
+        inner_law(tracker, joints, memory, v, given[:3])
+        actuate(actuation._replace(velocity=memory[SETPOINT:ESTIMATE]), given)
         if observer is not None:
             predict(observer, given[:3], estimate)
         return np.concatenate([memory, given[first : first + 3], flat[:12]])

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cranectl.analysis.certificate.certify import Certificate, Judge
+from cranectl.analysis.certificate.certify import Certificate, NominalLoop
 from cranectl.analysis.certificate.loop import InnerLoop
 from cranectl.analysis.certificate.nu_gap import complement, distance, orthonormal, sines
 from cranectl.support.colours import LIGHT
@@ -18,14 +18,14 @@ LOWEST = 1e-2  # [rad/s]
 
 
 def certificate_figure(
-    found: Certificate, judge: Judge, worst: InnerLoop, *, colours: Mapping[str, str] = LIGHT
+    found: Certificate, nominal_loop: NominalLoop, worst: InnerLoop, *, colours: Mapping[str, str] = LIGHT
 ) -> Figure:
     """The map on the left, on the right the worst point, where the loop is `worst`; `colours` by role."""
     figure = Figure(figsize=(10.0, 4.4), layout="constrained")
     figure.suptitle(f"{found.controller}, {found.drive} drives, delay {1e3 * found.delay:g} ms")
     left, right = figure.subplots(1, 2)
     _draw_map(left, found, colours)
-    _draw_frequency(right, found, judge, worst, colours)
+    _draw_frequency(right, found, nominal_loop, worst, colours)
     return figure
 
 
@@ -49,14 +49,14 @@ def _draw_map(axes: Axes, found: Certificate, colours: Mapping[str, str]) -> Non
 
 
 def _draw_frequency(
-    axes: Axes, found: Certificate, judge: Judge, worst: InnerLoop, colours: Mapping[str, str]
+    axes: Axes, found: Certificate, nominal_loop: NominalLoop, worst: InnerLoop, colours: Mapping[str, str]
 ) -> None:
-    omega = np.geomspace(LOWEST, np.pi / judge.period, 600)
-    z = np.exp(1j * omega * judge.period)
-    run = orthonormal(judge.cut.graph(worst).response(z))
-    model = orthonormal(judge.graph.response(z))
+    omega = np.geomspace(LOWEST, np.pi / nominal_loop.period, 600)
+    z = np.exp(1j * omega * nominal_loop.period)
+    run = orthonormal(nominal_loop.cut.graph(worst).response(z))
+    model = orthonormal(nominal_loop.graph.response(z))
     axes.semilogx(omega, distance(run, model), color=colours[SERIES[0]], label="distance to the design model")
-    margin = sines(complement(judge.cut.controller(z)), model)
+    margin = sines(complement(nominal_loop.cut.controller(z)), model)
     axes.semilogx(omega, margin, color=colours["limit"], label="margin of the loop")
     axes.set(
         title=f"worst: {found.worst.point}", xlabel="angular frequency [rad/s]", ylabel="sine of the angle"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from cranectl.analysis.advice import Advice, Assessment
 from cranectl.analysis.budget.error_budget import Budget
-from cranectl.analysis.certificate.certify import Judge
+from cranectl.analysis.certificate.certify import NominalLoop
 from cranectl.analysis.certificate.loop import InnerLoop
 from cranectl.analysis.ladder import Step
 from cranectl.report.page import Figure, Page, Section
@@ -18,9 +18,14 @@ from cranectl.report.theme import STAND_IN, inline_svg, styled
 
 
 def rig_page(
-    advice: Advice, judge: Judge, worst: InnerLoop, steps: Sequence[Step], budget: Budget, remade_by: str
+    advice: Advice,
+    nominal_loop: NominalLoop,
+    worst: InnerLoop,
+    steps: Sequence[Step],
+    budget: Budget,
+    remade_by: str,
 ) -> Page:
-    """The page of a rig for which there is a recommendation; `judge` and `worst` are that controller's."""
+    """The page of a rig for which there is a recommendation; the two loops are its controller's."""
     best = advice.best
     assert best is not None
     tables = (controllers_table(advice), improvements_table(advice))
@@ -34,7 +39,7 @@ def rig_page(
                 "It says nothing of the motion from point to point; refused does not mean unstable.",
             ),
             (certificates_table(advice.assessments),),
-            (_certificate(best, judge, worst),),
+            (_certificate(best, nominal_loop, worst),),
         ),
         *ladder_sections(steps, first=2),
         Section("budget", "Error budget", (), (budget_table(budget),), (_budget_figure(budget),)),
@@ -43,9 +48,9 @@ def rig_page(
     return Page(title, advice.scenario.title, sections, remade_by)
 
 
-def _certificate(best: Assessment, judge: Judge, worst: InnerLoop) -> Figure:
+def _certificate(best: Assessment, nominal_loop: NominalLoop, worst: InnerLoop) -> Figure:
     with styled():
-        drawing = certificate_figure(best.certificate, judge, worst, colours=STAND_IN)
+        drawing = certificate_figure(best.certificate, nominal_loop, worst, colours=STAND_IN)
         svg = inline_svg(drawing, "f1")
     return Figure("1", f"certificate of {best.controller}", svg, "", alone=True)
 

@@ -184,7 +184,7 @@ def test_friction_holds_what_it_can_hold() -> None:
     """Far more friction than any drive has force: the axes stay where they start, and so does the joint."""
     where = nominal("effects.friction={coulomb=[1e5, 1e5, 1e5], pivot_coulomb=1e3}")
     loop, run = where.driven(), where.run
-    stuck = propagate(loop, plant_errors(loop), rubbing=friction_of(run, where.effects.friction))
+    stuck = propagate(loop, plant_errors(loop), friction=friction_of(run, where.effects.friction))
     rates = run.block("state")[:, 1::2] + stuck.state[:, 1:10:2]
     assert np.abs(run.block("state")[:, 1::2]).max(axis=0).min() > 0.03
     assert np.abs(rates[1:]).max() < 1e-4
@@ -193,8 +193,8 @@ def test_friction_holds_what_it_can_hold() -> None:
 def test_sliding_friction_is_against_the_motion() -> None:
     where = nominal("effects.friction={coulomb=[0.1, 0.1, 0.1], viscous=[1.0, 2.0, 3.0]}")
     loop, run, friction = where.driven(), where.run, where.effects.friction
-    rubbing = friction_of(run, friction)
-    found = propagate(loop, plant_errors(loop), rubbing=rubbing)
+    friction = friction_of(run, friction)
+    found = propagate(loop, plant_errors(loop), friction=friction)
     without = propagate(loop, plant_errors(loop))._replace(state=found.state)
     rates = run.block("state")[:-1, 1:6:2] + found.state[:-1, 1:6:2]
     w_and_lead = loop.integral * without.state[:-1, 10:13] + loop.lead * found.commanded

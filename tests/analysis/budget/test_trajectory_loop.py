@@ -5,9 +5,9 @@ import functools
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.bounds import delayed_matrix, worst_rubbing
+from cranectl.analysis.budget.bounds import delayed_matrix, worst_friction
 from cranectl.analysis.budget.nominal import nominal_run
-from cranectl.analysis.budget.propagation import NO_RUBBING, Rubbing, no_errors, propagate
+from cranectl.analysis.budget.propagation import NO_FRICTION, FrictionPort, no_errors, propagate
 from cranectl.analysis.budget.random_errors import (
     Estimator,
     joined_matrices,
@@ -169,7 +169,7 @@ def test_worst_friction_is_the_sum_of_all_impulse_responses() -> None:
     loop = where.driven("rope")
     samples = loop.samples - 1
     limits = np.array([1e-3, 2e-3, 1e-3, 0.1, 0.2])
-    rubbing = Rubbing(np.zeros((samples + 1, 5)), np.zeros((samples, 5)), np.tile(limits, (samples, 1)))
+    friction = FrictionPort(np.zeros((samples + 1, 5)), np.zeros((samples, 5)), np.tile(limits, (samples, 1)))
     expected = np.zeros(3)
     for start in range(samples):
         for port in range(5):
@@ -179,7 +179,7 @@ def test_worst_friction_is_the_sum_of_all_impulse_responses() -> None:
             else:
                 ports.disturbance[start, port - 3] = limits[port]
             expected += np.abs(propagate(loop, ports, delay).load[-1] - loop.load_offset[-1])
-    found = worst_rubbing(loop, rubbing, propagate(loop, no_errors(loop)), delay)
+    found = worst_friction(loop, friction, propagate(loop, no_errors(loop)), delay)
     assert found == pytest.approx(np.linalg.norm(expected), rel=1e-9)
 
 
@@ -191,7 +191,7 @@ def test_delayed_matrix_is_the_propagation(delay: int) -> None:
     loop = where.driven("body")
     ports = no_errors(loop)
     ports.local[:2] = 1e-6 * np.random.default_rng(2).standard_normal(ports.local[:2].shape)
-    found = propagate(loop, ports, delay, NO_RUBBING).state
+    found = propagate(loop, ports, delay, NO_FRICTION).state
     total = loop.size + 3 * delay
     x, matrix = np.zeros(total), np.zeros((total, total))
     for k in range(loop.samples - 1):

@@ -9,7 +9,7 @@ import control
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.certify import Judge, certify, make_judge
+from cranectl.analysis.certificate.certify import NominalLoop, certify, make_nominal_loop
 from cranectl.analysis.certificate.conservatism import find_limits, last_good, with_further_lag
 from cranectl.analysis.certificate.linear_plant import ARRIVING, linear_plant
 from cranectl.analysis.certificate.loop import closed_loop_radius, design_inner_loop, inner_loop_of
@@ -34,32 +34,34 @@ def scenario_of(lag: float = 0.02, delay: float = 0.0, *overrides: str) -> Scena
 
 
 @functools.cache
-def judge_of(controller: str) -> Judge:
+def nominal_loop_of(controller: str) -> NominalLoop:
     scenario = default_scenario()
-    return make_judge(scenario, design_controller(controller, scenario.design))
+    return make_nominal_loop(scenario, design_controller(controller, scenario.design))
 
 
-def gap_of(judge: Judge, scenario: Scenario, point: OperatingPoint) -> float:
+def gap_of(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint) -> float:
     plant = linear_plant(scenario, point, "velocity")
-    return nu_gap(judge.cut.graph(inner_loop_of(plant, judge.design.gain)), judge.graph).gap
+    return nu_gap(
+        nominal_loop.cut.graph(inner_loop_of(plant, nominal_loop.design.gain)), nominal_loop.graph
+    ).gap
 
 
 @pytest.mark.parametrize(("controller", "best"), [("pole-placement", 0.408), ("lqr", 0.568)])
 def test_margin_of_loop_shaping_is_what_the_design_promises(controller: str, best: float) -> None:
     """1/gamma, 1 % below the best that any controller reaches; sampling takes next to nothing off."""
-    judge = judge_of(f"{controller}+loop-shaping")
-    assert judge.margin.margin == pytest.approx(judge.design.stability_margin, rel=2e-3)
+    nominal_loop = nominal_loop_of(f"{controller}+loop-shaping")
+    assert nominal_loop.margin.margin == pytest.approx(nominal_loop.design.stability_margin, rel=2e-3)
     scenario = default_scenario(overrides=["design.loop_shaping.back_off=1.0002"])
-    optimal = make_judge(scenario, design_controller(f"{controller}+loop-shaping", scenario.design))
+    optimal = make_nominal_loop(scenario, design_controller(f"{controller}+loop-shaping", scenario.design))
     assert optimal.margin.margin == pytest.approx(best, abs=1e-3)
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_the_scales_of_cut_v_are_the_best(controller: str) -> None:
     scenario = default_scenario()
-    judge = make_judge(scenario, design_controller(controller, scenario.design), "v")
-    plain = replace(judge.cut, scales=judge.design.gain)
-    inner = design_inner_loop(judge.design.gain, PERIOD)
+    nominal_loop = make_nominal_loop(scenario, design_controller(controller, scenario.design), "v")
+    plain = replace(nominal_loop.cut, scales=nominal_loop.design.gain)
+    inner = design_inner_loop(nominal_loop.design.gain, PERIOD)
     z = np.exp(1j * np.geomspace(1e-5, np.pi, 400))
 
     def margin(scales: np.ndarray) -> float:
@@ -69,12 +71,12 @@ def test_the_scales_of_cut_v_are_the_best(controller: str) -> None:
         closed = graph @ full @ np.concatenate([-k, np.broadcast_to(np.eye(3), (len(z), 3, 3))], axis=2)
         return float(1.0 / np.linalg.norm(closed, 2, axis=(1, 2)).max())
 
-    best = margin(judge.cut.scales)
-    assert judge.margin.margin == pytest.approx(best, rel=5e-3)
+    best = margin(nominal_loop.cut.scales)
+    assert nominal_loop.margin.margin == pytest.approx(best, rel=5e-3)
     rng = np.random.default_rng(0)
     for _ in range(6):
-        assert margin(judge.cut.scales * np.exp(rng.normal(size=4) * 0.3)) < best * (1.0 + 2e-3)
-    assert margin(judge.cut.scales * 3.0) < best
+        assert margin(nominal_loop.cut.scales * np.exp(rng.normal(size=4) * 0.3)) < best * (1.0 + 2e-3)
+    assert margin(nominal_loop.cut.scales * 3.0) < best
 
 
 @pytest.mark.parametrize(
@@ -85,31 +87,31 @@ def test_gaps_of_an_uncompensated_loop(lag: float, delay: float, pole_placement:
     """Figures of an independent prototype, rope 0.7 m, lag not compensated; compensated, less is left."""
     scenario = scenario_of(lag, delay, "control.lag_compensation=false")
     for controller, gap in (("pole-placement", pole_placement), ("lqr", lqr)):
-        judge = judge_of(f"{controller}+loop-shaping")
-        found = gap_of(judge, scenario, HANGING)
+        nominal_loop = nominal_loop_of(f"{controller}+loop-shaping")
+        found = gap_of(nominal_loop, scenario, HANGING)
         assert found == pytest.approx(gap, rel=0.06, abs=1.5e-3)
-        assert gap_of(judge, scenario_of(lag, delay), HANGING) < 0.5 * found
+        assert gap_of(nominal_loop, scenario_of(lag, delay), HANGING) < 0.5 * found
 
 
 def test_axis_by_axis_a_tilt_is_underrated() -> None:
     """The thesis's disturbance couples the axes: beyond the margin together, far within it each alone."""
-    judge, point = judge_of("pole-placement+loop-shaping"), OperatingPoint(0.7, (1.0, 1.0))
-    inner = inner_loop_of(linear_plant(scenario_of(0.02, 0.01), point, "velocity"), judge.design.gain)
-    graph = judge.cut.graph(inner)
+    nominal_loop, point = nominal_loop_of("pole-placement+loop-shaping"), OperatingPoint(0.7, (1.0, 1.0))
+    inner = inner_loop_of(linear_plant(scenario_of(0.02, 0.01), point, "velocity"), nominal_loop.design.gain)
+    graph = nominal_loop.cut.graph(inner)
 
     def axis(whole: Graph, k: int) -> Graph:
         return Graph(lambda z: whole.response(z)[:, k::3, k : k + 1], whole.poles)
 
-    together = nu_gap(graph, judge.graph).gap
-    alone = max(nu_gap(axis(graph, k), axis(judge.graph, k)).gap for k in range(3))
+    together = nu_gap(graph, nominal_loop.graph).gap
+    alone = max(nu_gap(axis(graph, k), axis(nominal_loop.graph, k)).gap for k in range(3))
     assert together == pytest.approx(0.419, rel=0.02)
-    assert together > judge.margin.margin
-    assert alone < 0.5 * judge.margin.margin
+    assert together > nominal_loop.margin.margin
+    assert alone < 0.5 * nominal_loop.margin.margin
 
 
 def test_a_nu_gap_of_the_design_model_to_itself_is_nothing() -> None:
-    judge = judge_of("lqr+loop-shaping")
-    verdict = judge.judge(design_inner_loop(judge.design.gain, PERIOD), HANGING)
+    nominal_loop = nominal_loop_of("lqr+loop-shaping")
+    verdict = nominal_loop.judge(design_inner_loop(nominal_loop.design.gain, PERIOD), HANGING)
     assert verdict.gap < 1e-7
     assert verdict.certified
     assert verdict.stable
@@ -118,7 +120,7 @@ def test_a_nu_gap_of_the_design_model_to_itself_is_nothing() -> None:
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_never_wrong_on_random_cranes(controller: str) -> None:
     """Lag, delay, gain of the drives, rope, tilt, speed at random: what is certified is stable."""
-    judge = judge_of(controller)
+    nominal_loop = nominal_loop_of(controller)
     rng = np.random.default_rng(CONTROLLERS.index(controller))
     certified = unstable = 0
     for case in range(20):
@@ -133,7 +135,7 @@ def test_never_wrong_on_random_cranes(controller: str) -> None:
         b = plant.system.b.copy()
         b[:, ARRIVING] *= 10.0 ** (rng.uniform(-0.05, 0.05) if case % 2 else rng.uniform(-0.8, 0.8))
         plant = replace(plant, system=plant.system._replace(b=b), delay=delay)
-        verdict = judge.judge(inner_loop_of(plant, judge.design.gain), point)
+        verdict = nominal_loop.judge(inner_loop_of(plant, nominal_loop.design.gain), point)
         assert verdict.stable or not verdict.certified
         certified += verdict.certified
         unstable += not verdict.stable
@@ -143,11 +145,13 @@ def test_never_wrong_on_random_cranes(controller: str) -> None:
 
 @pytest.mark.parametrize("controller", ["lqr", "pole-placement+loop-shaping"])
 def test_rising_delay_is_refused_in_time(controller: str) -> None:
-    judge = judge_of(controller)
+    nominal_loop = nominal_loop_of(controller)
     plant = linear_plant(scenario_of(), OperatingPoint(0.2), "velocity")
     seen = []
     for delay in (0, 40, 110, 121, 123, 124, 125, 133, 134):
-        verdict = judge.judge(inner_loop_of(replace(plant, delay=delay), judge.design.gain), plant.point)
+        verdict = nominal_loop.judge(
+            inner_loop_of(replace(plant, delay=delay), nominal_loop.design.gain), plant.point
+        )
         assert verdict.stable or not verdict.certified
         seen.append((verdict.certified, verdict.stable))
     assert seen[0] == (True, True)
@@ -156,12 +160,12 @@ def test_rising_delay_is_refused_in_time(controller: str) -> None:
 
 def test_what_the_linear_loop_survives_the_simulated_one_does() -> None:
     """A nonlinear run on MuJoCo a little below and above the largest delay that is found stable."""
-    judge, point = judge_of("lqr"), OperatingPoint(0.7)
+    nominal_loop, point = nominal_loop_of("lqr"), OperatingPoint(0.7)
     plant = linear_plant(scenario_of(), point, "velocity")
 
     def radius(samples: int) -> float:
-        inner = inner_loop_of(replace(plant, delay=samples), judge.design.gain)
-        return closed_loop_radius(inner, judge.cut.robustifier)
+        inner = inner_loop_of(replace(plant, delay=samples), nominal_loop.design.gain)
+        return closed_loop_radius(inner, nominal_loop.cut.robustifier)
 
     limit = last_good(lambda k: radius(k) < 1.0, 100, 200)
     assert limit is not None
@@ -196,14 +200,14 @@ def test_an_effect_makes_a_run_grow_as_fast_as_its_linear_loop(
     controller: str, effect: str, stable: bool
 ) -> None:
     """Rate of growth on MuJoCo after a tiny kick, against the modulus of the linear loop's poles."""
-    judge = judge_of(controller)
+    nominal_loop = nominal_loop_of(controller)
     scenario = scenario_of(
         0.02, 0.0, effect, "duration=6.0", "workspace.on_exit=record",
         'disturbances=[{joint="alpha",magnitude=1e-5,start=0.1,end=0.3},'
         '{joint="beta",magnitude=1e-5,start=0.1,end=0.3}]',
     )  # fmt: skip
     plant = linear_plant(scenario, HANGING, "velocity")
-    verdict = judge.judge(inner_loop_of(plant, judge.design.gain), HANGING)
+    verdict = nominal_loop.judge(inner_loop_of(plant, nominal_loop.design.gain), HANGING)
     assert verdict.stable is stable
     assert verdict.stable or not verdict.certified
     run = simulate_run(scenario, plant="mujoco", drive="velocity", controller=controller)
@@ -220,7 +224,7 @@ def test_rope_body_and_frame_cost_what_they_cost() -> None:
     """At cut v the body's second mode is beyond the margin, at v-bar next to nothing; the rope is neither."""
     effects = {name: scenario_of(0.02, 0.01, f"effects.{name}={{}}") for name in ("rope", "body", "frame")}
     plain = scenario_of(0.02, 0.01)
-    at_v, at_v_bar = judge_of("lqr"), judge_of("lqr+loop-shaping")
+    at_v, at_v_bar = nominal_loop_of("lqr"), nominal_loop_of("lqr+loop-shaping")
     without = gap_of(at_v, plain, HANGING)
     found = {name: gap_of(at_v, scenario, HANGING) for name, scenario in effects.items()}
     assert found["body"] > 2.0 * at_v.margin.margin
@@ -234,17 +238,17 @@ def test_rope_body_and_frame_cost_what_they_cost() -> None:
 
 def test_drive_margins_are_safe_and_not_far_off() -> None:
     """Gains and delays that differ from drive to drive, within the tolerated: all stable. Beyond: not."""
-    judge, scenario = judge_of("lqr+loop-shaping"), scenario_of(0.02, 0.01)
+    nominal_loop, scenario = nominal_loop_of("lqr+loop-shaping"), scenario_of(0.02, 0.01)
     plant = linear_plant(scenario, OperatingPoint(0.5, (0.5, 0.0)), "velocity")
-    inner = inner_loop_of(plant, judge.design.gain)
-    margins = drive_margins(inner, judge.cut.robustifier, PERIOD)
+    inner = inner_loop_of(plant, nominal_loop.design.gain)
+    margins = drive_margins(inner, nominal_loop.cut.robustifier, PERIOD)
 
     def stable(gains: np.ndarray, delay: int) -> bool:
         b = plant.system.b.copy()
         b[:, ARRIVING] *= gains
         changed = replace(plant, system=plant.system._replace(b=b), delay=plant.delay + delay)
-        loop = inner_loop_of(changed, judge.design.gain)
-        return closed_loop_radius(loop, judge.cut.robustifier) < 1.0
+        loop = inner_loop_of(changed, nominal_loop.design.gain)
+        return closed_loop_radius(loop, nominal_loop.cut.robustifier) < 1.0
 
     rng = np.random.default_rng(0)
     for spread, delay in margins.delays[1:3]:
@@ -260,9 +264,9 @@ def test_drive_margins_are_safe_and_not_far_off() -> None:
 
 def test_disk_margin_of_one_drive_is_python_controls() -> None:
     """Hanging, the bridge moves alone: cut there, the loop has one input and one output."""
-    judge = judge_of("lqr")
-    inner = inner_loop_of(linear_plant(scenario_of(), HANGING, "velocity"), judge.design.gain)
-    closed = drive_loop(inner, judge.cut.robustifier)  # T' = -T
+    nominal_loop = nominal_loop_of("lqr")
+    inner = inner_loop_of(linear_plant(scenario_of(), HANGING, "velocity"), nominal_loop.design.gain)
+    closed = drive_loop(inner, nominal_loop.cut.robustifier)  # T' = -T
     omega = np.geomspace(0.1, 100.0, 400)
     t = -closed.response(np.exp(1j * omega * PERIOD))
     assert np.abs(t[:, 0, 1:]).max() < 1e-6 * np.abs(t).max()
@@ -270,15 +274,15 @@ def test_disk_margin_of_one_drive_is_python_controls() -> None:
     loop = control.feedback(bridge, 1.0, sign=1)  # T / (1 - T)
     expected, *_ = control.disk_margins(loop, omega)
     assert 1.0 / np.abs(0.5 - t[:, 0, 0]).max() == pytest.approx(float(expected), rel=1e-3)
-    together = drive_margins(inner, judge.cut.robustifier, PERIOD).disk_margin
+    together = drive_margins(inner, nominal_loop.cut.robustifier, PERIOD).disk_margin
     alone = 1.0 / np.abs(0.5 - np.diagonal(t, 0, 1, 2)).max()
     assert together == pytest.approx(alone / GUARD, rel=1e-3)
 
 
 def test_margins_of_an_unstable_loop_are_none() -> None:
-    judge = judge_of("lqr")
-    inner = inner_loop_of(linear_plant(scenario_of(0.02, 0.2), HANGING, "velocity"), judge.design.gain)
-    margins = drive_margins(inner, judge.cut.robustifier, PERIOD)
+    nominal_loop = nominal_loop_of("lqr")
+    inner = inner_loop_of(linear_plant(scenario_of(0.02, 0.2), HANGING, "velocity"), nominal_loop.design.gain)
+    margins = drive_margins(inner, nominal_loop.cut.robustifier, PERIOD)
     assert margins.disk_margin == 0.0
     assert margins.gain_range == (1.0, 1.0)
     assert all(delay == 0.0 for _, delay in margins.delays)
@@ -292,7 +296,7 @@ def test_the_last_good_number_is_found(last: int) -> None:
 
 def test_limits_certified_lie_below_those_survived() -> None:
     scenario = scenario_of()
-    limits = find_limits(judge_of("pole-placement"), scenario, HANGING, "ideal")
+    limits = find_limits(nominal_loop_of("pole-placement"), scenario, HANGING, "ideal")
     assert limits.delay_certified is not None
     assert limits.delay_stable is not None
     assert 0.02 < limits.delay_certified <= limits.delay_stable < 0.2
@@ -303,9 +307,9 @@ def test_limits_certified_lie_below_those_survived() -> None:
 def test_the_cut_at_v_bar_belongs_to_loop_shaping() -> None:
     scenario = default_scenario()
     with pytest.raises(InputError, match="cut 'v-bar' for lqr"):
-        make_judge(scenario, design_controller("lqr"), "v-bar")
-    assert judge_of("lqr").cut.name == "v"
-    assert judge_of("lqr+loop-shaping").cut.name == "v-bar"
+        make_nominal_loop(scenario, design_controller("lqr"), "v-bar")
+    assert nominal_loop_of("lqr").cut.name == "v"
+    assert nominal_loop_of("lqr+loop-shaping").cut.name == "v-bar"
 
 
 def test_a_delay_that_would_take_minutes_is_refused_at_once(capsys: pytest.CaptureFixture[str]) -> None:
@@ -315,7 +319,7 @@ def test_a_delay_that_would_take_minutes_is_refused_at_once(capsys: pytest.Captu
 
 def test_a_certificate_knows_its_worst_point() -> None:
     points = [OperatingPoint(0.7), OperatingPoint(0.7, (2.0, 2.0)), OperatingPoint(0.2)]
-    found = certify(judge_of("pole-placement+loop-shaping"), scenario_of(), points, drive="velocity")
+    found = certify(nominal_loop_of("pole-placement+loop-shaping"), scenario_of(), points, drive="velocity")
     assert found.worst.point == points[1]
     assert not found.certified
     assert found.points[0].certified

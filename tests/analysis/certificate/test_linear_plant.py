@@ -27,6 +27,7 @@ from cranectl.scenario import Scenario, default_scenario
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
 from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
 from cranectl.simulate import plan_scenario, tracker_of
+from cranectl.simulate.actuation import actuate, make_actuation
 from cranectl.simulate.loops import python_loop
 from cranectl.simulate.runner import inputs_of
 from cranectl.simulate.signal_path import make_signal_path
@@ -71,8 +72,10 @@ def nonlinear_loop(
     anchor, command, held = equilibrium(plant, point, drive, air, G)
     row = np.zeros(BASE_WIDTH + 3 * design.robustifier.sampled_order)
     reference = np.zeros(15)
-    memory = initial_memory(tracker, held.joints, reference)
-    memory[ZETA], memory[2:5] = held.zeta, command
+    memory = initial_memory(tracker, reference)
+    memory[ZETA] = held.zeta
+    actuation = make_actuation(scenario, held.joints)
+    actuation.velocity[:] = command
     control_step(tracker, held.joints, reference, memory.copy(), row)
     first = INPUT_COLUMN if drive == "ideal" else INPUT_COLUMN + 3
     reference[:12] = row[17:29]  # the flat output there
@@ -83,6 +86,7 @@ def nonlinear_loop(
         plant.measure(state)
         states.append(state - held.joints)
         assert control_step(tracker, state, reference, memory, row) == RUNNING
+        actuate(actuation, row[INPUT_COLUMN : INPUT_COLUMN + 6])
         line.append(row[first : first + 3].copy())
         plant.advance(line.pop(0), np.array(point.tilt), air, np.zeros(7))
     return np.array(states)
@@ -328,11 +332,13 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int) -> None:
     plan.reference[:] = 0.0
     plan.reference[:, 2] = -point.rope_length
     tracker, plant = tracker_of(scenario, design), run_plant(scenario, "velocity")
-    inputs = inputs_of(scenario, tracker, plan, "velocity")._replace(stop_outside=False)
+    inputs = inputs_of(scenario, tracker, make_actuation(scenario, held), plan, "velocity")._replace(
+        stop_outside=False
+    )
     path = make_signal_path(scenario, held, drive="velocity", samples=200)
     record = np.zeros((200, BASE_WIDTH + 3 * design.robustifier.sampled_order))
     plant.reset(held + offset)
-    memory = initial_memory(tracker, held, plan.reference[0])
+    memory = initial_memory(tracker, plan.reference[0])
     python_loop(plant)(inputs, path, record, memory, 0, 200)
     x = np.zeros(len(matrix))
     x[:10] = offset
