@@ -194,31 +194,39 @@ def command_group(drive: str) -> SignalGroup:
     )
 
 
+COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded of every run, whatever the law
+
+
 @functools.cache
-def recorded_groups(robustifier_order: int, *, staged: str = "") -> tuple[SignalGroup, ...]:
-    """Everything a run records at every sample, in column order.
+def flat_groups(robustifier_order: int) -> tuple[SignalGroup, ...]:
+    """What the flat tracker records besides: only it knows z'' and above, v and ζ."""
+    return (FLAT_OUTPUT, ERROR, VIRTUAL_INPUT, controller_group(robustifier_order))
+
+
+@functools.cache
+def recorded_groups(law: tuple[SignalGroup, ...], *, staged: str = "") -> tuple[SignalGroup, ...]:
+    """Everything a run records at every sample, in column order: what is common, then what its `law` adds.
 
     `staged`: the drive of a run with a signal path between plant and controller, which is recorded too.
     """
-    controller = controller_group(robustifier_order)
     path = (MEASUREMENT, command_group(staged)) if staged else ()
-    return (STATE, LOAD, FLAT_OUTPUT, ERROR, INPUT, VIRTUAL_INPUT, DISTURBANCE, controller, *path)
+    return (*COMMON, *law, *path)
 
 
-# First column of each recorded group; the compiled loops write blocks at these offsets.
-_STARTS = (0, *accumulate(len(group) for group in recorded_groups(0)))
+# First column of each group; the compiled loops write blocks at these offsets.
+_STARTS = (0, *accumulate(len(group) for group in recorded_groups(flat_groups(0))))
 (
     STATE_COLUMN,
     LOAD_COLUMN,
+    INPUT_COLUMN,
+    DISTURBANCE_COLUMN,
     FLAT_OUTPUT_COLUMN,
     ERROR_COLUMN,
-    INPUT_COLUMN,
     VIRTUAL_INPUT_COLUMN,
-    DISTURBANCE_COLUMN,
     CONTROLLER_COLUMN,
 ) = _STARTS[:-1]
 TENSION_COLUMN = LOAD_COLUMN + LOAD.names.index("rope_tension")
-BASE_WIDTH = _STARTS[-1]  # columns without robustifier states
+BASE_WIDTH = _STARTS[-1]  # columns of the flat tracker without robustifier states
 COMMAND_COLUMN = len(MEASUREMENT)  # in the part of the record that is the signal path's
 PATH_WIDTH = len(MEASUREMENT) + len(command_group(""))
 

@@ -18,7 +18,7 @@ from cranectl.export import FORMATS, chosen_format, export_table, write_table
 from cranectl.log import read_log, write_log
 from cranectl.plants.plant import PLANTS
 from cranectl.scenario import Scenario
-from cranectl.signals import REFERENCE, recorded_groups
+from cranectl.signals import REFERENCE, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
@@ -220,7 +220,7 @@ def test_a_run_without_samples_leaves_the_names(runs: list[Run]) -> None:
 def test_signals_are_chosen_in_the_order_of_the_log(log: Path) -> None:
     patterns = ["--signals", "reference.load_x", "--signals", "*.state.alpha", "--signals", "mujoco.state.*"]
     assert main(["export", str(log), *patterns]) == 0
-    state = [f"mujoco.state.{name}" for name in recorded_groups(0)[0].names]
+    state = [f"mujoco.state.{name}" for name in recorded_groups(flat_groups(0))[0].names]
     assert list(read_csv(Path("pair.csv"))) == ["time", "analytic.state.alpha", *state, "reference.load_x"]
 
 
@@ -252,7 +252,7 @@ def test_every_unit_is_documented() -> None:
     units = {}
     for signal in REFERENCE.signals:
         units[f"reference.{signal.name}"] = signal.unit
-    for group in recorded_groups(2):
+    for group in recorded_groups(flat_groups(2)):
         units |= {f"mujoco.{group.name}.{signal.name}": signal.unit for signal in group.signals}
     rows = re.findall(r"^\| (.*) \| (\S+) \|$", text, re.MULTILINE)
     documented = [(re.findall(r"`(.*?)`", patterns), unit) for patterns, unit in rows]

@@ -21,7 +21,6 @@ from cranectl.plants.dop853 import STAGES, A, B
 from cranectl.reference import Trajectory, build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import (
-    BASE_WIDTH,
     CONTROLLER_COLUMN,
     DISTURBANCE_COLUMN,
     ERROR_COLUMN,
@@ -32,6 +31,7 @@ from cranectl.signals import (
     VIRTUAL_INPUT_COLUMN,
 )
 from cranectl.simulate import Plan, Run, plan_scenario
+from cranectl.simulate.run import record_width
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
@@ -171,7 +171,7 @@ def simulate_continuous(
     rig = AnalyticPlant(scenario.rig, drive="ideal", step=STEP, substeps=1).rig
     grid = _Grid.of(scenario, design, plan, longest_step)
     state = np.concatenate([plan.initial_state, plan.reference[0, [8, 11]], np.zeros(3 * r.order)])
-    record = np.zeros((len(plan.time_ns), BASE_WIDTH + 3 * r.sampled_order))
+    record = np.zeros((len(plan.time_ns), record_width(design)))
     rows, status = _advance_all(loop, rig, state, grid, plan, record)
     return Run(
         scenario=_without_effects(scenario),

@@ -14,7 +14,7 @@ from cranectl.controllers.flat import Tracker
 from cranectl.design import Design, design_controller
 from cranectl.scenario import Scenario
 from cranectl.simulate import PlannedReference, plan_reference, tracker_of
-from cranectl.simulate.runner import record_width
+from cranectl.simulate.run import record_width
 
 Array = NDArray[np.float64]
 

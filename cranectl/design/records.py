@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.signals import SignalGroup, flat_groups
+
 Array = NDArray[np.float64]
 
 
@@ -110,6 +112,11 @@ class Design:
     )
     gamma_achieved: float | None = None  # of this robustifier
     stability_margin: float | None = None  # eps of the normalised coprime factors, loop shaping only
+
+    @property
+    def groups(self) -> tuple[SignalGroup, ...]:
+        """What a run under this law records besides what every run does."""
+        return flat_groups(self.robustifier.sampled_order)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; poles as [real, imaginary]."""

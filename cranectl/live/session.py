@@ -14,12 +14,12 @@ from cranectl.controllers.flat import ROBUSTIFIER, initial_memory
 from cranectl.design import Design
 from cranectl.plants.plant import PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import BASE_WIDTH, PATH_WIDTH
+from cranectl.signals import PATH_WIDTH
 from cranectl.simulate.actuation import make_actuation
 from cranectl.simulate.loop_inputs import LoopInputs
 from cranectl.simulate.loops import AdvanceBlock, compiled_loop
 from cranectl.simulate.plan import plan_scenario
-from cranectl.simulate.run import Run
+from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.runner import inputs_of, make_plant, tracker_of
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
@@ -150,7 +150,7 @@ class Session:
     def _piece(
         self, lane: _Lane, time_ns: NDArray[np.int64], reference: Array, disturbance: Array, wind: Array
     ) -> Run:
-        record = np.zeros((len(time_ns), BASE_WIDTH + 3 * self.design.robustifier.sampled_order))
+        record = np.zeros((len(time_ns), record_width(self.design)))
         path, rows = lane.path, 0
         if path is not None:
             path = path._replace(record=np.zeros((len(time_ns), PATH_WIDTH)))

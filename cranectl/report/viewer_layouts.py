@@ -10,7 +10,7 @@ from typing import Any
 from cranectl.analysis.levels import NAMES as RUNG_NAMES
 from cranectl.log import overlay, topics
 from cranectl.plants.plant import PLANTS
-from cranectl.signals import REFERENCE, Signal, SignalGroup, recorded_groups
+from cranectl.signals import REFERENCE, Signal, SignalGroup, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
 from cranectl.support.errors import unknown_name
 
@@ -18,7 +18,7 @@ Panels = dict[str, Any]  # configurations by panel id
 Layout = str | dict[str, Any]  # a panel id, or two layouts side by side
 
 NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
-GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(0)}
+GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(flat_groups(0))}
 CAMERA = {  # looks at the middle of the rig from outside a corner
     "perspective": True,
     "phi": 68.0,

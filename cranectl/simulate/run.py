@@ -17,7 +17,12 @@ Array = NDArray[np.float64]
 def groups_of(scenario: Scenario, design: Design, drive: Drive) -> tuple[SignalGroup, ...]:
     """What a run records, in column order."""
     staged = drive if scenario.effects.staged else ""
-    return recorded_groups(design.robustifier.sampled_order, staged=staged)
+    return recorded_groups(design.groups, staged=staged)
+
+
+def record_width(design: Design) -> int:
+    """Columns of a run's record without those of its signal path."""
+    return sum(map(len, recorded_groups(design.groups)))
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from cranectl.design import Design, design_controller
 from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import DRIVES, PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
+from cranectl.signals import INPUT_COLUMN
 from cranectl.simulate.actuation import Actuation, make_actuation
 from cranectl.simulate.blocks import PreparedRun
 from cranectl.simulate.loop_inputs import LoopInputs
 from cranectl.simulate.loops import compiled_loop, python_loop
 from cranectl.simulate.plan import Plan, plan_reference, plan_run
-from cranectl.simulate.run import Run
+from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import make_signal_path, whole_record
 from cranectl.status import RunStatus
 from cranectl.support.errors import unknown_name
@@ -96,11 +96,6 @@ def start_run(
         ),
         memory=initial_memory(tracker, plan.reference[0]),
     )
-
-
-def record_width(design: Design) -> int:
-    """Columns of a run's record without those of its signal path."""
-    return BASE_WIDTH + 3 * design.robustifier.sampled_order
 
 
 def tracker_of(scenario: Scenario, design: Design) -> Tracker:

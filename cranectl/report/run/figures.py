@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
-from cranectl.signals import recorded_groups
+from cranectl.signals import flat_groups, recorded_groups
 from cranectl.simulate import Run
 
 Array = NDArray[np.float64]
@@ -235,7 +235,7 @@ def _rig_box(run: Run) -> Array:
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> Panel:
     """A panel of one recorded signal; label and unit come from the table of signals."""
     group_name, _, signal_name = name.partition(".")
-    group = next(group for group in recorded_groups(0) if group.name == group_name)
+    group = next(group for group in recorded_groups(flat_groups(0)) if group.name == group_name)
     signal = next(signal for signal in group.signals if signal.name == signal_name)
     label = f"{signal.symbol} [{unit or signal.unit}]"
     return Panel(label, lambda run: run.signal(name) * scale, **more)

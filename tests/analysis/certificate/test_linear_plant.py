@@ -25,7 +25,7 @@ from cranectl.plants.mujoco.linearisation import change_since, coordinates, put
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario, default_scenario
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
-from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
+from cranectl.signals import BASE_WIDTH, FLAT_OUTPUT_COLUMN, INPUT_COLUMN
 from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import actuate, make_actuation
 from cranectl.simulate.loops import python_loop
@@ -78,7 +78,7 @@ def nonlinear_loop(
     actuation.velocity[:] = command
     control_step(tracker, held.joints, reference, memory.copy(), row)
     first = INPUT_COLUMN if drive == "ideal" else INPUT_COLUMN + 3
-    reference[:12] = row[17:29]  # the flat output there
+    reference[:12] = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 12]
     reference[12:] = held.virtual_input
     line, state, states = [command.copy()] * delay, np.zeros(10), []
     put(plant, anchor, np.append(offset, np.zeros(coordinates(plant) - 10)))
