@@ -28,20 +28,17 @@ def list_campaigns(json_file: str | None) -> None:
     from cranectl.campaign import campaign_names, load_campaign
     from cranectl.cli.output import console, write_json
     from cranectl.cli.screen_table import screen_table
-    from cranectl.report.table import Cell, Table
+    from cranectl.report.table import Table, cells
 
     campaigns = [load_campaign(name) for name in campaign_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
-        tuple(
-            Cell(str(text))
-            for text in (
-                each.settings.name,
-                each.settings.scenario,
-                each.settings.sampling,
-                len(each.parameters),
-                each.runs,
-            )
+        cells(
+            each.settings.name,
+            each.settings.scenario,
+            each.settings.sampling,
+            str(len(each.parameters)),
+            str(each.runs),
         )
         for each in campaigns
     )
@@ -109,18 +106,15 @@ def show_campaign(
 def parameters_table(campaign: "Campaign") -> "Table":
     """One row a parameter."""
     from cranectl.campaign.table import describe
-    from cranectl.report.table import Cell, Table
+    from cranectl.report.table import Table, cells
 
     headings = ("parameter", "unit", "distribution", "nominal", *(f"{100 * q:g} %" for q in QUANTILES))
     rows = tuple(
-        tuple(
-            Cell(text)
-            for text in (
-                parameter.name,
-                describe(campaign, parameter.name).unit,
-                parameter.distribution.model_dump()["distribution"],
-                *(f"{value:.4g}" for value in (parameter.nominal, *_quantiles(parameter))),
-            )
+        cells(
+            parameter.name,
+            describe(campaign, parameter.name).unit,
+            parameter.distribution.model_dump()["distribution"],
+            *(f"{value:.4g}" for value in (parameter.nominal, *_quantiles(parameter))),
         )
         for parameter in campaign.parameters
     )

@@ -64,21 +64,18 @@ def result_json(results: "Results", groups: Sequence["GroupSummary"]) -> dict[st
 
 def summary_table(groups: Sequence["GroupSummary"], title: str) -> "Table":
     """One row a controller."""
-    from cranectl.report.table import Cell, Table
+    from cranectl.report.table import Table, cells
 
     rows = [
-        tuple(
-            Cell(text)
-            for text in (
-                group.controller.replace("+", "\n+"),
-                str(group.runs),
-                str(group.failures),
-                _percent(group.failure_rate),
-                _interval(group.failure_rate_interval),
-                _metres(group.median_max_error_m),
-                _metres(group.q95_max_error_m),
-                "-" if group.worst_sample is None else str(group.worst_sample),
-            )
+        cells(
+            group.controller.replace("+", "\n+"),
+            str(group.runs),
+            str(group.failures),
+            _percent(group.failure_rate),
+            _interval(group.failure_rate_interval),
+            _metres(group.median_max_error_m),
+            _metres(group.q95_max_error_m),
+            "-" if group.worst_sample is None else str(group.worst_sample),
         )
         for group in groups
     ]
