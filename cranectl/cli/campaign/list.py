@@ -27,7 +27,6 @@ def list_campaigns(json_file: str | None) -> None:
     """
     from cranectl.campaign import campaign_names, load_campaign
     from cranectl.cli.output import console, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.report.table import Table, cells
 
     campaigns = [load_campaign(name) for name in campaign_names()]
@@ -43,7 +42,7 @@ def list_campaigns(json_file: str | None) -> None:
         for each in campaigns
     )
     screen = console(json_file)
-    screen.print(screen_table(Table("Campaigns", headings, rows, labels=3)))
+    screen.print(Table("Campaigns", headings, rows, labels=3))
     for each in campaigns:
         screen.print(f"{each.settings.name}: {each.settings.title}")
     write_json(json_file, {"campaigns": [_facts(each) for each in campaigns]})
@@ -74,7 +73,6 @@ def show_campaign(
     cranectl campaign show mine.toml --runs 10000 --no-estimate
     """
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.cli.screen_table import screen_table
 
     loaded = chosen_campaign(
         campaign,
@@ -86,7 +84,7 @@ def show_campaign(
         overrides=overrides,
     )
     screen = console(json_file)
-    screen.print(screen_table(parameters_table(loaded)))
+    screen.print(parameters_table(loaded))
     for line in _lines(loaded):
         screen.print(line)
     facts = _facts(loaded)

@@ -28,7 +28,6 @@ def show_result(results: "Results", json_file: str | None, more: dict[str, Any] 
     """Print the summary of a result and write it as JSON, with what is `more`, where asked for."""
     from cranectl.campaign.software import software_notes
     from cranectl.campaign.summary import summarize
-    from cranectl.cli.screen_table import screen_table
 
     groups = summarize(results)
     settings = results.campaign.settings
@@ -36,7 +35,7 @@ def show_result(results: "Results", json_file: str | None, more: dict[str, Any] 
     for plant in settings.plants:
         of_plant = [group for group in groups if group.plant == plant]
         title = f"{settings.name} on {plant}, {settings.drive} drives"
-        screen.print(screen_table(summary_table(of_plant, title)))
+        screen.print(summary_table(of_plant, title))
         for note in failure_notes(of_plant):
             screen.print(f"  {note}")
     for note in software_notes(results):

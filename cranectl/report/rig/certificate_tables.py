@@ -12,16 +12,14 @@ from cranectl.report.table import Cell, Table, cells
 
 def map_table(found: Certificate) -> Table:
     """The gap at every point: one row a rope length, one column a tilt and hoisting speed."""
-    title = (
-        f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}\n"
-        "columns: tilting disturbance [rad/s²], hoisting speed [m/s]"
-    )
+    title = f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}"
+    note = "Columns: tilting disturbance [rad/s²], hoisting speed [m/s]."
     columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in found.points))
     headings = tuple(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}" for (d_alpha, d_beta), speed in columns)
     at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in found.points}
     lengths = dict.fromkeys(verdict.point.rope_length for verdict in found.points)
     rows = (cells(f"{length:g}", *(_cell(at[length, *column]) for column in columns)) for length in lengths)
-    return Table(title, ("rope\n[m]", *headings), tuple(rows))
+    return Table(title, ("rope\n[m]", *headings), tuple(rows), note=note)
 
 
 def _cell(verdict: PointVerdict) -> Cell:
