@@ -49,7 +49,6 @@ def advise_command(
     """
     from cranectl.analysis.advice import IMPROVEMENTS, advise
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.design import CONTROLLERS, checked_controller
     from cranectl.report.rig.advice_tables import controllers_table, improvements_table, recommendation
     from cranectl.scenario import load_scenario
@@ -60,9 +59,9 @@ def advise_command(
         describe(loaded.name)
         found = advise(loaded, chosen, progress=advance)
     screen = console(json_file)
-    screen.print(screen_table(controllers_table(found)))
+    screen.print(controllers_table(found))
     if found.best is not None:
-        screen.print(screen_table(improvements_table(found)))
+        screen.print(improvements_table(found))
     for line in recommendation(found):
         screen.print(line)
     if report is not None and found.best is not None:

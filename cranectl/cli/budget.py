@@ -52,7 +52,6 @@ def budget_command(
     """
     from cranectl.analysis.budget.error_budget import error_budget, simulated_seconds
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.report.rig.budget_table import budget_table
     from cranectl.scenario import load_scenario
     from cranectl.support.errors import InputError
@@ -68,6 +67,6 @@ def budget_command(
         describe(f"{loaded.name}, budget")
         budget = error_budget(loaded, controller or controller_name, top=top, progress=advance)
     screen = console(json_file)
-    screen.print(screen_table(budget_table(budget)))
+    screen.print(budget_table(budget))
     write_json(json_file, budget.to_json())
     return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED

@@ -90,7 +90,6 @@ def certify_command(
     from cranectl.analysis.certificate.structured import drive_margins
     from cranectl.cli import exit_codes
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.design import design_controller
     from cranectl.report.rig.certificate_tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import default_scenario, load_scenario
@@ -124,12 +123,12 @@ def certify_command(
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(nominal_loop, loaded, point, checked) for point in ends]
     screen = console(json_file)
-    screen.print(screen_table(map_table(found)))
+    screen.print(map_table(found))
     for line in summary_lines(found):
         screen.print(line)
-    screen.print(screen_table(drive_table(margins, found.worst)))
+    screen.print(drive_table(margins, found.worst))
     if limit_list:
-        screen.print(screen_table(limit_table(limit_list)))
+        screen.print(limit_table(limit_list))
     taken, left = taken_in(loaded.effects), left_out(loaded.effects)
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:

@@ -115,10 +115,9 @@ def _compare(
 def _print(screen: "Screen", comparison: "Comparison") -> None:
     """Every signal, then the largest distances."""
     from cranectl.cli.screen import styled
-    from cranectl.cli.screen_table import screen_table
     from cranectl.report.run.tables import comparison_table
 
-    screen.print(screen_table(comparison_table(f"{comparison.b} minus {comparison.a}", comparison)))
+    screen.print(comparison_table(f"{comparison.b} minus {comparison.a}", comparison))
     screen.print(
         f"loads at most {comparison.max_load_error_m:.3e} m apart, "
         f"at {comparison.max_load_error_at_s:g} s; "
@@ -132,7 +131,6 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
     """The two plants of one log, judged as by the run that wrote it."""
     from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.compare import compare_runs, ended_as_expected, judge
     from cranectl.report.run.agreement import agreement_table, limit_notes
 
@@ -143,7 +141,7 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
     good = agreement.passed is not False and not unexpected
     screen = console(json_file)
     _print(screen, comparison)
-    screen.print(screen_table(agreement_table([agreement], [good])))
+    screen.print(agreement_table([agreement], [good]))
     for note in limit_notes([agreement]):
         screen.print(f"  {note}")
     for run in unexpected:
@@ -163,7 +161,6 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:
     from cranectl.cli.output import FAILED, PASSED, console, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.compare import differing_fields
     from cranectl.compare.golden import judge_regression, load_tolerances
     from cranectl.log import read_log
@@ -180,7 +177,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
     passed = all(verdict.passed for verdict in verdicts)
     screen = console(json_file)
     for verdict in verdicts:
-        screen.print(screen_table(regression_table(verdict)))
+        screen.print(regression_table(verdict))
     for plant in sorted(new.keys() ^ golden.keys()):
         only = new_log if plant in new else golden_log
         screen.print(f"not compared: {plant}, only in {only}")

@@ -41,7 +41,6 @@ def design_command(
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     """
     from cranectl.cli.output import console, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.design import design_controller
     from cranectl.report.design_tables import design_tables
     from cranectl.scenario import default_scenario, load_scenario
@@ -59,7 +58,7 @@ def design_command(
         plot_design(design, plot)
     screen = console(json_file)
     for table in design_tables(design):
-        screen.print(screen_table(table))
+        screen.print(table)
     if plot is not None:
         screen.print(f"picture: {plot}")
     write_json(json_file, design.to_json())

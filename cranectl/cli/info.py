@@ -29,7 +29,6 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     """
     from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.compare import judge
     from cranectl.log import describe_log, read_log
     from cranectl.report.run.tables import topic_table
@@ -44,7 +43,7 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     screen = console(json_file)
     for line in _lines(description, pair, agreement, software):
         screen.print(line)
-    screen.print(screen_table(topic_table(description)))
+    screen.print(topic_table(description))
     write_json(
         json_file,
         {

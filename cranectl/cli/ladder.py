@@ -61,7 +61,6 @@ def ladder_command(
     from cranectl.analysis.ladder import climb, simulated_seconds
     from cranectl.cases import LOG_DIRECTORY
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.log import check_writable
     from cranectl.log.overlay import write_overlay
     from cranectl.report.rig.ladder_table import ladder_table
@@ -78,7 +77,7 @@ def ladder_command(
             steps.append(step)
     write_overlay(log, {step.rung.name: step.run for step in steps}, every=EVERY)
     screen = console(json_file)
-    screen.print(screen_table(ladder_table(steps)))
+    screen.print(ladder_table(steps))
     screen.print(f"log: {log}")
     screen.print("view: cranectl layout ladder view.json")
     if report is not None:

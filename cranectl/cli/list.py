@@ -18,7 +18,6 @@ def list_command(json_file: str | None) -> None:
     cranectl list --json -
     """
     from cranectl.cli.output import console, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.design import CONTROLLERS
     from cranectl.plants.plant import DRIVES, PLANTS
     from cranectl.report.scenario_table import scenario_table
@@ -26,7 +25,7 @@ def list_command(json_file: str | None) -> None:
 
     scenarios = [load_scenario(name) for name in scenario_names()]
     out = console(json_file)
-    out.print(screen_table(scenario_table(scenarios)))
+    out.print(scenario_table(scenarios))
     registries: dict[str, tuple[str, ...]] = {
         "controllers": CONTROLLERS,
         "plants": PLANTS,

@@ -49,7 +49,6 @@ def run_command(
     from cranectl.cases import make_case, run_case
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.plants.plant import PLANTS
     from cranectl.report.run.agreement import agreement_table, limit_notes, run_notes
     from cranectl.report.run.tables import metrics_table, run_table
@@ -73,12 +72,12 @@ def run_command(
         describe(f"{case.scenario.name}, {case.controller}")
         result = run_case(case, progress=advance)
     screen = console(json_file)
-    screen.print(screen_table(run_table({case.log.stem: result.runs})))
+    screen.print(run_table({case.log.stem: result.runs}))
     for note in run_notes([result]):
         screen.print(f"  {note}")
-    screen.print(screen_table(metrics_table({run.plant: run.metrics for run in result.runs})))
+    screen.print(metrics_table({run.plant: run.metrics for run in result.runs}))
     if result.agreement is not None:
-        screen.print(screen_table(agreement_table([result.agreement], [result.passed])))
+        screen.print(agreement_table([result.agreement], [result.passed]))
         for note in limit_notes([result.agreement]):
             screen.print(f"  {note}")
     screen.print(f"log: {case.log}")

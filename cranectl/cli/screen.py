@@ -6,15 +6,19 @@ from copy import copy
 from dataclasses import replace
 from typing import Any
 
+from rich import box
 from rich.console import Console
 from rich.measure import Measurement
 from rich.progress import Progress, ProgressColumn
-from rich.table import Column, Table
+from rich.table import Column
+from rich.table import Table as ScreenTable
 from rich.text import Text
 
+from cranectl.report.table import Cell, Table
 from cranectl.support.text import printable
 
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
+COLOURS = {"good": "green", "open": "yellow", "bad": "bold red", "head": "bold"}
 
 
 class Screen(Console):
@@ -32,14 +36,14 @@ class Screen(Console):
         """A line of strings and styled texts, never wrapped, or a table, in parts where it is too wide."""
         if len(objects) == 1 and isinstance(objects[0], Table):
             width = self.width
-            for part in self._parts(objects[0]):
+            for part in self._parts(screen_table(objects[0])):
                 self.width = max(width, self._needed(part))
                 super().print(part, crop=False)
                 self.width = width
         else:
             super().print(*objects, **{"soft_wrap": True, **options})
 
-    def _parts(self, table: Table) -> Iterator[Table]:
+    def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:
         """`table`, dense if need be, or tables of its first column and as many others as fit."""
         if self._needed(table) > self.width:
             table = copy(table)
@@ -63,7 +67,7 @@ class Screen(Console):
             yield part
             first = after
 
-    def _needed(self, table: Table) -> int:
+    def _needed(self, table: ScreenTable) -> int:
         """What `table` needs at least, its foldable columns folded."""
         options = self.options.update(max_width=10_000)
         needed = Measurement.get(self, options, table).maximum
@@ -90,8 +94,42 @@ def styled(text: str, style: str) -> Text:
 
 
 def heading(text: str) -> Text:
-    """A heading or title of our own, on several lines."""
+    """A heading or note of our own, on several lines."""
     return Text("\n".join(map(printable, text.split("\n"))))
+
+
+def screen_table(table: Table) -> ScreenTable:
+    """The table with its note below; what neighbouring headings begin with is said once.
+
+    Where there is little room its texts are folded, but never the first column, nor numbers.
+    """
+    shown = ScreenTable(
+        title=styled(table.title, ""),
+        title_justify="left",
+        caption=heading(table.note) if table.note else None,
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_header=any(table.headings),
+    )
+    before = ""
+    for k, text in enumerate(table.headings):
+        first, *rest = text.split("\n")
+        lines = ["" if rest and first == before else first, *rest]
+        shown.add_column(
+            heading("\n".join(lines)),
+            justify="left" if k < table.labels else "right",
+            no_wrap=not 0 < k < table.labels,
+            overflow="fold",
+        )
+        before = first
+    for row in table.rows:
+        shown.add_row(*(_coloured(cell) for cell in row))
+    return shown
+
+
+def _coloured(cell: Cell) -> Text:
+    return styled(cell.text, COLOURS.get(cell.mark, ""))
 
 
 @contextmanager

@@ -68,12 +68,11 @@ def _reproduce(watch: "Callable[[str, Run], None] | None" = None) -> "Reproducti
 
 def _print(found: "Reproduction", json_file: str | None, report: Path | None) -> None:
     from cranectl.cli.output import FAILED, PASSED, console, write_json
-    from cranectl.cli.screen_table import screen_table
     from cranectl.thesis.tables import norms_table, printed_tables
 
     screen = console(json_file)
     for table in (norms_table(found), *printed_tables(found).values()):
-        screen.print(screen_table(table))
+        screen.print(table)
     for line in found.notes():
         screen.print(line)
     verdict = f"{PASSED}: every printed number is within its tolerance, ? marks tolerances without a reason"

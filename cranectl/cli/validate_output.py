@@ -11,7 +11,6 @@ from cranectl.cases.workers import Outcome
 from cranectl.cli import exit_codes
 from cranectl.cli.output import FAILED, PASSED, console, write_json
 from cranectl.cli.screen import styled
-from cranectl.cli.screen_table import screen_table
 from cranectl.report.run.agreement import agreement_table, limit_notes, run_notes
 
 SHOWN = 10  # failures told on the screen
@@ -62,7 +61,7 @@ def report_validation(
         pairs_found = [(each.agreement, each.passed) for each in finished if each.agreement is not None]
         agreements = [agreement for agreement, _ in pairs_found]
         unjudged = sum(agreement.passed is None for agreement in agreements)
-        screen.print(screen_table(agreement_table(agreements, [good for _, good in pairs_found])))
+        screen.print(agreement_table(agreements, [good for _, good in pairs_found]))
         why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
         for note in (*limit_notes(agreements), *run_notes(finished)):
             screen.print(f"  {note}")

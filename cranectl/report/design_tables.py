@@ -1,13 +1,12 @@
 """What a design achieves, for the terminal."""
 
 import math
-from collections.abc import Iterable
 from itertools import zip_longest
 
 import numpy as np
 
 from cranectl.design import Design
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Table, cells
 
 
 def design_tables(design: Design) -> tuple[Table, Table]:
@@ -31,13 +30,9 @@ def design_tables(design: Design) -> tuple[Table, Table]:
     )
     poles = zip_longest(closed_loop, robustifier, fillvalue="")
     return (
-        Table(f"{design.name}, one axis", ("", "", ""), _cells(figures), labels=3),
-        Table("Poles [1/s]", ("closed loop", "robustifier"), _cells(poles), labels=2),
+        Table(f"{design.name}, one axis", ("", "", ""), tuple(cells(*row) for row in figures), labels=3),
+        Table("Poles [1/s]", ("closed loop", "robustifier"), tuple(cells(*row) for row in poles), labels=2),
     )
-
-
-def _cells(rows: Iterable[Iterable[str]]) -> tuple[tuple[Cell, ...], ...]:
-    return tuple(tuple(map(Cell, row)) for row in rows)
 
 
 def _gamma_rows(design: Design) -> list[tuple[str, str, str]]:

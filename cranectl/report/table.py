@@ -11,6 +11,11 @@ class Cell:
     mark: str = ""
 
 
+def cells(*values: Cell | str) -> tuple[Cell, ...]:
+    """A row, or a part of one; a text is a cell without a mark."""
+    return tuple(Cell(value) if isinstance(value, str) else value for value in values)
+
+
 VERDICTS = {True: Cell("passed", "good"), False: Cell("FAILED", "bad"), None: Cell("not judged", "open")}
 
 

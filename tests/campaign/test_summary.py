@@ -19,7 +19,7 @@ from cranectl.campaign.summary import (
 )
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.cli.campaign.output import failure_notes, summary_table
-from cranectl.cli.screen_table import screen_table
+from cranectl.cli.screen import screen_table
 from cranectl.design import CONTROLLERS
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign

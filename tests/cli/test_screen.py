@@ -4,11 +4,9 @@ import io
 import re
 
 import pytest
-from rich.table import Table
 from rich.text import Text
 
 from cranectl.cli.screen import Screen, heading, styled
-from cranectl.cli.screen_table import screen_table
 from cranectl.report import table as report
 from cranectl.support.text import LONGEST, printable
 
@@ -26,27 +24,20 @@ def shown(on: Screen) -> str:
     return on.file.getvalue()
 
 
-@pytest.mark.parametrize(
-    "place", ["line", "style", "cell", "title", "report cell", "report heading", "report title"]
-)
+@pytest.mark.parametrize("place", ["line", "style", "cell", "heading", "title"])
 def test_text_from_outside_is_one_line_of_characters(place: str) -> None:
     on = screen(200)
-    table = Table(title=MALICE if place == "title" else "t")
-    table.add_column("c", no_wrap=True)
-    table.add_row(MALICE if place == "cell" else "x")
     said = report.Table("t", ("h", "i"), ((report.Cell(MALICE, "bad"), report.Cell("1")),))
     if place == "line":
         on.print(MALICE)
     elif place == "style":
         on.print("before", styled(MALICE, "bold"))
-    elif place in ("cell", "title"):
-        on.print(table)
-    elif place == "report cell":
-        on.print(screen_table(said))
-    elif place == "report heading":
-        on.print(screen_table(report.Table("t", (MALICE.replace("\n", " "), "i"), said.rows)))
+    elif place == "cell":
+        on.print(said)
+    elif place == "heading":
+        on.print(report.Table("t", (MALICE.replace("\n", " "), "i"), said.rows))
     else:
-        on.print(screen_table(report.Table(MALICE.replace("\n", " "), ("h", "i"), said.rows)))
+        on.print(report.Table(MALICE, ("h", "i"), said.rows))
     text = shown(on)
     together = "".join(line.strip() for line in text.split("\n"))  # a title is folded to its table
     for part in ("e[red].mcap[/]", ":smile:", r"\x1b[2J\x07", r"\udcff"):
@@ -67,13 +58,9 @@ NUMBERS = [f"{k}.67e-0{k}" for k in range(9)]
 
 @pytest.mark.parametrize("width", [200, 80, 40, 12])
 def test_no_number_is_cut(width: int) -> None:
-    table = Table()
-    table.add_column("what is measured", no_wrap=True)
-    for k in range(9):
-        table.add_column(heading(f"heading {k}\n[mm]"), justify="right", no_wrap=True)
-    table.add_row("friction of the axes", *NUMBERS)
+    headings = ("what is measured", *(f"heading {k}\n[mm]" for k in range(9)))
     on = screen(width)
-    on.print(table)
+    on.print(report.Table("", headings, (report.cells("friction of the axes", *NUMBERS),)))
     text = shown(on)
     assert all(number in text for number in NUMBERS)
     assert "…" not in text
@@ -86,14 +73,14 @@ def test_parts_keep_title_note_and_groups() -> None:
     cells = tuple(report.Cell(text) for text in ("servos", "1.0", "2.0", "3.0", "4.0"))
     table = report.Table("what each rung adds", headings, (cells,), note="a note")
     on = screen(23)
-    on.print(screen_table(table))
+    on.print(table)
     text = shown(on)
     assert text.count("what each rung") == text.count("a note") == 1
     assert text.index("what each rung") < text.index("servos") < text.rindex("servos") < text.index("a note")
     assert text.count("servos") == 3
     assert text.count("error [mm]") == 2, "RMS and max; final; sway"
     wide = screen(200)
-    wide.print(screen_table(table))
+    wide.print(table)
     assert shown(wide).count("error [mm]") == 1
 
 
@@ -112,7 +99,7 @@ def test_columns_move_together_before_a_table_goes_in_parts() -> None:
     table = report.Table("t", ("", *"abcdefgh"), (cells,))
     wide, narrow = screen(200), screen(80)
     for on in (wide, narrow):
-        on.print(screen_table(table))
+        on.print(table)
         assert shown(on).count("row") == 1
     widths = [len(max(shown(on).splitlines(), key=len)) for on in (wide, narrow)]
     assert widths[0] > 80 >= widths[1]

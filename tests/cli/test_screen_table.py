@@ -4,8 +4,7 @@ import io
 
 from rich.console import Console
 
-from cranectl.cli.screen import Screen
-from cranectl.cli.screen_table import screen_table
+from cranectl.cli.screen import Screen, screen_table
 from cranectl.report.table import Cell, Table
 
 TABLE = Table(
@@ -55,7 +54,7 @@ def test_texts_fold_where_there_is_no_room_but_never_the_first_column() -> None:
     )
     on = Screen(stderr=False)
     on.file, on.width = io.StringIO(), 40
-    on.print(screen_table(table))
+    on.print(table)
     shown = on.file.getvalue()
     assert "settled-trajectory" in shown
     assert "1.5" in shown

@@ -11,8 +11,7 @@ from cranectl.analysis.budget.error_budget import Budget, Entry
 from cranectl.analysis.deviation import Size
 from cranectl.analysis.ladder import Step, climb
 from cranectl.analysis.levels import NAMES
-from cranectl.cli.screen import FILE_WIDTH
-from cranectl.cli.screen_table import screen_table
+from cranectl.cli.screen import FILE_WIDTH, screen_table
 from cranectl.report.rig.advice_tables import controllers_table, improvements_table, recommendation
 from cranectl.report.rig.budget_table import budget_table
 from cranectl.report.rig.ladder_table import ladder_table

@@ -27,26 +27,22 @@ def list_campaigns(json_file: str | None) -> None:
     """
     from cranectl.campaign import campaign_names, load_campaign
     from cranectl.cli.output import console, write_json
-    from cranectl.cli.screen_table import screen_table
-    from cranectl.report.table import Cell, Table
+    from cranectl.report.table import Table, cells
 
     campaigns = [load_campaign(name) for name in campaign_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
-        tuple(
-            Cell(str(text))
-            for text in (
-                each.settings.name,
-                each.settings.scenario,
-                each.settings.sampling,
-                len(each.parameters),
-                each.runs,
-            )
+        cells(
+            each.settings.name,
+            each.settings.scenario,
+            each.settings.sampling,
+            str(len(each.parameters)),
+            str(each.runs),
         )
         for each in campaigns
     )
     screen = console(json_file)
-    screen.print(screen_table(Table("Campaigns", headings, rows, labels=3)))
+    screen.print(Table("Campaigns", headings, rows, labels=3))
     for each in campaigns:
         screen.print(f"{each.settings.name}: {each.settings.title}")
     write_json(json_file, {"campaigns": [_facts(each) for each in campaigns]})
@@ -77,7 +73,6 @@ def show_campaign(
     cranectl campaign show mine.toml --runs 10000 --no-estimate
     """
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.cli.screen_table import screen_table
 
     loaded = chosen_campaign(
         campaign,
@@ -89,7 +84,7 @@ def show_campaign(
         overrides=overrides,
     )
     screen = console(json_file)
-    screen.print(screen_table(parameters_table(loaded)))
+    screen.print(parameters_table(loaded))
     for line in _lines(loaded):
         screen.print(line)
     facts = _facts(loaded)
@@ -109,18 +104,15 @@ def show_campaign(
 def parameters_table(campaign: "Campaign") -> "Table":
     """One row a parameter."""
     from cranectl.campaign.table import describe
-    from cranectl.report.table import Cell, Table
+    from cranectl.report.table import Table, cells
 
     headings = ("parameter", "unit", "distribution", "nominal", *(f"{100 * q:g} %" for q in QUANTILES))
     rows = tuple(
-        tuple(
-            Cell(text)
-            for text in (
-                parameter.name,
-                describe(campaign, parameter.name).unit,
-                parameter.distribution.model_dump()["distribution"],
-                *(f"{value:.4g}" for value in (parameter.nominal, *_quantiles(parameter))),
-            )
+        cells(
+            parameter.name,
+            describe(campaign, parameter.name).unit,
+            parameter.distribution.model_dump()["distribution"],
+            *(f"{value:.4g}" for value in (parameter.nominal, *_quantiles(parameter))),
         )
         for parameter in campaign.parameters
     )

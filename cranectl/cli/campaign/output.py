@@ -28,7 +28,6 @@ def show_result(results: "Results", json_file: str | None, more: dict[str, Any] 
     """Print the summary of a result and write it as JSON, with what is `more`, where asked for."""
     from cranectl.campaign.software import software_notes
     from cranectl.campaign.summary import summarize
-    from cranectl.cli.screen_table import screen_table
 
     groups = summarize(results)
     settings = results.campaign.settings
@@ -36,7 +35,7 @@ def show_result(results: "Results", json_file: str | None, more: dict[str, Any] 
     for plant in settings.plants:
         of_plant = [group for group in groups if group.plant == plant]
         title = f"{settings.name} on {plant}, {settings.drive} drives"
-        screen.print(screen_table(summary_table(of_plant, title)))
+        screen.print(summary_table(of_plant, title))
         for note in failure_notes(of_plant):
             screen.print(f"  {note}")
     for note in software_notes(results):
@@ -64,21 +63,18 @@ def result_json(results: "Results", groups: Sequence["GroupSummary"]) -> dict[st
 
 def summary_table(groups: Sequence["GroupSummary"], title: str) -> "Table":
     """One row a controller."""
-    from cranectl.report.table import Cell, Table
+    from cranectl.report.table import Table, cells
 
     rows = [
-        tuple(
-            Cell(text)
-            for text in (
-                group.controller.replace("+", "\n+"),
-                str(group.runs),
-                str(group.failures),
-                _percent(group.failure_rate),
-                _interval(group.failure_rate_interval),
-                _metres(group.median_max_error_m),
-                _metres(group.q95_max_error_m),
-                "-" if group.worst_sample is None else str(group.worst_sample),
-            )
+        cells(
+            group.controller.replace("+", "\n+"),
+            str(group.runs),
+            str(group.failures),
+            _percent(group.failure_rate),
+            _interval(group.failure_rate_interval),
+            _metres(group.median_max_error_m),
+            _metres(group.q95_max_error_m),
+            "-" if group.worst_sample is None else str(group.worst_sample),
         )
         for group in groups
     ]

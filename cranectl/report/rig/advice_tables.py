@@ -1,10 +1,10 @@
 """The tables and words of an advice, for the terminal and for the page of the rig."""
 
 from cranectl.analysis.advice import Advice, Assessment
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Cell, Table, cells
 
 MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
-MISSING = Cell("–")
+MISSING = "–"
 
 
 def controllers_table(advice: Advice) -> Table:
@@ -12,10 +12,10 @@ def controllers_table(advice: Advice) -> Table:
     headings = ("controller", "grade", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
                 "cost RMS\n[mm]", "cost max\n[mm]")  # fmt: skip
     rows = tuple(
-        (
-            Cell(row.controller),
+        cells(
+            row.controller,
             Cell(row.grade if row.survived else row.status.label, MARKS[row.grade]),
-            Cell(f"{row.least_margin:+.3f}"),
+            f"{row.least_margin:+.3f}",
             *_errors_and_costs(row),
         )
         for row in advice.assessments
@@ -25,11 +25,11 @@ def controllers_table(advice: Advice) -> Table:
     return Table(title, headings, rows, labels=2, note=note)
 
 
-def _errors_and_costs(row: Assessment) -> tuple[Cell, ...]:
+def _errors_and_costs(row: Assessment) -> list[str]:
     if row.metrics is None or row.cost is None:
-        return (MISSING,) * 4
+        return [MISSING] * 4
     values = (row.metrics.rms_error_m, row.metrics.max_error_m, row.cost.rms, row.cost.max)
-    return tuple(_millimetres(value) for value in values)
+    return [_millimetres(value) for value in values]
 
 
 def improvements_table(advice: Advice) -> Table:
@@ -40,12 +40,12 @@ def improvements_table(advice: Advice) -> Table:
     for row in advice.improvements:
         after = row.assessment
         rows.append(
-            (
-                Cell(row.name),
-                Cell(row.change),
+            cells(
+                row.name,
+                row.change,
                 _millimetres(after.cost.rms) if after.cost else MISSING,
-                Cell(f"{100 * row.gain:+.0f} %") if after.survived else MISSING,
-                Cell(f"{after.least_margin:+.3f}"),
+                f"{100 * row.gain:+.0f} %" if after.survived else MISSING,
+                f"{after.least_margin:+.3f}",
                 Cell(after.grade, MARKS[after.grade]),
             )
         )
@@ -70,5 +70,5 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
     return tuple(words)
 
 
-def _millimetres(metres: float) -> Cell:
-    return Cell(f"{1e3 * metres:.3g}")
+def _millimetres(metres: float) -> str:
+    return f"{1e3 * metres:.3g}"

@@ -4,7 +4,7 @@ import math
 
 from cranectl.analysis.budget.error_budget import Budget, Entry
 from cranectl.analysis.deviation import Size
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Cell, Table, cells
 
 HEADINGS = (
     "rung", "estimate\nRMS", "estimate\nmax", "estimate\nfinal", "measured\nRMS", "measured\nmax",
@@ -16,14 +16,14 @@ def budget_table(budget: Budget) -> Table:
     """One row a rung; then the sum and what no estimate explains of it. The note says what is odd."""
     rows = [_row(entry) for entry in budget.entries]
     for name, size in (("all", budget.total), ("unexplained", budget.rest)):
-        rows.append((Cell(name), *(Cell(""),) * 3, *_sizes(size), *(Cell(""),) * 3))
+        rows.append(cells(name, *[""] * 3, *_sizes(size), *[""] * 3))
     title = f"Error budget of {budget.scenario}, {budget.controller}: deviations of the load [mm]"
     return Table(title, HEADINGS, tuple(rows), note="\n".join(_remarks(budget)))
 
 
 def _row(entry: Entry) -> tuple[Cell, ...]:
-    return (
-        Cell(entry.rung),
+    return cells(
+        entry.rung,
         *(_rough(cell) if entry.rough else cell for cell in _sizes(entry.estimate)),
         *_sizes(entry.measured),
         _ratio(entry.ratio),
@@ -45,7 +45,7 @@ def _remarks(budget: Budget) -> list[str]:
 
 
 def _sizes(size: Size) -> tuple[Cell, ...]:
-    return tuple(Cell(_millimetres(value)) for value in (size.rms, size.max, size.final))
+    return cells(*map(_millimetres, (size.rms, size.max, size.final)))
 
 
 def _millimetres(metres: float) -> str:
@@ -57,5 +57,5 @@ def _rough(cell: Cell) -> Cell:
     return Cell(f"~{cell.text}", "open")
 
 
-def _ratio(value: float) -> Cell:
-    return Cell(f"{value:.2f}" if math.isfinite(value) else "–")
+def _ratio(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "–"

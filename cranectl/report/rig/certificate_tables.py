@@ -7,21 +7,19 @@ from cranectl.analysis.advice import Assessment
 from cranectl.analysis.certificate.certify import Certificate, PointVerdict
 from cranectl.analysis.certificate.conservatism import Limits
 from cranectl.analysis.certificate.structured import DriveMargins
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Cell, Table, cells
 
 
 def map_table(found: Certificate) -> Table:
     """The gap at every point: one row a rope length, one column a tilt and hoisting speed."""
-    title = (
-        f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}\n"
-        "columns: tilting disturbance [rad/s²], hoisting speed [m/s]"
-    )
+    title = f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}"
+    note = "Columns: tilting disturbance [rad/s²], hoisting speed [m/s]."
     columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in found.points))
     headings = tuple(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}" for (d_alpha, d_beta), speed in columns)
     at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in found.points}
     lengths = dict.fromkeys(verdict.point.rope_length for verdict in found.points)
-    rows = ((Cell(f"{length:g}"), *(_cell(at[length, *column]) for column in columns)) for length in lengths)
-    return Table(title, ("rope\n[m]", *headings), tuple(rows))
+    rows = (cells(f"{length:g}", *(_cell(at[length, *column]) for column in columns)) for length in lengths)
+    return Table(title, ("rope\n[m]", *headings), tuple(rows), note=note)
 
 
 def _cell(verdict: PointVerdict) -> Cell:
@@ -63,8 +61,7 @@ def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
         tolerated = f"{1e3 * delay:.1f} ms" if delay > 0.0 else "not known"
         rows.append((f"gains ± {100 * spread:.0f} % and further delay up to", tolerated))
     title = f"The three drives at once, each on its own: {worst.point}"
-    cells = tuple((Cell(what), Cell(tolerated)) for what, tolerated in rows)
-    return Table(title, ("what changes", "tolerated"), cells)
+    return Table(title, ("what changes", "tolerated"), tuple(cells(*row) for row in rows))
 
 
 def limit_table(limits: Sequence[Limits]) -> Table:
@@ -74,8 +71,8 @@ def limit_table(limits: Sequence[Limits]) -> Table:
     rows = []
     for limit in limits:
         values = (limit.delay_certified, limit.delay_stable, limit.lag_certified, limit.lag_stable)
-        cells = (Cell("-" if value is None else f"{1e3 * value:.0f}") for value in values)
-        rows.append((Cell(f"{limit.point.rope_length:g}"), *cells))
+        texts = ("-" if value is None else f"{1e3 * value:.0f}" for value in values)
+        rows.append(cells(f"{limit.point.rope_length:g}", *texts))
     return Table(title, (*headings, "lag certified\n[ms]", "survived\n[ms]"), tuple(rows))
 
 
@@ -85,12 +82,19 @@ def certificates_table(assessments: Sequence[Assessment]) -> Table:
     for row in assessments:
         found = row.certificate
         grades = [point.grade for point in found.points]
-        texts = (row.controller, found.cut.name, str(found.worst.point), f"{found.margin:.3f}")
-        counts = (grades.count("gap"), grades.count("by frequency"))
-        refused = Cell(str(grades.count("refused")), "open" if "refused" in grades else "")
-        unstable = Cell(str(sum(not point.stable for point in found.points)))
-        cells = map(Cell, (*texts, f"{found.worst.gap:.3f}", *map(str, counts)))
-        rows.append((*cells, refused, unstable))
+        rows.append(
+            cells(
+                row.controller,
+                found.cut.name,
+                str(found.worst.point),
+                f"{found.margin:.3f}",
+                f"{found.worst.gap:.3f}",
+                str(grades.count("gap")),
+                str(grades.count("by frequency")),
+                Cell(str(grades.count("refused")), "open" if "refused" in grades else ""),
+                str(sum(not point.stable for point in found.points)),
+            )
+        )
     headings = ("controller", "cut at", "worst point", "margin b", "largest gap", "by the gap",
                 "by frequency", "refused", "unstable")  # fmt: skip
     return Table("Certificates at the points that the scenario visits", headings, tuple(rows), labels=3)

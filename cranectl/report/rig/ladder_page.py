@@ -11,7 +11,7 @@ from cranectl.analysis.levels import BASE
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.rig.deviation_bars import LEAST, WIDTH, deviation_bars
 from cranectl.report.rig.ladder_table import ladder_table
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Table, cells
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 from cranectl.scenario import Scenario
 
@@ -38,11 +38,11 @@ def ladder_sections(steps: Sequence[Step], *, first: int = 1) -> tuple[Section, 
 
 def _rungs(steps: Sequence[Step]) -> Table:
     rows = tuple(
-        (
-            Cell(step.rung.name),
-            Cell(step.rung.adds),
-            Cell(f"{step.rung.plant}, {step.rung.drive} drives"),
-            Cell(_settings(step)),
+        cells(
+            step.rung.name,
+            step.rung.adds,
+            f"{step.rung.plant}, {step.rung.drive} drives",
+            _settings(step),
         )
         for step in steps
     )

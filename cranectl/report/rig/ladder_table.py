@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from cranectl.analysis.deviation import Size
 from cranectl.analysis.ladder import Step
 from cranectl.analysis.levels import BASE
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Cell, Table, cells
 
 HEADINGS = (
     "rung", "ended", "error [mm]\nRMS", "error [mm]\nmax", "error [mm]\nfinal", "adds [mm]\nRMS",
@@ -33,26 +33,26 @@ def _row(step: Step) -> tuple[Cell, ...]:
     else:
         ended = Cell(status.label, "good")
     if metrics is None:
-        return (Cell(step.rung.name), ended, *(Cell("–"),) * (len(HEADINGS) - 2))
-    return (
-        Cell(step.rung.name),
+        return cells(step.rung.name, ended, *["–"] * (len(HEADINGS) - 2))
+    return cells(
+        step.rung.name,
         ended,
         *_sizes(Size(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m)),
         *_sizes(step.cumulative),
         *_alone(step),
-        Cell(f"{math.hypot(*metrics.rms_acceleration_m_s2):.4f}"),
-        Cell(f"{math.degrees(metrics.rms_sway_rad):.3f}"),
+        f"{math.hypot(*metrics.rms_acceleration_m_s2):.4f}",
+        f"{math.degrees(metrics.rms_sway_rad):.3f}",
     )
 
 
 def _alone(step: Step) -> tuple[Cell, ...]:
     """What of a run that stopped is left says little: how it ended is shown instead."""
     if step.alone_status not in (None, "completed"):
-        return (Cell(str(step.alone_status), "bad"), Cell(""), Cell(""))
+        return cells(Cell(str(step.alone_status), "bad"), "", "")
     return _sizes(step.alone)
 
 
 def _sizes(found: Size | None) -> tuple[Cell, ...]:
     if found is None:
-        return (Cell(""),) * 3
-    return tuple(Cell(f"{1e3 * value:.3g}") for value in (found.rms, found.max, found.final))
+        return cells("", "", "")
+    return cells(*(f"{1e3 * value:.3g}" for value in (found.rms, found.max, found.final)))

@@ -1,11 +1,11 @@
 """How far the plants are apart, beside their limits where those are known; what tables have no room for."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from cranectl.cases import CaseResult, RunSummary
 from cranectl.compare import Agreement
 from cranectl.compare.limits import Limits
-from cranectl.report.table import VERDICTS, Cell, Table
+from cranectl.report.table import VERDICTS, Cell, Table, cells
 
 Drives = dict[str, tuple[Agreement, bool]]  # by name; with whether the case passed
 
@@ -28,9 +28,9 @@ def agreement_table(agreements: Sequence[Agreement], passed: Sequence[bool]) -> 
         of_scenario.setdefault(agreement.controller, {})[agreement.drive] = (agreement, good)
     rows: list[tuple[Cell, ...]] = []
     for scenario, of_scenario in found.items():
-        rows.append((Cell(scenario, "head"), *(Cell(""),) * (len(headings) + 1)))
+        rows.append(cells(Cell(scenario, "head"), *[""] * (len(headings) + 1)))
         rows += [
-            (Cell(f" {controller}"), *_numbers(of_drives, shared), _verdict(of_drives))
+            cells(f" {controller}", *_numbers(of_drives, shared), _verdict(of_drives))
             for controller, of_drives in of_scenario.items()
         ]
     return Table("Agreement of the plants", ("controller", *headings, "verdict"), tuple(rows))
@@ -43,16 +43,14 @@ def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
     return None if others or load_m is None or angle_rad is None else (load_m, angle_rad)
 
 
-def _numbers(found: Drives, shared: dict[str, tuple[float, float] | None]) -> list[Cell]:
-    cells = []
+def _numbers(found: Drives, shared: dict[str, tuple[float, float] | None]) -> Iterator[Cell | str]:
     for drive, limits in shared.items():
         if drive in found:
             agreement, _ = found[drive]
-            cells.append(_apart(agreement.max_load_error_m, agreement.limit_m, beside=limits is None))
-            cells.append(_apart(agreement.max_angle_error_rad, agreement.limit_rad, beside=limits is None))
+            yield _apart(agreement.max_load_error_m, agreement.limit_m, beside=limits is None)
+            yield _apart(agreement.max_angle_error_rad, agreement.limit_rad, beside=limits is None)
         else:
-            cells += [Cell("-"), Cell("-")]
-    return cells
+            yield from ("-", "-")
 
 
 def _apart(value: float, limit: float | None, *, beside: bool) -> Cell:

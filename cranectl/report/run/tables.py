@@ -7,7 +7,7 @@ from cranectl.compare import Comparison
 from cranectl.compare.golden import RegressionVerdict
 from cranectl.log import LogDescription
 from cranectl.metrics import METRIC_ROWS, RunMetrics
-from cranectl.report.table import VERDICTS, Cell, Table
+from cranectl.report.table import VERDICTS, Cell, Table, cells
 
 
 def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table:
@@ -23,25 +23,25 @@ def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table
     shared = [facts[name][0] for name in ("scenario", "controller", "drives") if name not in apart]
     apart["plant"] = [run.plant for run in runs]
     rows = tuple(
-        (*map(Cell, identity), *_outcome(run)) for *identity, run in zip(*apart.values(), runs, strict=True)
+        (*cells(*identity), *_outcome(run)) for *identity, run in zip(*apart.values(), runs, strict=True)
     )
     headings = (*apart, "ended", "at [s]", "max error [m]", "outside rig [m]")
     return Table(", ".join(["Runs", *shared]), headings, rows, labels=len(apart) + 1, note=note)
 
 
 def _outcome(run: RunSummary) -> tuple[Cell, ...]:
-    ended = (Cell(run.status.label, "bad" if run.status.stopped else "good"), Cell(f"{run.end_s:g}"))
+    ended = (Cell(run.status.label, "bad" if run.status.stopped else "good"), f"{run.end_s:g}")
     if run.metrics is None:
-        return (*ended, Cell("–"), Cell("–"))
+        return cells(*ended, "–", "–")
     excess = max((violation.max_excess_m for violation in run.metrics.workspace_violations), default=0.0)
-    return (*ended, Cell(f"{run.metrics.max_error_m:.4f}"), Cell(f"{excess:.4f}", "bad" if excess else ""))
+    outside = Cell(f"{excess:.4f}", "bad" if excess else "")
+    return cells(*ended, f"{run.metrics.max_error_m:.4f}", outside)
 
 
 def metrics_table(found: Mapping[str, RunMetrics | None]) -> Table:
     """One row a metric, one column a run, by its label."""
     rows = tuple(
-        (Cell(row.label), Cell(row.unit), *(Cell(row.text(metrics)) for metrics in found.values()))
-        for row in METRIC_ROWS
+        cells(row.label, row.unit, *(row.text(metrics) for metrics in found.values())) for row in METRIC_ROWS
     )
     note = "Settling, overshoot and what is residual count from when the reference has come to rest."
     return Table("Metrics", ("metric", "unit", *found), rows, labels=2, note=note)
@@ -50,44 +50,50 @@ def metrics_table(found: Mapping[str, RunMetrics | None]) -> Table:
 def comparison_table(title: str, comparison: Comparison) -> Table:
     """How far two runs are apart, one row a signal."""
     rows = tuple(
-        tuple(map(Cell, (
+        cells(
             row.signal,
             row.unit,
             f"{row.max_abs:.1e}",
             f"{row.at_s:.3f}",
             f"{row.rms:.1e}",
             f"{row.final:+.1e}",
-        )))
+        )
         for row in comparison.signals
-    )  # fmt: skip
+    )
     return Table(title, ("signal", "unit", "max |diff|", "at [s]", "RMS", "final"), rows, labels=2)
 
 
 def regression_table(verdict: RegressionVerdict) -> Table:
     """A run beside its golden one: one row a signal, then how they ended."""
-    ends = (f"{verdict.ends_apart_s:.1e}", "", f"{verdict.ends_apart_limit_s:.1e}")
-    status = f"{verdict.status}, was {verdict.golden_status}"
-    judged = [
-        *(
-            (row.signal, row.unit, f"{row.max_abs:.1e}", f"{row.at_s:.3f}", f"{row.limit:.1e}", row.passed)
-            for row in verdict.signals
-        ),
-        ("ends apart", "s", *ends, verdict.ends_passed),
-        (f"both {verdict.status}" if verdict.same_status else status, "", "", "", "", verdict.same_status),
+    rows = [
+        cells(
+            row.signal,
+            row.unit,
+            f"{row.max_abs:.1e}",
+            f"{row.at_s:.3f}",
+            f"{row.limit:.1e}",
+            VERDICTS[row.passed],
+        )
+        for row in verdict.signals
     ]
-    rows = tuple((*map(Cell, texts), VERDICTS[passed]) for *texts, passed in judged)
+    apart, limit = f"{verdict.ends_apart_s:.1e}", f"{verdict.ends_apart_limit_s:.1e}"
+    rows.append(cells("ends apart", "s", apart, "", limit, VERDICTS[verdict.ends_passed]))
+    status = f"{verdict.status}, was {verdict.golden_status}"
+    how = f"both {verdict.status}" if verdict.same_status else status
+    rows.append(cells(how, "", "", "", "", VERDICTS[verdict.same_status]))
     headings = ("signal", "unit", "max |diff|", "at [s]", "limit", "verdict")
-    return Table(f"{verdict.plant}, {verdict.samples} samples: new minus golden", headings, rows, labels=2)
+    title = f"{verdict.plant}, {verdict.samples} samples: new minus golden"
+    return Table(title, headings, tuple(rows), labels=2)
 
 
 def topic_table(description: LogDescription) -> Table:
     """What a log holds, one row a topic."""
     rows = tuple(
-        (
-            Cell(topic.topic),
-            Cell(topic.schema),
-            Cell(str(topic.messages)),
-            Cell("-" if topic.rate_hz is None else f"{topic.rate_hz:g}"),
+        cells(
+            topic.topic,
+            topic.schema,
+            str(topic.messages),
+            "-" if topic.rate_hz is None else f"{topic.rate_hz:g}",
         )
         for topic in description.topics
     )
