@@ -9,23 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.results import Results
-from cranectl.campaign.settings import low_is_bad
 from cranectl.campaign.statistics import quantiles, rank_correlations, sign_test
 from cranectl.campaign.summary import failed
 from cranectl.campaign.table import METRIC_COLUMNS
+from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MAIN_METRICS = (
-    "max_error_m",
-    "rms_error_m",
-    "final_error_m",
-    "settling_time_s",
-    "residual_sway_rad",
-    "min_rope_tension_n",
-)
+MAIN_METRICS = tuple(metric.name for metric in all_metrics() if metric.compared)
 EFFORTS = tuple(name for name in METRIC_COLUMNS if name.startswith("rms_acceleration_m_s2"))
 EFFORT = "effort_m_s2"  # RMS of the commanded accelerations of all drives together
 

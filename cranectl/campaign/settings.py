@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.design import checked_controller
+from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.plants.plant import Drive
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
@@ -21,20 +22,8 @@ from cranectl.support.trees import leaves
 Limit = Annotated[float, Field(ge=0.0)] | None
 
 
-class Limits(Settings):
+class _Limits(Settings):
     """Limits on metrics, by name; by default none. A metric that a run lacks breaks its limit."""
-
-    max_error_m: Limit = Field(None, description="largest tracking error [m]")
-    rms_error_m: Limit = Field(None, description="RMS of the tracking error [m]")
-    final_error_m: Limit = Field(None, description="tracking error at the end [m]")
-    settling_time_s: Limit = Field(None, description="from rest of the reference to rest of the load [s]")
-    overshoot_m: Limit = Field(None, description="way past the end point [m]")
-    max_rest_error_m: Limit = Field(None, description="largest error once the reference rests [m]")
-    residual_sway_rad: Limit = Field(None, description="largest sway once the reference rests [rad]")
-    max_sway_rad: Limit = Field(None, description="largest angle between rope and plumb line [rad]")
-    rms_sway_rad: Limit = Field(None, description="RMS of that angle [rad]")
-    saturated_s: Limit = Field(None, description="time during which drives are at their limits [s]")
-    min_rope_tension_n: Limit = Field(None, description="lower limit of the rope's tension [N]")
 
     @property
     def given(self) -> dict[str, float]:
@@ -42,14 +31,17 @@ class Limits(Settings):
         return {name: value for name, value in self if value is not None}
 
 
+_LIMITED: dict[str, Any] = {  # those from below come last
+    metric.name: (Limit, Field(None, description=f"{metric.meaning} [{metric.unit}]"))
+    for metric in sorted(all_metrics(), key=lambda metric: metric.better == "higher")
+    if metric.limited
+}
+Limits = create_model("Limits", __base__=_Limits, **_LIMITED)
+
+
 def within(metric: str, values: Any, limit: float) -> Any:
     """Whether `values` of `metric`, one or an array, keep `limit`; NaN, a value that is absent, does not."""
     return values >= limit if low_is_bad(metric) else values <= limit
-
-
-def low_is_bad(metric: str) -> bool:
-    """Whether small values of `metric` are the bad ones."""
-    return metric.startswith("min_rope_tension")
 
 
 MAX_RUNS = 1_000_000

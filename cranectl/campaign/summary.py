@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.results import Results
-from cranectl.campaign.settings import low_is_bad, within
+from cranectl.campaign.settings import within
 from cranectl.campaign.table import FAILED, Row
+from cranectl.metrics import low_is_bad
 from cranectl.status import RunStatus
 
 Mask = NDArray[np.bool_]

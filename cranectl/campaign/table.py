@@ -20,49 +20,25 @@ Every column has a type, a unit and a description, kept in every Parquet file.
 
 import re
 from collections.abc import Iterable
-from dataclasses import fields
 from typing import Any, Literal, NamedTuple
 
 from cranectl.campaign.definition import Campaign
-from cranectl.metrics import RunMetrics
-from cranectl.signals import WORKSPACE_SIGNALS
+from cranectl.metrics import RunMetrics, all_metrics
 
 Value = int | float | str | None
 Row = dict[str, Value]
 
 FAILED = "failed"  # a status beside the labels of RunStatus
 
-_DRIVES, _LOAD, _ANGLES = ("bridge", "trolley", "rope"), ("x", "y", "z"), ("alpha", "beta")
-_PARTS = {  # metrics of several numbers
-    "final_load_m": _LOAD,
-    "residual_vibration_m": _LOAD,
-    "max_acceleration_m_s2": _DRIVES,
-    "min_acceleration_m_s2": _DRIVES,
-    "rms_acceleration_m_s2": _DRIVES,
-    "max_abs_angle_rad": _ANGLES,
-    "drive_path_m": _DRIVES,
-    "drive_energy_j": _DRIVES,
-    "drive_work_j": _DRIVES,
-}
-_OUTSIDE = {
-    "outside_first_s": "first_time_s",
-    "outside_excess_m": "max_excess_m",
-    "outside_time_s": "time_outside_s",
-}
-_ELSEWHERE = ("status", "duration_s", "workspace_violations")  # told by other columns
-_MEASURED = tuple(field.name for field in fields(RunMetrics) if field.name not in _ELSEWHERE)
-METRIC_COLUMNS = (
-    *(f"{name}_{part}" if part else name for name in _MEASURED for part in _PARTS.get(name, ("",))),
-    *(f"{name}_{drive}" for name in _OUTSIDE for drive in _DRIVES),
-)
-
 
 class Column(NamedTuple):
     """One column of all rows of a campaign."""
 
     name: str
-    kind: Literal["int", "float", "str"]
+    kind: Literal["int64", "float64", "string"]  # as Arrow calls it
     optional: bool  # whether it may be None
+    unit: str  # empty where there is none
+    description: str
 
 
 class Key(NamedTuple):
@@ -73,23 +49,26 @@ class Key(NamedTuple):
     controller: str
 
 
-KEY_COLUMNS = (
-    Column("sample", "int", False),
-    Column("plant", "str", False),
-    Column("controller", "str", False),
+RUN_COLUMNS = (
+    Column("sample", "int64", False, "", "index of the sample, from 0"),
+    Column("plant", "string", False, "", "plant"),
+    Column("controller", "string", False, "", "controller"),
+    Column("status", "string", False, "", "how the run ended; failed if it could not be run"),
+    Column("reason", "string", False, "", "why it did not complete; empty if it did"),
+    Column("end_s", "float64", False, "s", "simulated time at which the run ended"),
 )
-END_COLUMNS = (
-    Column("status", "str", False),
-    Column("reason", "str", False),
-    Column("end_s", "float", False),
-)
+_RECORDED = [metric for metric in all_metrics() if metric.recorded]
+METRIC_COLUMNS = {
+    name: Column(name, "float64", True, metric.unit, ", ".join(filter(None, (metric.meaning, part))))
+    for metric in _RECORDED
+    for name, part in zip(metric.columns, metric.parts or ("",), strict=True)
+}
+UNIT = re.compile(r"\[(.*?)\]")  # in the description of a setting
 
 
 def row_columns(campaign: Campaign) -> tuple[Column, ...]:
     """The columns of all rows of `campaign`, in order."""
-    parameters = (Column(name, "float", False) for name in campaign.names)
-    metrics = (Column(name, "float", True) for name in METRIC_COLUMNS)
-    return (*KEY_COLUMNS, *END_COLUMNS, *parameters, *metrics)
+    return (*RUN_COLUMNS, *(describe(campaign, name) for name in campaign.names), *METRIC_COLUMNS.values())
 
 
 def make_row(
@@ -113,95 +92,14 @@ def metric_values(metrics: RunMetrics | None) -> Row:
     if metrics is None:
         return dict.fromkeys(METRIC_COLUMNS)
     found: list[Value] = []
-    for name in _MEASURED:
-        value: Any = getattr(metrics, name)
-        parts = len(_PARTS.get(name, ()))
-        found += [value] if not parts else [None] * parts if value is None else value
-    left = {violation.signal: violation for violation in metrics.workspace_violations}
-    for attribute in _OUTSIDE.values():
-        nothing = None if attribute == "first_time_s" else 0.0
-        found += [getattr(left.get(signal), attribute, nothing) for signal in WORKSPACE_SIGNALS]
+    for metric in _RECORDED:
+        value = metrics.values[metric.name]
+        found += value if isinstance(value, tuple) else [value] * len(metric.columns)
     return dict(zip(METRIC_COLUMNS, found, strict=True))
 
 
-UNIT = re.compile(r"\[(.*?)\]")  # in the description of a setting
-UNIT_ENDINGS = {"_m_s2": "m/s²", "_rad": "rad", "_m": "m", "_s": "s", "_n": "N", "_j": "J"}
-
-KEYS = {
-    "sample": "index of the sample, from 0",
-    "plant": "plant",
-    "controller": "controller",
-    "status": "how the run ended; failed if it could not be run",
-    "reason": "why it did not complete; empty if it did",
-    "end_s": "simulated time at which the run ended",
-}
-METRICS = {  # by the beginning of the name; docs/metrics.md has the formulas
-    "max_error_m": "largest tracking error of the load",
-    "rms_error_m": "RMS of the tracking error",
-    "final_error_m": "tracking error at the last sample",
-    "final_load_m": "position of the load at the last sample",
-    "rest_s": "when the reference comes to rest",
-    "settling_time_s": "from rest of the reference until the error stays below 5 mm; absent if it does not",
-    "overshoot_m": "largest way past the end point along the last motion",
-    "max_rest_error_m": "largest tracking error once the reference rests",
-    "residual_sway_rad": "largest angle between rope and plumb line once the reference rests",
-    "residual_vibration_m": "half the range of the load's position once the reference rests",
-    "max_acceleration_m_s2": "largest commanded acceleration",
-    "min_acceleration_m_s2": "smallest commanded acceleration",
-    "rms_acceleration_m_s2": "RMS of the commanded acceleration",
-    "max_abs_angle_rad": "largest cardan angle, absolute",
-    "max_sway_rad": "largest angle between rope and plumb line",
-    "rms_sway_rad": "RMS of the angle between rope and plumb line",
-    "min_rope_tension_n": "smallest tension of the rope",
-    "drive_path_m": "path of the drive",
-    "load_path_m": "path of the load",
-    "drive_energy_j": "mechanical work of the drive where it is positive",
-    "drive_work_j": "mechanical work of the drive",
-    "saturated_s": "time during which a limit of any drive acts",
-    "outside_first_s": "when the axis first left its range; absent if it did not",
-    "outside_excess_m": "largest way out of the range",
-    "outside_time_s": "time out of the range",
-}
-
-
-class Described(NamedTuple):
-    """A unit, empty where there is none, and what is measured in it."""
-
-    unit: str
-    description: str
-
-
-def describe(campaign: Campaign, column: str) -> Described:
-    """Unit and description of a column of the result of `campaign`."""
-    if column in KEYS:
-        return Described("s" if column == "end_s" else "", KEYS[column])
-    if column in METRIC_COLUMNS:
-        stem = next(stem for stem in METRICS if column == stem or column.startswith(f"{stem}_"))
-        part = column[len(stem) + 1 :]
-        unit = next(unit for ending, unit in UNIT_ENDINGS.items() if stem.endswith(ending))
-        return Described(unit, f"{METRICS[stem]}, {part}" if part else METRICS[stem])
-    return _of_parameter(campaign, column)
-
-
-def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
-    """The Arrow schema of a result, with `metadata` of its own."""
-    import pyarrow
-
-    kinds = {"int": pyarrow.int64(), "float": pyarrow.float64(), "str": pyarrow.string()}
-    fields = [
-        pyarrow.field(
-            column.name,
-            kinds[column.kind],
-            nullable=column.optional,
-            metadata=describe(campaign, column.name)._asdict(),
-        )
-        for column in row_columns(campaign)
-    ]
-    return pyarrow.schema(fields, metadata=metadata)
-
-
-def _of_parameter(campaign: Campaign, name: str) -> Described:
-    """From the description of the setting, or of the list that it is in."""
+def describe(campaign: Campaign, name: str) -> Column:
+    """The column of a parameter, described as the setting is, or as the list that it is in."""
     node: Any = campaign.nominal
     description = ""
     for key in name.split("."):
@@ -211,4 +109,20 @@ def _of_parameter(campaign: Campaign, name: str) -> Described:
             description = type(node).model_fields[key].description or ""
             node = getattr(node, key)
     unit = UNIT.search(description)
-    return Described(unit.group(1) if unit else "", description)
+    return Column(name, "float64", False, unit.group(1) if unit else "", description)
+
+
+def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
+    """The Arrow schema of a result, with `metadata` of its own."""
+    import pyarrow
+
+    fields = [
+        pyarrow.field(
+            column.name,
+            pyarrow.type_for_alias(column.kind),
+            nullable=column.optional,
+            metadata={"unit": column.unit, "description": column.description},
+        )
+        for column in row_columns(campaign)
+    ]
+    return pyarrow.schema(fields, metadata=metadata)

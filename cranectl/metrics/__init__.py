@@ -8,26 +8,29 @@
 `run_metrics(run)` does that for a run in memory.
 """
 
-from cranectl.metrics.accumulator import SETTLING_TOLERANCE, Accumulator, accumulate, empty_accumulator
-from cranectl.metrics.rows import METRIC_ROWS, MetricRow, peak_acceleration
-from cranectl.metrics.setup import MetricsSetup, metrics_setup
+from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
+from cranectl.metrics.metric import Measured, Metric, Row
+from cranectl.metrics.setup import SETTLING_TOLERANCE, MetricsSetup, metrics_setup
 from cranectl.metrics.summary import RunMetrics, finish, run_metrics, workspace_violations
+from cranectl.metrics.table import all_metrics, low_is_bad
 from cranectl.metrics.workspace import WorkspaceViolation, workspace_excess
 
 __all__ = [
-    "METRIC_ROWS",
     "NEARLY_SLACK",
     "SETTLING_TOLERANCE",
     "Accumulator",
-    "MetricRow",
+    "Measured",
+    "Metric",
     "MetricsSetup",
+    "Row",
     "RunMetrics",
     "WorkspaceViolation",
     "accumulate",
+    "all_metrics",
     "empty_accumulator",
     "finish",
+    "low_is_bad",
     "metrics_setup",
-    "peak_acceleration",
     "run_metrics",
     "workspace_excess",
     "workspace_violations",

@@ -5,92 +5,82 @@ an interval needs of the sample before it is kept in the accumulator.
 """
 
 from math import acos, cos, inf, sin, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.metrics.setup import MetricsSetup
+from cranectl.metrics.setup import SETTLING_TOLERANCE, MetricsSetup
+from cranectl.metrics.table import all_metrics
 from cranectl.signals import DISTURBANCE_COLUMN, INPUT_COLUMN, LOAD_COLUMN, STATE_COLUMN, TENSION_COLUMN
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
-Accumulator = NDArray[np.void]  # (1,) of TOTALS
-
-SETTLING_TOLERANCE = 0.005  # [m]; assumed: where a laboratory crane's hook counts as in its place
-_SCALAR, _TRIPLE = (np.float64,), (np.float64, (3,))
-
 # Sums run over samples, "time" and "work" over the intervals between them; extremes start infinite.
-_PLACES = np.dtype(
-    [
-        ("samples", *_SCALAR),
-        ("error_squares", *_SCALAR),
-        ("error_max", *_SCALAR),
-        ("error_last", *_SCALAR),
-        ("input_highest", *_TRIPLE),
-        ("input_lowest", *_TRIPLE),
-        ("input_squares", *_TRIPLE),
-        ("alpha_max", *_SCALAR),
-        ("beta_max", *_SCALAR),
-        ("sway_squares", *_SCALAR),
-        ("sway_max", *_SCALAR),
-        ("tension_least", *_SCALAR),
-        ("drive_path", *_TRIPLE),
-        ("load_path", *_SCALAR),
-        ("work", *_TRIPLE),  # [J] of the drives, signed
-        ("energy", *_TRIPLE),  # [J] the work of the intervals in which it is positive
-        ("saturated_time", *_SCALAR),  # [s]
-        ("outside_first", *_TRIPLE),  # [ns]
-        ("outside_excess", *_TRIPLE),
-        ("outside_time", *_TRIPLE),  # [s]
-        # Samples at which the reference rests.
-        ("rest_samples", *_SCALAR),
-        ("rest_error_max", *_SCALAR),
-        ("overshoot", *_SCALAR),
-        ("rest_sway_max", *_SCALAR),
-        ("rest_load_highest", *_TRIPLE),
-        ("rest_load_lowest", *_TRIPLE),
-        ("settled_since", *_SCALAR),  # [ns]; infinite while the load is outside the tolerance
-        # The sample before.
-        ("time", *_SCALAR),  # [ns]
-        ("position", *_TRIPLE),  # of bridge, trolley, rope
-        ("velocity", *_TRIPLE),
-        ("power", *_TRIPLE),  # [W] of the drives, less what accelerates their own masses
-        ("load", *_TRIPLE),
-        ("saturated", *_SCALAR),  # 1 or 0
-        ("outside", *_TRIPLE),
-    ]
-)
+_SCALARS = (
+    "samples", "error_squares", "error_max", "error_last", "alpha_max", "beta_max", "sway_squares",
+    "sway_max", "tension_least", "load_path", "saturated_time",  # [s]
+    "rest_samples", "rest_error_max", "overshoot", "rest_sway_max",  # samples at which the reference rests
+    "settled_since",  # [ns]; infinite while the load is outside the tolerance
+    "time", "saturated",  # the sample before: [ns]; 1 or 0
+)  # fmt: skip
+_TRIPLES = (
+    "input_highest", "input_lowest", "input_squares", "drive_path",
+    "work", "energy",  # [J] of the drives, signed; of the intervals in which it is positive
+    "outside_first", "outside_excess", "outside_time",  # [ns], [m], [s]
+    "rest_load_highest", "rest_load_lowest",  # samples at which the reference rests
+    "position", "velocity", "load", "outside",  # the sample before: of bridge, trolley, rope; x, y, z; 1 or 0
+    "power",  # the same, [W] of the drives, less what accelerates their own masses
+)  # fmt: skip
+_PLACES = np.dtype([(n, np.float64) for n in _SCALARS] + [(n, np.float64, (3,)) for n in _TRIPLES])
 TOTALS = np.dtype((np.record, _PLACES))  # a record: its places are attributes, compiled or not
 _LOWEST = ("input_lowest", "tension_least", "rest_load_lowest", "outside_first", "settled_since")
 _HIGHEST = ("input_highest", "overshoot", "rest_load_highest")
 
 
+class Accumulator(NamedTuple):
+    """All that is kept of the samples so far."""
+
+    total: NDArray[np.void]  # (1,) of TOTALS
+    own: dict[str, Array]  # of the metrics that have a kernel, by name
+
+
 def empty_accumulator() -> Accumulator:
-    """Without a sample, shape (1,). Assign it to `accumulator[:]` to use another one again."""
-    accumulator = np.zeros(1, dtype=TOTALS)
+    """Without a sample."""
+    total = np.zeros(1, dtype=TOTALS)
     for names, start in ((_LOWEST, inf), (_HIGHEST, -inf)):
         for name in names:
-            accumulator[name] = start
-    return accumulator
+            total[name] = start
+    return Accumulator(total, {m.name: np.array(m.start) for m in all_metrics() if m.kernel is not None})
 
 
-@jit
 def accumulate(
     setup: MetricsSetup,
-    accumulator: Any,
+    accumulator: Accumulator,
     time_ns: NDArray[np.int64],
     record: Array,
     reference: Array,
     commands: Array,
 ) -> None:
-    """Add consecutive samples to `accumulator` (1,).
+    """Add consecutive samples to `accumulator`.
 
     `time_ns` (n,); `record` (n, BASE_WIDTH or more), columns as in `signals`; `reference` (n, 15); `commands`
     (n, any) with the flags of saturation from `setup.flag_column` on: the record of the stages, or of the
     whole run. Without stages anything will do, e.g. `record`.
     """
-    total = accumulator[0]
+    samples = (time_ns, record, reference, commands)
+    add_samples(setup, accumulator.total, *samples)
+    for metric in all_metrics():
+        if metric.kernel is not None:
+            metric.kernel(setup, accumulator.own[metric.name], *samples)
+
+
+@jit
+def add_samples(
+    setup: MetricsSetup, totals: Any, time_ns: Any, record: Array, reference: Array, commands: Array
+) -> None:
+    """Add them to `totals` (1,), the arrays as in `accumulate`."""
+    total = totals[0]
     for k in range(len(time_ns)):
         row, time = record[k], float(time_ns[k])
         if total.samples == 0.0:

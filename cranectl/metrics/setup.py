@@ -15,6 +15,7 @@ from cranectl.signals import COMMAND_COLUMN
 Array = NDArray[np.float64]
 
 FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in the record of a signal path
+SETTLING_TOLERANCE = 0.005  # [m]; assumed: where a laboratory crane's hook counts as in its place
 NO_FLAGS = -1  # a run without a signal path
 BEFORE_END = 1e-3  # of a segment's duration before its end, where its direction is read
 

@@ -398,7 +398,7 @@ def test_every_metric_has_its_columns(both: Campaign) -> None:
     metrics = run_metrics(alone(both, 0, "analytic", "lqr"))
     assert isinstance(metrics, RunMetrics)
     values = metric_values(metrics)
-    assert tuple(values) == METRIC_COLUMNS
+    assert list(values) == list(METRIC_COLUMNS)
     assert values["final_load_m_z"] == metrics.final_load_m[2]
     assert values["drive_path_m_rope"] == metrics.drive_path_m[2]
     assert values["max_abs_angle_rad_beta"] == metrics.max_abs_angle_rad[1]

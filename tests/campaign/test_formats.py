@@ -98,10 +98,11 @@ def test_a_result_of_before_is_resumed_only_when_told_to(kept: Path) -> None:
 
 @pytest.mark.parametrize("number", READERS)
 def test_columns_may_be_described_in_other_words(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(columns.METRICS, "max_error_m", "how far off the load was at most")
+    other = columns.METRIC_COLUMNS["max_error_m"]._replace(description="how far off the load was at most")
+    monkeypatch.setitem(columns.METRIC_COLUMNS, "max_error_m", other)
     results = read_results(SAMPLES / f"format-{number}")
     assert results.table.schema.field("max_error_m").metadata[b"description"].startswith(b"how far off")
-    monkeypatch.setitem(columns.UNIT_ENDINGS, "_m", "mm")
+    monkeypatch.setitem(columns.METRIC_COLUMNS, "max_error_m", other._replace(unit="mm"))
     with pytest.raises(InputError, match="its columns are not those of the campaign"):
         read_results(SAMPLES / f"format-{number}")
 

@@ -24,7 +24,7 @@ from cranectl.campaign.results import (
     read_results,
 )
 from cranectl.campaign.store import open_store
-from cranectl.campaign.table import METRIC_COLUMNS, METRICS, describe, row_columns
+from cranectl.campaign.table import row_columns
 from cranectl.plants.plant import PLANTS
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
@@ -108,11 +108,6 @@ def test_columns_say_what_they_are(one_part: Path) -> None:
     assert all(field.metadata[b"description"] for field in schema)
     assert not schema.field("sample").nullable
     assert schema.field("max_error_m").nullable
-
-
-def test_every_metric_is_described_once() -> None:
-    described = {describe(CAMPAIGN, name).description.split(", ")[0] for name in METRIC_COLUMNS}
-    assert described == {text.split(", ")[0] for text in METRICS.values()}
 
 
 def test_a_record_is_enough_to_draw_the_samples_again() -> None:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.evaluation import Pair
 from cranectl.campaign.groups import EFFORT, MAIN_METRICS, Group
-from cranectl.campaign.settings import low_is_bad
 from cranectl.campaign.statistics import empirical_distribution, quantiles
 from cranectl.campaign.summary import MEASURE
+from cranectl.metrics import low_is_bad
 from cranectl.report.campaign.labels import METRIC_LABELS
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 
@@ -35,9 +35,12 @@ def series_style(k: int) -> dict[str, Any]:
 def distributions_svg(groups: Sequence[Group], limits: dict[str, float], name: str) -> str:
     """Empirical distribution functions of all metrics, a curve for each controller on one plant."""
     with styled():
-        figure = Figure(figsize=(1.35 * WIDTH, 4.8), layout="constrained")
-        panels = figure.subplots(2, 3, sharey=True)
-        for axes, metric in zip(panels.flat, MAIN_METRICS, strict=True):
+        lines = -(-len(MAIN_METRICS) // 3)
+        figure = Figure(figsize=(1.35 * WIDTH, 2.4 * lines), layout="constrained")
+        panels = figure.subplots(lines, 3, sharey=True, squeeze=False)
+        for axes in panels.flat[len(MAIN_METRICS) :]:
+            axes.set_visible(False)
+        for axes, metric in zip(panels.flat, MAIN_METRICS, strict=False):
             for k, group in enumerate(groups):
                 values = group.metrics[metric][group.there]
                 x, share = empirical_distribution(values)

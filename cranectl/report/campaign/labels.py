@@ -6,17 +6,11 @@ from pathlib import Path
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.groups import EFFORT
 from cranectl.campaign.table import describe
+from cranectl.metrics import all_metrics
 
 LEVELS = (0.05, 0.5, 0.95)  # quantiles in tables
-METRIC_LABELS = {
-    "max_error_m": "largest error [m]",
-    "rms_error_m": "RMS error [m]",
-    "final_error_m": "final error [m]",
-    "settling_time_s": "settling time [s]",
-    "residual_sway_rad": "residual sway [rad]",
-    "min_rope_tension_n": "least tension [N]",
-    EFFORT: "effort [m/s²]",
-}
+METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in all_metrics() if m.compared}
+METRIC_LABELS[EFFORT] = "effort [m/s²]"
 
 
 def metric_name(metric: str) -> str:

@@ -1,12 +1,13 @@
 """Tables of runs and their logs, for the terminal and for pages."""
 
 from collections.abc import Mapping, Sequence
+from math import degrees
 
 from cranectl.cases import RunSummary
 from cranectl.compare import Comparison
 from cranectl.compare.golden import RegressionVerdict
 from cranectl.log import LogDescription
-from cranectl.metrics import METRIC_ROWS, RunMetrics
+from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import VERDICTS, Cell, Table, cells
 
 
@@ -40,11 +41,25 @@ def _outcome(run: RunSummary) -> tuple[Cell, ...]:
 
 def metrics_table(found: Mapping[str, RunMetrics | None]) -> Table:
     """One row a metric, one column a run, by its label."""
+    told = sorted((metric for metric in all_metrics() if metric.row.label), key=lambda m: m.row.place)
     rows = tuple(
-        cells(row.label, row.unit, *(row.text(metrics) for metrics in found.values())) for row in METRIC_ROWS
+        cells(
+            metric.row.label,
+            "°" if metric.unit == "rad" else metric.unit,
+            *(_text(metric, metrics) for metrics in found.values()),
+        )
+        for metric in told
     )
     note = "Settling, overshoot and what is residual count from when the reference has come to rest."
     return Table("Metrics", ("metric", "unit", *found), rows, labels=2, note=note)
+
+
+def _text(metric: Metric, metrics: RunMetrics | None) -> str:
+    """A dash for what is not there."""
+    value = None if metrics is None else metrics.values[metric.name]
+    scale = degrees(1.0) if metric.unit == "rad" else 1.0
+    numbers = value if isinstance(value, tuple) else (value,)
+    return " ".join("-" if n is None else f"{scale * n:.{metric.row.digits}f}" for n in numbers)
 
 
 def comparison_table(title: str, comparison: Comparison) -> Table:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from cranectl.metrics import RunMetrics, peak_acceleration, run_metrics, workspace_violations
+from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.report.run.figures import DEGREES, FAMILIES, Family, largest_difference
 from cranectl.simulate import Run
 
@@ -91,7 +91,7 @@ def _largest_swing(run: Run) -> float:
 
 
 def _largest_acceleration(run: Run) -> list[float]:
-    return [abs(value) for value in peak_acceleration(_measured(run))]
+    return [abs(value) for value in _measured(run).peak_acceleration_m_s2]
 
 
 def _largest_virtual_input(run: Run) -> float:

@@ -1,0 +1,169 @@
+"""The one table of metrics: names, units, meaning, value, use.
+
+`RunMetrics`, tables of runs, columns and limits of campaigns, names in reports and docs/metrics.md derive
+from it.
+"""
+
+import functools
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from cranectl.metrics.metric import Array, Measured, Metric, Row
+from cranectl.metrics.setup import SETTLING_TOLERANCE
+from cranectl.scenario import NANOSECONDS
+from cranectl.signals import AXES
+from cranectl.support.errors import InputError
+
+GROUP = "cranectl.metrics"  # of entry points, with which other packages add metrics
+TAKEN = ("status", "duration_s", "workspace_violations", "values", "sample", "reason", "end_s")
+
+DRIVES, ANGLES = ("bridge", "trolley", "rope"), ("alpha", "beta")
+MM = f"{1e3 * SETTLING_TOLERANCE:g} mm"
+
+
+def _total(place: str) -> Callable[[Measured], Any]:
+    return lambda run: run.total[place]
+
+
+def _rms(place: str) -> Callable[[Measured], Any]:
+    return lambda run: np.sqrt(run.total[place] / run.total["samples"])
+
+
+def _at_rest(value: Callable[[Measured], Any]) -> Callable[[Measured], Any]:
+    return lambda run: value(run) if run.rests else None
+
+
+def _settling_time(run: Measured) -> float | None:
+    since = run.total["settled_since"]
+    settles = run.rests and not run.status.stopped and since < inf
+    return (since - run.setup.rest_ns) / NANOSECONDS if settles else None
+
+
+def _overshoot(run: Measured) -> float | None:
+    return max(run.total["overshoot"], 0.0) if run.rests and run.setup.direction.any() else None
+
+
+def _half_range(run: Measured) -> Array:
+    half: Array = 0.5 * (run.total["rest_load_highest"] - run.total["rest_load_lowest"])
+    return half
+
+
+def _peak(run: Measured) -> tuple[float, ...]:
+    extremes = zip(run.total["input_highest"], run.total["input_lowest"], strict=True)
+    return tuple(max(pair, key=abs) for pair in extremes)
+
+
+def _first_outside(run: Measured) -> tuple[float | None, ...]:
+    return tuple(
+        first / NANOSECONDS if first < inf else None for first in run.total["outside_first"].tolist()
+    )
+
+
+# fmt: off
+METRICS = (
+    Metric("max_error_m", "‖e‖_∞", "m", "largest tracking error of the load", "max |e_k|: L∞ norm",
+           _total("error_max"), "lower", row=Row("tracking error, max", 4, 2),
+           compared="largest error", limited=True),
+    Metric("rms_error_m", "‖e‖_RMS", "m", "RMS of the tracking error", "√(Σ |e_k|² / N): L2 norm over √t_f",
+           _rms("error_squares"), "lower", row=Row("tracking error, RMS", 4, 1),
+           compared="RMS error", limited=True),
+    Metric("final_error_m", "|e_f|", "m", "tracking error at the last sample", "|e_N−1|",
+           _total("error_last"), "lower", row=Row("tracking error, final", 4, 3),
+           compared="final error", limited=True),
+    Metric("final_load_m", "z_f", "m", "position of the load at the last sample", "z_N−1",
+           _total("load"), parts=AXES),
+    Metric("rest_s", "t_r", "s", "when the reference comes to rest",
+           "end of its last segment that is not a hold",
+           lambda run: run.setup.rest_ns / NANOSECONDS, row=Row("reference at rest from", 3, 4)),
+    Metric("settling_time_s", "t_s", "s",
+           f"from rest of the reference until the error stays below {MM}; absent if it does not",
+           f"first t_k ≥ t_r from which on |e| ≤ {MM} to the end of the run, less t_r; none if |e| is larger "
+           "at the last sample or the run stopped early (Franklin, Powell, Emami-Naeini)",
+           _settling_time, "lower", row=Row("settling time", 3, 5), compared="settling time", limited=True),
+    Metric("overshoot_m", "M_p", "m", "largest way past the end point along the last motion",
+           "max over t_k ≥ t_r of (z − z_d)·d, at least 0; d is the unit vector of the direction in which "
+           "the reference came to rest; none if it never moves (Franklin, Powell, Emami-Naeini)",
+           _overshoot, "lower", row=Row("overshoot", 4, 6), limited=True),
+    Metric("max_rest_error_m", "", "m", "largest tracking error once the reference rests",
+           "max |e_k| over t_k ≥ t_r: in any direction",
+           _at_rest(_total("rest_error_max")), "lower", row=Row("largest error at rest", 4, 7), limited=True),
+    Metric("residual_sway_rad", "", "rad",
+           "largest angle between rope and plumb line once the reference rests",
+           "max θ_k over t_k ≥ t_r (Singer and Seering 1990)",
+           _at_rest(_total("rest_sway_max")), "lower", row=Row("residual sway", 3, 8),
+           compared="residual sway", limited=True),
+    Metric("residual_vibration_m", "", "m", "half the range of the load's position once the reference rests",
+           "(max z − min z) / 2 over t_k ≥ t_r (Singer and Seering 1990)",
+           _at_rest(_half_range), "lower", AXES, Row("residual vibration x y z", 4, 9)),
+    Metric("peak_acceleration_m_s2", "", "m/s²", "commanded acceleration of the largest size, signed",
+           "of the next two, by size",
+           _peak, parts=DRIVES, row=Row("peak of ẍ_c ÿ_c l̈", 3, 12), recorded=False),
+    Metric("max_acceleration_m_s2", "", "m/s²", "largest commanded acceleration", "max u_k, signed",
+           _total("input_highest"), parts=DRIVES),
+    Metric("min_acceleration_m_s2", "", "m/s²", "smallest commanded acceleration", "min u_k, signed",
+           _total("input_lowest"), parts=DRIVES),
+    Metric("rms_acceleration_m_s2", "", "m/s²", "RMS of the commanded acceleration",
+           "√(Σ u_k² / N): control effort",
+           _rms("input_squares"), "lower", DRIVES, Row("RMS of ẍ_c ÿ_c l̈", 3, 13)),
+    Metric("max_abs_angle_rad", "", "rad", "largest cardan angle, absolute", "max |α_k|, max |β_k|",
+           lambda run: (run.total["alpha_max"], run.total["beta_max"]), "lower", ANGLES),
+    Metric("max_sway_rad", "", "rad", "largest angle between rope and plumb line", "max θ_k",
+           _total("sway_max"), "lower", row=Row("sway, max", 3, 11), limited=True),
+    Metric("rms_sway_rad", "", "rad", "RMS of the angle between rope and plumb line", "√(Σ θ_k² / N)",
+           _rms("sway_squares"), "lower", row=Row("sway, RMS", 3, 10), limited=True),
+    Metric("min_rope_tension_n", "S_min", "N", "smallest tension of the rope",
+           "min S_k; a rope pulls while S > 0",
+           _total("tension_least"), "higher", row=Row("rope tension, min", 3, 17),
+           compared="least tension", limited=True),
+    Metric("drive_path_m", "∫|v|dt", "m", "path of the drive", "Σ |p_k − p_k−1| of x_c, y_c, l",
+           _total("drive_path"), "lower", DRIVES, Row("path of x_c y_c l", 3, 14)),
+    Metric("load_path_m", "∫|ż|dt", "m", "path of the load", "Σ |z_k − z_k−1|",
+           _total("load_path"), "lower", row=Row("path of the load", 3, 15)),
+    Metric("drive_energy_j", "∫max(P, 0)dt", "J", "mechanical work of the drive where it is positive",
+           "Σ max(W_k, 0)", _total("energy"), "lower", DRIVES, Row("drive energy x_c y_c l", 3, 16)),
+    Metric("drive_work_j", "∫P dt", "J", "mechanical work of the drive", "Σ W_k",
+           _total("work"), parts=DRIVES),
+    Metric("saturated_s", "", "s", "time during which a limit of any drive acts",
+           "Σ Δt_k of the intervals whose held command a limit has cut off, on any drive",
+           _total("saturated_time"), "lower", row=Row("time saturated", 3, 18), limited=True),
+    Metric("outside_first_s", "", "s", "when the axis first left its range; absent if it did not",
+           "first t_k with x_c, y_c, l outside its range", _first_outside, parts=DRIVES),
+    Metric("outside_excess_m", "", "m", "largest way out of the range", "largest excess",
+           _total("outside_excess"), "lower", DRIVES),
+    Metric("outside_time_s", "", "s", "time out of the range", "Σ Δt_k of the intervals that begin outside",
+           _total("outside_time"), "lower", DRIVES, Row("time outside x_c y_c l", 3, 19)),
+)
+# fmt: on
+
+
+@functools.cache
+def all_metrics() -> tuple[Metric, ...]:
+    """The table, then what installed packages add to it with entry points of `GROUP`, by name.
+
+    Raises InputError for one that cannot be loaded, is no `Metric`, or has a name that is taken.
+    """
+    found = {metric.name: metric for metric in METRICS}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        try:
+            metric = entry.load()
+            if not isinstance(metric, Metric):
+                raise TypeError(f"{type(metric).__name__} is no Metric")
+            if metric.name in (*TAKEN, *found):
+                raise ValueError(f"the name '{metric.name}' is taken")
+        except Exception as error:
+            raise InputError(
+                f"metric {entry.value} of the entry points {GROUP}: {error}",
+                allowed="a cranectl.metrics.Metric with a name of its own",
+                remedy="correct or remove the package that brings it",
+            ) from error
+        found[metric.name] = metric
+    return tuple(found.values())
+
+
+def low_is_bad(column: str) -> bool:
+    """Whether small values in this column of a metric are the bad ones."""
+    return any(metric.better == "higher" for metric in all_metrics() if column in metric.columns)

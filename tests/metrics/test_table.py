@@ -1,0 +1,141 @@
+"""The one table of metrics: everything derives from it, and what other packages bring joins it."""
+
+import json
+import os
+import pickle
+import re
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pyarrow.parquet as parquet
+import pytest
+
+from cranectl.metrics import Metric, RunMetrics, all_metrics, low_is_bad
+from cranectl.metrics.table import METRICS
+from cranectl.support.errors import InputError
+from tests.conftest import ROOT
+from validation.metrics_table import HEAD, page, table
+
+PAGE = (ROOT / "docs" / "metrics.md").read_text(encoding="utf-8")
+UNITS = {"m_s2": "m/s²", "rad": "rad", "m": "m", "s": "s", "n": "N", "j": "J"}  # by the end of a name
+CAMPAIGN = """\
+name = "small"
+scenario = "fixed-position"
+controllers = ["lqr"]
+runs = 2
+set = ["duration=0.3", "disturbances=[]"]
+
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.5
+high = 2.0
+
+[limits]
+max_rope_tension_n = 12.0
+"""
+
+
+def test_the_page_has_the_table() -> None:
+    assert page(PAGE) == PAGE, "run python validation/metrics_table.py --write"
+    assert HEAD in PAGE
+    assert page(PAGE.replace("largest tracking error of the load", "something else")) == PAGE
+    assert all(f"| `{metric.name}" in table() for metric in METRICS)
+
+
+@pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.name)
+def test_a_row_is_consistent(metric: Metric) -> None:
+    """Its name tells its unit, and what is limited or compared is one number that has a better side."""
+    assert UNITS[re.search("_(m_s2|[a-z]+)$", metric.name)[1]] == metric.unit
+    if metric.limited or metric.compared:
+        assert metric.better
+        assert metric.recorded
+        assert metric.columns == (metric.name,)
+
+
+def test_names_are_there_once() -> None:
+    columns = [column for metric in METRICS for column in metric.columns]
+    assert len(set(columns)) == len(columns)
+    assert [name for name in columns if low_is_bad(name)] == ["min_rope_tension_n"]
+    places = [metric.row.place for metric in METRICS if metric.row.label]
+    assert sorted(places) == list(range(1, len(places) + 1))
+
+
+def test_metrics_of_a_run_are_attributes() -> None:
+    metrics = RunMetrics("completed", 1.0, {"overshoot_m": None, "max_error_m": 0.1})
+    assert (metrics.overshoot_m, metrics.max_error_m) == (None, 0.1)
+    assert pickle.loads(pickle.dumps(metrics)) == metrics
+    with pytest.raises(AttributeError, match="no metric 'max_eror_m'"):
+        metrics.max_eror_m  # noqa: B018
+
+
+def install(directory: Path, code: str, entry: str) -> None:
+    """A package as pip leaves it: a module, and beside it what it declares."""
+    (directory / "crane_metrics.py").write_text(code)
+    said = directory / "crane_metrics-1.0.dist-info"
+    said.mkdir()
+    (said / "METADATA").write_text("Metadata-Version: 2.1\nName: crane-metrics\nVersion: 1.0\n")
+    (said / "entry_points.txt").write_text(f"[cranectl.metrics]\n{entry}\n")
+
+
+def cranectl(*arguments: str, path: Path) -> str:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(path), *sys.path]), "COLUMNS": "200"}
+    command = [sys.executable, "-m", "cranectl", *arguments]
+    done = subprocess.run(command, cwd=path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
+    """That of the page: one row and a kernel, in a package of its own."""
+    (code,) = re.findall(r"```python\n(from cranectl.metrics import Metric.*?)```", PAGE, re.DOTALL)
+    (entry,) = re.findall(r'cranectl.metrics"\]\n(.*)\n', PAGE)
+    install(tmp_path, code, entry.replace('"', ""))
+    (tmp_path / "small.toml").write_text(CAMPAIGN)
+    scenario = ("run", "fixed-position", "--set", "duration=0.3", "--set", "disturbances=[]")
+    shown = cranectl(*scenario, "--out", "run.mcap", "--json", "run.json", path=tmp_path)
+    # 1 kg that hangs still, to the last of its three digits
+    assert re.search(r"rope tension, max +N +9\.81\d +9\.81\d", shown)
+    assert shown.index("time outside") < shown.index("rope tension, max"), "after those that have a place"
+    runs = json.loads((tmp_path / "run.json").read_text())["runs"]
+    tensions = [run["metrics"]["max_rope_tension_n"] for run in runs]
+    assert tensions == pytest.approx([9.81] * len(runs), abs=0.01)
+    cranectl("report", "run.mcap", "--out", "run.html", path=tmp_path)
+    assert "rope tension, max" in (tmp_path / "run.html").read_text(encoding="utf-8")
+
+    cranectl("campaign", "run", "small.toml", "--out", "result", "--json", "small.json", path=tmp_path)
+    (part,) = (tmp_path / "result" / "parts").iterdir()
+    found = parquet.read_table(part)
+    column = found.schema.field("max_rope_tension_n").metadata
+    assert (column[b"unit"], column[b"description"]) == (b"N", b"largest tension of the rope")
+    masses, tensions = found["rig.load_mass"].to_pylist(), found["max_rope_tension_n"].to_pylist()
+    assert tensions == pytest.approx([9.81 * mass for mass in masses], rel=0.01)
+    beyond = sum(tension > 12.0 for tension in tensions)
+    assert 0 < beyond < 2
+    (group,) = json.loads((tmp_path / "small.json").read_text())["groups"]
+    assert group["broken"] == {"max_rope_tension_n": beyond}
+    cranectl("campaign", "report", "result", "--out", "small.html", path=tmp_path)
+    assert (tmp_path / "small.html").read_text(encoding="utf-8").count("largest tension [N]") > 1
+
+
+@pytest.mark.parametrize(
+    ("entry", "found"),
+    [
+        ("no_such_module:METRIC", "cranectl.metrics: No module named 'no_such_module'"),
+        ("math:pi", "math:pi of the entry points cranectl.metrics: float is no Metric"),
+        ("cranectl.metrics.table:METRICS", ": tuple is no Metric"),
+        ("tests.metrics.test_table:TAKEN", "the name 'end_s' is taken"),
+        ("tests.metrics.test_table:TWICE", "the name 'max_error_m' is taken"),
+    ],
+)
+def test_what_is_no_metric_is_refused(entry: str, found: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    entries = [EntryPoint("mine", entry, "cranectl.metrics")]
+    monkeypatch.setattr("cranectl.metrics.table.entry_points", lambda **_: entries)
+    with pytest.raises(InputError) as caught:
+        all_metrics.__wrapped__()
+    assert found in caught.value.found
+
+
+TWICE = METRICS[0]
+TAKEN = Metric("end_s", "", "s", "", "", lambda _: 0.0)
