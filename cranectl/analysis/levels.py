@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cranectl.plants.plant import Drive
-from cranectl.scenario import Scenario
+from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import (
     ALL_EFFECTS,
     Body,
@@ -71,9 +71,13 @@ class AssumedEffects(NamedTuple):
 
 
 def assumed_effects(scenario: Scenario) -> AssumedEffects:
-    """The scenario's own settings of each effect, else the defaults."""
+    """The scenario's own settings of each effect, else the defaults; delay in whole control periods."""
     names = AssumedEffects._fields
-    return AssumedEffects(*(getattr(scenario.effects, n) or getattr(ALL_EFFECTS, n) for n in names))
+    found = AssumedEffects(*(getattr(scenario.effects, n) or getattr(ALL_EFFECTS, n) for n in names))
+    if scenario.effects.delay:
+        return found
+    periods = -(-round(found.delay.seconds * NANOSECONDS) // scenario.period_ns)
+    return found._replace(delay=Delay(seconds=periods * scenario.period_ns / NANOSECONDS))
 
 
 def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
