@@ -1,7 +1,7 @@
 """A case: one scenario, controller and drive on one or both plants, simulated, logged and judged."""
 
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,8 @@ from cranectl.compare.step_length import judge_steps
 from cranectl.design import design_controller
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants.plant import PLANTS, Drive
+from cranectl.plants.plant import Drive
+from cranectl.plants.registry import PLANTS, in_order
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
 from cranectl.status import RunStatus
@@ -129,7 +130,7 @@ def make_case(
     *,
     controller: str | None = None,
     drive: Drive = "ideal",
-    plants: Sequence[str] = PLANTS,
+    plants: Iterable[str] = PLANTS,
     log: Path | None = None,
     source: str | None = None,
     predict: Predict | None = None,
@@ -137,7 +138,7 @@ def make_case(
     """A case with the scenario's own controller and name and the usual place for its log by default."""
     controller = controller or scenario.controller
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, tuple(plants), log, source or scenario.name, predict)
+    return Case(scenario, controller, drive, in_order(plants), log, source or scenario.name, predict)
 
 
 def check_apart(cases: Sequence[Case]) -> None:

@@ -65,7 +65,7 @@ def live_command(
     from cranectl.live.place import own_place
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
-    from cranectl.plants.plant import PLANTS
+    from cranectl.plants.registry import PLANTS
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
     from cranectl.support.errors import unknown_name
@@ -75,7 +75,7 @@ def live_command(
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     design = design_controller(controller or loaded.controller, loaded.design)
     controls = Controls(loaded, design, speed=speed)
-    plants = PLANTS if plant == "both" else (plant,)
+    plants = tuple(PLANTS) if plant == "both" else (plant,)
     session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)

@@ -49,7 +49,7 @@ def run_command(
     from cranectl.cases import make_case, run_case
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.plants.plant import PLANTS
+    from cranectl.plants.registry import PLANTS
     from cranectl.report.run.agreement import agreement_table, limit_notes, run_notes
     from cranectl.report.run.tables import metrics_table, run_table
     from cranectl.scenario import load_scenario
@@ -64,7 +64,7 @@ def run_command(
         load_scenario(scenario, rig=rig, overrides=overrides),
         controller=controller,
         drive=checked_drive(drive),
-        plants=PLANTS if plant == "both" else (plant,),
+        plants=tuple(PLANTS) if plant == "both" else (plant,),
         log=out,
         predict=predictor(wanted=predict),
     )

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.render.timeline import Actor, Film
-from cranectl.support.colours import LIGHT, PLANTS
+from cranectl.support.colours import LIGHT
 
 Array = NDArray[np.float64]
 
@@ -147,8 +147,7 @@ def _curves(film: Film, values: Callable[[Actor], Array], *, dashed: bool = Fals
     """One curve of each plant, the ghost's first."""
     cast = sorted(film.cast, key=lambda actor: not actor.ghost)
     return tuple(
-        Curve(PLANTS[actor.run.plant], actor.run.time, values(actor), wide=actor.ghost, dashed=dashed)
-        for actor in cast
+        Curve(actor.colour, actor.run.time, values(actor), wide=actor.ghost, dashed=dashed) for actor in cast
     )
 
 

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.metrics import NEARLY_SLACK
+from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.simulate import Run
+from cranectl.support.colours import LIGHT
 from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]
@@ -22,10 +24,20 @@ FARTHEST = 1e6  # [m or rad] that is drawn
 
 @dataclass(frozen=True)
 class Actor:
-    """One plant of a log. Where both plants are drawn, the analytic one is the ghost."""
+    """One plant of a log. Where several are drawn, all but the reference plant are ghosts."""
 
     run: Run
     ghost: bool
+
+    @property
+    def label(self) -> str:
+        """The plant's name, for people."""
+        return plant_entry(self.run.plant).label
+
+    @property
+    def colour(self) -> str:
+        """`#rrggbb` of the plant."""
+        return LIGHT[plant_entry(self.run.plant).colour]
 
     @cached_property
     def error(self) -> Array:
@@ -136,7 +148,8 @@ def film_of(runs: Mapping[str, Run]) -> Film:
             allowed="logs of runs that began",
             remedy="cranectl info says why a run stopped",
         )
-    cast = tuple(Actor(run, ghost=len(drawn) == 2 and run.plant == "analytic") for run in drawn)
+    solid = reference_plant(run.plant for run in drawn)
+    cast = tuple(Actor(run, ghost=run.plant != solid) for run in drawn)
     return Film(cast, max(float(run.time[-1]) for run in drawn))
 
 

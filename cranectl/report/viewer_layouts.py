@@ -9,7 +9,7 @@ from typing import Any
 
 from cranectl.analysis.levels import NAMES as RUNG_NAMES
 from cranectl.log import overlay, topics
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS, REFERENCE_PLANT, plant_entry
 from cranectl.signals import REFERENCE, Signal, SignalGroup, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
 from cranectl.support.errors import unknown_name
@@ -17,7 +17,6 @@ from cranectl.support.errors import unknown_name
 Panels = dict[str, Any]  # configurations by panel id
 Layout = str | dict[str, Any]  # a panel id, or two layouts side by side
 
-NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
 GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(flat_groups(0))}
 CAMERA = {  # looks at the middle of the rig from outside a corner
     "perspective": True,
@@ -32,15 +31,14 @@ CAMERA = {  # looks at the middle of the rig from outside a corner
 }
 
 
-def layout_json(name: str, *, plant: str = "mujoco") -> str:
+def layout_json(name: str, *, plant: str = REFERENCE_PLANT) -> str:
     """The layout `name` as a file's content; `plant` is whose log the layouts of one run are for.
 
     Raises InputError for an unknown name.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
-    if plant not in PLANTS:
-        raise unknown_name("plant", plant, PLANTS)
+    plant_entry(plant)
     panels: Panels = {}
     layout = LAYOUTS[name](panels, plant)
     content = {
@@ -74,7 +72,7 @@ def _comparison(panels: Panels, _plant: str) -> Layout:
         _plot(panels, f"log₁₀ of {signal.description}", [_distance(signal, k)], minYValue=-13.0)
         for k, signal in enumerate(topics.DISTANCE.signals)
     ]
-    left = _column([_scene(panels, _cranes(PLANTS)), _timeline(panels, PLANTS)], (62, 38))
+    left = _column([_scene(panels, _cranes([*PLANTS])), _timeline(panels, [*PLANTS])], (62, 38))
     right = _row([_column([*both]), _column([*angles, *differences])])
     return _row([left, right], (42, 58))
 
@@ -152,8 +150,8 @@ def _joint_plot(panels: Panels, plant: str, group: str, names: Sequence[str], ti
 def _of_both(group: str, name: str, *, reference: bool = False) -> list[dict[str, Any]]:
     """A signal of both plants, MuJoCo first: the first line of a plot lies on top."""
     paths = [
-        {**_path(plant, group, name), "label": NAMES[plant], "color": VIEWER[plant]}
-        for plant in reversed(PLANTS)
+        {**_path(plant.name, group, name), "label": plant.label, "color": VIEWER[plant.colour]}
+        for plant in reversed(PLANTS.values())
     ]
     return [*paths, _reference(name[-1])] if reference else paths
 
@@ -253,7 +251,7 @@ def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
     paths = [
         {
             "value": f"{topics.status_topic(plant)}.{field}",
-            "label": f"{NAMES.get(plant, plant)} {field.replace('_', ' ')}",
+            "label": f"{_label(plant)} {field.replace('_', ' ')}",
             "timestampMethod": "receiveTime",
         }
         for plant, fields in standings.items()
@@ -264,6 +262,10 @@ def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
         panels, "RosOut", "events", {"searchTerms": [], "minLogLevel": 1, "topicToRender": topics.LOG}
     )
     return _row([states, events], (55, 45))
+
+
+def _label(plant: str) -> str:
+    return PLANTS[plant].label if plant in PLANTS else plant  # or the crane of a ladder
 
 
 def _add(panels: Panels, kind: str, title: str, configuration: dict[str, Any]) -> str:

@@ -15,7 +15,8 @@ from cranectl.cli.main import main
 from cranectl.compare.limits import Limits, agreement_limits
 from cranectl.design import CONTROLLERS
 from cranectl.log import read_log
-from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.plants.plant import DRIVES
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import scenario_names
 from cranectl.status import RunStatus
 

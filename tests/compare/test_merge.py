@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from cranectl.compare.merge import merged_pair, refuse_differences
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError

@@ -12,7 +12,7 @@ from cranectl.analysis.levels import NAMES as RUNGS
 from cranectl.cli.main import main
 from cranectl.log import write_log
 from cranectl.log.overlay import write_overlay
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from cranectl.plants.registry import plant_entry
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 from cranectl.signals import flat_groups, recorded_groups
 from cranectl.simulate import Run
@@ -211,7 +212,7 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
     ]
     lines = []
     for plant, wide in {curve.run.plant: curve.wide for curve in curves}.items():
-        name = {"mujoco": "MuJoCo"}.get(plant, plant)
+        name = plant_entry(plant).label
         width, opacity = (5.0, 0.35) if wide else (1.1, 1.0)
         lines.append(Line2D([], [], color=STAND_IN["ink"], linewidth=width, alpha=opacity, label=name))
     if any(panel.reference for panel in family.panels):

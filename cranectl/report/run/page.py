@@ -8,6 +8,7 @@ import numpy as np
 from cranectl.cases import RunSummary
 from cranectl.compare import Agreement, Comparison, compare_runs, judge
 from cranectl.compare.limits import Limits, Predict, limits_for
+from cranectl.plants.registry import reference_plant
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.figures import FAMILIES, Curve, distance_svg, family_svg
 from cranectl.report.run.tables import comparison_table, metrics_table, run_table
@@ -81,8 +82,9 @@ def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
 
 def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, ...]:
     pairs = _pairs(logs)
+    thin = reference_plant(plant for log in logs.values() for plant in log)
     curves = [
-        Curve(label, colour, run, wide=bool(pairs) and plant == "analytic")
+        Curve(label, colour, run, wide=bool(pairs) and plant != thin)
         for (label, log), colour in zip(logs.items(), SERIES, strict=False)
         for plant, run in log.items()
         if len(run.time_ns)
