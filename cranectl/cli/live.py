@@ -92,7 +92,7 @@ def live_command(
                 "watch this run and steer it; nothing is encrypted, nobody is asked for a password"
             )
         machine = f"[{host}]" if ":" in host else host
-        layout = "comparison view.json" if len(plants) == 2 else f"single view.json --plant {plant}"
+        layout = "comparison view.json" if len(plants) > 1 else f"single view.json --plant {plant}"
         _say(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
         _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
         _say(f"layout: cranectl layout {layout}, to be imported there")

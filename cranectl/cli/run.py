@@ -76,22 +76,21 @@ def run_command(
     for note in run_notes([result]):
         screen.print(f"  {note}")
     screen.print(metrics_table({run.plant: run.metrics for run in result.runs}))
-    if result.agreement is not None:
-        screen.print(agreement_table([result.agreement], [result.passed]))
-        for note in limit_notes([result.agreement]):
+    if result.agreements:
+        screen.print(agreement_table(result.agreements, [good for _, good in result.judged]))
+        for note in limit_notes(result.agreements):
             screen.print(f"  {note}")
     screen.print(f"log: {case.log}")
-    layout = "comparison view.json" if len(case.plants) == 2 else f"single view.json --plant {plant}"
+    layout = "comparison view.json" if len(case.plants) > 1 else f"single view.json --plant {plant}"
     screen.print(
         f"view: cranectl layout {layout}; open the log in Foxglove or Lichtblick and import the layout, "
         f"or: rerun {case.log}",
     )
-    agreements = [result.agreement] if result.agreement is not None else []
     write_json(
         json_file,
         {
             "runs": [run.to_json() for run in result.runs],
-            "agreements": [agreement.to_json() for agreement in agreements],
+            "agreements": [agreement.to_json() for agreement in result.agreements],
         },
     )
     return exit_codes.of_run(result)

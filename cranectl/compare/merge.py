@@ -40,8 +40,8 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
     return first, second
 
 
-def refuse_differences(what: str, differences: Sequence[str]) -> None:
-    """Raise InputError if there are any: a merged log would tell them of one run only."""
+def refuse_differences(what: str, differences: Sequence[str], *, told_of: str) -> None:
+    """Raise InputError if there are any: a merged log tells of the run of plant `told_of` only."""
     if differences:
         more = len(differences) - SHOWN
         shown = [*differences[:SHOWN], *([f"and {more} more"] if more > 0 else [])]
@@ -49,7 +49,7 @@ def refuse_differences(what: str, differences: Sequence[str]) -> None:
             f"{what}: {'; '.join(shown)}",
             allowed="two runs of the same scenario, by the versions that are installed",
             remedy="run one of them again, or merge with --despite-differences: the log then describes the "
-            "first plant's scenario and the versions that are installed",
+            f"{told_of} run's scenario and the versions that are installed",
         )
 
 

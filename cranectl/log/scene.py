@@ -47,7 +47,7 @@ ARROW_LENGTH = 0.25  # [m] for 1 rad/s²
 
 
 def scene_streams(runs: Sequence[Run]) -> list[Stream]:
-    """The 3-D topics of one run or a pair."""
+    """The 3-D topics of the runs."""
     drawn = [run for run in runs if len(run.time_ns)]
     if not drawn:
         return []

@@ -119,11 +119,9 @@ def _panels(film: Film) -> list[Panel]:
         Panel("rope angles α, β (dashed) [°]", angles, (-1.0, 1.0)),
         Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight),
     ]
-    apart = film.distances
-    if apart is not None:
-        time, distance = apart
-        curve = Curve(LIGHT["ink"], time, distance.clip(min=LEAST_APART))
-        panels.append(Panel("plants apart [m]", (curve,), (LEAST_APART, 1e-6), logarithmic=True))
+    apart = tuple(Curve(LIGHT["ink"], time, far.clip(min=LEAST_APART)) for time, far in film.distances)
+    if apart:
+        panels.append(Panel("plants apart [m]", apart, (LEAST_APART, 1e-6), logarithmic=True))
     return panels
 
 

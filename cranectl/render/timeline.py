@@ -111,21 +111,26 @@ class Film:
         return dashes(self.reference)
 
     @cached_property
-    def distances(self) -> tuple[Array, Array] | None:
-        """Times [s] and distances of the two loads [m] where both have samples; None for one plant."""
-        if len(self.cast) < 2:
-            return None
-        a, b = (actor.run for actor in self.cast)
-        _, rows_a, rows_b = np.intersect1d(a.time_ns, b.time_ns, assume_unique=True, return_indices=True)
-        apart = np.linalg.norm(b.load_position[rows_b] - a.load_position[rows_a], axis=1)
-        return a.time[rows_a], apart
+    def distances(self) -> list[tuple[Array, Array]]:
+        """Times [s] and distances [m] of each ghost's load from the solid crane's."""
+        found, solid = [], self.lead.run
+        for run in (actor.run for actor in self.cast if actor.ghost):
+            times = solid.time_ns, run.time_ns
+            _, rows, own = np.intersect1d(*times, assume_unique=True, return_indices=True)
+            apart = np.linalg.norm(solid.load_position[rows] - run.load_position[own], axis=1)
+            found.append((solid.time[rows], apart))
+        return found
 
     def apart(self, time: float) -> float | None:
-        """Distance of the two loads [m]; None for one plant, and after one of two has ended."""
-        if self.distances is None or not len(self.distances[0]) or time > self.distances[0][-1]:
-            return None
-        times, apart = self.distances
-        return float(apart[np.argmin(np.abs(times - time))])
+        """Largest of the distances [m]; None for one plant, and after all but one have ended."""
+        return max(
+            (
+                float(apart[np.argmin(np.abs(times - time))])
+                for times, apart in self.distances
+                if len(times) and time <= times[-1]
+            ),
+            default=None,
+        )
 
     def times(self, fps: float, speed: float) -> Array:
         """When each frame is [s]: in even steps from the start, and at the end, which shows how it ended."""
