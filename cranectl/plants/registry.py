@@ -34,7 +34,10 @@ PLANTS: dict[str, PlantEntry] = {}  # in the order of a log
 
 
 def register_plant(entry: PlantEntry) -> None:
-    """Make a plant known; raises InputError for a name that is taken or is none."""
+    """Make a plant known; raises InputError for a name that is taken or is none.
+
+    Worker processes know it too where the module of its class calls this.
+    """
     if entry.name in PLANTS or not re.fullmatch(r"[a-z][a-z0-9-]*", entry.name):
         raise InputError(
             f"a plant named '{entry.name}'",
