@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cranectl.design import CONTROLLERS, Design, design_controller
     from cranectl.log import read_log, read_signal, write_log
     from cranectl.metrics import RunMetrics, run_metrics
+    from cranectl.plants.registry import PlantEntry, register_plant
     from cranectl.scenario import Scenario, load_scenario, scenario_names
     from cranectl.scenario.rig import RigParameters
     from cranectl.simulate import Run, simulate_run
@@ -32,6 +33,7 @@ _HOME = {
     "Design": "design",
     "InputError": "support.errors",
     "LogError": "support.errors",
+    "PlantEntry": "plants.registry",
     "RigParameters": "scenario.rig",
     "Run": "simulate",
     "RunMetrics": "metrics",
@@ -43,6 +45,7 @@ _HOME = {
     "load_scenario": "scenario",
     "read_log": "log",
     "read_signal": "log",
+    "register_plant": "plants.registry",
     "run_metrics": "metrics",
     "scenario_names": "scenario",
     "simulate_run": "simulate",
@@ -57,6 +60,7 @@ __all__ = [
     "Design",
     "InputError",
     "LogError",
+    "PlantEntry",
     "RigParameters",
     "Run",
     "RunMetrics",
@@ -68,6 +72,7 @@ __all__ = [
     "load_scenario",
     "read_log",
     "read_signal",
+    "register_plant",
     "run_metrics",
     "scenario_names",
     "simulate_run",

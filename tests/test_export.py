@@ -16,7 +16,7 @@ from scipy.io import loadmat
 from cranectl.cli.main import main
 from cranectl.export import FORMATS, chosen_format, export_table, write_table
 from cranectl.log import read_log, write_log
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run

@@ -28,7 +28,7 @@ class Rung:
 
     name: str
     adds: str
-    plant: str = "mujoco"
+    plant: str = "mujoco"  # the engine for its physics, whatever else is registered
     drive: Drive = "velocity"
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from cranectl.campaign.correlation import Copula
 from cranectl.campaign.parameters import Parameter
 from cranectl.campaign.settings import CampaignSettings
+from cranectl.plants.registry import plant_entry
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.support.trees import assign, mapped
@@ -36,9 +37,6 @@ class Campaign:
         return tuple(k for k, p in enumerate(self.parameters) if p.distribution.varies)
 
 
-# Samples of a batch, what a kill can cost each worker: on either plant some seconds of runs like those of the
-# thesis, so that handing a batch to a cluster costs less than 2 % of it.
-LEAST = {"mujoco": 16, "analytic": 64}
 MOST_BATCHES = 1024  # of one plant and controller; more would be many small files
 
 
@@ -52,9 +50,13 @@ class Batch(NamedTuple):
 
 
 def batches_of(campaign: Campaign) -> list[Batch]:
-    """All batches of `campaign`, by plant, controller and sample."""
+    """All batches of `campaign`, by plant, controller and sample.
+
+    A batch is what a kill can cost each worker: some seconds, so that handing it to a cluster costs less
+    than 2 % of it.
+    """
     settings, runs = campaign.settings, campaign.runs
-    sizes = {plant: max(LEAST[plant], -(-runs // MOST_BATCHES)) for plant in settings.plants}
+    sizes = {plant: max(plant_entry(plant).batch, -(-runs // MOST_BATCHES)) for plant in settings.plants}
     return [
         Batch(plant, controller, first, min(first + sizes[plant], runs))
         for plant in settings.plants

@@ -31,6 +31,7 @@ from cranectl.campaign.sensitivity import (
     swings,
 )
 from cranectl.campaign.summary import MEASURE, Example, GroupSummary, examples, summarize
+from cranectl.plants.registry import reference_plant
 from cranectl.support.trees import mapped
 
 Array = NDArray[np.float64]
@@ -70,13 +71,14 @@ class Analysis:
     values: Array  # (samples, d) of the parameters
     groups: tuple[GroupAnalysis, ...]
     controllers: tuple[Pair, ...]  # on the same plant
-    plants: tuple[Pair, ...]  # with the same controller
+    plants: tuple[Pair, ...]  # with the same controller, one of them the reference plant
     worst: tuple[Example, ...]
 
 
 def analyse(results: Results) -> Analysis:
     """Compute everything; nothing is drawn, nothing is random."""
     values, groups = parameter_values(results), groups_of(results)
+    reference = reference_plant(results.campaign.settings.plants)
     parts = tuple(
         _of_group(results, group, summary, values)
         for group, summary in zip(groups, summarize(results), strict=True)
@@ -87,7 +89,9 @@ def analyse(results: Results) -> Analysis:
         groups=parts,
         controllers=tuple(_pair(a, b) for a, b in itertools.combinations(groups, 2) if a.plant == b.plant),
         plants=tuple(
-            _pair(a, b) for a, b in itertools.combinations(groups, 2) if a.controller == b.controller
+            _pair(a, b)
+            for a, b in itertools.combinations(groups, 2)
+            if a.controller == b.controller and reference in (a.plant, b.plant)
         ),
         worst=examples(results, worst=WORST),
     )

@@ -20,6 +20,7 @@ from cranectl.campaign.parameters import Parameter, nominal_scenario, numbers_of
 from cranectl.campaign.sampling import levels_of, sample_values, tails_of
 from cranectl.campaign.settings import COUNTED, MAX_RUNS, CampaignSettings, read_campaign
 from cranectl.plants.applicable import check_effects
+from cranectl.plants.registry import plant_entry
 from cranectl.scenario import Scenario
 from cranectl.support.errors import InputError
 
@@ -28,7 +29,7 @@ class Idle(NamedTuple):
     """Where parameters change nothing; None: everywhere."""
 
     names: str  # shell pattern
-    plant: str | None
+    lack: str | None  # of a plant, as in its registry entry
     drive: str | None
     why: str
 
@@ -36,11 +37,11 @@ class Idle(NamedTuple):
 RULES = (
     Idle("rig.*_time_constant", None, "ideal", "ideal drives have no lag"),
     *(
-        Idle(f"rig.{body}_mass", plant, drive, why)
+        Idle(f"rig.{body}_mass", lack, drive, why)
         for body in ("bridge", "trolley", "winch")
-        for plant, drive, why in (
+        for lack, drive, why in (
             (None, "ideal", "ideal drives move as commanded whatever they carry"),
-            ("analytic", None, "the drives of the analytic plant know no forces"),
+            ("force", None, "the drives of the {plant} plant know no forces"),
         )
     ),
     Idle("effects.sensing.observer_bandwidth", None, None, "the controller has the observer it was given"),
@@ -77,9 +78,11 @@ def check_acting(settings: CampaignSettings, parameters: Sequence[Parameter], no
 
 def idle_reason(name: str, plant: str, drive: str, zero: Mapping[str, bool]) -> str | None:
     """Why `name` changes nothing, None if it does; `zero` tells which numbers are 0 in all runs."""
+    entry = plant_entry(plant)
     for rule in RULES:
-        if fnmatchcase(name, rule.names) and rule.plant in (None, plant) and rule.drive in (None, drive):
-            return rule.why
+        holds = rule.lack is None or rule.lack in entry.lacks
+        if holds and fnmatchcase(name, rule.names) and rule.drive in (None, drive):
+            return rule.why.format(plant=entry.label)
     for pattern, factors in FACTORS.items():
         if not fnmatchcase(name, pattern):
             continue

@@ -13,6 +13,7 @@ from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Dist
 from cranectl.design import checked_controller
 from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.plants.plant import Drive
+from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
@@ -70,9 +71,7 @@ class CampaignSettings(Settings):
     controllers: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = Field(
         description="names of controllers"
     )
-    plants: Annotated[tuple[Literal["analytic", "mujoco"], ...], Field(strict=False, min_length=1)] = (
-        "mujoco",
-    )
+    plants: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = (REFERENCE_PLANT,)
     drive: Drive = "velocity"
     runs: Annotated[int, Field(ge=1, le=MAX_RUNS)] | None = Field(
         None, description="number of samples, each run with every controller on every plant"
@@ -124,6 +123,8 @@ def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
     settings = parse_settings(CampaignSettings, table, source)
     for name in settings.controllers:
         checked_controller(name)
+    for name in settings.plants:
+        plant_entry(name)
     return settings
 
 

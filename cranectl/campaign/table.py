@@ -1,21 +1,9 @@
-"""The result of one run as a row of plain columns.
+"""The result of one run as a row of plain columns; (sample, plant, controller) is its key.
 
-    sample              int     index of the sample, from 0 to campaign.runs - 1
-    plant               str     analytic or mujoco
-    controller          str
-    status              str     how the run ended: the label of a `RunStatus`; `failed` if it could not be run
-    reason              str     why it did not complete; "" if it did
-    end_s               float   simulated time at which it ended [s]; 0 for `failed`
-    <parameters>        float   a column each, by dotted name: rig.load_mass, effects.delay.seconds, ...
-    <metrics>           float   `RunMetrics`, a column for each number, None where there is none
-
-`row_columns` lists them in order. Names of parameters have a dot, the others none. A metric of several
-numbers has a column for each: final_load_m_x, drive_path_m_bridge, max_abs_angle_rad_alpha. Leaving the
-workspace has three for each axis: outside_first_s_bridge (None if it was not left), outside_excess_m_bridge,
-outside_time_s_bridge. All metrics are None of a run without a sample, which a `failed` one is.
-
-(sample, plant, controller) is the key. Whole numbers among the parameters are below 2³², so floats hold them.
-Every column has a type, a unit and a description, kept in every Parquet file.
+First come RUN_COLUMNS, then a column for each parameter by its dotted name, then METRIC_COLUMNS, which have
+no dot: a metric of several numbers has a column for each, `final_load_m_x`. Metrics are None where a run has
+none: all of a run without a sample, which a `failed` one is. Whole numbers among the parameters are below
+2³², so floats hold them. Type, unit and description of every column are kept in every Parquet file.
 """
 
 import re

@@ -1,18 +1,19 @@
-"""A case: one scenario, controller and drive on one or both plants, simulated, logged and judged."""
+"""A case: one scenario, controller and drive on any plants, simulated, logged and judged."""
 
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cranectl.compare import Agreement, Comparison, compare_runs
+from cranectl.compare import Agreement, against_reference
 from cranectl.compare.limits import Limits, NoLimits, Predict, limits_for
 from cranectl.compare.step_length import judge_steps
 from cranectl.design import design_controller
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants.plant import PLANTS, Drive
+from cranectl.plants.plant import Drive
+from cranectl.plants.registry import PLANTS, in_order
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
 from cranectl.status import RunStatus
@@ -82,11 +83,10 @@ class RunSummary:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """Outcome of a case; comparison and agreement only where both plants have samples."""
+    """Outcome of a case; agreements of plants that have samples, if the reference plant has."""
 
     runs: tuple[RunSummary, ...]
-    comparison: Comparison | None
-    agreement: Agreement | None
+    agreements: tuple[Agreement, ...]
     expected: str  # how its runs should have ended
 
     @property
@@ -102,9 +102,14 @@ class CaseResult:
         return all(run.status.label == self.expected for run in self.runs)
 
     @property
+    def judged(self) -> list[tuple[Agreement, bool]]:
+        """Each agreement, and whether it holds and all runs ended as expected."""
+        return [(found, self.as_expected and found.passed is not False) for found in self.agreements]
+
+    @property
     def passed(self) -> bool:
         """Whether the runs ended as expected and the plants agree, as far as that can be judged."""
-        return self.as_expected and (self.agreement is None or self.agreement.passed is not False)
+        return self.as_expected and all(found.passed is not False for found in self.agreements)
 
 
 @dataclass(frozen=True)
@@ -129,7 +134,7 @@ def make_case(
     *,
     controller: str | None = None,
     drive: Drive = "ideal",
-    plants: Sequence[str] = PLANTS,
+    plants: Iterable[str] = PLANTS,
     log: Path | None = None,
     source: str | None = None,
     predict: Predict | None = None,
@@ -137,7 +142,7 @@ def make_case(
     """A case with the scenario's own controller and name and the usual place for its log by default."""
     controller = controller or scenario.controller
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, tuple(plants), log, source or scenario.name, predict)
+    return Case(scenario, controller, drive, in_order(plants), log, source or scenario.name, predict)
 
 
 def check_apart(cases: Sequence[Case]) -> None:
@@ -168,7 +173,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     plan = plan_scenario(case.scenario)
     tracker_of(case.scenario, design)  # raises if sampling makes the design unstable
     check_writable(case.log)
-    predict = case.predict if len(case.plants) == 2 else None  # one plant alone is not judged
+    predict = case.predict if len(case.plants) > 1 else None  # one plant alone is not judged
     limits = limits_for(case.scenario, design, case.drive, predict=predict)
     runs: list[Run] = []
     for plant in case.plants:
@@ -202,7 +207,6 @@ def _result(
     progress: Callable[[float], None] | None,
 ) -> CaseResult:
     summaries = tuple(RunSummary.of(run, case.log) for run in runs)
-    if len(runs) < 2 or not all(len(run.time_ns) for run in runs):
-        return CaseResult(summaries, None, None, case.scenario.expected)
-    agreement = judge_steps(runs, limits, progress)
-    return CaseResult(summaries, compare_runs(*runs), agreement, case.scenario.expected)
+    pairs = against_reference([run for run in runs if len(run.time_ns)], case.plants)
+    agreements = tuple(judge_steps(pair, limits, progress) for pair in pairs)
+    return CaseResult(summaries, agreements, case.scenario.expected)

@@ -14,11 +14,11 @@ from multiprocessing.synchronize import Event
 from typing import NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure, try_case
+from cranectl.plants.registry import PLANTS
 from cranectl.support.interrupts import SIGNALS, interrupts_blocked, interrupts_wait
 
 # Loaded once, before workers are forked; without it each worker would import for two seconds.
 PRELOADED = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
-PRELOADED += ["cranectl.plants.analytic", "cranectl.plants.mujoco.plant"]
 
 Done = Callable[[Case], None]  # called after each case
 Result = (
@@ -89,7 +89,8 @@ def _worker_context() -> BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(PRELOADED)
+    plants = [entry.where.partition(":")[0] for entry in PLANTS.values()]
+    context.set_forkserver_preload([*PRELOADED, *plants])
     # Signals go to the whole process group, also while the server loads: all but the parent are deaf to them.
     for helper in (resource_tracker, forkserver):
         with interrupts_blocked():  # for each anew: the tracker unblocks some of them

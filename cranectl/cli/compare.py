@@ -1,5 +1,6 @@
 """`cranectl compare`."""
 
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 @click.option(
     "--despite-differences",
     is_flag=True,
-    help="With --merge: of different scenarios or versions too; the log then describes the analytic run's "
+    help="With --merge: of different scenarios or versions too; the log then describes the first plant's "
     "scenario and the installed versions.",
 )
 @predict_option
@@ -48,7 +49,7 @@ def compare_command(
     predict: bool,
     json_file: str | None,
 ) -> int:
-    """Compare the two plants of one LOG, or the same plants of two LOGs.
+    """Compare the plants of one LOG, or the same plants of two LOGs.
 
     The plants of one LOG are judged as by the run that wrote it, exit code 1 if they do not agree or did not
     end as their scenario expects.
@@ -128,21 +129,27 @@ def _print(screen: "Screen", comparison: "Comparison") -> None:
 
 
 def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
-    """The two plants of one log, judged as by the run that wrote it."""
+    """The plants of one log, judged as by the run that wrote it."""
     from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
-    from cranectl.compare import compare_runs, ended_as_expected, judge
+    from cranectl.compare import compare_runs, ended_as_expected, judge, least_good
     from cranectl.report.run.agreement import agreement_table, limit_notes
 
-    ((a, b),) = _pairs((log,))
-    comparison = compare_runs(a, b)
-    agreement = judge(a, b, limits=limits_of(a, predict=predict), comparison=comparison)
-    unexpected = [run for run in (a, b) if not ended_as_expected(run)]
-    good = agreement.passed is not False and not unexpected
+    pairs = _pairs((log,))
+    runs = list({run.plant: run for pair in pairs for run in pair}.values())
+    limits = limits_of(runs[0], predict=predict)
+    comparisons = [compare_runs(*pair) for pair in pairs]
+    agreements = [
+        judge(*pair, limits=limits, comparison=found) for pair, found in zip(pairs, comparisons, strict=True)
+    ]
+    unexpected = [run for run in runs if not ended_as_expected(run)]
+    passed = [agreement.passed is not False and not unexpected for agreement in agreements]
+    good = all(passed)
     screen = console(json_file)
-    _print(screen, comparison)
-    screen.print(agreement_table([agreement], [good]))
-    for note in limit_notes([agreement]):
+    for comparison in comparisons:
+        _print(screen, comparison)
+    screen.print(agreement_table(agreements, passed))
+    for note in limit_notes(agreements):
         screen.print(f"  {note}")
     for run in unexpected:
         screen.print(f"  {run.plant} ended with {run.status.label}, expected {run.scenario.expected}")
@@ -150,9 +157,10 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
         json_file,
         {
             "passed": good,
-            "agreement": agreement.to_json(),
-            "statuses": {run.plant: run.status.label for run in (a, b)},
-            "comparisons": [comparison.to_json()],
+            "agreement": least_good(agreements).to_json(),
+            "agreements": [agreement.to_json() for agreement in agreements],
+            "statuses": {run.plant: run.status.label for run in runs},
+            "comparisons": [comparison.to_json() for comparison in comparisons],
             "software_differences": [],
         },
     )
@@ -216,10 +224,12 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     pair = merged_pair(runs[0][0], runs[1][0])
     descriptions = [describe_log(log) for log in (a_log, b_log)]
     if not despite_differences:
-        refuse_differences("the runs of analytic and mujoco differ in", differing_fields(*pair))
+        first, second = (run.plant for run in pair)
+        refuse = functools.partial(refuse_differences, told_of=first)
+        refuse(f"the runs of {first} and {second} differ in", differing_fields(*pair))
         for description in descriptions:
             different = provenance_differences(description.versions, provenance(), harmless=True)
-            refuse_differences(f"{description.path} and this installation differ in", different)
+            refuse(f"{description.path} and this installation differ in", different)
     write_logged(out, pair, descriptions[0].every)
     return pair
 
@@ -234,18 +244,18 @@ def _software_differences(log: Path, other: Path) -> list[str]:
 
 def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:
     """The runs to compare: the plants of one log, or each plant that two logs share."""
+    from cranectl.compare import against_reference
     from cranectl.log import read_log
 
     runs = [read_log(log) for log in logs]
     if len(runs) == 1:
-        plants = list(runs[0].values())
-        if len(plants) != 2:
+        if len(runs[0]) < 2:
             raise InputError(
                 f"{logs[0]} holds the run of one plant only",
                 allowed="a log of both plants, or two logs",
                 remedy="run with --plant both, or name a second log",
             )
-        return [(plants[0], plants[1])]
+        return against_reference(list(runs[0].values()))
     shared = [plant for plant in runs[0] if plant in runs[1]]
     if shared:
         return [(runs[0][plant], runs[1][plant]) for plant in shared]

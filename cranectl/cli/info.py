@@ -29,27 +29,28 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     """
     from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
-    from cranectl.compare import judge
+    from cranectl.compare import against_reference, judge, least_good
     from cranectl.log import describe_log, read_log
     from cranectl.report.run.tables import topic_table
     from cranectl.support.provenance import provenance, provenance_differences
 
     runs = read_log(log)
     description = describe_log(log)
-    pair = list(runs.values())
-    both = len(pair) == 2 and all(len(run.time_ns) for run in pair)
-    agreement = judge(*pair, limits=limits_of(pair[0], predict=predict)) if both else None
+    held = list(runs.values())
+    pairs = against_reference([run for run in held if len(run.time_ns)], runs)
+    limits = limits_of(held[0], predict=predict) if pairs else None
+    agreements = [judge(*pair, limits=limits) for pair in pairs]
     software = provenance_differences(description.versions, provenance())
     screen = console(json_file)
-    for line in _lines(description, pair, agreement, software):
+    for line in _lines(description, held, agreements, software):
         screen.print(line)
     screen.print(topic_table(description))
     write_json(
         json_file,
         {
             **description.to_json(),
-            "scenario": pair[0].scenario.model_dump(mode="json"),
-            "design": pair[0].design.to_json(),
+            "scenario": held[0].scenario.model_dump(mode="json"),
+            "design": held[0].design.to_json(),
             "runs": [
                 {
                     "plant": run.plant,
@@ -58,9 +59,10 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
                     "end_s": run.end_s,
                     "samples": len(run.time_ns),
                 }
-                for run in pair
+                for run in held
             ],
-            "agreement": agreement.to_json() if agreement is not None else None,
+            "agreement": least_good(agreements).to_json() if agreements else None,
+            "agreements": [agreement.to_json() for agreement in agreements],
             "software_differences": software,
         },
     )
@@ -69,7 +71,7 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
 def _lines(
     description: "LogDescription",
     runs: Sequence["Run"],
-    agreement: "Agreement | None",
+    agreements: Sequence["Agreement"],
     software: Sequence[str],
 ) -> list[str]:
     """What a log is, a line a fact; `software` is what differs from what is installed."""
@@ -89,10 +91,11 @@ def _lines(
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
     ]
-    if agreement is not None:
+    for agreement in agreements:
         apart = f"{agreement.max_load_error_m:.1e} m, {agreement.max_angle_error_rad:.1e} rad"
         why = f": {agreement.limits}" if agreement.passed is None else ""
-        facts.append(("verdict", f"plants at most {apart} apart: {agreement.verdict}{why}"))
+        who = "plants" if len(agreements) == 1 else f"{agreement.plant} and {agreement.reference}"
+        facts.append(("verdict", f"{who} at most {apart} apart: {agreement.verdict}{why}"))
     size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
     facts += [
         ("versions", ", ".join(f"{name} {version}" for name, version in description.versions.items())),

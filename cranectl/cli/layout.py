@@ -5,21 +5,20 @@ from pathlib import Path
 import click
 
 from cranectl.cli.command import Command, OutputFile
+from cranectl.cli.options import plants_option
 from cranectl.support.places import JSON
 
 
 @click.command("layout", cls=Command)
 @click.argument("name")
 @click.argument("out", type=OutputFile(JSON))
-@click.option(
-    "--plant", default="mujoco", show_default=True, metavar="NAME", help="Whose run a single-run log holds."
-)
-def layout_command(name: str, out: Path, plant: str) -> None:
+@plants_option("Whose runs the log holds. Default: all; what shows one run then shows mujoco's.")
+def layout_command(name: str, out: Path, plants: tuple[str, ...]) -> None:
     """Write the layout NAME to OUT, to be imported in Foxglove or Lichtblick.
 
     \b
     single        one run: crane, load, error, angles, inputs, tension
-    comparison    both plants: the crane and its ghost, signals of both, what parts them
+    comparison    several plants: the crane and its ghosts, the same signals, what parts them
     controller    what the controller thought
     ladder        all rungs of `cranectl ladder` on top of each other
 
@@ -28,10 +27,11 @@ def layout_command(name: str, out: Path, plant: str) -> None:
     cranectl layout single single.json --plant analytic
     """
     from cranectl.cli.output import console
+    from cranectl.plants.registry import PLANTS
     from cranectl.report.viewer_layouts import layout_json
     from cranectl.support.files import write_text, writing
 
-    content = layout_json(name, plant=plant)
+    content = layout_json(name, plants=plants or PLANTS)
     with writing(out):
         write_text(out, content)
     console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")

@@ -19,7 +19,8 @@ def list_command(json_file: str | None) -> None:
     """
     from cranectl.cli.output import console, write_json
     from cranectl.design import CONTROLLERS
-    from cranectl.plants.plant import DRIVES, PLANTS
+    from cranectl.plants.plant import DRIVES
+    from cranectl.plants.registry import PLANTS
     from cranectl.report.scenario_table import scenario_table
     from cranectl.scenario import load_scenario, scenario_names
 
@@ -28,7 +29,7 @@ def list_command(json_file: str | None) -> None:
     out.print(scenario_table(scenarios))
     registries: dict[str, tuple[str, ...]] = {
         "controllers": CONTROLLERS,
-        "plants": PLANTS,
+        "plants": tuple(PLANTS),
         "drives": DRIVES,
     }
     for name, entries in registries.items():

@@ -10,7 +10,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import drive_option, scenario_options
+from cranectl.cli.options import drive_option, layout_for, plants_option, scenario_options
 from cranectl.support.interrupts import heed_interrupts, interrupt
 from cranectl.support.places import MCAP
 from cranectl.support.text import printable
@@ -21,7 +21,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 @click.command("live", cls=Command)
 @click.argument("scenario")
 @click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
-@click.option("--plant", default="both", show_default=True, metavar="NAME", help="analytic, mujoco or both.")
+@plants_option("Default: all.")
 @drive_option(default="ideal")
 @click.option("--speed", type=float, default=1.0, show_default=True, metavar="X", help="Times real time.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
@@ -37,7 +37,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 def live_command(
     scenario: str,
     controller: str | None,
-    plant: str,
+    plants: tuple[str, ...],
     drive: str,
     speed: float,
     host: str,
@@ -53,7 +53,7 @@ def live_command(
 
     \b
     cranectl live settled-trajectory
-    cranectl live fixed-position --controller lqr+hinf --plant mujoco --drive velocity
+    cranectl live fixed-position --controller lqr+hinf --plants mujoco --drive velocity
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases import LOG_DIRECTORY, default_log
@@ -65,17 +65,14 @@ def live_command(
     from cranectl.live.place import own_place
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
-    from cranectl.plants.plant import PLANTS
+    from cranectl.plants.registry import PLANTS, in_order
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
-    from cranectl.support.errors import unknown_name
 
-    if plant not in (*PLANTS, "both"):
-        raise unknown_name("plant", plant, (*PLANTS, "both"))
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     design = design_controller(controller or loaded.controller, loaded.design)
     controls = Controls(loaded, design, speed=speed)
-    plants = PLANTS if plant == "both" else (plant,)
+    plants = in_order(plants or PLANTS)
     session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
@@ -92,10 +89,9 @@ def live_command(
                 "watch this run and steer it; nothing is encrypted, nobody is asked for a password"
             )
         machine = f"[{host}]" if ":" in host else host
-        layout = "comparison view.json" if len(plants) == 2 else f"single view.json --plant {plant}"
         _say(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
         _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
-        _say(f"layout: cranectl layout {layout}, to be imported there")
+        _say(f"layout: cranectl layout {layout_for(plants)}, to be imported there")
         _say("steer: panels Parameters and Service Call")
         _say(f"log: {place}; Ctrl-C ends the session and closes it")
         server.serve(stop)

@@ -1,12 +1,13 @@
 """Options that several commands share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
 from cranectl.cli.command import OutputFile
+from cranectl.support.errors import InputError
 from cranectl.support.places import JSON
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -39,6 +40,46 @@ def scenario_options(function: F) -> F:
         help="Override any field of the scenario, e.g. rig.load_mass=2.5; repeatable.",
     )
     return rig(assign(function))
+
+
+def plants_option(help_text: str) -> Callable[[F], F]:
+    """`--plants`: names with commas, or all; nothing is () and means what the command says."""
+    return click.option(
+        "--plants", "--plant", "plants", metavar="A,B|all", multiple=True, callback=_plants, help=help_text
+    )
+
+
+def _plants(context: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
+    names = names_given(context, parameter, given)
+    if not names:
+        return ()
+    from cranectl.plants.registry import PLANTS, plant_entry
+
+    if names in (("all",), ("both",)):  # both: as long as there were two
+        return tuple(PLANTS)
+    return tuple(plant_entry(name).name for name in names)
+
+
+def names_given(_: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
+    """Names with commas between, of an option that may be repeated; each once."""
+    names = [name.strip() for text in given for name in text.split(",")]
+    if not all(names):
+        raise InputError(
+            f"{parameter.opts[0]} {','.join(given)}: a name is empty",
+            allowed="a name, or names with a comma between",
+            remedy="remove the comma that is too many",
+        )
+    return tuple(dict.fromkeys(names))
+
+
+def layout_for(plants: Sequence[str]) -> str:
+    """What `cranectl layout` is given to show a log of `plants`."""
+    from cranectl.plants.registry import PLANTS
+
+    if len(plants) == 1:
+        return f"single view.json --plant {plants[0]}"
+    chosen = "" if len(plants) == len(PLANTS) else f" --plants {','.join(plants)}"
+    return f"comparison view.json{chosen}"
 
 
 def predict_option(function: F) -> F:

@@ -6,14 +6,21 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import drive_option, json_option, predict_option, scenario_options
+from cranectl.cli.options import (
+    drive_option,
+    json_option,
+    layout_for,
+    plants_option,
+    predict_option,
+    scenario_options,
+)
 from cranectl.support.places import MCAP
 
 
 @click.command("run", cls=Command)
 @click.argument("scenario")
 @click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
-@click.option("--plant", default="both", show_default=True, metavar="NAME", help="analytic, mujoco or both.")
+@plants_option("Default: all.")
 @drive_option(default="ideal")
 @scenario_options
 @click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
@@ -28,7 +35,7 @@ from cranectl.support.places import MCAP
 def run_command(
     scenario: str,
     controller: str | None,
-    plant: str,
+    plants: tuple[str, ...],
     drive: str,
     rig: Path | None,
     overrides: tuple[str, ...],
@@ -42,29 +49,26 @@ def run_command(
     \b
     cranectl run fixed-position
     cranectl run settled-trajectory --controller lqr --drive velocity
-    cranectl run fixed-position --plant mujoco --set rig.load_mass=2.5 --set duration=30
+    cranectl run fixed-position --plants mujoco --set rig.load_mass=2.5 --set duration=30
     cranectl run my-scenario.toml --out my.mcap --every 1
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity --predict
     """
     from cranectl.cases import make_case, run_case
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.plants.plant import PLANTS
+    from cranectl.plants.registry import PLANTS
     from cranectl.report.run.agreement import agreement_table, limit_notes, run_notes
     from cranectl.report.run.tables import metrics_table, run_table
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
-    from cranectl.support.errors import unknown_name
 
-    if plant not in (*PLANTS, "both"):
-        raise unknown_name("plant", plant, (*PLANTS, "both"))
     if every is not None:
         overrides = (*overrides, f"log.every={every}")
     case = make_case(
         load_scenario(scenario, rig=rig, overrides=overrides),
         controller=controller,
         drive=checked_drive(drive),
-        plants=PLANTS if plant == "both" else (plant,),
+        plants=plants or PLANTS,
         log=out,
         predict=predictor(wanted=predict),
     )
@@ -76,22 +80,20 @@ def run_command(
     for note in run_notes([result]):
         screen.print(f"  {note}")
     screen.print(metrics_table({run.plant: run.metrics for run in result.runs}))
-    if result.agreement is not None:
-        screen.print(agreement_table([result.agreement], [result.passed]))
-        for note in limit_notes([result.agreement]):
+    if result.agreements:
+        screen.print(agreement_table(result.agreements, [good for _, good in result.judged]))
+        for note in limit_notes(result.agreements):
             screen.print(f"  {note}")
     screen.print(f"log: {case.log}")
-    layout = "comparison view.json" if len(case.plants) == 2 else f"single view.json --plant {plant}"
     screen.print(
-        f"view: cranectl layout {layout}; open the log in Foxglove or Lichtblick and import the layout, "
-        f"or: rerun {case.log}",
+        f"view: cranectl layout {layout_for(case.plants)}; open the log in Foxglove or Lichtblick and import "
+        f"the layout, or: rerun {case.log}",
     )
-    agreements = [result.agreement] if result.agreement is not None else []
     write_json(
         json_file,
         {
             "runs": [run.to_json() for run in result.runs],
-            "agreements": [agreement.to_json() for agreement in agreements],
+            "agreements": [agreement.to_json() for agreement in result.agreements],
         },
     )
     return exit_codes.of_run(result)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli.command import Command
-from cranectl.cli.options import drive_option, json_option, predict_option, scenario_options
+from cranectl.cli.options import drive_option, json_option, plants_option, predict_option, scenario_options
 
 if TYPE_CHECKING:
     from cranectl.cases import Case, Failure
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 @click.command("validate", cls=Command)
 @click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
 @click.option("--controller", "controllers", metavar="NAME", multiple=True, help="Default: all; repeatable.")
+@plants_option("Default: all.")
 @drive_option(default="both")
 @scenario_options
 @click.option(
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 def validate_command(
     scenarios: tuple[str, ...],
     controllers: tuple[str, ...],
+    plants: tuple[str, ...],
     drive: str,
     rig: Path | None,
     overrides: tuple[str, ...],
@@ -43,7 +45,7 @@ def validate_command(
     predict: bool,
     json_file: str | None,
 ) -> int:
-    """Run scenarios with all controllers and drives on both plants and judge the agreement.
+    """Run scenarios with all controllers and drives on all plants and judge the agreement.
 
     The limits and their reasons are in validation/tolerances.toml. Those of velocity drives hold for the
     shipped scenarios and their rig: others are told and not judged, or with --predict judged by their own. A
@@ -65,6 +67,7 @@ def validate_command(
     from cranectl.design import CONTROLLERS, checked_controller
     from cranectl.log import check_writable
     from cranectl.plants.plant import DRIVES
+    from cranectl.plants.registry import PLANTS
     from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
 
@@ -76,6 +79,7 @@ def validate_command(
             scenario,
             controller=name,
             drive=kind,
+            plants=plants or PLANTS,
             log=default_log(out, scenario, name, kind),
             source=source,
             predict=predictor(wanted=predict),

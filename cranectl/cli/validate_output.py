@@ -58,7 +58,7 @@ def report_validation(
     code = exit_codes.of_validation([*outcome.results, *unloaded.values()], interrupted=outcome.interrupted)
     if finished or lost:
         screen = console(json_file)
-        pairs_found = [(each.agreement, each.passed) for each in finished if each.agreement is not None]
+        pairs_found = [judged for each in finished for judged in each.judged]
         agreements = [agreement for agreement, _ in pairs_found]
         unjudged = sum(agreement.passed is None for agreement in agreements)
         screen.print(agreement_table(agreements, [good for _, good in pairs_found]))
@@ -98,7 +98,7 @@ def _json(
     return {
         "passed": passed,
         "runs": [run.to_json() for result in finished for run in result.runs],
-        "agreements": [result.agreement.to_json() for result in finished if result.agreement is not None],
+        "agreements": [found.to_json() for result in finished for found in result.agreements],
         "failed": [each.to_json() for each in failed],
         "lost": [
             {"scenario": case.scenario.name, "controller": case.controller, "drive": case.drive}

@@ -4,11 +4,13 @@ from cranectl.compare.runs import (
     COMPARED_GROUPS,
     Agreement,
     Comparison,
+    against_reference,
     compare_runs,
     compared_signals,
     differing_fields,
     ended_as_expected,
     judge,
+    least_good,
     named_signals,
 )
 
@@ -16,10 +18,12 @@ __all__ = [
     "COMPARED_GROUPS",
     "Agreement",
     "Comparison",
+    "against_reference",
     "compare_runs",
     "compared_signals",
     "differing_fields",
     "ended_as_expected",
     "judge",
+    "least_good",
     "named_signals",
 ]

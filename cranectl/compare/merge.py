@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
 
@@ -36,12 +36,12 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
         raise _apart(a, b, "different times of their samples")
     if not np.array_equal(a.reference[:common], b.reference[:common]):
         raise _apart(a, b, "different references")
-    first, second = sorted((a, b), key=lambda run: PLANTS.index(run.plant))
+    first, second = sorted((a, b), key=lambda run: list(PLANTS).index(run.plant))
     return first, second
 
 
-def refuse_differences(what: str, differences: Sequence[str]) -> None:
-    """Raise InputError if there are any: a merged log would tell them of one run only."""
+def refuse_differences(what: str, differences: Sequence[str], *, told_of: str) -> None:
+    """Raise InputError if there are any: a merged log tells of the run of plant `told_of` only."""
     if differences:
         more = len(differences) - SHOWN
         shown = [*differences[:SHOWN], *([f"and {more} more"] if more > 0 else [])]
@@ -49,7 +49,7 @@ def refuse_differences(what: str, differences: Sequence[str]) -> None:
             f"{what}: {'; '.join(shown)}",
             allowed="two runs of the same scenario, by the versions that are installed",
             remedy="run one of them again, or merge with --despite-differences: the log then describes the "
-            f"{PLANTS[0]} run's scenario and the versions that are installed",
+            f"{told_of} run's scenario and the versions that are installed",
         )
 
 

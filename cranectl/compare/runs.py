@@ -1,6 +1,6 @@
 """Compare two runs sample by sample; runs come in memory, the caller reads files."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.compare.limits import Limits, NoLimits, limits_for
+from cranectl.plants.registry import reference_plant
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import Signal
 from cranectl.simulate import Run
@@ -51,10 +52,12 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Agreement:
-    """A comparison of the two plants, judged where their limits are known."""
+    """A comparison of a plant with the reference plant, judged where their limits are known."""
 
     scenario: str
     controller: str
+    plant: str
+    reference: str
     drive: str
     max_load_error_m: float
     max_angle_error_rad: float
@@ -106,6 +109,15 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     )
 
 
+def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[tuple[Run, Run]]:
+    """Every other run with that of the reference plant, which comes second; none where that is missing.
+
+    `plants`: those that the reference is of, by default those of `runs`.
+    """
+    reference = reference_plant(plants or [run.plant for run in runs])
+    return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
+
+
 def judge(
     a: Run, b: Run, *, limits: Limits | NoLimits | None = None, comparison: Comparison | None = None
 ) -> Agreement:
@@ -120,6 +132,8 @@ def judge(
     return Agreement(
         scenario=a.scenario.name,
         controller=a.design.name,
+        plant=a.plant,
+        reference=b.plant,
         drive=a.drive,
         max_load_error_m=comparison.max_load_error_m,
         max_angle_error_rad=comparison.max_angle_error_rad,
@@ -128,6 +142,11 @@ def judge(
         passed=_within(comparison, a, b, known) if known else None,
         limits=limits.source if isinstance(limits, Limits) else limits.reason,
     )
+
+
+def least_good(agreements: Sequence[Agreement]) -> Agreement:
+    """The first that does not hold, else the first that is not judged, else the first."""
+    return min(agreements, key=lambda found: (found.passed is not False, found.passed is True))
 
 
 def _within(comparison: Comparison, a: Run, b: Run, limits: Limits) -> bool:

@@ -118,7 +118,7 @@ class Pieces:
         self._reference_ns = max(self._reference_ns, int(reference.time_ns[-1]))
         messages = [reference.messages[k] for k in new]
         found.insert(0, replace(reference, time_ns=reference.time_ns[new], messages=messages))
-        return found + (differences(*runs) if len(runs) == 2 else [])
+        return found + (differences(runs, [*self._opacities]))
 
     def _rows(self, run: Run, origin_ns: int, step: int) -> NDArray[np.intp]:
         """Every `step`-th sample since the start, and that at which a run stopped."""

@@ -4,7 +4,7 @@ Left alone it gives the numbers of `simulate_run`, bit for bit. At the end of th
 point and its last disturbances are held. Time never goes back, also not with a new start.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from cranectl.controllers.flat import ROBUSTIFIER, initial_memory
 from cranectl.design import Design
-from cranectl.plants.plant import PLANTS, Drive, Plant
+from cranectl.plants.plant import Drive, Plant
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate.actuation import make_actuation
@@ -53,7 +54,7 @@ class Session:
     """Plants that start together and are advanced together; one that stops waits for the next start."""
 
     def __init__(
-        self, scenario: Scenario, design: Design, *, plants: Sequence[str] = PLANTS, drive: Drive = "ideal"
+        self, scenario: Scenario, design: Design, *, plants: Iterable[str] = PLANTS, drive: Drive = "ideal"
     ) -> None:
         """Ready at time zero; raises InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive

@@ -1,4 +1,4 @@
-"""Logs: one MCAP file for a run or a pair of runs, written, read and described."""
+"""Logs: one MCAP file for a run or those of several plants, written, read and described."""
 
 from cranectl.log.describe import LogDescription, describe_log
 from cranectl.log.reader import read_log, read_signal

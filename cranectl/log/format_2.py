@@ -10,7 +10,7 @@ from typing import Any
 from cranectl.design import Design
 from cranectl.log.consistency import MAX_NS, Outcome, check_design, check_outcome
 from cranectl.log.header import LogHeader
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import checked_drive

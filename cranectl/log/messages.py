@@ -7,7 +7,7 @@ import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
 from numpy.typing import NDArray
 
-from cranectl.compare import compare_runs, judge
+from cranectl.compare import against_reference, compare_runs, judge
 from cranectl.compare.limits import Limits, NoLimits
 from cranectl.design import Design
 from cranectl.log import schema, topics
@@ -21,16 +21,19 @@ from cranectl.support.provenance import provenance
 
 
 def streams(runs: Sequence[Run], limits: Limits | NoLimits | None = None) -> list[Stream]:
-    """Every topic of a log of one run or a pair; at equal times earlier streams come first in the file.
+    """Every topic of a log; at equal times earlier streams come first in the file.
 
-    A pair is judged by `limits`, as by `compare.judge`.
+    Plants are judged by `limits`, as by `compare.judge`.
     """
     found = [run_info(runs), design_info(runs[0].design)]
     found.append(log_lines(event for run in runs for event in events(run)))
     found += [status(run.plant, standings(run)) for run in runs]
     found += samples(runs)
-    if len(runs) == 2 and (differing := differences(*runs)):
-        found += [*differing, _text(topics.VERDICT, "Verdict", _verdict(*runs, limits=limits))]
+    for a, b in against_reference(runs):
+        name = a.plant if len(runs) > 2 else ""
+        if differing := _differences(a, b, name):
+            topic = topics.difference_topic(topics.VERDICT, name)
+            found += [*differing, _text(topic, "Verdict", _verdict(a, b, limits=limits))]
     return found + scene_streams(runs)
 
 
@@ -62,8 +65,14 @@ def signals(
     )
 
 
-def differences(a: Run, b: Run) -> list[Stream]:
-    """Sample by sample over the common times; nothing where there are none."""
+def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:
+    """What parts the runs from that of the reference plant; `plants` are all those of the log."""
+    pairs = against_reference(runs, plants)
+    return [s for a, b in pairs for s in _differences(a, b, a.plant if len(plants) > 2 else "")]
+
+
+def _differences(a: Run, b: Run, name: str) -> list[Stream]:
+    """Sample by sample over the common times; nothing where there are none. `name`: of the topics."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     if not len(time_ns):
         return []
@@ -72,11 +81,11 @@ def differences(a: Run, b: Run) -> list[Stream]:
         [np.linalg.norm(blocks["load"][:, :3], axis=1), np.abs(blocks["state"][:, [6, 8]]).max(axis=1)]
     )
     found = [
-        signals(topics.difference_topic(group.name), group, time_ns, blocks[group.name])
+        signals(topics.difference_topic(group.name, name), group, time_ns, blocks[group.name])
         for group in topics.DIFFERENCE_GROUPS
     ]
-    found.append(signals(topics.difference_topic(topics.DISTANCE.name), topics.DISTANCE, time_ns, distances))
-    return found
+    topic = topics.difference_topic(topics.DISTANCE.name, name)
+    return [*found, signals(topic, topics.DISTANCE, time_ns, distances)]
 
 
 def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, str]:

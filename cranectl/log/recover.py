@@ -137,12 +137,13 @@ def _run(header: LogHeader, plant: str, blocks: Mapping[str, Block]) -> Run:
 def _streams(header: LogHeader, found: Salvage, runs: Mapping[str, Run]) -> list[Stream]:
     """The messages that were saved, with what they say of the outcome put right."""
     signals = header.groups().keys() - {topics.REFERENCE_LOAD}
+    verdicts = {topics.difference_topic(topics.VERDICT, plant) for plant in ("", *runs)}
     told = {topics.LOG, *(topics.status_topic(plant) for plant in runs)}
     made = {stream.topic: _with_versions(stream, header) for stream in streams(list(runs.values()))}
     saved = {stream.topic: _until(stream, runs) for stream in found.streams()}
     ends = [run.end_ns for run in runs.values()]
     for topic, stream in made.items():
-        if topic in {topics.RUN_INFO, topics.VERDICT} | signals or topic not in saved:
+        if topic in {topics.RUN_INFO} | verdicts | signals or topic not in saved:
             saved[topic] = stream
         elif topic in told:
             saved[topic] = _ended(saved[topic], stream, ends)

@@ -1,9 +1,9 @@
 """What a viewer's 3-D panel shows: the cranes, their ropes, trails and disturbances, the path, the workspace.
 
 A viewer that jumps in time sees only the last message of each topic, so every message stands alone: the whole
-tree in each `/tf`, the whole trail in each `/PLANT/trail`. Where both plants are logged the analytic crane is
-a ghost of the MuJoCo crane. `scene_streams` makes all topics of whole runs; a live session makes the same
-ones piece by piece.
+tree in each `/tf`, the whole trail in each `/PLANT/trail`. Of several plants all cranes but that of the
+reference plant are ghosts. `scene_streams` makes all topics of whole runs; a live session makes the same ones
+piece by piece.
 """
 
 from collections.abc import Sequence
@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from cranectl.log import shapes, topics
 from cranectl.log.stream import Stream
 from cranectl.metrics import NEARLY_SLACK
+from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
@@ -46,7 +47,7 @@ ARROW_LENGTH = 0.25  # [m] for 1 rad/s²
 
 
 def scene_streams(runs: Sequence[Run]) -> list[Stream]:
-    """The 3-D topics of one run or a pair."""
+    """The 3-D topics of the runs."""
     drawn = [run for run in runs if len(run.time_ns)]
     if not drawn:
         return []
@@ -60,8 +61,8 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
 
 
 def opacities(plants: Sequence[str]) -> dict[str, float]:
-    """How solid each crane is drawn: beside MuJoCo's the analytic crane is a ghost."""
-    return {plant: GHOST if plant == "analytic" and len(plants) == 2 else 1.0 for plant in plants}
+    """How solid each crane is drawn: beside that of the reference plant the others are ghosts."""
+    return {plant: 1.0 if plant == reference_plant(plants) else GHOST for plant in plants}
 
 
 def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stream:
@@ -153,7 +154,7 @@ def trail(plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: str | 
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows are the past of the first message.
     """
     points = [Point3(x=x, y=y, z=z) for x, y, z in load.tolist()]
-    shade = rgb(colour or VIEWER[plant])
+    shade = rgb(colour or VIEWER[plant_entry(plant).colour])
     fading = [shapes.colour(shade, k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     updates = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):

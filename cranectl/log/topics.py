@@ -12,12 +12,13 @@ TRANSFORMS = "/tf"
 REFERENCE_PATH = "/reference/path"
 WORKSPACE = "/rig/workspace"
 
-# What is compared between the plants sample by sample.
+# What is compared with the reference plant sample by sample.
 DIFFERENCE_GROUPS = (
-    SignalGroup("state", "StateDifference", "mujoco minus analytic", STATE.signals),
-    SignalGroup("load", "LoadDifference", "mujoco minus analytic", LOAD.signals),
+    SignalGroup("state", "StateDifference", "reference plant minus another", STATE.signals),
+    SignalGroup("load", "LoadDifference", "reference plant minus another", LOAD.signals),
 )
 
+VERDICT = "verdict"
 DISTANCE = SignalGroup(
     "distance",
     "Distance",
@@ -27,7 +28,6 @@ DISTANCE = SignalGroup(
         Signal("angle_distance", "max |Δα|, |Δβ|", "rad", "larger difference of the angles"),
     ),
 )
-VERDICT = "/diff/verdict"
 
 
 def plant_topic(plant: str, group: str) -> str:
@@ -35,9 +35,9 @@ def plant_topic(plant: str, group: str) -> str:
     return f"/{plant}/{group}"
 
 
-def difference_topic(group: str) -> str:
-    """Topic of the difference between the plants."""
-    return f"/diff/{group}"
+def difference_topic(group: str, plant: str = "") -> str:
+    """Topic of the difference from the reference plant; of `plant`, where a log has several others."""
+    return f"/diff/{plant}/{group}" if plant else f"/diff/{group}"
 
 
 def status_topic(plant: str) -> str:

@@ -50,10 +50,10 @@ def write_log(
     every: int | None = None,
     limits: Limits | NoLimits | None = None,
 ) -> Path:
-    """Write one or two runs of the same scenario, design and drive to `path`.
+    """Write runs of different plants, of the same scenario, design and drive to `path`.
 
     `every`: log every n-th control sample, by default as the scenario says; the last sample always.
-    `limits`: what the agreement of a pair is judged by, by default as `compare.judge` has it.
+    `limits`: what the agreement of plants is judged by, by default as `compare.judge` has it.
     Returns `path`; raises LogError if it cannot be written, or nobody could read it.
     """
     path = Path(path)

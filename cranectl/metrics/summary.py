@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
 from cranectl.metrics.metric import Measured, Value
-from cranectl.metrics.setup import MetricsSetup, metrics_setup
+from cranectl.metrics.setup import NO_FLAGS, MetricsSetup, metrics_setup
 from cranectl.metrics.table import all_metrics
 from cranectl.metrics.workspace import WorkspaceViolation
 from cranectl.scenario import NANOSECONDS
@@ -88,9 +88,5 @@ def _plain(value: Any) -> Value:
 
 def _flag_column(run: Run) -> int:
     """Where the table of `run` has its flags of saturation, if it has any."""
-    width = 0
-    for group in run.groups:
-        if group.name == "command":
-            return width + 3
-        width += len(group)
-    return width
+    names = [name for group in run.groups for name in group.names]
+    return names.index("bridge_limited") if "bridge_limited" in names else NO_FLAGS

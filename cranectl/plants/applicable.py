@@ -1,39 +1,46 @@
 """Which effects a plant and its drives can show; the others are refused rather than left out silently."""
 
+from cranectl.plants.registry import PLANTS, plant_entry
 from cranectl.scenario.effects import NO_LIMIT, EffectSettings
 from cranectl.support.errors import InputError
 
-USE_MUJOCO = "take '--plant mujoco', or leave the effect out"
 USE_VELOCITY = "take '--drive velocity'"
 
 
 def check_effects(effects: EffectSettings, *, plant: str, drive: str) -> None:
-    """Raise InputError for effects that `plant` with `drive` cannot show.
+    """Raise InputError for an unknown plant, drives it lacks, effects that it cannot show with `drive`.
 
     Friction of the cardan joint, wind, sensing and delay suit every plant and drive; limits of velocity and
     acceleration are of set-points, which velocity drives have on both plants.
     """
+    entry = plant_entry(plant)
+    if drive not in entry.drives:
+        raise InputError(
+            f"{drive} drives on the {entry.label} plant",
+            allowed=f"{' and '.join(entry.drives)} drives",
+            remedy=f"take '--drive {entry.drives[0]}'",
+        )
     if effects.limits is not None and drive == "ideal":
         raise InputError(
             "[effects.limits] with ideal drives, which take accelerations and realise any",
             allowed="velocity drives",
             remedy=f"{USE_VELOCITY}, or leave the effect out",
         )
-    if plant == "analytic":
-        for name in ("rope", "body", "frame"):
-            if getattr(effects, name) is not None:
-                raise InputError(
-                    f"[effects.{name}] on the analytic plant, which has a rigid rope without mass, a point "
-                    "load and a rigid frame",
-                    allowed="the MuJoCo plant for rope, body and frame",
-                    remedy=USE_MUJOCO,
-                )
-    for name, zero in _forces(effects):
-        if plant == "analytic":
+    for name in ("rope", "body", "frame"):
+        if getattr(effects, name) is not None and name in entry.lacks:
+            capable, remedy = _capable(name)
             raise InputError(
-                f"{name} on the analytic plant, whose drives know no forces",
-                allowed=f"{name} = {zero}, or the MuJoCo plant with velocity drives",
-                remedy=f"{USE_MUJOCO}; or set {name} = {zero}",
+                f"[effects.{name}] on the {entry.label} plant, {entry.lacks[name]}",
+                allowed=f"{capable} for rope, body and frame",
+                remedy=remedy,
+            )
+    for name, zero in _forces(effects):
+        if "force" in entry.lacks:
+            capable, remedy = _capable("force")
+            raise InputError(
+                f"{name} on the {entry.label} plant, {entry.lacks['force']}",
+                allowed=f"{name} = {zero}, or {capable} with velocity drives",
+                remedy=f"{remedy}; or set {name} = {zero}",
             )
         if drive == "ideal":
             raise InputError(
@@ -41,6 +48,13 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: str) -> None:
                 allowed=f"{name} = {zero}, or velocity drives",
                 remedy=f"{USE_VELOCITY}; or set {name} = {zero}",
             )
+
+
+def _capable(effect: str) -> tuple[str, str]:
+    """The plants that show `effect`, and what to do to have it, in words."""
+    able = [entry for entry in PLANTS.values() if effect not in entry.lacks]
+    labels = " or ".join(entry.label for entry in able)
+    return f"the {labels} plant", f"take '--plant {able[0].name}', or leave the effect out"
 
 
 def _forces(effects: EffectSettings) -> list[tuple[str, str]]:

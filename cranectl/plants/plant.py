@@ -13,7 +13,6 @@ Array = NDArray[np.float64]
 Drive = Literal["ideal", "velocity"]
 
 DRIVES: tuple[Drive, ...] = ("ideal", "velocity")
-PLANTS = ("analytic", "mujoco")
 
 
 class Kernels(NamedTuple):

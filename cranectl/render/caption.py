@@ -8,9 +8,8 @@ import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
 from cranectl.render.timeline import Actor, Film
-from cranectl.support.colours import LIGHT, PLANTS, SLACK_ROPE
+from cranectl.support.colours import LIGHT, SLACK_ROPE
 
-NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
 SMOOTH = 4
 _FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 
@@ -85,7 +84,7 @@ def readings(film: Film, time: float) -> list[tuple[str, str]]:
     apart = film.apart(time)
     if apart is not None:
         lines.append((f"plants apart by {apart:.2g} m", "muted"))
-    stops = {NAMES[actor.run.plant]: actor.run.status.label for actor in film.cast if actor.stopped(time)}
+    stops = {actor.label: actor.run.status.label for actor in film.cast if actor.stopped(time)}
     if len(stops) == len(film.cast) and len(set(stops.values())) == 1:
         return [*lines, (f"stopped: {next(iter(stops.values()))}", "limit")]
     return lines + [(f"{name} stopped: {label}", "limit") for name, label in stops.items()]
@@ -106,14 +105,14 @@ def legend(film: Film) -> list[tuple[Sign, str]]:
 
 
 def _role(actor: Actor, ghost: bool) -> str:
-    name = NAMES[actor.run.plant]
+    name = actor.label
     if not ghost:
         return f"{name} plant, last 4 s"
     return f"{name} plant: ghost" if actor.ghost else f"{name} plant: solid"
 
 
 def _crane(actor: Actor) -> Sign:
-    colour = PLANTS[actor.run.plant]
+    colour = actor.colour
     return _line(colour + "66", 9) if actor.ghost else _line(colour, 3)
 
 

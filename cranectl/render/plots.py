@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.render.timeline import Actor, Film
-from cranectl.support.colours import LIGHT, PLANTS
+from cranectl.support.colours import LIGHT
 
 Array = NDArray[np.float64]
 
@@ -119,11 +119,9 @@ def _panels(film: Film) -> list[Panel]:
         Panel("rope angles α, β (dashed) [°]", angles, (-1.0, 1.0)),
         Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight),
     ]
-    apart = film.distances
-    if apart is not None:
-        time, distance = apart
-        curve = Curve(LIGHT["ink"], time, distance.clip(min=LEAST_APART))
-        panels.append(Panel("plants apart [m]", (curve,), (LEAST_APART, 1e-6), logarithmic=True))
+    apart = tuple(Curve(LIGHT["ink"], time, far.clip(min=LEAST_APART)) for time, far in film.distances)
+    if apart:
+        panels.append(Panel("plants apart [m]", apart, (LEAST_APART, 1e-6), logarithmic=True))
     return panels
 
 
@@ -147,8 +145,7 @@ def _curves(film: Film, values: Callable[[Actor], Array], *, dashed: bool = Fals
     """One curve of each plant, the ghost's first."""
     cast = sorted(film.cast, key=lambda actor: not actor.ghost)
     return tuple(
-        Curve(PLANTS[actor.run.plant], actor.run.time, values(actor), wide=actor.ghost, dashed=dashed)
-        for actor in cast
+        Curve(actor.colour, actor.run.time, values(actor), wide=actor.ghost, dashed=dashed) for actor in cast
     )
 
 

@@ -12,7 +12,7 @@ from cranectl.plants.mujoco.model import state_addresses
 from cranectl.render.opengl import drawing
 from cranectl.render.timeline import Actor, Film
 from cranectl.support import resources
-from cranectl.support.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
+from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
@@ -103,7 +103,7 @@ class Stage:
         mujoco.mjv_addGeoms(self._model, data, options, perturbation, moving, self._scene)
         for geom in self._scene.geoms[first : self._scene.ngeom]:
             is_rope = geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and rope == SLACK_COLOUR
-            geom.rgba = (*(rope if is_rope else rgb(PLANTS[actor.run.plant])), GHOST)
+            geom.rgba = (*(rope if is_rope else rgb(actor.colour)), GHOST)
             geom.matid = -1
             geom.transparent = 1
             geom.size = geom.size + HALO
@@ -137,9 +137,7 @@ class Stage:
         for fading, start, end in zip(
             np.linspace(0.1, 1.0, len(points))[1:], points, points[1:], strict=False
         ):
-            self._connect(
-                LINE, width * self._line, start, end, (*rgb(PLANTS[actor.run.plant]), fading * opacity)
-            )
+            self._connect(LINE, width * self._line, start, end, (*rgb(actor.colour), fading * opacity))
 
     def _behind(self, point: Array) -> Array:
         sight = point - self._eye

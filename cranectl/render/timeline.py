@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.metrics import NEARLY_SLACK
+from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.simulate import Run
+from cranectl.support.colours import LIGHT
 from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]
@@ -22,10 +24,20 @@ FARTHEST = 1e6  # [m or rad] that is drawn
 
 @dataclass(frozen=True)
 class Actor:
-    """One plant of a log. Where both plants are drawn, the analytic one is the ghost."""
+    """One plant of a log. Where several are drawn, all but the reference plant are ghosts."""
 
     run: Run
     ghost: bool
+
+    @property
+    def label(self) -> str:
+        """The plant's name, for people."""
+        return plant_entry(self.run.plant).label
+
+    @property
+    def colour(self) -> str:
+        """`#rrggbb` of the plant."""
+        return LIGHT[plant_entry(self.run.plant).colour]
 
     @cached_property
     def error(self) -> Array:
@@ -99,21 +111,26 @@ class Film:
         return dashes(self.reference)
 
     @cached_property
-    def distances(self) -> tuple[Array, Array] | None:
-        """Times [s] and distances of the two loads [m] where both have samples; None for one plant."""
-        if len(self.cast) < 2:
-            return None
-        a, b = (actor.run for actor in self.cast)
-        _, rows_a, rows_b = np.intersect1d(a.time_ns, b.time_ns, assume_unique=True, return_indices=True)
-        apart = np.linalg.norm(b.load_position[rows_b] - a.load_position[rows_a], axis=1)
-        return a.time[rows_a], apart
+    def distances(self) -> list[tuple[Array, Array]]:
+        """Times [s] and distances [m] of each ghost's load from the solid crane's."""
+        found, solid = [], self.lead.run
+        for run in (actor.run for actor in self.cast if actor.ghost):
+            times = solid.time_ns, run.time_ns
+            _, rows, own = np.intersect1d(*times, assume_unique=True, return_indices=True)
+            apart = np.linalg.norm(solid.load_position[rows] - run.load_position[own], axis=1)
+            found.append((solid.time[rows], apart))
+        return found
 
     def apart(self, time: float) -> float | None:
-        """Distance of the two loads [m]; None for one plant, and after one of two has ended."""
-        if self.distances is None or not len(self.distances[0]) or time > self.distances[0][-1]:
-            return None
-        times, apart = self.distances
-        return float(apart[np.argmin(np.abs(times - time))])
+        """Largest of the distances [m]; None for one plant, and after all but one have ended."""
+        return max(
+            (
+                float(apart[np.argmin(np.abs(times - time))])
+                for times, apart in self.distances
+                if len(times) and time <= times[-1]
+            ),
+            default=None,
+        )
 
     def times(self, fps: float, speed: float) -> Array:
         """When each frame is [s]: in even steps from the start, and at the end, which shows how it ended."""
@@ -136,7 +153,8 @@ def film_of(runs: Mapping[str, Run]) -> Film:
             allowed="logs of runs that began",
             remedy="cranectl info says why a run stopped",
         )
-    cast = tuple(Actor(run, ghost=len(drawn) == 2 and run.plant == "analytic") for run in drawn)
+    solid = reference_plant(run.plant for run in drawn)
+    cast = tuple(Actor(run, ghost=run.plant != solid) for run in drawn)
     return Film(cast, max(float(run.time[-1]) for run in drawn))
 
 

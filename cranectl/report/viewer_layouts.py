@@ -4,12 +4,12 @@ Plots take their fields and units from the table of signals, topics from the log
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from cranectl.analysis.levels import NAMES as RUNG_NAMES
 from cranectl.log import overlay, topics
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS, in_order, reference_plant
 from cranectl.signals import REFERENCE, Signal, SignalGroup, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
 from cranectl.support.errors import unknown_name
@@ -17,7 +17,6 @@ from cranectl.support.errors import unknown_name
 Panels = dict[str, Any]  # configurations by panel id
 Layout = str | dict[str, Any]  # a panel id, or two layouts side by side
 
-NAMES = {"analytic": "analytic", "mujoco": "MuJoCo"}
 GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(flat_groups(0))}
 CAMERA = {  # looks at the middle of the rig from outside a corner
     "perspective": True,
@@ -32,17 +31,16 @@ CAMERA = {  # looks at the middle of the rig from outside a corner
 }
 
 
-def layout_json(name: str, *, plant: str = "mujoco") -> str:
-    """The layout `name` as a file's content; `plant` is whose log the layouts of one run are for.
+def layout_json(name: str, *, plants: Iterable[str] = PLANTS) -> str:
+    """The layout `name` as a file's content, for a log of `plants`; of one run, the reference plant's.
 
     Raises InputError for an unknown name.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
-    if plant not in PLANTS:
-        raise unknown_name("plant", plant, PLANTS)
+    shown = in_order(plants)
     panels: Panels = {}
-    layout = LAYOUTS[name](panels, plant)
+    layout = LAYOUTS[name](panels, shown)
     content = {
         "configById": panels,
         "globalVariables": {},
@@ -53,8 +51,9 @@ def layout_json(name: str, *, plant: str = "mujoco") -> str:
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
-def _single(panels: Panels, plant: str) -> Layout:
+def _single(panels: Panels, plants: Sequence[str]) -> Layout:
     """One run: the crane, where the load is, how far off, angles, inputs, tension."""
+    plant = reference_plant(plants)
     plots = [
         _load_plot(panels, [plant]),
         _axes_plot(panels, plant, "error", "error", "tracking error"),
@@ -66,21 +65,26 @@ def _single(panels: Panels, plant: str) -> Layout:
     return _row([left, _column(plots)], (54, 46))
 
 
-def _comparison(panels: Panels, _plant: str) -> Layout:
-    """Both plants: the crane and its ghost, the same signals of both, what parts them."""
-    both = [_plot(panels, f"load {axis}", _of_both("load", f"load_{axis}", reference=True)) for axis in "xyz"]
-    angles = [_plot(panels, name, _of_both("state", name)) for name in ("alpha", "beta")]
+def _comparison(panels: Panels, plants: Sequence[str]) -> Layout:
+    """Several plants: the crane and its ghosts, the same signals of all, what parts them."""
+    plants = plants if len(plants) > 1 else [*PLANTS]
+    load = [
+        _plot(panels, f"load {axis}", [*_of_each(plants, "load", f"load_{axis}"), _reference(axis)])
+        for axis in "xyz"
+    ]
+    angles = [_plot(panels, name, _of_each(plants, "state", name)) for name in ("alpha", "beta")]
     differences = [
-        _plot(panels, f"log₁₀ of {signal.description}", [_distance(signal, k)], minYValue=-13.0)
+        _plot(panels, f"log₁₀ of {signal.description}", _distances(plants, signal, k), minYValue=-13.0)
         for k, signal in enumerate(topics.DISTANCE.signals)
     ]
-    left = _column([_scene(panels, _cranes(PLANTS)), _timeline(panels, PLANTS)], (62, 38))
-    right = _row([_column([*both]), _column([*angles, *differences])])
+    left = _column([_scene(panels, _cranes(plants)), _timeline(panels, plants)], (62, 38))
+    right = _row([_column([*load]), _column([*angles, *differences])])
     return _row([left, right], (42, 58))
 
 
-def _controller(panels: Panels, plant: str) -> Layout:
+def _controller(panels: Panels, plants: Sequence[str]) -> Layout:
     """What the controller thought: errors, the linear input and its parts, its states, its commands."""
+    plant = reference_plant(plants)
     plots = [
         _axes_plot(panels, plant, "error", "error", "error e"),
         _axes_plot(panels, plant, "error", "error", "its rate", "_dot"),
@@ -95,7 +99,7 @@ def _controller(panels: Panels, plant: str) -> Layout:
     return _row([left, _row([_column(plots[:4]), _column(plots[4:])])], (34, 66))
 
 
-def _ladder(panels: Panels, _plant: str) -> Layout:
+def _ladder(panels: Panels, _plants: Sequence[str]) -> Layout:
     """All rungs of a ladder on top of each other, and how far each is from theory."""
     labels = list(RUNG_NAMES)
     colours = dict(zip(labels, VIEWER_SERIES, strict=True))
@@ -118,7 +122,7 @@ def _ladder(panels: Panels, _plant: str) -> Layout:
     return _row([left, _row([_column(plots[:3]), _column(plots[3:])])], (42, 58))
 
 
-LAYOUTS: Mapping[str, Callable[[Panels, str], Layout]] = {
+LAYOUTS: Mapping[str, Callable[[Panels, Sequence[str]], Layout]] = {
     "single": _single,
     "comparison": _comparison,
     "controller": _controller,
@@ -149,13 +153,12 @@ def _joint_plot(panels: Panels, plant: str, group: str, names: Sequence[str], ti
     return _plot(panels, title, [_path(plant, group, name, k) for k, name in enumerate(names)])
 
 
-def _of_both(group: str, name: str, *, reference: bool = False) -> list[dict[str, Any]]:
-    """A signal of both plants, MuJoCo first: the first line of a plot lies on top."""
-    paths = [
-        {**_path(plant, group, name), "label": NAMES[plant], "color": VIEWER[plant]}
-        for plant in reversed(PLANTS)
+def _of_each(plants: Sequence[str], group: str, name: str) -> list[dict[str, Any]]:
+    """A signal of each plant, MuJoCo's before the analytic: the first line of a plot lies on top."""
+    return [
+        {**_path(plant.name, group, name), "label": plant.label, "color": VIEWER[plant.colour]}
+        for plant in (PLANTS[each] for each in reversed(plants))
     ]
-    return [*paths, _reference(name[-1])] if reference else paths
 
 
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
@@ -164,10 +167,16 @@ def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
     return _line(f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, VIEWER_SERIES[k])
 
 
-def _distance(signal: Signal, k: int) -> dict[str, Any]:
+def _distances(plants: Sequence[str], signal: Signal, k: int) -> list[dict[str, Any]]:
     """How far the plants are apart: on a linear axis nanometres beside millimetres would be a flat line."""
-    value = f"{topics.difference_topic(topics.DISTANCE.name)}.{signal.name}.@log10"
-    return _line(value, signal, signal.symbol, VIEWER_SERIES[k])
+    several, found = len(plants) > 2, []
+    for name in plants:
+        if name != reference_plant(plants):
+            topic = topics.difference_topic(topics.DISTANCE.name, name if several else "")
+            colour = VIEWER[PLANTS[name].colour] if several else VIEWER_SERIES[k]
+            label = PLANTS[name].label if several else signal.symbol
+            found.append(_line(f"{topic}.{signal.name}.@log10", signal, label, colour))
+    return found
 
 
 def _reference(axis: str) -> dict[str, Any]:
@@ -253,7 +262,7 @@ def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
     paths = [
         {
             "value": f"{topics.status_topic(plant)}.{field}",
-            "label": f"{NAMES.get(plant, plant)} {field.replace('_', ' ')}",
+            "label": f"{_label(plant)} {field.replace('_', ' ')}",
             "timestampMethod": "receiveTime",
         }
         for plant, fields in standings.items()
@@ -264,6 +273,10 @@ def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
         panels, "RosOut", "events", {"searchTerms": [], "minLogLevel": 1, "topicToRender": topics.LOG}
     )
     return _row([states, events], (55, 45))
+
+
+def _label(plant: str) -> str:
+    return PLANTS[plant].label if plant in PLANTS else plant  # or the crane of a ladder
 
 
 def _add(panels: Panels, kind: str, title: str, configuration: dict[str, Any]) -> str:

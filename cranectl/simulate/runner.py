@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from cranectl.controllers.flat import Tracker, initial_memory, make_tracker
 from cranectl.design import Design, design_controller
 from cranectl.plants.applicable import check_effects
-from cranectl.plants.plant import DRIVES, PLANTS, Drive, Plant
+from cranectl.plants.plant import DRIVES, Drive, Plant
+from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN
 from cranectl.simulate.actuation import Actuation, make_actuation
@@ -30,7 +31,7 @@ BLOCK = 1000  # samples per call of the loop: a few milliseconds of computing
 def simulate_run(
     scenario: Scenario,
     *,
-    plant: str = "mujoco",
+    plant: str = REFERENCE_PLANT,
     drive: str = "ideal",
     controller: str | None = None,
     design: Design | None = None,
@@ -110,26 +111,13 @@ def tracker_of(scenario: Scenario, design: Design) -> Tracker:
 def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
     """The plant `name` for a scenario; raises InputError for an unknown one and effects it cannot show."""
     check_effects(scenario.effects, plant=name, drive=drive)
-    return _plant_class(name)(
+    return plant_entry(name).load()(
         scenario.rig,
         drive=drive,
         step=scenario.period_ns / NANOSECONDS / scenario.substeps,
         substeps=scenario.substeps,
         effects=scenario.effects,
     )
-
-
-def _plant_class(name: str) -> type[Plant]:
-    """Imported only when it is asked for: MuJoCo takes a while."""
-    if name == "analytic":
-        from cranectl.plants.analytic import AnalyticPlant
-
-        return AnalyticPlant
-    if name == "mujoco":
-        from cranectl.plants.mujoco.plant import MujocoPlant
-
-        return MujocoPlant
-    raise unknown_name("plant", name, PLANTS)
 
 
 def checked_drive(name: str) -> Drive:

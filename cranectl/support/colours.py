@@ -13,7 +13,6 @@ COLOURS = {
     "series-4": ("#9b3586", "#e892d5"),
 }
 LIGHT = {role: pair[0] for role, pair in COLOURS.items()}
-PLANTS = {"analytic": LIGHT["series-1"], "mujoco": LIGHT["series-2"]}
 SLACK_ROPE = "#ff400d"
 
 # In viewers, whose ground is light or dark: these are seen on both.
@@ -32,8 +31,7 @@ VIEWER_SERIES = (
     "#a6e22e",
 )
 VIEWER = {
-    "analytic": VIEWER_SERIES[0],
-    "mujoco": VIEWER_SERIES[1],
+    **{f"series-{k}": colour for k, colour in enumerate(VIEWER_SERIES, 1)},
     "reference": "#9aa3ad",
     "rope": "#8c9eb3",
     "push": "#f2a60d",

@@ -213,7 +213,7 @@ def test_list_and_show(capsys: pytest.CaptureFixture[str]) -> None:
         (["run", "small.toml", "--runs", "0"], "runs = 0"),
         (["run", "small.toml", "--controller", "lqr,pid"], "unknown controller 'pid'"),
         (["run", "small.toml", "--controller", "lqr,"], "a name is empty"),
-        (["run", "small.toml", "--plant", "real"], "plants.0 = 'real'"),
+        (["run", "small.toml", "--plant", "real"], "unknown plant 'real'"),
         (["run", "small.toml", "--drive", "belt"], "drive = 'belt'"),
         (["run", "small.toml", "--seed", "-1"], "seed = -1"),
         (["run", "small.toml", "--set", "limits.max_eror_m=1"], "did you mean 'max_error_m'?"),

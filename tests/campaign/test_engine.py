@@ -18,7 +18,8 @@ from cranectl.campaign.worker import StoppedError, Worker
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants.mujoco.model import DRAWN_LENGTH, compiled_model
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import DRIVES, PLANTS, Drive
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import NANOSECONDS
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters

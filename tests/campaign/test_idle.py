@@ -10,7 +10,8 @@ from cranectl.campaign.definition import Batch
 from cranectl.campaign.parameters import PERIOD, PHYSICAL, numbers_of
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.campaign.threads import run_batch
-from cranectl.plants.plant import DRIVES, PLANTS, Drive
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.support.errors import InputError

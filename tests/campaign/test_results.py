@@ -12,7 +12,7 @@ import pytest
 from pyarrow import parquet
 
 from cranectl.campaign import campaign_names, load_campaign, sample_values
-from cranectl.campaign.definition import LEAST, batches_of
+from cranectl.campaign.definition import batches_of
 from cranectl.campaign.manifest import Origin, campaign_of, differences, origins_of, record_of
 from cranectl.campaign.results import (
     PARTS,
@@ -25,7 +25,7 @@ from cranectl.campaign.results import (
 )
 from cranectl.campaign.store import open_store
 from cranectl.campaign.table import row_columns
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
 from tests.campaign.results import invented_rows, two_controllers, write_all
@@ -68,7 +68,7 @@ def opened(*arguments: Any, **options: Any) -> tuple[int, tuple[str, ...]]:
 def test_batches_hold_every_sample_once(plant: str, runs: int) -> None:
     uncertain = {"rig": {"load_mass": MASS}}
     of = two_controllers(uncertain=uncertain, runs=runs, plants=[plant])
-    assert batches_of(of)[0].last == min(runs, LEAST[plant] if runs < 100_000 else 98)
+    assert batches_of(of)[0].last == min(runs, PLANTS[plant].batch if runs < 100_000 else 98)
     for controller in of.settings.controllers:
         ends = [(b.first, b.last) for b in batches_of(of) if b.controller == controller]
         assert ends[0][0] == 0

@@ -196,7 +196,7 @@ def test_values_that_the_scenario_refuses_are_found_at_once(
         ({"controllers": []}, "controllers = []", "at least 1"),
         ({"controllers": ["lqr", "lqr"]}, "one is named twice", ""),
         ({"plants": ["mujoco", "mujoco"]}, "one is named twice", ""),
-        ({"plants": ["bullet"]}, "plants.0 = 'bullet'", "'analytic' or 'mujoco'"),
+        ({"plants": ["bullet"]}, "unknown plant 'bullet'", "analytic, mujoco"),
         ({"drive": "torque"}, "drive = 'torque'", "'ideal' or 'velocity'"),
         ({"plants": ["analytic"]}, "effects.friction.coulomb on the analytic plant", ""),
         ({"runs": 0}, "runs = 0", "greater than or equal to 1"),

@@ -40,7 +40,7 @@ def test_workers_write_the_same_bytes_as_one_process(tmp_path: Path) -> None:
         assert isinstance(b, CaseResult)
         assert a.runs[0].controller == b.runs[0].controller, "results keep the order of cases"
         assert a.runs[0].log.read_bytes() == b.runs[0].log.read_bytes()
-        assert a.agreement == b.agreement
+        assert a.agreements == b.agreements
 
 
 def test_wrong_input_in_a_worker_reaches_the_caller(tmp_path: Path) -> None:

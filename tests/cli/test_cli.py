@@ -15,7 +15,8 @@ from cranectl.cli.main import main
 from cranectl.compare.limits import Limits, agreement_limits
 from cranectl.design import CONTROLLERS
 from cranectl.log import read_log
-from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.plants.plant import DRIVES
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import scenario_names
 from cranectl.status import RunStatus
 
@@ -127,8 +128,8 @@ def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
         assert run["metrics"]["max_error_m"] > 0
     for agreement in result["agreements"]:
         assert set(agreement) == {
-            "scenario", "controller", "drive", "max_load_error_m", "max_angle_error_rad", "limit_m",
-            "limit_rad", "passed", "limits", "curing_step_s",
+            "scenario", "controller", "plant", "reference", "drive", "max_load_error_m",
+            "max_angle_error_rad", "limit_m", "limit_rad", "passed", "limits", "curing_step_s",
         }  # fmt: skip
         if agreement["drive"] == "ideal":
             assert agreement["passed"] is True

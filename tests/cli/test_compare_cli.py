@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.provenance import provenance

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from cranectl.compare.merge import merged_pair, refuse_differences
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
@@ -55,12 +55,14 @@ def test_what_one_log_cannot_hold(short: Scenario, pair: tuple[Run, Run]) -> Non
 
 
 def test_differences_are_named_up_to_ten() -> None:
-    refuse_differences("nothing", ())
+    refuse_differences("nothing", (), told_of="analytic")
     with pytest.raises(InputError) as caught:
-        refuse_differences("the runs differ in", [f"field{k}: 1 and 2" for k in range(12)])
+        refuse_differences(
+            "the runs differ in", [f"field{k}: 1 and 2" for k in range(12)], told_of="analytic"
+        )
     assert "field0: 1 and 2; " in caught.value.found
     assert caught.value.found.endswith("field9: 1 and 2; and 2 more")
     with pytest.raises(InputError) as caught:
-        refuse_differences("the runs differ in", ["duration: 1.0 and 2.0"])
+        refuse_differences("the runs differ in", ["duration: 1.0 and 2.0"], told_of="analytic")
     assert caught.value.found == "the runs differ in: duration: 1.0 and 2.0"
     assert "--despite-differences" in caught.value.remedy

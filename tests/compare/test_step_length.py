@@ -10,7 +10,7 @@ from cranectl.cli.main import main
 from cranectl.compare import judge, step_length
 from cranectl.compare.limits import NoLimits, agreement_limits
 from cranectl.compare.step_length import judge_steps
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -6,7 +6,8 @@ import pytest
 from cranectl.design import design_controller, with_gain
 from cranectl.live.pace import PATIENCE, Pace
 from cranectl.live.session import Session
-from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.plants.plant import DRIVES
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

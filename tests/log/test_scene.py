@@ -16,6 +16,7 @@ from cranectl.analysis.levels import NAMES
 from cranectl.log import read_log, write_log
 from cranectl.log.overlay import write_overlay
 from cranectl.plants.mujoco.geometry import rig_solids
+from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import layout_json
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -296,7 +297,7 @@ def test_trail_and_path_have_the_colours_of_the_plots(scene: Messages) -> None:
         shades = {
             rgb(c) for _, update in scene[f"/{plant}/trail"] for c in update.entities[0].lines[0].colors
         }
-        assert shades == {colours.rgb(colours.VIEWER[plant])}
+        assert shades == {colours.rgb(colours.VIEWER[PLANTS[plant].colour])}
         assert shades == plots[plant]
     ((_, path),) = scene["/reference/path"]
     assert rgb(path.entities[0].lines[0].color) == colours.rgb(colours.VIEWER["reference"])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.plants.plant import DRIVES
+from cranectl.plants.registry import PLANTS
 from cranectl.plants.surroundings import gravity_in_rig
 from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import EffectSettings, Installation

@@ -17,7 +17,8 @@ from cranectl.plants.mujoco.model import (
 )
 from cranectl.plants.mujoco.model import DRIVES as DRIVES_OF_AXES
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import DRIVES, PLANTS, Plant
+from cranectl.plants.plant import DRIVES, Plant
+from cranectl.plants.registry import PLANTS
 from cranectl.plants.surroundings import STICTION_RATE
 from cranectl.scenario.effects import EffectSettings, Friction, Wind
 from cranectl.scenario.rig import RigParameters

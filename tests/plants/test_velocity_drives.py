@@ -6,7 +6,7 @@ import pytest
 from cranectl.compare import compare_runs, judge
 from cranectl.compare.limits import agreement_limits
 from cranectl.metrics import run_metrics
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cranectl.plants.registry import PLANTS
 from cranectl.render.plots import Plots
 from cranectl.render.timeline import film_of
-from cranectl.support.colours import LIGHT, PLANTS, rgb
+from cranectl.support.colours import LIGHT, rgb
 from tests.render.pictures import moving_run
 
 SIZE = (480, 720)
+ANALYTIC, MUJOCO = (LIGHT[PLANTS[name].colour] for name in ("analytic", "mujoco"))
 
 
 def strip(plots: Plots, time: float) -> np.ndarray:
@@ -44,9 +46,9 @@ def test_the_cursor_moves_evenly_with_time() -> None:
 def test_each_plant_has_its_colour_and_the_pair_a_panel_of_its_distance() -> None:
     pair = strip(Plots(film_of({plant: moving_run(plant) for plant in ("analytic", "mujoco")}), *SIZE), 1.0)
     alone = strip(Plots(film_of({"analytic": moving_run("analytic")}), *SIZE), 1.0)
-    assert has(pair, PLANTS["mujoco"]).sum() > 500
-    assert has(alone, PLANTS["mujoco"]).sum() == 0
-    assert has(alone, PLANTS["analytic"]).sum() > 500
+    assert has(pair, MUJOCO).sum() > 500
+    assert has(alone, MUJOCO).sum() == 0
+    assert has(alone, ANALYTIC).sum() > 500
     # A row in the middle between two panels is white, but for ticks; a pair has one panel more.
     blank = [(picture[:, 100:] > 200).all(axis=(1, 2)) for picture in (pair, alone)]
     gaps = [np.sum(rows[1:] & ~rows[:-1]) for rows in blank]
@@ -60,7 +62,7 @@ def test_the_dot_is_on_the_curve() -> None:
     for time in (1.0, 13.0):
         picture = strip(plots, time)[:220]
         column = cursor(picture)
-        dot = has(picture, PLANTS["mujoco"])[:, column - 1 : column + 2].all(axis=1)
+        dot = has(picture, MUJOCO)[:, column - 1 : column + 2].all(axis=1)
         heights.append(np.nonzero(dot)[0].mean())
     error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
     early, late = (error[np.searchsorted(run.time, time)] for time in (1.0, 13.0))

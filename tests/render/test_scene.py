@@ -6,12 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from cranectl.plants.registry import PLANTS
 from cranectl.render.scene import stage
 from cranectl.render.settings import CAMERAS
 from cranectl.render.timeline import film_of
 from cranectl.signals import TENSION_COLUMN
 from cranectl.support import resources
-from cranectl.support.colours import LIGHT, PLANTS, SLACK_ROPE, rgb
+from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
 from tests.render.pictures import (
     HEIGHT,
     WIDTH,
@@ -24,6 +25,8 @@ from tests.render.pictures import (
     patch,
     pixel,
 )
+
+ANALYTIC, MUJOCO = (LIGHT[PLANTS[name].colour] for name in ("analytic", "mujoco"))
 
 
 def nearness(colour: np.ndarray, hue: str) -> float:
@@ -76,10 +79,10 @@ def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
     place = other.load_position[at(other, 5.0)]
     pair = draw({"analytic": other, "mujoco": solid}, 5.0)
     alone = draw({"mujoco": solid}, 5.0)
-    assert nearness(patch(pair, place), PLANTS["analytic"]) > 0.25
-    assert nearness(patch(alone, place), PLANTS["analytic"]) < 0.1
+    assert nearness(patch(pair, place), ANALYTIC) > 0.25
+    assert nearness(patch(alone, place), ANALYTIC) < 0.1
     # What is behind it shines through, and the solid load is as red as ever.
-    assert nearness(patch(pair, place), PLANTS["analytic"]) < 0.9
+    assert nearness(patch(pair, place), ANALYTIC) < 0.9
     assert is_load(pair).sum() == is_load(alone).sum()
 
 
@@ -90,7 +93,7 @@ def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> No
     for picture, rim in ((pair, True), (alone, False)):
         centre, edge = (picture[pixel(load - (0.0, 0.0, offset), "side", 3)] for offset in (0.0, 0.054))
         assert nearness(centre, "#ff0000") > 0.5
-        assert (nearness(edge, PLANTS["analytic"]) > 0.2) == rim
+        assert (nearness(edge, ANALYTIC) > 0.2) == rim
     assert is_load(pair).sum() == pytest.approx(is_load(alone).sum(), rel=0.1)
 
 
@@ -140,10 +143,10 @@ def test_the_path_is_dashed_and_the_trail_is_behind_the_load() -> None:
     off_path = [picture[row + 12, column].max() < 165 for row, column in map(pixel, ahead)]
     assert np.mean(off_path) < 0.1  # a post of the frame
     trail = run.load_position[at(run, 4.0) : at(run, 4.5) : 10]
-    tints = [nearness(patch(picture, point), PLANTS["mujoco"]) for point in trail]
+    tints = [nearness(patch(picture, point), MUJOCO) for point in trail]
     assert np.median(tints) > 0.25
     old = run.load_position[at(run, 0.1) : at(run, 0.6) : 10]
-    assert np.median([nearness(patch(picture, point), PLANTS["mujoco"]) for point in old]) < 0.1
+    assert np.median([nearness(patch(picture, point), MUJOCO) for point in old]) < 0.1
 
 
 def test_narrow_pictures_show_the_whole_rig() -> None:

@@ -13,7 +13,7 @@ from cranectl.report.table import Cell
 from cranectl.status import RunStatus
 
 RUN = RunSummary("fast", "lqr", "analytic", "ideal", RunStatus.COMPLETED, 2.0, Path("a.mcap"), None)
-GOOD = Agreement("fast", "lqr", "ideal", 1e-9, 2e-9, 1e-7, 1e-7, True, "as shipped")
+GOOD = Agreement("fast", "lqr", "analytic", "mujoco", "ideal", 1e-9, 2e-9, 1e-7, 1e-7, True, "as shipped")
 
 
 def texts(cells: tuple[Cell, ...]) -> list[str]:

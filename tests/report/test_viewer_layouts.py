@@ -12,7 +12,7 @@ from cranectl.analysis.levels import NAMES as RUNGS
 from cranectl.cli.main import main
 from cranectl.log import write_log
 from cranectl.log.overlay import write_overlay
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
@@ -50,7 +50,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dict[str, str]]) -> None:
-    layout = json.loads(layout_json(name, plant=plant))
+    layout = json.loads(layout_json(name, plants=[plant]))
     panels = layout["configById"]
     assert sorted(leaves(layout["layout"])) == sorted(panels)
     kinds = {panel.partition("!")[0] for panel in panels}
@@ -75,8 +75,8 @@ def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dic
 def test_a_layout_of_one_run_asks_for_one_plant_only(plant: str) -> None:
     (other,) = set(PLANTS) - {plant}
     for name in ("single", "controller"):
-        assert f"/{plant}/state" in layout_json(name, plant=plant) or name == "controller"
-        assert f"/{other}/" not in layout_json(name, plant=plant)
+        assert f"/{plant}/state" in layout_json(name, plants=[plant]) or name == "controller"
+        assert f"/{other}/" not in layout_json(name, plants=[plant])
     for each in PLANTS:
         assert f"/{each}/state.alpha" in layout_json("comparison")
 
@@ -93,7 +93,7 @@ def test_unknown_names() -> None:
     with pytest.raises(InputError, match="unknown layout 'singel'"):
         layout_json("singel")
     with pytest.raises(InputError, match="unknown plant"):
-        layout_json("single", plant="both")
+        layout_json("single", plants=["both"])
 
 
 def test_command_line(

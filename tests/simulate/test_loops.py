@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cranectl import signals
-from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.plants.plant import DRIVES
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, make_plant, simulate_run
 from cranectl.simulate import runner as runner_module

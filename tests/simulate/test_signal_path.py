@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cranectl.live.session import Session
 from cranectl.log import read_log, write_log
-from cranectl.plants.plant import DRIVES, PLANTS
+from cranectl.plants.plant import DRIVES
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -21,7 +21,7 @@ from cranectl import design
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.cli.main import main
 from cranectl.design import Design, design_controller
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.report.page import render
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from cranectl.support.errors import InputError
+from cranectl.cli.options import names_given, plants_option
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
@@ -19,7 +19,7 @@ def campaign_options(function: F) -> F:
     options = [
         click.option("--runs", type=int, metavar="N", help="Number of samples."),
         controllers_option("Default: the campaign's; repeatable, or names with commas."),
-        plants_option("analytic or mujoco, or both with a comma. Default: the campaign's."),
+        plants_option("Default: the campaign's."),
         click.option("--drive", metavar="NAME", help="ideal or velocity. Default: the campaign's."),
         click.option("--seed", type=int, metavar="N", help="Other samples. Default: the campaign's."),
         click.option(
@@ -44,14 +44,9 @@ def controllers_option(help_text: str) -> Callable[[F], F]:
         "controllers",
         metavar="NAME",
         multiple=True,
-        callback=_names,
+        callback=names_given,
         help=help_text,
     )
-
-
-def plants_option(help_text: str) -> Callable[[F], F]:
-    """`--plant`, one name or more."""
-    return click.option("--plant", "plants", metavar="NAME", multiple=True, callback=_names, help=help_text)
 
 
 def cluster_options(function: F) -> F:
@@ -104,14 +99,3 @@ def chosen_campaign(
 def _toml(value: Any) -> str:
     """Strings, numbers and lists of them are written the same in TOML and in JSON."""
     return json.dumps(value, ensure_ascii=False)
-
-
-def _names(_context: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
-    names = [name.strip() for text in given for name in text.split(",")]
-    if not all(names):
-        raise InputError(
-            f"{parameter.opts[0]} {','.join(given)}: a name is empty",
-            allowed="a name, or names with a comma between",
-            remedy="remove the comma that is too many",
-        )
-    return tuple(dict.fromkeys(names))

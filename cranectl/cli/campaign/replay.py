@@ -5,9 +5,9 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.campaign.options import controllers_option, plants_option
+from cranectl.cli.campaign.options import controllers_option
 from cranectl.cli.command import Command
-from cranectl.cli.options import json_option
+from cranectl.cli.options import json_option, plants_option
 
 
 @click.command("replay", cls=Command)
@@ -18,7 +18,7 @@ from cranectl.cli.options import json_option
 )
 @click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
 @controllers_option("Only runs with these controllers.")
-@plants_option("Only runs on this plant.")
+@plants_option("Only runs on these plants.")
 @click.option("--every", type=click.IntRange(min=1), metavar="N", help="Log every N-th control sample.")
 @click.option(
     "--out",

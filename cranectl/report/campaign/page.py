@@ -7,7 +7,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.evaluation import Analysis, GroupAnalysis
+from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.groups import MAIN_METRICS, compared_parameters
 from cranectl.campaign.sensitivity import LEAST
 from cranectl.campaign.summary import MEASURE
@@ -102,10 +102,13 @@ def _controllers(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
 
 
 def _plants(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
-    pairs = analysis.plants
-    if not pairs:
-        return
-    k = next(numbers)
+    compared = dict.fromkeys((pair.first.plant, pair.second.plant) for pair in analysis.plants)
+    for number, plants in enumerate(compared):
+        pairs = [pair for pair in analysis.plants if (pair.first.plant, pair.second.plant) == plants]
+        yield _two_plants(analysis, pairs, f"plants-{number}" if number else "plants", next(numbers))
+
+
+def _two_plants(analysis: Analysis, pairs: Sequence[Pair], name: str, k: int) -> Section:
     sampling = analysis.results.campaign.settings.sampling
     one, other = pairs[0].first.plant, pairs[0].second.plant
     svg = plants_svg(pairs, f"f{k}")
@@ -114,7 +117,7 @@ def _plants(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
     tables = [plants_agreement(pairs), failures_by_plant(pairs, sampling)]
     if any(pair.agreement.largest for pair in pairs):
         tables.append(disagreements(analysis, pairs))
-    yield Section("plants", f"{one.capitalize()} and {other}", tables=tuple(tables), figures=(figure,))
+    return Section(name, f"{one.capitalize()} and {other}", tables=tuple(tables), figures=(figure,))
 
 
 def _influence(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:

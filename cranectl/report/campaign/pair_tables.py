@@ -15,7 +15,7 @@ from cranectl.report.campaign.labels import (
     probability,
     replay_command,
 )
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Table, cells
 
 LISTED = 12  # sample indices in a cell
 
@@ -28,11 +28,9 @@ def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
         one, other = pair.second.controller, pair.first.controller
         for each in pair.differences:
             better = one if each.second_better > each.first_better else other
-            cells = (str(each.samples), *map(number, each.quantiles), percent(each.better_share))
+            found = (str(each.samples), *map(number, each.quantiles), percent(each.better_share))
             test = _tested(each.p, tests, sampling, better)
-            rows.append(
-                (Cell(f"{one} minus {other}"), Cell(METRIC_LABELS[each.metric]), *map(Cell, (*cells, *test)))
-            )
+            rows.append(cells(f"{one} minus {other}", METRIC_LABELS[each.metric], *found, *test))
     headings = (
         "controllers", "metric", "samples", *(f"{100 * q:g} %" for q in LEVELS), "the first is better in %",
         "p", "better",
@@ -51,12 +49,8 @@ def failures_by_controller(pairs: Sequence[Pair], sampling: str) -> Table:
         "only one", "only the other", "p", "better",
     )  # fmt: skip
     rows = tuple(
-        (
-            Cell(pair.first.controller),
-            Cell(pair.second.controller),
-            *_failure_cells(pair, len(pairs), sampling, pair.first.controller, pair.second.controller),
-        )
-        for pair in pairs
+        cells(one, other, *_failure_texts(pair, len(pairs), sampling, one, other))
+        for pair, one, other in ((p, p.first.controller, p.second.controller) for p in pairs)
     )
     title = f"Samples that fail with one controller and not with the other, on {pairs[0].first.plant}"
     return Table(title, headings, rows, labels=4, note=f"p: McNemar's exact test; {_BETTER}")
@@ -70,7 +64,7 @@ def failures_by_plant(pairs: Sequence[Pair], sampling: str) -> Table:
         f"only {one}", f"only {other}", "p", "fewer",
     )  # fmt: skip
     rows = tuple(
-        (Cell(pair.first.controller), *_failure_cells(pair, len(pairs), sampling, one, other))
+        cells(pair.first.controller, *_failure_texts(pair, len(pairs), sampling, one, other))
         for pair in pairs
     )
     note = "p: McNemar's exact test, whether one plant fails more often than the other."
@@ -80,34 +74,29 @@ def failures_by_plant(pairs: Sequence[Pair], sampling: str) -> Table:
 _BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
 
 
-def _failure_cells(pair: Pair, tests: int, sampling: str, one: str, other: str) -> tuple[Cell, ...]:
+def _failure_texts(pair: Pair, tests: int, sampling: str, one: str, other: str) -> tuple[str, ...]:
     found = pair.failures
     only, only_other = len(found.first_only), len(found.second_only)
     lists = (_listed(found.first_only), _listed(found.second_only))
     counts = map(str, (found.neither, found.both, only, only_other))
     test = _tested(found.p, tests, sampling, one if only < only_other else other)
-    return tuple(map(Cell, (*lists, *counts, *test)))
+    return (*lists, *counts, *test)
 
 
 def plants_agreement(pairs: Sequence[Pair]) -> Table:
     """How far the plants' largest errors are apart."""
     rows = tuple(
-        (
-            Cell(pair.first.controller),
-            Cell(str(pair.agreement.samples)),
-            Cell("–" if np.isnan(pair.agreement.rho) else f"{pair.agreement.rho:.5f}"),
-            *(Cell(number(value)) for value in pair.agreement.quantiles),
-            Cell(number(abs(pair.agreement.largest[0][1]) if pair.agreement.largest else None)),
+        cells(
+            pair.first.controller,
+            str(pair.agreement.samples),
+            "–" if np.isnan(pair.agreement.rho) else f"{pair.agreement.rho:.5f}",
+            *map(number, pair.agreement.quantiles),
+            number(abs(pair.agreement.largest[0][1]) if pair.agreement.largest else None),
         )
         for pair in pairs
     )
-    headings = (
-        "controller",
-        "samples",
-        "rank correlation",
-        *(f"|difference| {100 * q:g} %" for q in LEVELS),
-        "largest",
-    )
+    levels = (f"|difference| {100 * q:g} %" for q in LEVELS)
+    headings = ("controller", "samples", "rank correlation", *levels, "largest")
     note = "Of the largest error [m], over samples completed on both plants."
     return Table("How far the plants are apart", headings, rows, note=note)
 
@@ -115,13 +104,12 @@ def plants_agreement(pairs: Sequence[Pair]) -> Table:
 def disagreements(analysis: Analysis, pairs: Sequence[Pair]) -> Table:
     """The samples on which the plants are farthest apart, with what replays both."""
     rows = tuple(
-        (
-            Cell(pair.first.controller),
-            Cell(replay_command(analysis.results.directory, sample, pair.first.controller)),
-            Cell(str(sample)),
-            Cell(number(float(pair.first.metrics[MEASURE][sample]), 4)),
-            Cell(number(float(pair.second.metrics[MEASURE][sample]), 4)),
-            Cell(f"{apart:+.3g}"),
+        cells(
+            pair.first.controller,
+            replay_command(analysis.results.directory, sample, pair.first.controller),
+            str(sample),
+            *(number(float(group.metrics[MEASURE][sample]), 4) for group in (pair.first, pair.second)),
+            f"{apart:+.3g}",
         )
         for pair in pairs
         for sample, apart in pair.agreement.largest

@@ -8,11 +8,12 @@ import numpy as np
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis
 from cranectl.campaign.groups import EFFORT, MAIN_METRICS
 from cranectl.campaign.parameters import Parameter
+from cranectl.campaign.sensitivity import SobolIndices
 from cranectl.campaign.statistics import quantiles
 from cranectl.campaign.summary import CONFIDENCE
 from cranectl.campaign.table import FAILED, describe
 from cranectl.report.campaign.labels import LEVELS, METRIC_LABELS, metric_name, number, replay_command
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Cell, Table, cells
 
 SEPARATING = 6  # parameters of a controller in the table of failures
 
@@ -26,10 +27,8 @@ def metrics_quantiles(parts: Sequence[GroupAnalysis]) -> Table:
             found = quantiles(values, LEVELS)
             have = np.isfinite(values)
             ends = (values[have].min(), values[have].max()) if have.any() else (None, None)
-            cells = (int(have.sum()), number(ends[0]), *map(number, found), number(ends[1]))
-            rows.append(
-                (Cell(METRIC_LABELS[metric]), Cell(part.group.controller), *(Cell(str(c)) for c in cells))
-            )
+            spread = (number(ends[0]), *map(number, found), number(ends[1]))
+            rows.append(cells(METRIC_LABELS[metric], part.group.controller, str(have.sum()), *spread))
     headings = ("metric", "controller", "runs", "least", *(f"{100 * q:g} %" for q in LEVELS), "largest")
     note = "Over completed runs that have the metric: without settling time are those that do not settle."
     return Table(f"Metrics on {parts[0].group.plant}", headings, tuple(rows), labels=2, note=note)
@@ -38,12 +37,12 @@ def metrics_quantiles(parts: Sequence[GroupAnalysis]) -> Table:
 def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
     """How parameters differ between failed runs and the others."""
     rows = tuple(
-        (
-            Cell(part.group.controller),
-            Cell(each.parameter),
+        cells(
+            part.group.controller,
+            each.parameter,
             Cell(number(each.distance), "bad" if each.significant else ""),
-            Cell(number(each.failed_median)),
-            Cell(number(each.other_median)),
+            number(each.failed_median),
+            number(each.other_median),
         )
         for part in parts
         for each in part.separations[:SEPARATING]
@@ -61,34 +60,26 @@ def sobol_table(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Ta
     rows = []
     for part in parts:
         for k, parameter in enumerate(parameters):
-            cells = []
-            for metric in MAIN_METRICS:
-                found = part.sobol.get(metric)
-                if found is None:
-                    cells.append(Cell("–"))
-                    continue
-                low, high = found.total_interval[:, k]
-                text = f"{found.total[k]:.2f} ({low:.2f}–{high:.2f})"
-                cells.append(Cell(text, "good" if found.important[k] else ""))
-            rows.append((Cell(part.group.controller), Cell(parameter), *cells))
+            indices = (_sobol_cell(part.sobol.get(metric), k) for metric in MAIN_METRICS)
+            rows.append(cells(part.group.controller, parameter, *indices))
     headings = ("controller", "parameter", *map(metric_name, MAIN_METRICS))
     note = "Total index and its 95 % interval. Green: all of it above 0.05, the parameter matters."
     return Table(f"Total Sobol indices on {parts[0].group.plant}", headings, tuple(rows), labels=2, note=note)
 
 
+def _sobol_cell(found: SobolIndices | None, k: int) -> Cell:
+    if found is None:
+        return Cell("–")
+    low, high = found.total_interval[:, k]
+    return Cell(f"{found.total[k]:.2f} ({low:.2f}–{high:.2f})", "good" if found.important[k] else "")
+
+
 def swings_table(part: GroupAnalysis) -> Table:
     """Every step of a one-at-a-time design."""
-    nominal = (part.group.metrics[metric][0] for metric in MAIN_METRICS)
-    rows = [(Cell("nominal"), Cell(""), Cell("0"), *(Cell(number(float(value), 4)) for value in nominal))]
-    rows += [
-        (
-            Cell(swing.parameter),
-            Cell(number(swing.value, 4)),
-            Cell(str(swing.sample)),
-            *(Cell(number(float(value), 4)) for value in swing.metrics),
-        )
-        for swing in part.swings
-    ]
+    nominal = [part.group.metrics[metric][0] for metric in MAIN_METRICS]
+    steps: list[tuple[Any, ...]] = [("nominal", "", "0", nominal)]
+    steps += [(s.parameter, number(s.value, 4), str(s.sample), s.metrics) for s in part.swings]
+    rows = [cells(*texts, *(number(float(value), 4) for value in values)) for *texts, values in steps]
     headings = ("parameter", "value", "sample", *(METRIC_LABELS[metric] for metric in MAIN_METRICS))
     note = "A dash: the run did not complete, or has no such metric."
     return Table(f"{part.group.name}, step by step", headings, tuple(rows), note=note)
@@ -97,19 +88,17 @@ def swings_table(part: GroupAnalysis) -> Table:
 def worst_table(analysis: Analysis) -> Table:
     """Runs to look at, with what replays them."""
     rows = tuple(
-        (
-            Cell(run.plant),
-            Cell(run.controller),
-            Cell(run.why),
-            Cell(
-                "cannot be replayed"
-                if run.status == FAILED
-                else replay_command(analysis.results.directory, run.sample, run.controller, run.plant)
-            ),
-            Cell(str(run.sample)),
+        cells(
+            run.plant,
+            run.controller,
+            run.why,
+            "cannot be replayed"
+            if run.status == FAILED
+            else replay_command(analysis.results.directory, run.sample, run.controller, run.plant),
+            str(run.sample),
             Cell(run.status, "" if run.status == "completed" else "bad"),
-            Cell(f"{run.end_s:g}"),
-            Cell(number(run.max_error_m, 4)),
+            f"{run.end_s:g}",
+            number(run.max_error_m, 4),
         )
         for run in analysis.worst
     )
@@ -127,7 +116,7 @@ def uncertainty_table(analysis: Analysis) -> Table:
         sampled = (had.min(), had.max()) if had.size else (None, None)
         numbers = (parameter.nominal, *sampled)
         texts = (parameter.name, describe(campaign, parameter.name).unit, _distribution(parameter))
-        rows.append((*map(Cell, texts), *(Cell(number(value, 4)) for value in numbers)))
+        rows.append(cells(*texts, *(number(value, 4) for value in numbers)))
     headings = ("parameter", "unit", "distribution of what the plant has", "nominal", "sampled from", "to")
     pairs = [f"{' and '.join(pair.between)}: {pair.value:g}" for pair in campaign.settings.correlation]
     note = "The controller and its reference know the nominal values only."

@@ -11,7 +11,7 @@ Drives = dict[str, tuple[Agreement, bool]]  # by name; with whether the case pas
 
 
 def agreement_table(agreements: Sequence[Agreement], passed: Sequence[bool]) -> Table:
-    """One row a scenario and controller, its drives side by side; `passed` says so for each agreement.
+    """One row a scenario, controller and plant, its drives side by side; `passed`: of each agreement.
 
     A limit that all scenarios share stands above its column, others beside the numbers.
     """
@@ -22,16 +22,18 @@ def agreement_table(agreements: Sequence[Agreement], passed: Sequence[bool]) -> 
         for drive, limits in shared.items()
         for what, limit in zip(("load [m]", "angle [rad]"), limits or (None, None), strict=True)
     ]
+    several = len({agreement.plant for agreement in agreements}) > 1
     found: dict[str, dict[str, Drives]] = {}
     for agreement, good in zip(agreements, passed, strict=True):
         of_scenario = found.setdefault(agreement.scenario, {})
-        of_scenario.setdefault(agreement.controller, {})[agreement.drive] = (agreement, good)
+        name = f"{agreement.controller}, {agreement.plant}" if several else agreement.controller
+        of_scenario.setdefault(name, {})[agreement.drive] = (agreement, good)
     rows: list[tuple[Cell, ...]] = []
     for scenario, of_scenario in found.items():
         rows.append(cells(Cell(scenario, "head"), *[""] * (len(headings) + 1)))
         rows += [
-            cells(f" {controller}", *_numbers(of_drives, shared), _verdict(of_drives))
-            for controller, of_drives in of_scenario.items()
+            cells(f" {name}", *_numbers(of_drives, shared), _verdict(of_drives))
+            for name, of_drives in of_scenario.items()
         ]
     return Table("Agreement of the plants", ("controller", *headings, "verdict"), tuple(rows))
 
@@ -97,8 +99,9 @@ def run_notes(results: Sequence[CaseResult]) -> list[str]:
     steps = [
         f"{found.scenario}, {found.controller}: the steps are too long for the plants to agree; with "
         f"control.physics_step = {found.curing_step_s:g} they do"
-        for found in (result.agreement for result in results)
-        if found is not None and found.curing_step_s is not None
+        for result in results
+        for found in result.agreements
+        if found.curing_step_s is not None
     ]
     return [f"{name}: {note} ({', '.join(places)})" for (name, note), places in where.items()] + stops + steps
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import cycle, zip_longest
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from cranectl.plants.registry import plant_entry
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 from cranectl.signals import flat_groups, recorded_groups
 from cranectl.simulate import Run
@@ -24,12 +25,13 @@ WIDTH = 6.4  # [in] of every figure
 
 @dataclass(frozen=True)
 class Curve:
-    """One run in a figure. Runs of one label share its colour; a wide one lies pale under the others."""
+    """One run in a figure. Runs of one label share its colour; wide ones lie pale under the others."""
 
     label: str
     colour: str  # a role of the theme
     run: Run
     wide: bool
+    dash: Any = "-"  # of matplotlib; tells wide ones apart
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def distance_svg(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, floa
         figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
         axes = figure.subplots()
         _mark_disturbances(axes, next(iter(pairs.values()))[0], named=True)
-        for (label, (a, b)), role in zip(pairs.items(), SERIES, strict=False):
+        for (label, (a, b)), role in zip(pairs.items(), cycle(SERIES), strict=False):
             n = min(len(a.time_ns), len(b.time_ns))
             distance = np.linalg.norm(b.load_position[:n] - a.load_position[:n], axis=1)
             axes.semilogy(a.time[:n], distance.clip(min=1e-16), color=STAND_IN[role], label=label)
@@ -164,7 +166,13 @@ _REFERENCE_END: dict[str, Any] = {
 
 def _line(curve: Curve) -> dict[str, Any]:
     width, opacity, layer = (4.0, 0.35, 2) if curve.wide else (1.1, 1.0, 3)
-    return {"color": STAND_IN[curve.colour], "linewidth": width, "alpha": opacity, "zorder": layer}
+    return {
+        "color": STAND_IN[curve.colour],
+        "linewidth": width,
+        "alpha": opacity,
+        "zorder": layer,
+        "linestyle": curve.dash,
+    }
 
 
 def _end(curve: Curve) -> dict[str, Any]:
@@ -210,10 +218,11 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
         for label, colour in {curve.label: curve.colour for curve in curves}.items()
     ]
     lines = []
-    for plant, wide in {curve.run.plant: curve.wide for curve in curves}.items():
-        name = {"mujoco": "MuJoCo"}.get(plant, plant)
-        width, opacity = (5.0, 0.35) if wide else (1.1, 1.0)
-        lines.append(Line2D([], [], color=STAND_IN["ink"], linewidth=width, alpha=opacity, label=name))
+    for plant, curve in {curve.run.plant: curve for curve in curves}.items():
+        name = plant_entry(plant).label
+        width, opacity = (5.0, 0.35) if curve.wide else (1.1, 1.0)
+        look: dict[str, Any] = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
+        lines.append(Line2D([], [], color=STAND_IN["ink"], label=name, **look))
     if any(panel.reference for panel in family.panels):
         lines.append(Line2D([], [], label="reference", **_REFERENCE))
     if any(_near_limits(panel, curves) for panel in family.panels):

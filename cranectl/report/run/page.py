@@ -1,13 +1,15 @@
 """Any runs as one page: what they were, how they ended, every figure, every difference."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
 
 from cranectl.cases import RunSummary
-from cranectl.compare import Agreement, Comparison, compare_runs, judge
+from cranectl.compare import Agreement, Comparison, against_reference, compare_runs, judge
 from cranectl.compare.limits import Limits, Predict, limits_for
+from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.figures import FAMILIES, Curve, distance_svg, family_svg
 from cranectl.report.run.tables import comparison_table, metrics_table, run_table
@@ -15,6 +17,7 @@ from cranectl.report.run.wording import agreement, verdict
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
 
+DASHES = ("-", (0, (2, 1)), (0, (1, 1)))  # of plants beside the reference plant
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 
 
@@ -22,7 +25,7 @@ Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 def log_page(
     logs: Logs, remade_by: str, notes: Sequence[str] = (), *, predict: Predict | None = None
 ) -> Page:
-    """A page of up to four logs, each with the runs of one or both plants; `notes` come first.
+    """A page of up to four logs, each with the runs of one plant or more; `notes` come first.
 
     `predict` finds limits where cranectl has none for the plants' agreement.
     """
@@ -70,19 +73,22 @@ def _lines(agreements: Mapping[str, Agreement]) -> dict[str, float]:
 
 
 def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
-    """The logs that have samples of both plants, analytic first."""
+    """Each plant's run with that of the reference plant, by the label of the log."""
     found = {}
     for label, log in logs.items():
-        runs = [run for run in log.values() if len(run.time_ns)]
-        if len(runs) == 2:
-            found[label] = (runs[0], runs[1])
+        pairs = against_reference([run for run in log.values() if len(run.time_ns)], log)
+        for pair in pairs:
+            found[label if len(pairs) == 1 else f"{label}, {pair[0].plant}"] = pair
     return found
 
 
 def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, ...]:
     pairs = _pairs(logs)
+    plants = in_order(plant for log in logs.values() for plant in log)
+    others = [plant for plant in plants if pairs and plant != reference_plant(plants)]
+    dashes = dict(zip(others, cycle(DASHES), strict=False))
     curves = [
-        Curve(label, colour, run, wide=bool(pairs) and plant == "analytic")
+        Curve(label, colour, run, wide=plant in others, dash=dashes.get(plant, "-"))
         for (label, log), colour in zip(logs.items(), SERIES, strict=False)
         for plant, run in log.items()
         if len(run.time_ns)

@@ -20,7 +20,7 @@ from cranectl.analysis.deviation import Size, size_of
 from cranectl.cli.main import main
 from cranectl.compare import compare_runs
 from cranectl.compare.limits import agreement_limits
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError

@@ -10,7 +10,7 @@ from cranectl.analysis.budget.predicted_limits import predict_plant_difference, 
 from cranectl.compare import judge
 from cranectl.compare.limits import Limits, agreement_limits
 from cranectl.design import design_controller
-from cranectl.plants.plant import PLANTS
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT

@@ -1,0 +1,194 @@
+"""A plant from outside the package, known by its registration only, goes wherever the others go."""
+
+import importlib
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cranectl
+from cranectl.cli.main import main
+from cranectl.compare import against_reference
+from cranectl.plants.registry import PLANTS
+from cranectl.render.caption import readings
+from cranectl.render.timeline import film_of
+
+SOURCE = """\
+import cranectl
+from cranectl.plants.analytic import AnalyticPlant
+from cranectl.plants.registry import PLANTS
+
+def heavier(rig):
+    return rig.model_copy(update={"gravity": 1.01 * rig.gravity})
+
+class HeavyPlant(AnalyticPlant):
+    name = "heavy"
+    description = "the analytic plant with 1 % more gravity"
+
+    def __init__(self, rig, **options):
+        super().__init__(heavier(rig), **options)
+
+    def retune(self, rig, effects):
+        return super().retune(heavier(rig), effects)
+
+cranectl.register_plant(
+    cranectl.PlantEntry(
+        name="heavy",
+        label="heavy",
+        colour="series-4",
+        where="heavy_plant:HeavyPlant",
+        batch=3,
+        lacks=PLANTS["analytic"].lacks,
+    )
+)
+"""
+CAMPAIGN = """\
+name = "three-plants"
+scenario = "fixed-position"
+controllers = ["lqr"]
+plants = ["heavy", "analytic", "mujoco"]
+drive = "ideal"
+runs = 8
+set = ["duration=0.5", "disturbances=[]"]
+
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.5
+high = 1.5
+"""
+MOVED = ["--set", "duration=3", "--set", "disturbances=[]", "--set", "initial.load_offset=[0.02, 0.0, 0.0]"]
+RUN = ["run", "fixed-position", "--controller", "lqr", *MOVED]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with the module of the plant, whose plant is registered."""
+    made = tmp_path_factory.mktemp("third")
+    (made / "heavy_plant.py").write_text(SOURCE)
+    (made / "mine.toml").write_text(CAMPAIGN)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(made)
+        patch.chdir(made)
+        importlib.import_module("heavy_plant")
+        try:
+            yield made
+        finally:
+            del PLANTS["heavy"], sys.modules["heavy_plant"]
+
+
+@pytest.fixture(scope="module")
+def log(folder: Path) -> Path:
+    """Of all three plants; exit code 1, since one of them has another gravity."""
+    assert main([*RUN, "--plants", "all", "--out", "three.mcap", "--json", "run.json"]) == 1
+    return folder / "three.mcap"
+
+
+def by_plant(path: str) -> dict[str, bool]:
+    found = json.loads(Path(path).read_text())["agreements"]
+    assert {each["reference"] for each in found} == {"mujoco"}
+    return {each["plant"]: each["passed"] for each in found}
+
+
+def test_each_is_judged_against_the_reference(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    verdicts = {"analytic": True, "heavy": False}
+    assert by_plant("run.json") == verdicts
+    assert main(["compare", str(log), "--json", "compare.json"]) == 1
+    shown = capsys.readouterr().out
+    assert " lqr, heavy" in shown
+    assert by_plant("compare.json") == verdicts
+    assert main(["info", str(log), "--json", "info.json"]) == 0
+    assert "heavy and mujoco at most" in capsys.readouterr().out
+    assert by_plant("info.json") == verdicts
+    for name in ("compare.json", "info.json"):
+        assert json.loads(Path(name).read_text())["agreement"]["plant"] == "heavy", "the least good"
+
+
+def test_a_log_tells_the_differences_by_plant(log: Path) -> None:
+    runs = cranectl.read_log(log)
+    assert list(runs) == ["analytic", "mujoco", "heavy"]
+    assert runs["heavy"].model == "the analytic plant with 1 % more gravity"
+    for plant, apart in (("analytic", 1e-7), ("heavy", 1.0)):
+        _, told = cranectl.read_signal(log, f"diff/{plant}/load.load_x")
+        true = runs["mujoco"].load_position[:, 0] - runs[plant].load_position[:, 0]
+        np.testing.assert_array_equal(told, true)
+        assert 0.0 < np.abs(told).max() < apart
+    _, heavy = cranectl.read_signal(log, "diff/heavy/distance.load_distance")
+    assert heavy.max() > 1e-5
+    with pytest.raises(cranectl.InputError, match="unknown signal"):
+        cranectl.read_signal(log, "diff/load.load_x")
+
+
+def test_pictures_and_pages_show_all(log: Path) -> None:
+    runs = cranectl.read_log(log)
+    film = film_of(runs)
+    assert [(actor.label, actor.ghost) for actor in film.cast] == [
+        ("analytic", True), ("MuJoCo", False), ("heavy", True),
+    ]  # fmt: skip
+    farthest = max(
+        float(np.linalg.norm(a.load_position[-1] - b.load_position[-1]))
+        for a, b in against_reference(list(runs.values()))
+    )
+    assert (f"plants apart by {farthest:.2g} m", "muted") in readings(film, film.duration)
+    assert main(["report", str(log), "--out", "three.html"]) == 0
+    page = Path("three.html").read_text()
+    for plant in ("analytic", "heavy"):
+        assert f"three, {plant}: mujoco minus {plant}" in page
+    assert main(["layout", "comparison", "three.json"]) == 0
+    assert "/diff/heavy/distance.load_distance.@log10" in Path("three.json").read_text()
+
+
+def test_some_plants_are_chosen_the_last_is_the_reference_without_mujoco(folder: Path) -> None:
+    assert folder == Path.cwd()
+    assert main([*RUN, "--plants", "heavy,analytic", "--out", "two.mcap", "--json", "two.json"]) == 1
+    (found,) = json.loads(Path("two.json").read_text())["agreements"]
+    assert (found["plant"], found["reference"]) == ("analytic", "heavy")
+    assert list(cranectl.read_log("two.mcap")) == ["analytic", "heavy"]
+
+
+def test_workers_know_it_too(folder: Path) -> None:
+    command = [
+        "validate",
+        "fixed-position",
+        *MOVED,
+        "--drive",
+        "ideal",
+        "--jobs",
+        "2",
+        "--json",
+        "val.json",
+    ]
+    command += ["--controller", "lqr", "--controller", "pole-placement", "--plants", "heavy,mujoco"]
+    script = f"import heavy_plant, sys; from cranectl.cli.main import main; sys.exit(main({command!r}))"
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1, done.stderr
+    assert by_plant("val.json") == {"heavy": False}
+    assert len(json.loads((folder / "val.json").read_text())["runs"]) == 4
+
+
+def test_a_campaign_on_threads(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["campaign", "run", "mine.toml", "--workers", "2", "--out", "result"]) == 0
+    parts = {path.name for path in (folder / "result").rglob("part-heavy-*.parquet")}
+    assert len(parts) == 3, "batches are as large as the registration says"
+    assert main(["campaign", "report", "result", "--out", "campaign.html"]) == 0
+    page = Path("campaign.html").read_text()
+    assert "Heavy and mujoco" in page
+    assert "Analytic and mujoco" in page
+    assert "Heavy and analytic" not in page
+    capsys.readouterr()
+    assert main(["campaign", "replay", "result", "--plants", "heavy"]) == 0
+
+
+@pytest.mark.parametrize("command", [RUN, ["validate"], ["live", "fixed-position"], ["campaign", "run", "x"]])
+def test_an_unknown_plant_is_answered_with_the_known_ones(
+    folder: Path, command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert folder == Path.cwd()
+    for option in ("--plants", "--plant"):
+        assert main([*command, option, "hevy"]) == 2
+        assert "allowed: heavy, analytic, mujoco" in capsys.readouterr().err
