@@ -23,7 +23,8 @@ def size_of(load: Array) -> Size:
     """Of deviations (N, 3); zero if there are none."""
     if not len(load):
         return Size(0.0, 0.0, 0.0)
-    norm = np.linalg.norm(load, axis=1)
+    with np.errstate(over="ignore"):  # of predictions that run away
+        norm = np.linalg.norm(load, axis=1)
     return Size(float(np.sqrt(np.mean(norm**2))), float(norm.max()), float(norm[-1]))
 
 

@@ -16,6 +16,7 @@ from cranectl.cli.main import cli
 from cranectl.log.overlay import DISTANCE, write_overlay
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import ALL_EFFECTS
+from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 
@@ -57,6 +58,16 @@ def test_the_scenario_s_own_settings_are_taken(short: Scenario) -> None:
     assert with_effects(scenario, ["delay", "wind"]).effects.delay.seconds == 0.011
     assert with_effects(scenario, ["delay", "wind"]).effects.wind == ALL_EFFECTS.wind
     assert with_effects(scenario, []).effects.names == ()
+
+
+@pytest.mark.parametrize(
+    ("period", "delay"), [(0.001, 0.004), (0.0005, 0.004), (0.0025, 0.005), (0.005, 0.005)]
+)
+def test_an_assumed_delay_is_whole_periods(short: Scenario, period: float, delay: float) -> None:
+    table = short.model_dump(mode="json") | {"control": {"period": period, "physics_step": 0.0005}}
+    chosen = with_effects(parse_settings(Scenario, table, "short"), ["delay"])
+    assert chosen.effects.delay is not None
+    assert chosen.effects.delay.seconds == delay
 
 
 def test_deviations_are_norms_of_the_difference(short: Scenario) -> None:
