@@ -48,11 +48,11 @@ MINUTES ?= 30
 fuzz: setup ## try odd files and command lines for MINUTES=30; what is found is kept in .hypothesis
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
-bench: .venv/extra-bench ## measure, and write docs/performance.md
-	$(call limit,7200) $(BIN)/python validation/benchmark.py --json logs/bench.json --write docs/performance.md
+bench: .venv/extra-bench ## measure, and write docs/proofs/performance.md
+	$(call limit,7200) $(BIN)/python validation/benchmark.py --json logs/bench.json --write docs/proofs/performance.md
 
-mutations: setup ## change every term of the physics and see a test fail; write docs/mutations.md
-	$(call limit,7200) $(BIN)/python validation/mutations.py --write docs/mutations.md
+mutations: setup ## change every term of the physics and see a test fail; write docs/proofs/mutations.md
+	$(call limit,7200) $(BIN)/python validation/mutations.py --write docs/proofs/mutations.md
 
 package: setup ## build the wheel, install it into an empty environment, validate from there
 	rm -rf build/package && mkdir -p build/package/work

@@ -11,7 +11,7 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.signals import flat_groups, recorded_groups
 from tests.conftest import ROOT
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 WITHOUT_CODE = {"mutations.md", "performance.md", "errata.md", "thesis.md", "reliability.md"}  # results
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
@@ -55,21 +55,21 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_every_parameter_is_documented() -> None:
-    text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "how-to" / "scenarios.md").read_text(encoding="utf-8")
     for name in RigParameters.model_fields:
         stem = "_time_constant" if name.endswith("time_constant") else name
         assert stem in text, name
 
 
 def test_every_topic_is_documented() -> None:
-    text = (ROOT / "docs" / "logs.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "reference" / "logs.md").read_text(encoding="utf-8")
     for group in recorded_groups(flat_groups(0)):
         assert f"`/PLANT/{group.name}`" in text
 
 
 def test_every_test_that_the_page_of_promises_names_exists() -> None:
     named = re.findall(
-        r"`(?:tests/)?([\w/]+\.py)::(\w+)`", (ROOT / "docs" / "reliability.md").read_text("utf-8")
+        r"`(?:tests/)?([\w/]+\.py)::(\w+)`", (ROOT / "docs" / "proofs" / "reliability.md").read_text("utf-8")
     )
     assert len(named) > 50
     for file, name in named:

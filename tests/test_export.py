@@ -247,8 +247,8 @@ def test_the_format_is_named_or_the_ending(name: str | None, out: str | None, ex
 
 
 def test_every_unit_is_documented() -> None:
-    """The table of docs/export.md, first match as it says, against the table of signals."""
-    text = (ROOT / "docs" / "export.md").read_text(encoding="utf-8")
+    """The table of docs/how-to/export.md, first match as it says, against the table of signals."""
+    text = (ROOT / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
     units = {}
     for signal in REFERENCE.signals:
         units[f"reference.{signal.name}"] = signal.unit

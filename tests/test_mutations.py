@@ -48,7 +48,7 @@ def test_a_mutant_that_no_test_looks_at_survives() -> None:
 
 
 def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
-    page = (ROOT / "docs" / "mutations.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "proofs" / "mutations.md").read_text(encoding="utf-8")
     found = re.search(r"\*\*(\d+) mutants, (\d+) caught, (\d+) survived\.\*\*", page)
     assert found is not None
     assert found[1] == found[2]
@@ -66,4 +66,4 @@ def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
     ],
 )
 def test_every_kind_of_term_is_on_the_page(function: str) -> None:
-    assert f"## `cranectl.{function}`" in (ROOT / "docs" / "mutations.md").read_text(encoding="utf-8")
+    assert f"## `cranectl.{function}`" in (ROOT / "docs" / "proofs" / "mutations.md").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The table of docs/metrics.md, from the table of metrics.
+"""The table of docs/reference/metrics.md, from the table of metrics.
 
 python validation/metrics_table.py            print it
 python validation/metrics_table.py --write    and put it into the page
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cranectl.metrics.table import METRICS
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "metrics.md"
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "reference" / "metrics.md"
 HEAD = "| metric | symbol | unit | meaning | definition | better |\n|---|---|---|---|---|---|\n"
 
 

@@ -13,8 +13,8 @@ from cranectl.campaign.store import open_store
 from cranectl.campaign.threads import run_batch
 
 ROWS = 977  # of a part of a campaign of a million runs
-BATCH_S = 0.013  # of scheduler, client and worker for a batch that does nothing; docs/campaigns.md
-ORDER_KB, ROW_KB = 2.0, 0.8  # that travel for a batch, and for each of its rows; docs/campaigns.md
+BATCH_S = 0.013  # of scheduler, client and worker for a batch that does nothing; docs/how-to/campaigns.md
+ORDER_KB, ROW_KB = 2.0, 0.8  # that travel for a batch, and for each of its rows; docs/how-to/campaigns.md
 COUNTS = (10**6, 10**9)
 
 WRITE, READ = "writing a row of a result", "reading and checking a row"
@@ -24,7 +24,7 @@ TEXT = """
 
 Runs of 25 s on MuJoCo with `{controller}`, without effects of the engine, from the figures above. A batch
 travels as {order:g} kB and {row:g} kB a row, and costs scheduler and client {batch:g} ms besides
-([campaigns](campaigns.md#cluster)).
+([campaigns](../how-to/campaigns.md#cluster)).
 
 {table}
 

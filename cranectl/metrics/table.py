@@ -1,6 +1,6 @@
 """The one table of metrics: names, units, meaning, value, use.
 
-`RunMetrics`, tables of runs, columns and limits of campaigns, names in reports and docs/metrics.md derive
+`RunMetrics`, tables of runs, columns and limits of campaigns, names in reports and docs/reference/metrics.md derive
 from it.
 """
 

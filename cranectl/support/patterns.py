@@ -22,5 +22,5 @@ def unmatched(pattern: str, names: Iterable[str]) -> InputError:
     return InputError(
         f"no signal matches '{pattern}'",
         allowed=f"patterns of signal names, the nearest being {', '.join(near)}" if near else "",
-        remedy=guess or "choose among the signals that docs/logs.md lists",
+        remedy=guess or "choose among the signals that docs/reference/logs.md lists",
     )

@@ -278,7 +278,7 @@ def test_the_client_is_a_plain_one(cluster: LocalCluster) -> None:
 def test_no_recipe_opens_a_scheduler_to_everybody(capsys: pytest.CaptureFixture[str]) -> None:
     """Whoever reaches one runs programs; as it comes it listens on all addresses."""
     recipes = []
-    for page in ("README.md", "docs/campaigns.md"):
+    for page in ("README.md", "docs/how-to/campaigns.md"):
         text = (ROOT / page).read_text()
         assert "runs programs on it" in text
         assert "tls://" in text

@@ -18,7 +18,7 @@ from cranectl.support.errors import InputError
 from tests.conftest import ROOT
 from validation.metrics_table import HEAD, page, table
 
-PAGE = (ROOT / "docs" / "metrics.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "metrics.md").read_text(encoding="utf-8")
 UNITS = {"m_s2": "m/s²", "rad": "rad", "m": "m", "s": "s", "n": "N", "j": "J"}  # by the end of a name
 CAMPAIGN = """\
 name = "small"

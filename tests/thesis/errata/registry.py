@@ -26,7 +26,7 @@ ERRATA: dict[str, Check] = {}
 
 
 def erratum(name: str) -> Callable[[Check], Check]:
-    """Register a check under the name that docs/errata.md lists it by."""
+    """Register a check under the name that docs/thesis/errata.md lists it by."""
 
     def register(check: Check) -> Check:
         assert name not in ERRATA

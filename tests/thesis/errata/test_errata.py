@@ -1,4 +1,4 @@
-"""Every erratum of docs/errata.md: the printed form fails, the right one passes."""
+"""Every erratum of docs/thesis/errata.md: the printed form fails, the right one passes."""
 
 import re
 
@@ -19,7 +19,7 @@ def test_printed_form_fails_and_right_form_passes(name: str) -> None:
 
 
 def test_every_erratum_is_in_the_table_and_only_those() -> None:
-    page = (ROOT / "docs" / "errata.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "thesis" / "errata.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| \*\*(.+?)\*\* \|", page, re.MULTILINE)
     assert listed == list(ERRATA)
 
