@@ -13,6 +13,9 @@ import pytest
 import cranectl
 from cranectl.cli.main import main
 from cranectl.compare import against_reference
+from cranectl.live.increments import Pieces
+from cranectl.live.session import Session
+from cranectl.log import describe_log
 from cranectl.plants.registry import PLANTS
 from cranectl.render.caption import readings
 from cranectl.render.timeline import film_of
@@ -192,3 +195,23 @@ def test_an_unknown_plant_is_answered_with_the_known_ones(
     for option in ("--plants", "--plant"):
         assert main([*command, option, "hevy"]) == 2
         assert "allowed: heavy, analytic, mujoco" in capsys.readouterr().err
+
+
+def test_a_log_cut_short_is_recovered_with_all(log: Path) -> None:
+    whole = log.read_bytes()
+    Path("cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    assert main(["recover", "cut.mcap", "--out", "recovered.mcap"]) == 0
+    assert list(cranectl.read_log("recovered.mcap")) == ["analytic", "mujoco", "heavy"]
+    cranectl.read_signal("recovered.mcap", "diff/heavy/distance.load_distance")
+
+
+def test_a_live_session_sends_what_the_log_has(log: Path) -> None:
+    scenario = cranectl.read_log(log)["heavy"].scenario
+    session = Session(scenario, cranectl.design_controller("lqr", scenario.design))
+    pieces = Pieces(scenario, session.plan, list(PLANTS))
+    sent = {stream.topic for stream in pieces.piece(session.advance(40), 0)}
+    assert {f"/diff/{plant}/distance" for plant in ("analytic", "heavy")} <= sent
+    told = {topic.topic for topic in describe_log(log).topics}
+    assert {topic for topic in sent if topic.startswith("/diff")} == {
+        topic for topic in told if topic.startswith("/diff") and not topic.endswith("/verdict")
+    }
