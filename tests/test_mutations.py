@@ -66,4 +66,5 @@ def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
     ],
 )
 def test_every_kind_of_term_is_on_the_page(function: str) -> None:
-    assert f"## `cranectl.{function}`" in (ROOT / "docs" / "proofs" / "mutations.md").read_text(encoding="utf-8")
+    page = ROOT / "docs" / "proofs" / "mutations.md"
+    assert f"## `cranectl.{function}`" in page.read_text(encoding="utf-8")

@@ -54,8 +54,8 @@ def compare_command(
     The plants of one LOG are judged as by the run that wrote it, exit code 1 if they do not agree or did not
     end as their scenario expects.
     The difference is second minus first, but NEW minus GOLDEN with --tolerances, which judges every plant
-    that both have. docs/explanation/validation.md says what a file of tolerances holds. Logs made by other sources or
-    versions are compared all the same, and what differs is named.
+    that both have. docs/explanation/validation.md says what a file of tolerances holds. Logs made by other
+    sources or versions are compared all the same, and what differs is named.
 
     \b
     cranectl compare logs/fixed-position/lqr-ideal.mcap

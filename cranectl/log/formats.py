@@ -1,7 +1,7 @@
 """The formats of logs that can be read: each number has its reader, and keeps it.
 
-The rule, docs/reference/logs.md: the number of what is written rises with each change that would make an older reader
-misread or refuse a log. A change that only adds what old readers pass over does not raise it.
+The rule, docs/reference/logs.md: the number of what is written rises with each change that would make an
+older reader misread or refuse a log. A change that only adds what old readers pass over does not raise it.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,7 +1,7 @@
 """The one table of metrics: names, units, meaning, value, use.
 
-`RunMetrics`, tables of runs, columns and limits of campaigns, names in reports and docs/reference/metrics.md derive
-from it.
+`RunMetrics`, tables of runs, columns and limits of campaigns, names in reports and docs/reference/metrics.md
+derive from it.
 """
 
 import functools

@@ -6,8 +6,8 @@ With the rope slopes p = (p_x, p_y), horizontal run over vertical drop h = -z_3 
     p_y = tan a         = -z2'' / (z3'' + g)       y_c = z2 - p_y h
 
 everything follows by differentiation in time, with no matrix to invert. It equals the thesis's (3.33) to
-(3.46) with the corrections listed in docs/explanation/model.md. Singular where the rope is slack (z3'' + g <= 0), has no
-length, or a cardan angle reaches pi/2.
+(3.46) with the corrections listed in docs/explanation/model.md. Singular where the rope is slack
+(z3'' + g <= 0), has no length, or a cardan angle reaches pi/2.
 """
 
 from math import atan, cos, sqrt, tan

@@ -1,4 +1,7 @@
-"""The product: two plants that know nothing of each other agree. Levels 0, 1 and 2 of docs/explanation/model.md."""
+"""The product: two plants that know nothing of each other agree.
+
+Levels 0, 1 and 2 of docs/explanation/model.md.
+"""
 
 import mujoco
 import numpy as np

@@ -1,6 +1,7 @@
 """The loop as the certificate cuts it: graphs of plant and design model, and the controller.
 
-State feedback v = v-bar - F (z, z', z'', z''') is closed on each axis. Two cuts, see docs/explanation/certificate.md:
+State feedback v = v-bar - F (z, z', z'', z''') is closed on each axis. Two cuts, see
+docs/explanation/certificate.md:
 
     "v-bar"  plant: W then the inner loop, to z.                  controller: W^-1 times the robustifier
     "v"      plant: the chain from v to the scaled flat state.    controller: state feedback + robustifier
