@@ -193,8 +193,7 @@ def test_friction_holds_what_it_can_hold() -> None:
 def test_sliding_friction_is_against_the_motion() -> None:
     where = nominal("effects.friction={coulomb=[0.1, 0.1, 0.1], viscous=[1.0, 2.0, 3.0]}")
     loop, run, friction = where.driven(), where.run, where.effects.friction
-    friction = friction_of(run, friction)
-    found = propagate(loop, plant_errors(loop), friction=friction)
+    found = propagate(loop, plant_errors(loop), friction=friction_of(run, friction))
     without = propagate(loop, plant_errors(loop))._replace(state=found.state)
     rates = run.block("state")[:-1, 1:6:2] + found.state[:-1, 1:6:2]
     w_and_lead = loop.integral * without.state[:-1, 10:13] + loop.lead * found.commanded
