@@ -33,7 +33,8 @@ def test_the_rooms_are_drawn_as_the_contract_has_them() -> None:
 
 
 def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
-    entries = [path for path in (ROOT / "cranectl").iterdir() if not path.name.startswith("__")]
+    paths = [path for path in (ROOT / "cranectl").iterdir() if not path.name.startswith("__")]
+    entries = [path for path in paths if path.is_file() or any(path.glob("*.py"))]  # not caches of old rooms
     assert len(entries) <= 24, sorted(path.name for path in entries)
 
 

@@ -220,6 +220,12 @@ class Scenario(Settings):
         return _nanoseconds(self.control.period)
 
     @property
+    def delay_samples(self) -> int:
+        """Control periods between a command given and arriving."""
+        delay = self.effects.delay
+        return round(delay.seconds * NANOSECONDS / self.period_ns) if delay else 0
+
+    @property
     def steps(self) -> int:
         """Number of control periods in the run; it has one sample more than that."""
         return _nanoseconds(self.duration) // self.period_ns

@@ -24,7 +24,7 @@ from cranectl.controllers.observer import (
 )
 from cranectl.plants.surroundings import CalibrationError, make_calibration_error
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import Delay, DriveLimits, Sensing
+from cranectl.scenario.effects import DriveLimits, Sensing
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
 from cranectl.support.jit import jit
 
@@ -74,12 +74,6 @@ def limited(limits, axis, setpoint, previous):
     change = limits.change[axis]
     reachable = min(max(setpoint, previous - change), previous + change)
     return min(max(reachable, -limits.velocity[axis]), limits.velocity[axis])
-
-
-def make_line(delay: Delay | None, period: float, first: Array) -> Array:
-    """Commands under way, shape (samples of delay, 3), each `first` (3,) as long as none has arrived."""
-    samples = round(delay.seconds / period) if delay else 0
-    return np.tile(first, (samples, 1))
 
 
 @jit
@@ -141,7 +135,7 @@ def make_signal_path(
         calibration=make_calibration_error(effects.installation),
         limits=make_limits(effects.limits, period),
         previous=first.copy(),
-        line=make_line(effects.delay, period, first),
+        line=np.tile(first, (scenario.delay_samples, 1)),
         clock=np.zeros(1, dtype=np.int64),
         record=np.zeros((samples, PATH_WIDTH)) if record is None else record,
     )

@@ -155,8 +155,7 @@ def make_nominal_loop(scenario: Scenario, design: Design, cut_name: str | None =
 
 
 def _check_delay(scenario: Scenario) -> None:
-    delay = scenario.effects.delay
-    samples = round(delay.seconds * NANOSECONDS / scenario.period_ns) if delay else 0
+    samples = scenario.delay_samples
     if samples > MOST_DELAY_SAMPLES:
         raise InputError(
             f"a delay of {samples} control periods, each of them three states of the linear loop",

@@ -34,7 +34,7 @@ from cranectl.model.flatness import flat_output
 from cranectl.plants.mujoco.linearisation import Anchor, change_since, coordinates, put
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import Drive
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.effects import EffectSettings
 from cranectl.simulate import make_plant, tracker_of
 from cranectl.simulate.actuation import Actuation, actuate, make_actuation
@@ -133,7 +133,7 @@ def linear_plant(
     air = np.array(wind.mean) if wind else np.zeros(3)
     anchor, command, held = equilibrium(plant, point, drive, air, tracker.gravity)
     crane_matrix = _crane_matrix(plant, anchor, command, np.array(point.tilt), air)
-    sensing, delay = scenario.effects.sensing, scenario.effects.delay
+    sensing = scenario.effects.sensing
     observer = None
     if sensing is not None:
         observer = make_observer(
@@ -147,7 +147,7 @@ def linear_plant(
     kept = [k for k in range(len(memory)) if drive == "velocity" or not SETPOINT <= k < ESTIMATE]
     return LinearPlant(
         system=_joined(crane_matrix, law_matrix, len(memory), kept),
-        delay=round(delay.seconds * NANOSECONDS / scenario.period_ns) if delay else 0,
+        delay=scenario.delay_samples,
         period=tracker.period,
         point=point,
     )
