@@ -1,10 +1,11 @@
-"""Logs of every format that was ever written stay readable: one of each is kept, with its numbers.
+"""Logs of every format that was ever written stay readable: some of each are kept, with their numbers.
 
 A sample is never written again: it is what is out there. A change that makes one of these tests fail breaks
 the logs that people have; it needs another number, a reader and a sample of its own.
 """
 
 import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,102 +22,160 @@ from cranectl.support.provenance import FINGERPRINTS
 from tests.log.forge import put_together, take_apart
 
 SAMPLES = Path(__file__).parent / "samples"
-SAMPLE_2 = SAMPLES / "format-2.mcap"
-TIMES_2 = [0, 12, 24, 36, 48, 60, 72, 84, 96, 100]  # [ms]: every 12th control sample and the last
-LAST_2 = {
-    "analytic": {
-        "state.beta": 0.0029661901039952756,
-        "load.load_x": 1.0018460822600472,
-        "load.rope_tension": 9.810537666026946,
-        "controller.robustifier_x_2": 4.450326634698043e-05,
-        "measurement.beta": 0.0031664418413757424,
-        "command.bridge_command": 0.014889524638151698,
-        "disturbance.beta_disturbance": 2.0,
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A kept log and what the program that wrote it reads from it."""
+
+    name: str
+    written_by: str
+    end: tuple[RunStatus, int, str]  # status, end [ns], drive
+    times_ms: list[int]
+    every: int
+    controller: str
+    gain: list[float]
+    reference: str  # digest
+    numbers: dict[str, str]  # digest of all groups in alphabetical order, by plant
+    last: dict[str, dict[str, float]]  # some signals of the last sample, by plant
+
+    @property
+    def path(self) -> Path:
+        return SAMPLES / self.name
+
+
+LQR_GAIN = [100.00000000000013, 86.71587554826164, 37.548215360507925, 9.22477266500459]
+PAIR = Sample(
+    name="format-2.mcap",
+    written_by="740de33, with encoders and a delay",
+    end=(RunStatus.COMPLETED, 100_000_000, "velocity"),
+    times_ms=[0, 12, 24, 36, 48, 60, 72, 84, 96, 100],  # every 12th control sample and the last
+    every=12,
+    controller="lqr+loop-shaping",
+    gain=LQR_GAIN,
+    reference="ef306b79b4b9bf9b",
+    numbers={"analytic": "b671eeca6ec0ca5b", "mujoco": "f8fb862f4ddecd52"},
+    last={
+        "analytic": {
+            "state.beta": 0.0029661901039952756,
+            "load.load_x": 1.0018460822600472,
+            "load.rope_tension": 9.810537666026946,
+            "controller.robustifier_x_2": 4.450326634698043e-05,
+            "measurement.beta": 0.0031664418413757424,
+            "command.bridge_command": 0.014889524638151698,
+            "disturbance.beta_disturbance": 2.0,
+        },
+        "mujoco": {
+            "state.beta": 0.0031109553662407984,
+            "load.load_x": 1.0018475955436148,
+            "load.rope_tension": 9.826798292730077,
+            "controller.robustifier_x_2": 4.67614735211443e-05,
+            "measurement.beta": 0.0032606823081675067,
+            "command.bridge_command": 0.015756025240661612,
+            "disturbance.beta_disturbance": 2.0,
+        },
     },
-    "mujoco": {
-        "state.beta": 0.0031109553662407984,
-        "load.load_x": 1.0018475955436148,
-        "load.rope_tension": 9.826798292730077,
-        "controller.robustifier_x_2": 4.67614735211443e-05,
-        "measurement.beta": 0.0032606823081675067,
-        "command.bridge_command": 0.015756025240661612,
-        "disturbance.beta_disturbance": 2.0,
+)
+SIGNAL_PATH = Sample(
+    name="format-2-signal-path.mcap",
+    written_by="0.2.0, with encoders, observer, delay, limits, friction and wind, along a line",
+    end=(RunStatus.COMPLETED, 300_000_000, "velocity"),
+    times_ms=list(range(0, 301, 25)),
+    every=25,
+    controller="pole-placement+hinf",
+    gain=[39.0625, 62.5, 37.5, 10.0],
+    reference="cf2b894448115872",
+    numbers={"mujoco": "5f8075c4f4a75109"},
+    last={
+        "mujoco": {
+            "state.beta": 0.03088178464273867,
+            "load.rope_tension": 10.185380274483002,
+            "measurement.beta_disturbance_estimate": -34.82576155655691,
+            "command.rope_command": 0.3944275429154488,
+            "controller.robustifier_z_5": 0.04822628696257369,
+        }
     },
-}
-# In the order of columns that runs had then.
-GROUPS_2 = [
-    "state",
-    "load",
-    "flat_output",
-    "error",
-    "input",
-    "virtual_input",
-    "disturbance",
-    "controller",
-    "measurement",
-    "command",
-]
-DIGESTS_2 = {"analytic": "4a42a7c117212a58", "mujoco": "b3799b1bab220a8a"}  # of all numbers of the runs
-REFERENCE_2 = "ef306b79b4b9bf9b"
+)
+LIVE = Sample(
+    name="format-2-live.mcap",
+    written_by="bd8254b: what a live session recorded after its second start, before there were fingerprints",
+    end=(RunStatus.INTERRUPTED, 600_000_000, "ideal"),
+    times_ms=list(range(300, 601, 30)),
+    every=30,
+    controller="lqr",
+    gain=LQR_GAIN,
+    reference="14162721c063e2d2",
+    numbers={"analytic": "101c64dfd1f10dd0", "mujoco": "ca61aad82afa8026"},
+    last={
+        "analytic": {"state.alpha": 0.031549527256849196, "disturbance.alpha_disturbance": 2.0},
+        "mujoco": {"state.alpha": 0.03154952718903152, "load.rope_tension": 9.814449511881618},
+    },
+)
+KEPT = [PAIR, SIGNAL_PATH, LIVE]
+kept = pytest.mark.parametrize("sample", KEPT, ids=lambda sample: sample.name)
 
 
 def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def test_each_format_that_can_be_read_has_a_sample() -> None:
-    assert sorted(path.name for path in SAMPLES.iterdir()) == [f"format-{number}.mcap" for number in READERS]
+def check(sample: Sample, runs: dict[str, Run]) -> None:
+    assert list(runs) == list(sample.numbers)
+    for plant, run in runs.items():
+        assert (run.status, run.end_ns, run.drive) == sample.end
+        assert (run.time_ns / 1e6).tolist() == sample.times_ms
+        assert {name: run.signal(name)[-1] for name in sample.last[plant]} == sample.last[plant]
+        table = np.hstack([run.block(name) for name in sorted(group.name for group in run.groups)])
+        assert digest(table.tobytes()) == sample.numbers[plant]
+        assert digest(run.reference.tobytes()) == sample.reference
+        assert (run.design.name, run.design.gain.tolist()) == (sample.controller, sample.gain)
+    assert "<mujoco" in runs["mujoco"].model
+
+
+def test_each_format_that_can_be_read_has_samples() -> None:
+    assert sorted(path.name for path in SAMPLES.iterdir()) == sorted(sample.name for sample in KEPT)
+    assert {describe_log(sample.path).format for sample in KEPT} == set(READERS)
     assert max(READERS, key=int) == WRITTEN
 
 
-def check_2(runs: dict[str, Run]) -> None:
-    assert list(runs) == ["analytic", "mujoco"]
-    for plant, run in runs.items():
-        assert (run.status, run.end_ns, run.drive) == (RunStatus.COMPLETED, 100_000_000, "velocity")
-        assert (run.time_ns // 10**6).tolist() == TIMES_2
-        assert {name: run.signal(name)[-1] for name in LAST_2[plant]} == LAST_2[plant]
-        assert run.reference[5, :4].tolist() == [1.0000951072692872, 0.77, -0.7, 0.0009733200073241115]
-        table = np.hstack([run.block(group) for group in GROUPS_2])
-        assert digest(table.tobytes()) == DIGESTS_2[plant]
-        assert digest(run.reference.tobytes()) == REFERENCE_2
-    run = runs["mujoco"]
+@kept
+def test_a_kept_log_is_read(sample: Sample) -> None:
+    check(sample, read_log(sample.path))
+    for name, value in sample.last["mujoco"].items():
+        time, values = read_signal(sample.path, f"mujoco/{name}")
+        assert time.tolist() == pytest.approx([ms / 1000 for ms in sample.times_ms], abs=1e-15)
+        assert values[-1] == value
+    description = describe_log(sample.path)
+    assert (description.every, description.versions["mujoco"]) == (sample.every, "4.0.0")
+
+
+@kept
+def test_a_kept_log_is_recovered(sample: Sample, tmp_path: Path) -> None:
+    part = tmp_path / "a.mcap.1.part"
+    part.write_bytes(sample.path.read_bytes()[:-100])
+    check(sample, read_log(recover_log(part).log))
+
+
+def test_settings_and_margins_of_a_kept_log() -> None:
+    run = read_log(PAIR.path)["mujoco"]
     assert run.scenario.name == "fixed-position"
     assert run.scenario.effects.delay is not None
     assert run.scenario.effects.delay.seconds == 0.004
     assert run.scenario.rig.load_mass == 1.0
-    assert run.design.name == "lqr+loop-shaping"
-    assert run.design.gain.tolist() == [
-        100.00000000000013, 86.71587554826164, 37.548215360507925, 9.22477266500459,
-    ]  # fmt: skip
     assert run.design.margins.gain_margin == 0.3895739351948502
-    assert "<mujoco" in run.model
-
-
-def test_format_2_is_read() -> None:
-    check_2(read_log(SAMPLE_2))
-    time, beta = read_signal(SAMPLE_2, "mujoco/state.beta")
-    assert time.tolist() == [ms / 1000 for ms in TIMES_2]
-    assert beta[-1] == LAST_2["mujoco"]["state.beta"]
-    _, distance = read_signal(SAMPLE_2, "diff/distance.load_distance")
+    assert run.reference[5, :4].tolist() == [1.0000951072692872, 0.77, -0.7, 0.0009733200073241115]
+    _, distance = read_signal(PAIR.path, "diff/distance.load_distance")
     assert 0.0 < distance.max() < 1e-4
-    description = describe_log(SAMPLE_2)
-    assert (description.format, description.every) == ("2", 12)
-    assert description.versions["mujoco"] == "4.0.0"
 
 
-def test_format_2_is_recovered(tmp_path: Path) -> None:
-    part = tmp_path / "a.mcap.1.part"
-    part.write_bytes(SAMPLE_2.read_bytes()[:-100])
-    check_2(read_log(recover_log(part).log))
-
-
-def test_format_2_before_it_said_what_sources_made_it(tmp_path: Path) -> None:
-    parts = take_apart(SAMPLE_2)
+def test_logs_from_before_they_said_what_sources_made_them(tmp_path: Path) -> None:
+    assert not {*FINGERPRINTS, "machine"} & describe_log(LIVE.path).versions.keys()
+    parts = take_apart(PAIR.path)
     for name in (*FINGERPRINTS, "llvmlite", "machine"):
         del parts.meta("versions").metadata[name]
     path = tmp_path / "a.mcap"
     path.write_bytes(put_together(parts))
-    check_2(read_log(path))
+    check(PAIR, read_log(path))
 
 
 def layout(path: Path) -> tuple[dict[str, tuple[bytes, dict[str, str]]], dict[str, set[str]], set[str]]:
@@ -134,21 +193,23 @@ def layout(path: Path) -> tuple[dict[str, tuple[bytes, dict[str, str]]], dict[st
 def test_what_is_written_is_still_of_the_format_that_it_says(tmp_path: Path) -> None:
     """Something may be added; what older readers know is there, as they know it."""
     path = tmp_path / "a.mcap"
-    write_logged(path, list(read_log(SAMPLE_2).values()), 12)
+    write_logged(path, list(read_log(PAIR.path).values()), PAIR.every)
     (topics, metadata, attachments), (known, known_metadata, known_attachments) = map(
-        layout, (path, SAMPLE_2)
+        layout, (path, PAIR.path)
     )
     assert {topic: topics.get(topic) for topic in known} == known
     assert all(keys <= metadata[name] for name, keys in known_metadata.items())
     assert known_attachments <= attachments
-    check_2(read_log(path))
+    check(PAIR, read_log(path))
 
 
 @pytest.mark.parametrize("number", ["1", "3", "", "2 ", "02"])
 def test_other_formats_are_refused(tmp_path: Path, number: str) -> None:
-    parts = take_apart(SAMPLE_2)
+    parts = take_apart(PAIR.path)
     parts.meta("cranectl").metadata["format"] = number
     path = tmp_path / "a.mcap"
     path.write_bytes(put_together(parts))
-    with pytest.raises(LogError, match=f"has log format {number}\n"):
+    with pytest.raises(LogError, match=f"has log format {number}\n") as caught:
         read_log(path)
+    assert caught.value.allowed == "format 2"
+    assert "version of cranectl that wrote it" in caught.value.remedy

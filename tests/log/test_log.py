@@ -415,18 +415,6 @@ def test_a_full_disk_is_explained_and_leaves_nothing(tmp_path: Path, log: Path) 
     assert [path.name for path in tmp_path.iterdir()] == ["pair.mcap"]
 
 
-def test_a_log_of_another_format_version(
-    tmp_path: Path, runs: list[Run], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("cranectl.log.formats.WRITTEN", "99")
-    path = write_log(tmp_path / "future.mcap", runs)
-    monkeypatch.undo()
-    with pytest.raises(LogError, match="log format 99") as caught:
-        read_log(path)
-    assert caught.value.allowed == "format 2"
-    assert "version of cranectl that wrote it" in caught.value.remedy
-
-
 def test_nothing_half_written_is_left(
     tmp_path: Path, runs: list[Run], monkeypatch: pytest.MonkeyPatch
 ) -> None:
