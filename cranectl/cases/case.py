@@ -173,8 +173,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     plan = plan_scenario(case.scenario)
     tracker_of(case.scenario, design)  # raises if sampling makes the design unstable
     check_writable(case.log)
-    predict = case.predict if len(case.plants) > 1 else None  # one plant alone is not judged
-    limits = limits_for(case.scenario, design, case.drive, predict=predict)
+    limits = limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
     runs: list[Run] = []
     for plant in case.plants:
         run = simulate_run(

@@ -137,7 +137,7 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
 
     pairs = _pairs((log,))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
-    limits = limits_of(runs[0], predict=predict)
+    limits = limits_of(runs, predict=predict)
     comparisons = [compare_runs(*pair) for pair in pairs]
     agreements = [
         judge(*pair, limits=limits, comparison=found) for pair, found in zip(pairs, comparisons, strict=True)

@@ -38,7 +38,7 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     description = describe_log(log)
     held = list(runs.values())
     pairs = against_reference([run for run in held if len(run.time_ns)], runs)
-    limits = limits_of(held[0], predict=predict) if pairs else None
+    limits = limits_of(held, predict=predict) if pairs else None
     agreements = [judge(*pair, limits=limits) for pair in pairs]
     software = provenance_differences(description.versions, provenance())
     screen = console(json_file)

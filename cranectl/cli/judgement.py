@@ -1,5 +1,6 @@
-"""The two plants of a log, judged as the run that wrote it was."""
+"""The plants of a log, judged as the run that wrote it was."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,8 +17,9 @@ def predictor(*, wanted: bool) -> "Predict | None":
     return predicted_limits
 
 
-def limits_of(run: "Run", *, predict: bool) -> "Limits | NoLimits":
-    """The limits of the plants' agreement in the scenario of `run`."""
+def limits_of(runs: "Sequence[Run]", *, predict: bool) -> "Limits | NoLimits":
+    """The limits of the agreement of `runs`, those of one log."""
     from cranectl.compare.limits import limits_for
 
-    return limits_for(run.scenario, run.design, run.drive, predict=predictor(wanted=predict))
+    first, plants = runs[0], [run.plant for run in runs]
+    return limits_for(first.scenario, first.design, first.drive, plants, predict=predictor(wanted=predict))

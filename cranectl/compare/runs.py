@@ -1,19 +1,19 @@
 """Compare two runs sample by sample; runs come in memory, the caller reads files."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.compare.limits import Limits, NoLimits, limits_for
+from cranectl.compare.limits import OTHER_PAIR, Limits, NoLimits, limits_for
 from cranectl.plants.registry import reference_plant
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import Signal
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
-from cranectl.support.trees import leaves
+from cranectl.support.trees import differences, leaves
 
 Array = NDArray[np.float64]
 
@@ -94,9 +94,8 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     with np.errstate(invalid="ignore", over="ignore"):  # of runs that are not finite: NaN keeps no limit
         load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
         angles = np.abs(b.angles[in_b] - a.angles[in_a])
-        differences = tuple(
-            _differences(a, b, compared_signals(a) if signals is None else signals, in_a, in_b, time)
-        )
+        names = compared_signals(a) if signals is None else signals
+        of_signals = tuple(_differences(a, b, names, in_a, in_b, time))
     return Comparison(
         a=_label(a),
         b=_label(b),
@@ -105,7 +104,7 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
         max_load_error_m=float(load.max()),
         max_load_error_at_s=float(time[np.argmax(load)]),
         max_angle_error_rad=float(angles.max()),
-        signals=differences,
+        signals=of_signals,
     )
 
 
@@ -124,10 +123,13 @@ def judge(
     """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
 
     Plants that ended with different status, or further apart in time than the limit, do not agree, whatever
-    their difference. Without limits there is no verdict. `comparison`: of the two, where it is known already.
+    their difference. Without limits of this pair there is no verdict. `comparison`: of the two, where it is
+    known already.
     """
     comparison = comparison or compare_runs(a, b, signals=())
-    limits = limits or limits_for(a.scenario, a.design, a.drive)
+    limits = limits or limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant))
+    if isinstance(limits, Limits) and limits.plants and {a.plant, b.plant} != set(limits.plants):
+        limits = OTHER_PAIR
     known = limits if isinstance(limits, Limits) else None
     return Agreement(
         scenario=a.scenario.name,
@@ -180,15 +182,12 @@ def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
     """
     scenarios = (run.scenario.model_dump(mode="json") for run in (a, b))
     designs = ({"controller": run.design.to_json()} for run in (a, b))
-    return tuple(_differing(*scenarios)) or tuple(_differing(*designs))
-
-
-def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
-    fields_a, fields_b = dict(leaves(a)), dict(leaves(b))
-    for name in dict.fromkeys((*fields_a, *fields_b)):
-        pair = (fields_a.get(name, "nothing"), fields_b.get(name, "nothing"))
-        if pair[0] != pair[1]:
-            yield f"{name}: {pair[0]} and {pair[1]}"
+    for tables in (scenarios, designs):
+        first, second = (dict(leaves(table)) for table in tables)
+        found = differences(first, second, absent="nothing")
+        if lines := tuple(f"{name}: {old} and {new}" for name, old, new in found):
+            return lines
+    return ()
 
 
 def _differences(

@@ -47,10 +47,7 @@ UNTOLD = Row()
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure that sums up a run, or one for each of `parts`.
-
-    Only a metric without parts can be compared or limited.
-    """
+    """A figure that sums up a run, or one for each of `parts`; only one without parts can be compared."""
 
     name: str  # ends with its unit: max_error_m
     symbol: str
@@ -62,10 +59,14 @@ class Metric:
     parts: tuple[str, ...] = ()
     row: Row = UNTOLD
     compared: str = ""  # what comparisons of a campaign call it; "": they leave it out
-    limited: bool = False  # whether a campaign may limit it
     recorded: bool = True  # in JSON and results; False where other metrics say the same
     kernel: Kernel | None = None
     start: tuple[float, ...] = ()  # of the kernel's own numbers
+
+    @property
+    def limited(self) -> bool:
+        """Whether a campaign may limit it: one recorded number that has a better side."""
+        return bool(self.better) and not self.parts and self.recorded
 
     @property
     def columns(self) -> tuple[str, ...]:

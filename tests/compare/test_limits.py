@@ -1,11 +1,24 @@
-"""Of which scenarios the limits are known: the shipped ones and no others."""
+"""Of which scenarios and plants the limits are known."""
+
+from dataclasses import replace
 
 import pytest
 
 from cranectl.analysis.budget.predicted_limits import predicted_limits
-from cranectl.compare.limits import NOT_SHIPPED, Limits, NoLimits, agreement_limits, is_shipped, limits_for
+from cranectl.compare import judge
+from cranectl.compare.limits import (
+    NOT_SHIPPED,
+    OTHER_PAIR,
+    VELOCITY_PAIR,
+    Limits,
+    NoLimits,
+    agreement_limits,
+    is_shipped,
+    limits_for,
+)
 from cranectl.design import design_controller
 from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import simulate_run
 from cranectl.support.documents import read_toml
 from cranectl.support.resources import TOLERANCE_FILE
 from tests.conftest import ALL_SCENARIOS
@@ -22,7 +35,8 @@ def test_shipped_scenarios_are_known_by_what_moves_the_plants(name: str) -> None
     renamed = scenario.model_copy(update={"name": "mine", "title": "my own", "controller": "lqr"})
     for shipped in (scenario, renamed, load_scenario(name, overrides=["log.every=1"])):
         assert is_shipped(shipped)
-        assert limits_for(shipped, design_controller("lqr"), "velocity") == agreement_limits("velocity")
+        found = limits_for(shipped, design_controller("lqr"), "velocity", VELOCITY_PAIR)
+        assert found == agreement_limits("velocity")
 
 
 @pytest.mark.parametrize(
@@ -46,10 +60,27 @@ def test_whatever_may_move_a_plant_makes_another_scenario(override: str) -> None
     scenario = load_scenario("fixed-position", overrides=[override])
     design = design_controller("lqr", scenario.design)
     assert not is_shipped(scenario)
-    assert limits_for(scenario, design, "ideal") == agreement_limits("ideal")
-    assert limits_for(scenario, design, "velocity") is NOT_SHIPPED
+    assert limits_for(scenario, design, "ideal", VELOCITY_PAIR) == agreement_limits("ideal")
+    assert limits_for(scenario, design, "velocity", VELOCITY_PAIR) is NOT_SHIPPED
     own = Limits(1.0, 2.0, 3.0, "", "mine")
-    assert limits_for(scenario, design, "velocity", predict=lambda *_: own) is own
+    assert limits_for(scenario, design, "velocity", VELOCITY_PAIR, predict=lambda *_: own) is own
+
+
+def test_limits_of_velocity_drives_are_those_of_their_pair_of_plants() -> None:
+    """Another pair is not judged by them, also beside a third plant; ideal drives are."""
+    scenario = load_scenario("slack-rope")
+    design = design_controller("lqr", scenario.design)
+    others, three = ("heavy", "mujoco"), ("analytic", "heavy", "mujoco")
+    assert limits_for(scenario, design, "ideal", others) == agreement_limits("ideal")
+    assert limits_for(scenario, design, "velocity", others, predict=predicted_limits) is OTHER_PAIR
+    limits = limits_for(scenario, design, "velocity", three)
+    assert limits == agreement_limits("velocity")
+    runs = [simulate_run(scenario, plant=plant, drive="velocity", design=design) for plant in VELOCITY_PAIR]
+    heavy = replace(runs[0], plant="heavy")
+    for found in (judge(heavy, runs[1], limits=limits), judge(heavy, runs[1])):
+        assert (found.passed, found.limit_m, found.limits) == (None, None, OTHER_PAIR.reason)
+    assert judge(*runs, limits=limits).passed
+    assert judge(heavy, runs[1], limits=replace(limits, plants=())).passed, "whose limits are for any pair"
 
 
 def short(name: str, *overrides: str) -> Scenario:

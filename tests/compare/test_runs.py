@@ -88,7 +88,7 @@ def test_velocity_drives_have_wider_limits(run: Run) -> None:
     assert passed(shifted(velocity, 10, 0.99 * limits.load_m))
     assert not passed(shifted(velocity, 10, 1.01 * limits.load_m))
     assert not passed(shifted(velocity, 6, 1.01 * limits.angle_rad))
-    earlier = replace(velocity, end_ns=velocity.end_ns - round(limits.end_s * 1e9))
+    earlier = replace(velocity, plant="mujoco", end_ns=velocity.end_ns - round(limits.end_s * 1e9))
     assert passed(earlier)
     assert not passed(replace(earlier, end_ns=earlier.end_ns - 1))
 
@@ -96,7 +96,10 @@ def test_velocity_drives_have_wider_limits(run: Run) -> None:
 def test_without_limits_there_is_no_verdict(run: Run) -> None:
     """A rig that is not shipped has none with velocity drives: however far apart, however they ended."""
     velocity = replace(run, drive="velocity")
-    for other in (shifted(velocity, 10, 5.0), replace(velocity, status=RunStatus.SLACK_ROPE)):
+    for other in (
+        shifted(velocity, 10, 5.0),
+        replace(velocity, plant="mujoco", status=RunStatus.SLACK_ROPE),
+    ):
         found = judge(velocity, other)
         assert (found.passed, found.limit_m, found.limit_rad) == (None, None, None)
         assert found.verdict == "not judged"

@@ -1,4 +1,4 @@
-"""How far apart the two plants may be with velocity drives: the load's reaction on the engine's servos.
+"""How far the two plants may differ with velocity drives: the load's reaction on the engine's servos.
 
 The analytic lag is blind to the load, the engine's servo yields to it. The difference of the two is that of
 two rungs of the error budget, so it has an estimate and a bound before either plant is run.
@@ -13,7 +13,7 @@ from cranectl.analysis.budget.bounds import second_order
 from cranectl.analysis.budget.nominal import Nominal, ideal_run, linearised, nominal_run
 from cranectl.analysis.budget.propagation import Deviation, plant_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
-from cranectl.compare.limits import Limits, NoLimits
+from cranectl.compare.limits import VELOCITY_PAIR, Limits, NoLimits
 from cranectl.design import Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
@@ -63,6 +63,7 @@ def predicted_limits(scenario: Scenario, design: Design) -> Limits | NoLimits:
         end_s=float(scenario.rig.time_constants.max()),
         reason="the load's reaction on the engine's servos, carried through the loop along this very run",
         source="predicted for this scenario and controller",
+        plants=VELOCITY_PAIR,
     )
 
 

@@ -47,7 +47,8 @@ def log_page(
 
 
 def _judged(a: Run, b: Run, predict: Predict | None) -> Agreement:
-    return judge(a, b, limits=limits_for(a.scenario, a.design, a.drive, predict=predict))
+    limits = limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant), predict=predict)
+    return judge(a, b, limits=limits)
 
 
 def _verdicts(agreements: Mapping[str, Agreement]) -> str:
