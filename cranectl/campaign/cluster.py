@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.remote import Order, check_software, make_order, run_ordered
+from cranectl.campaign.manifest import software_of
+from cranectl.campaign.remote import check_software, packed, run_remotely
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Stop, never
 from cranectl.support.errors import InputError
@@ -59,12 +60,12 @@ def run_batches_on(
     batches within milliseconds. Raises InputError if the nominal crane cannot be run, if a worker has other
     software than this process, if workers die of a batch, or if the scheduler is gone.
     """
-    order = make_order(campaign)
-    _check_installed(client, order.software)
-    left = dict(zip((_key(order, batch) for batch in batches), batches, strict=True))
+    _check_installed(client, software_of(campaign.settings.plants))
+    record = packed(campaign)
+    left = dict(zip((_key(record, batch) for batch in batches), batches, strict=True))
     futures = {
         future.key: future
-        for future in client.map(run_ordered, batches, order=order, key=list(left), retries=TRIES - 1)
+        for future in client.map(run_remotely, batches, record=record, key=list(left), retries=TRIES - 1)
     }
     ended: queue.SimpleQueue[str] = queue.SimpleQueue()
     for future in futures.values():
@@ -100,10 +101,9 @@ def _packages(found: Any, names: Collection[str]) -> dict[str, str]:
     return {name: found["packages"][name] or "absent" for name in names}
 
 
-def _key(order: Order, batch: Batch) -> str:
+def _key(record: bytes, batch: Batch) -> str:
     """The same batch of the same campaign with the same software has the same key, whoever asks for it."""
-    digest = hashlib.sha256(order.record + repr(sorted(order.software.items())).encode()).hexdigest()
-    return f"cranectl-{digest[:16]}-{'-'.join(map(str, batch))}"
+    return f"cranectl-{hashlib.sha256(record).hexdigest()[:16]}-{'-'.join(map(str, batch))}"
 
 
 def _rows(client: "Client", future: "Future[Any]") -> list[Row]:

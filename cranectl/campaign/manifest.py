@@ -6,13 +6,14 @@ the identity of what made it.
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from cranectl.campaign.correlation import gaussian_copula
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.parameters import parameters_of
 from cranectl.campaign.settings import parse_campaign
+from cranectl.plants.registry import plant_sources
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.support import trees
@@ -32,6 +33,11 @@ class Origin(NamedTuple):
     versions: Mapping[str, str]  # of packages, and fingerprints
 
 
+def software_of(plants: Iterable[str]) -> dict[str, str]:
+    """What makes runs on `plants` here: this program, and plants that other modules have registered."""
+    return provenance() | plant_sources(plants)
+
+
 def record_of(campaign: Campaign) -> Table:
     """Everything that decides the runs of `campaign`, as plain data."""
     table = {
@@ -39,7 +45,7 @@ def record_of(campaign: Campaign) -> Table:
         "campaign": campaign.settings.model_dump(mode="json"),
         "runs": campaign.runs,
         "scenario": campaign.nominal.model_dump(mode="json"),
-        "versions": provenance(),
+        "versions": software_of(campaign.settings.plants),
         "accepted": [],
     }
     plain: Table = json.loads(json.dumps(table))

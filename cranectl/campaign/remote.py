@@ -1,6 +1,6 @@
 """What a worker of a cluster does: one batch of a campaign that comes as data.
 
-The rows of a batch follow from its order alone: run twice, or elsewhere, they are the same.
+The rows follow from the record alone: run twice, or elsewhere, they are the same.
 """
 
 import functools
@@ -8,37 +8,27 @@ import json
 import signal
 import zlib
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import campaign_of, record_of
+from cranectl.campaign.manifest import campaign_of, record_of, software_of
 from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Stop, Worker
 from cranectl.support.errors import InputError
 from cranectl.support.interrupts import SIGNALS
-from cranectl.support.provenance import provenance, provenance_differences
+from cranectl.support.provenance import provenance_differences
 
 
-class Order(NamedTuple):
-    """Sent with every batch, some 2 kB; data kept on workers would be lost with them."""
-
-    record: bytes  # of the campaign: JSON, compressed
-    software: Mapping[str, str]  # versions and fingerprints, of whoever orders
+def packed(campaign: Campaign) -> bytes:
+    """What is sent with every batch, some 2 kB: the campaign's record. Data kept on workers could be lost."""
+    return zlib.compress(json.dumps(record_of(campaign)).encode())
 
 
-def make_order(campaign: Campaign) -> Order:
-    """What to send so that batches of `campaign` can be run."""
-    return Order(zlib.compress(json.dumps(record_of(campaign)).encode()), provenance())
-
-
-def run_ordered(batch: Batch, order: Order) -> list[Row] | InputError:
+def run_remotely(batch: Batch, record: bytes) -> list[Row] | InputError:
     """The rows of `batch`, or why they cannot be had here, which another try would not change."""
-    from distributed import get_worker
-
     try:
-        check_software(provenance(), order.software, f"worker {get_worker().address}")
-        prepared = _prepared(order.record)
+        prepared = _prepared(record)
     except InputError as error:
         return error
     return Worker(prepared).run_batch(batch, _cancelled())
@@ -63,9 +53,14 @@ def check_software(found: Mapping[str, str], wanted: Mapping[str, str], where: s
 
 
 @functools.lru_cache(maxsize=2)
-def _prepared(record: bytes) -> Prepared:
-    """Made once in each process."""
-    return Prepared(campaign_of(json.loads(zlib.decompress(record)), "the record of the campaign"))
+def _prepared(packed_record: bytes) -> Prepared:
+    """Made once in each process; raises InputError where its software is not that of the record."""
+    from distributed import get_worker
+
+    record = json.loads(zlib.decompress(packed_record))
+    here = software_of(record["campaign"]["plants"])
+    check_software(here, record["versions"], f"worker {get_worker().address}")
+    return Prepared(campaign_of(record, "the record of the campaign"))
 
 
 def _cancelled() -> Stop:

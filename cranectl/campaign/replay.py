@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.campaign.definition import nominal_scenario, sampled_scenario
+from cranectl.campaign.manifest import software_of
 from cranectl.campaign.results import Results
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.summary import worst_first
@@ -19,7 +20,7 @@ from cranectl.metrics import run_metrics
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.provenance import provenance, provenance_differences
+from cranectl.support.provenance import provenance_differences
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def replay_run(
         status=run.status.label,
         max_error_m=None if metrics is None else metrics.max_error_m,
         differences=tuple(differences(recorded, again)),
-        software=tuple(provenance_differences(origin.versions, provenance())),
+        software=tuple(provenance_differences(origin.versions, software_of(campaign.settings.plants))),
     )
 
 

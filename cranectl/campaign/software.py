@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from cranectl.campaign.manifest import software_of
 from cranectl.campaign.results import Results
-from cranectl.support.provenance import provenance, provenance_differences
+from cranectl.support.provenance import provenance_differences
 
 
 @dataclass(frozen=True)
@@ -24,9 +25,10 @@ class Maker:
 
 def makers(results: Results) -> tuple[Maker, ...]:
     """What made the runs, the one that began the result first; nothing where there are no runs."""
+    installed = software_of(results.campaign.settings.plants)
     counts = np.bincount(results.made_by, minlength=len(results.origins)).tolist()
     return tuple(
-        Maker(count, dict(versions), tuple(provenance_differences(versions, provenance())))
+        Maker(count, dict(versions), tuple(provenance_differences(versions, installed)))
         for (_, versions), count in zip(results.origins, counts, strict=True)
         if count
     )

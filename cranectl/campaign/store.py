@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import Origin, differences, origin_of, origins_of, record_of
+from cranectl.campaign.manifest import Origin, differences, origin_of, origins_of, record_of, software_of
 from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, part_name, read_record, survey, write_part
 from cranectl.campaign.table import Row
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.files import exists, write_text, writing
-from cranectl.support.provenance import provenance, provenance_differences
+from cranectl.support.provenance import provenance_differences
 
 LOCK_FILE = ".lock"
 ELSEWHERE = "choose another place with --out"
@@ -177,7 +177,13 @@ def _prepared(directory: Path, campaign: Campaign, record: Table) -> Store:
         place = path.with_name(f"{path.name}{ASIDE}")
         path.replace(place)
         aside.append(f"{path.name} was damaged ({why}); now {place.name}")
-    return Store(directory, campaign, origin_of(record, provenance()), found.missing, tuple(aside))
+    return Store(
+        directory,
+        campaign,
+        origin_of(record, software_of(campaign.settings.plants)),
+        found.missing,
+        tuple(aside),
+    )
 
 
 def _clear(directory: Path) -> None:

@@ -6,7 +6,6 @@ derive from it.
 
 import functools
 from collections.abc import Callable
-from importlib.metadata import entry_points
 from math import inf
 from typing import Any
 
@@ -16,9 +15,9 @@ from cranectl.metrics.metric import Array, Measured, Metric, Row
 from cranectl.metrics.setup import SETTLING_TOLERANCE
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import AXES
-from cranectl.support.errors import InputError
+from cranectl.support import extensions
+from cranectl.support.extensions import with_extensions
 
-GROUP = "cranectl.metrics"  # of entry points, with which other packages add metrics
 TAKEN = ("status", "duration_s", "workspace_violations", "values", "sample", "reason", "end_s")
 
 DRIVES, ANGLES = ("bridge", "trolley", "rope"), ("alpha", "beta")
@@ -142,26 +141,9 @@ METRICS = (
 
 @functools.cache
 def all_metrics() -> tuple[Metric, ...]:
-    """The table, then what installed packages add to it with entry points of `GROUP`, by name.
-
-    Raises InputError for one that cannot be loaded, is no `Metric`, or has a name that is taken.
-    """
-    found = {metric.name: metric for metric in METRICS}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        try:
-            metric = entry.load()
-            if not isinstance(metric, Metric):
-                raise TypeError(f"{type(metric).__name__} is no Metric")
-            if metric.name in (*TAKEN, *found):
-                raise ValueError(f"the name '{metric.name}' is taken")
-        except Exception as error:
-            raise InputError(
-                f"metric {entry.value} of the entry points {GROUP}: {error}",
-                allowed="a cranectl.metrics.Metric with a name of its own",
-                remedy="correct or remove the package that brings it",
-            ) from error
-        found[metric.name] = metric
-    return tuple(found.values())
+    """The table, then what installed packages add to it; raises InputError as `with_extensions`."""
+    own = {metric.name: metric for metric in METRICS}
+    return tuple(with_extensions(own, Metric, extensions.METRICS, taken=TAKEN).values())
 
 
 def low_is_bad(column: str) -> bool:

@@ -1,12 +1,19 @@
-"""The plants there are: what the package knows of each without loading it, and where its class is."""
+"""The plants there are: what the package knows of each without loading it, and where its class is.
+
+Other packages declare a `PlantEntry` with an entry point of the group `cranectl.plants`, which every process
+finds, or call `register_plant`, which is known where their module is imported.
+"""
 
 import importlib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from dataclasses import dataclass, field
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
+from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.extensions import with_extensions
+from cranectl.support.provenance import source_digests
 
 REFERENCE_PLANT = "mujoco"  # the plant that others are compared against
 
@@ -23,6 +30,14 @@ class PlantEntry:
     drives: tuple[Drive, ...] = DRIVES
     lacks: Mapping[str, str] = field(default_factory=dict)  # why it cannot show rope, body, frame, force
 
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[a-z][a-z0-9-]*", self.name):
+            raise InputError(
+                f"a plant named '{self.name}'",
+                allowed="lower case letters, digits, hyphens",
+                remedy="take another name",
+            )
+
     def load(self) -> type[Plant]:
         """Its class."""
         module, _, name = self.where.partition(":")
@@ -30,21 +45,77 @@ class PlantEntry:
         return found
 
 
-PLANTS: dict[str, PlantEntry] = {}  # in the order of a log
+class Plants(MutableMapping[str, PlantEntry]):
+    """Entries by name, in the order of a log; those of other packages are looked for when first asked."""
+
+    def __init__(self, *own: PlantEntry) -> None:
+        self._entries = {entry.name: entry for entry in own}
+        self._complete = False
+
+    def _known(self) -> dict[str, PlantEntry]:
+        if not self._complete:
+            self._complete = True  # also for what asks meanwhile
+            try:
+                self._entries.update(with_extensions(self._entries, PlantEntry, extensions.PLANTS))
+            except InputError:
+                self._complete = False
+                raise
+        return self._entries
+
+    def __getitem__(self, name: str) -> PlantEntry:
+        # A module of another package may ask for one of ours while it is loaded itself.
+        return self._entries[name] if name in self._entries else self._known()[name]
+
+    def __setitem__(self, name: str, entry: PlantEntry) -> None:
+        self._known()[name] = entry
+
+    def __delitem__(self, name: str) -> None:
+        del self._known()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._known())
+
+    def __len__(self) -> int:
+        return len(self._known())
+
+
+_RIGID = "which has a rigid rope without mass, a point load and a rigid frame"
+
+PLANTS = Plants(
+    PlantEntry(
+        name="analytic",
+        label="analytic",
+        colour="series-1",
+        where="cranectl.plants.analytic:AnalyticPlant",
+        batch=64,
+        lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose drives know no forces"},
+    ),
+    PlantEntry(
+        name="mujoco",
+        label="MuJoCo",
+        colour="series-2",
+        where="cranectl.plants.mujoco.plant:MujocoPlant",
+        batch=16,
+    ),
+)
 
 
 def register_plant(entry: PlantEntry) -> None:
-    """Make a plant known; raises InputError for a name that is taken or is none.
+    """Make a plant known to this process; raises InputError for a name that is taken.
 
-    Worker processes know it too where the module of its class calls this.
+    Worker processes of `validate` know it too where the module of its class calls this.
     """
-    if entry.name in PLANTS or not re.fullmatch(r"[a-z][a-z0-9-]*", entry.name):
+    if entry.name in PLANTS:
         raise InputError(
-            f"a plant named '{entry.name}'",
-            allowed=f"lower case letters, digits, hyphens; not {', '.join(PLANTS)}",
-            remedy="take another name",
+            f"a plant named '{entry.name}'", allowed=f"not {', '.join(PLANTS)}", remedy="take another name"
         )
     PLANTS[entry.name] = entry
+
+
+def plant_sources(names: Iterable[str]) -> dict[str, str]:
+    """Digests of the sources of those plants that come from outside the package, as `provenance` has them."""
+    modules = {PLANTS[name].where.partition(":")[0] for name in names if name in PLANTS}
+    return source_digests(modules)
 
 
 def plant_entry(name: str) -> PlantEntry:
@@ -64,26 +135,3 @@ def reference_plant(names: Iterable[str]) -> str:
     """The plant that the others are compared against: REFERENCE_PLANT, or the last where it is absent."""
     ordered = in_order(names)
     return REFERENCE_PLANT if REFERENCE_PLANT in ordered else ordered[-1]
-
-
-_RIGID = "which has a rigid rope without mass, a point load and a rigid frame"
-
-register_plant(
-    PlantEntry(
-        name="analytic",
-        label="analytic",
-        colour="series-1",
-        where="cranectl.plants.analytic:AnalyticPlant",
-        batch=64,
-        lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose drives know no forces"},
-    )
-)
-register_plant(
-    PlantEntry(
-        name="mujoco",
-        label="MuJoCo",
-        colour="series-2",
-        where="cranectl.plants.mujoco.plant:MujocoPlant",
-        batch=16,
-    )
-)

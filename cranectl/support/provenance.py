@@ -1,17 +1,20 @@
 """What decides the numbers of a run besides its input: sources, models, data, packages, machine.
 
 Logs and results carry it, so that what was computed by other software can be told apart. Fingerprints are of
-the relative names and the contents of files that are released: a checkout and its wheel have the same.
+the relative names and the contents of files that are released: a checkout and its wheel have the same. Of a
+package that adds metrics or plants they are of all its files.
 """
 
 import functools
 import hashlib
 import importlib.metadata
+import importlib.util
 import platform
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from cranectl.support import resources
+from cranectl.support.extensions import GROUPS
 
 PACKAGES = (
     "cranectl",
@@ -32,7 +35,7 @@ DIGITS = 16  # of a fingerprint, hexadecimal
 
 def provenance() -> dict[str, str]:
     """Versions and fingerprints, by name, of this program; some 10 ms the first time in a process."""
-    return {**_installed(), **fingerprints()}
+    return {**_installed(), **fingerprints(), **_extensions()}
 
 
 @functools.cache
@@ -46,6 +49,35 @@ def fingerprints() -> dict[str, str]:
         "models": fingerprint(models, models.rglob("*.xml")),
         "data": fingerprint(data, data.rglob("*.toml")),
     }
+
+
+@functools.cache
+def _extensions() -> dict[str, str]:
+    """Versions of the packages that add metrics or plants, and digests of their sources."""
+    entries = [entry for group in GROUPS for entry in importlib.metadata.entry_points(group=group)]
+    versions = {entry.dist.name: entry.dist.version for entry in entries if entry.dist}
+    return versions | source_digests(entry.module for entry in entries)
+
+
+def source_digests(modules: Iterable[str]) -> dict[str, str]:
+    """Digests of all files of the packages that have `modules`, `sources of crane_plants`; not of our own."""
+    packages = {module.partition(".")[0] for module in modules} - {"cranectl"}
+    return {f"sources of {package}": _package_digest(package) for package in sorted(packages)}
+
+
+@functools.cache
+def _package_digest(package: str) -> str:
+    try:
+        spec = importlib.util.find_spec(package)
+    except ValueError:  # a script's own module
+        spec = None
+    if spec is None or not spec.has_location or spec.origin is None:
+        return UNKNOWN
+    origin = Path(spec.origin)
+    if spec.submodule_search_locations is None:
+        return fingerprint(origin.parent, [origin])
+    files = (path for path in origin.parent.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return fingerprint(origin.parent, files)
 
 
 def fingerprint(root: Path, paths: Iterable[Path]) -> str:

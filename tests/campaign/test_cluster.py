@@ -16,12 +16,13 @@ from distributed import Client, LocalCluster
 from cranectl.campaign import Campaign, load_campaign
 from cranectl.campaign.cluster import cluster_client, run_batches_on
 from cranectl.campaign.definition import Batch, batches_of
-from cranectl.campaign.remote import check_software, make_order, run_ordered
+from cranectl.campaign.remote import check_software, packed, run_remotely
 from cranectl.campaign.results import PARTS
 from cranectl.campaign.store import Store, open_store
 from cranectl.campaign.threads import run_batches
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
+from cranectl.support.provenance import provenance
 from tests.campaign.results import SMALL
 from tests.conftest import ROOT
 
@@ -113,7 +114,7 @@ def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
                 os.kill(before[killed], signal.SIGKILL)
         assert parts_of("mine") == finished
         wait_until(lambda: killed not in client.scheduler_info()["workers"])
-        monkeypatch.setattr("cranectl.campaign.cluster.run_ordered", die)
+        monkeypatch.setattr("cranectl.campaign.cluster.run_remotely", die)
         client.cluster.scheduler.allowed_failures = 0
         with pytest.raises(InputError, match=r"all workers died that ran .*tcp://[^$]*--resume"):
             list(run_batches_on(client, made, batches_of(made)[:1]))
@@ -171,7 +172,7 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster, aske
             assert began[-1]
             wait_until(lambda: not running())
         else:
-            future = client.submit(run_ordered, batches_of(long)[0], make_order(long))
+            future = client.submit(run_remotely, batches_of(long)[0], packed(long))
             assert future.status == "pending"
             wait_until(running)
     wait_until(lambda: not running())
@@ -192,11 +193,8 @@ def test_other_software_is_refused(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def other_order(made: Campaign) -> Any:
-        order = make_order(made)
-        return order._replace(software={**order.software, name: "1.0"})
-
-    monkeypatch.setattr("cranectl.campaign.cluster.make_order", other_order)
+    for room in ("cluster", "manifest"):  # the command's, not the worker's
+        monkeypatch.setattr(f"cranectl.campaign.{room}.software_of", lambda _: provenance() | {name: "1.0"})
     error = bad_input(capsys, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
     assert f" {name} " in error

@@ -1,11 +1,9 @@
 """The one table of metrics: everything derives from it, and what other packages bring joins it."""
 
+import functools
 import json
-import os
 import pickle
 import re
-import subprocess
-import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -16,6 +14,7 @@ from cranectl.metrics import Metric, RunMetrics, all_metrics, low_is_bad
 from cranectl.metrics.table import METRICS
 from cranectl.support.errors import InputError
 from tests.conftest import ROOT
+from tests.packages import install, run_beside
 from validation.metrics_table import HEAD, page, table
 
 PAGE = (ROOT / "docs" / "reference" / "metrics.md").read_text(encoding="utf-8")
@@ -70,41 +69,25 @@ def test_metrics_of_a_run_are_attributes() -> None:
         metrics.max_eror_m  # noqa: B018
 
 
-def install(directory: Path, code: str, entry: str) -> None:
-    """A package as pip leaves it: a module, and beside it what it declares."""
-    (directory / "crane_metrics.py").write_text(code)
-    said = directory / "crane_metrics-1.0.dist-info"
-    said.mkdir()
-    (said / "METADATA").write_text("Metadata-Version: 2.1\nName: crane-metrics\nVersion: 1.0\n")
-    (said / "entry_points.txt").write_text(f"[cranectl.metrics]\n{entry}\n")
-
-
-def cranectl(*arguments: str, path: Path) -> str:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(path), *sys.path]), "COLUMNS": "200"}
-    command = [sys.executable, "-m", "cranectl", *arguments]
-    done = subprocess.run(command, cwd=path, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
     """That of the page: one row and a kernel, in a package of its own."""
     (code,) = re.findall(r"```python\n(from cranectl.metrics import Metric.*?)```", PAGE, re.DOTALL)
     (entry,) = re.findall(r'cranectl.metrics"\]\n(.*)\n', PAGE)
-    install(tmp_path, code, entry.replace('"', ""))
+    install(tmp_path, "crane-metrics", code, f"[cranectl.metrics]\n{entry}".replace('"', ""))
+    cranectl = functools.partial(run_beside, tmp_path)
     (tmp_path / "small.toml").write_text(CAMPAIGN)
     scenario = ("run", "fixed-position", "--set", "duration=0.3", "--set", "disturbances=[]")
-    shown = cranectl(*scenario, "--out", "run.mcap", "--json", "run.json", path=tmp_path)
+    shown = cranectl(*scenario, "--out", "run.mcap", "--json", "run.json")
     # 1 kg that hangs still, to the last of its three digits
     assert re.search(r"rope tension, max +N +9\.81\d +9\.81\d", shown)
     assert shown.index("time outside") < shown.index("rope tension, max"), "after those that have a place"
     runs = json.loads((tmp_path / "run.json").read_text())["runs"]
     tensions = [run["metrics"]["max_rope_tension_n"] for run in runs]
     assert tensions == pytest.approx([9.81] * len(runs), abs=0.01)
-    cranectl("report", "run.mcap", "--out", "run.html", path=tmp_path)
+    cranectl("report", "run.mcap", "--out", "run.html")
     assert "rope tension, max" in (tmp_path / "run.html").read_text(encoding="utf-8")
 
-    cranectl("campaign", "run", "small.toml", "--out", "result", "--json", "small.json", path=tmp_path)
+    cranectl("campaign", "run", "small.toml", "--out", "result", "--json", "small.json")
     (part,) = (tmp_path / "result" / "parts").iterdir()
     found = parquet.read_table(part)
     column = found.schema.field("max_rope_tension_n").metadata
@@ -115,7 +98,7 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
     assert 0 < beyond < 2
     (group,) = json.loads((tmp_path / "small.json").read_text())["groups"]
     assert group["broken"] == {"max_rope_tension_n": beyond}
-    cranectl("campaign", "report", "result", "--out", "small.html", path=tmp_path)
+    cranectl("campaign", "report", "result", "--out", "small.html")
     assert (tmp_path / "small.html").read_text(encoding="utf-8").count("largest tension [N]") > 1
 
 
@@ -131,7 +114,7 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
 )
 def test_what_is_no_metric_is_refused(entry: str, found: str, monkeypatch: pytest.MonkeyPatch) -> None:
     entries = [EntryPoint("mine", entry, "cranectl.metrics")]
-    monkeypatch.setattr("cranectl.metrics.table.entry_points", lambda **_: entries)
+    monkeypatch.setattr("cranectl.support.extensions.entry_points", lambda **_: entries)
     with pytest.raises(InputError) as caught:
         all_metrics.__wrapped__()
     assert found in caught.value.found

@@ -1,5 +1,6 @@
-"""A plant from outside the package, known by its registration only, goes wherever the others go."""
+"""A plant from outside the package, known by its entry only, goes wherever the others go."""
 
+import functools
 import importlib
 import json
 import subprocess
@@ -19,6 +20,8 @@ from cranectl.log import describe_log
 from cranectl.plants.registry import PLANTS
 from cranectl.render.caption import readings
 from cranectl.render.timeline import film_of
+from cranectl.support.provenance import fingerprint
+from tests.packages import install, run_beside
 
 SOURCE = """\
 import cranectl
@@ -38,17 +41,16 @@ class HeavyPlant(AnalyticPlant):
     def retune(self, rig, effects):
         return super().retune(heavier(rig), effects)
 
-cranectl.register_plant(
-    cranectl.PlantEntry(
-        name="heavy",
-        label="heavy",
-        colour="series-4",
-        where="heavy_plant:HeavyPlant",
-        batch=3,
-        lacks=PLANTS["analytic"].lacks,
-    )
+HEAVY = cranectl.PlantEntry(
+    name="heavy",
+    label="heavy",
+    colour="series-4",
+    where="heavy_plant:HeavyPlant",
+    batch=3,
+    lacks=PLANTS["analytic"].lacks,
 )
 """
+REGISTERED = "cranectl.register_plant(HEAVY)\n"
 CAMPAIGN = """\
 name = "three-plants"
 scenario = "fixed-position"
@@ -71,7 +73,7 @@ RUN = ["run", "fixed-position", "--controller", "lqr", *MOVED]
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder with the module of the plant, whose plant is registered."""
     made = tmp_path_factory.mktemp("third")
-    (made / "heavy_plant.py").write_text(SOURCE)
+    (made / "heavy_plant.py").write_text(SOURCE + REGISTERED)
     (made / "mine.toml").write_text(CAMPAIGN)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(made)
@@ -90,7 +92,7 @@ def log(folder: Path) -> Path:
     return folder / "three.mcap"
 
 
-def by_plant(path: str) -> dict[str, bool]:
+def by_plant(path: str | Path) -> dict[str, bool]:
     found = json.loads(Path(path).read_text())["agreements"]
     assert {each["reference"] for each in found} == {"mujoco"}
     return {each["plant"]: each["passed"] for each in found}
@@ -185,6 +187,8 @@ def test_a_campaign_on_threads(folder: Path, capsys: pytest.CaptureFixture[str])
     assert "Heavy and analytic" not in page
     capsys.readouterr()
     assert main(["campaign", "replay", "result", "--plants", "heavy"]) == 0
+    versions = json.loads(Path("result/campaign.json").read_text())["versions"]
+    assert versions["sources of heavy_plant"] == fingerprint(folder, [folder / "heavy_plant.py"])
 
 
 @pytest.mark.parametrize("command", [RUN, ["validate"], ["live", "fixed-position"], ["campaign", "run", "x"]])
@@ -215,3 +219,37 @@ def test_a_live_session_sends_what_the_log_has(log: Path) -> None:
     assert {topic for topic in sent if topic.startswith("/diff")} == {
         topic for topic in told if topic.startswith("/diff") and not topic.endswith("/verdict")
     }
+
+
+def test_a_plant_of_an_installed_package_is_found_by_every_process(tmp_path: Path) -> None:
+    """Nothing is imported or registered by hand; another version of the package is another software."""
+    entry_points = "[cranectl.plants]\nheavy = heavy_plant:HEAVY"
+    install(tmp_path, "heavy-plant", SOURCE, entry_points)
+    (tmp_path / "mine.toml").write_text(CAMPAIGN.replace(', "analytic", "mujoco"', ""))
+    cranectl = functools.partial(run_beside, tmp_path)
+    cranectl(*RUN, "--plants", "all", "--json", "run.json", code=1)
+    assert by_plant(tmp_path / "run.json") == {"analytic": True, "heavy": False}
+    chosen = ["--plants", "heavy,mujoco", "--drive", "ideal", "--controller", "lqr"]
+    validate = [
+        "validate",
+        "fixed-position",
+        *MOVED,
+        *chosen,
+        "--controller",
+        "pole-placement",
+        "--jobs",
+        "2",
+    ]
+    cranectl(*validate, "--json", "validate.json", code=1)
+    assert by_plant(tmp_path / "validate.json") == {"heavy": False}
+    campaign = ["campaign", "run", "mine.toml", "--out"]
+    cranectl(*campaign, "threads")
+    cranectl(*campaign, "dask", "--cluster", "local", "--workers", "1")
+    parts = [path.relative_to(tmp_path / "dask") for path in (tmp_path / "dask").rglob("*.parquet")]
+    assert len(parts) == 3
+    for part in parts:
+        assert (tmp_path / "dask" / part).read_bytes() == (tmp_path / "threads" / part).read_bytes()
+    install(tmp_path, "heavy-plant", SOURCE, entry_points, version="1.1")
+    assert "heavy-plant 1.0, now 1.1" in cranectl(*campaign, "threads", "--resume", code=2)
+    install(tmp_path, "heavy-plant", SOURCE.replace("1.01", "1.02"), entry_points)
+    assert "sources of heavy_plant " in cranectl(*campaign, "threads", "--resume", code=2)

@@ -1,0 +1,34 @@
+"""What other packages add to this one: objects that they declare as entry points."""
+
+from collections.abc import Collection, Mapping
+from importlib.metadata import entry_points
+from typing import Any
+
+from cranectl.support.errors import InputError
+
+METRICS, PLANTS = GROUPS = ("cranectl.metrics", "cranectl.plants")  # of entry points
+
+
+def with_extensions(
+    own: Mapping[str, Any], kind: type[Any], group: str, *, taken: Collection[str] = ()
+) -> dict[str, Any]:
+    """`own` objects by name, then those of `group` that installed packages declare, each a `kind`.
+
+    Raises InputError for one that cannot be loaded, is no `kind`, or has a name that is there or `taken`.
+    """
+    found = dict(own)
+    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
+        try:
+            added = entry.load()
+            if not isinstance(added, kind):
+                raise TypeError(f"{type(added).__name__} is no {kind.__name__}")
+            if added.name in found or added.name in taken:
+                raise ValueError(f"the name '{added.name}' is taken")
+        except Exception as error:
+            raise InputError(
+                f"{entry.value} of the entry points {group}: {error}",
+                allowed=f"a cranectl {kind.__name__} with a name of its own",
+                remedy="correct or remove the package that brings it",
+            ) from error
+        found[added.name] = added
+    return found

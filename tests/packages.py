@@ -1,0 +1,28 @@
+"""Packages that add to cranectl, and cranectl where they are installed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+
+def install(directory: Path, name: str, code: str, entry_points: str, *, version: str = "1.0") -> None:
+    """A package as pip leaves it: a module, and beside it what it declares."""
+    module = name.replace("-", "_")
+    (directory / f"{module}.py").write_text(code)
+    declared = directory / f"{module}.dist-info"
+    declared.mkdir(exist_ok=True)
+    (declared / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    (declared / "entry_points.txt").write_text(entry_points)
+
+
+def run_beside(directory: Path, *arguments: str, code: int = 0) -> str:
+    """Standard output and error of `cranectl` in a process that finds packages in `directory`."""
+    path = os.pathsep.join([str(directory), *sys.path])
+    environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}
+    command = [sys.executable, "-m", "cranectl", *arguments]
+    done = subprocess.run(
+        command, cwd=directory, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code, done.stderr
+    return done.stdout + done.stderr
