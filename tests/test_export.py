@@ -96,7 +96,7 @@ def expected_columns(runs: list[Run]) -> dict[str, Array]:
 
 @pytest.mark.parametrize("file_format", FORMATS)
 def test_read_back_bit_for_bit(log: Path, file_format: str) -> None:
-    assert main(["export", str(log), "--format", file_format]) == 0
+    assert main(["log", "export", str(log), "--format", file_format]) == 0
     found = READERS[file_format](Path(f"pair.{file_format}"))
     expected = expected_columns(list(read_log(log).values()))
     assert list(found) == list(expected)
@@ -122,7 +122,7 @@ def test_the_same_bytes_on_another_day(
 
 def test_parquet_says_what_its_columns_are(log: Path) -> None:
     name = os.fsdecode(b"\xff.parquet")  # no UTF-8, which the writer of Parquet would like
-    assert main(["export", str(log), "--out", name]) == 0
+    assert main(["log", "export", str(log), "--out", name]) == 0
     schema = pyarrow.parquet.read_schema(Path(name).rename("a.parquet"))
     metadata = {key.decode(): value.decode() for key, value in schema.metadata.items()}
     assert metadata == {
@@ -141,7 +141,7 @@ def test_parquet_says_what_its_columns_are(log: Path) -> None:
 
 
 def test_mat_has_units_and_info_and_names_that_matlab_takes(log: Path, runs: list[Run]) -> None:
-    assert main(["export", str(log), "--out", "a.mat"]) == 0
+    assert main(["log", "export", str(log), "--out", "a.mat"]) == 0
     content = loadmat("a.mat", simplify_cells=True)
     assert content["__header__"].startswith(b"MATLAB 5.0 MAT-file")
     units = dict(flattened("", content["units"]))
@@ -219,7 +219,7 @@ def test_a_run_without_samples_leaves_the_names(runs: list[Run]) -> None:
 
 def test_signals_are_chosen_in_the_order_of_the_log(log: Path) -> None:
     patterns = ["--signals", "reference.load_x", "--signals", "*.state.alpha", "--signals", "mujoco.state.*"]
-    assert main(["export", str(log), *patterns]) == 0
+    assert main(["log", "export", str(log), *patterns]) == 0
     state = [f"mujoco.state.{name}" for name in recorded_groups(flat_groups(0))[0].names]
     assert list(read_csv(Path("pair.csv"))) == ["time", "analytic.state.alpha", *state, "reference.load_x"]
 
@@ -266,7 +266,7 @@ def test_every_unit_is_documented() -> None:
 
 
 def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    assert main(["export", *arguments]) == 2
+    assert main(["log", "export", *arguments]) == 2
     captured = capsys.readouterr()
     assert "Traceback" not in captured.err
     assert captured.out == ""

@@ -13,7 +13,7 @@ Layout = dict[str, Any]
 def shipped(name: str, directory: Path, *options: str) -> Layout:
     """A layout as users get it."""
     file = directory / f"{name}.json"
-    assert main(["layout", name, str(file), *options]) == 0
+    assert main(["log", "layout", name, str(file), *options]) == 0
     layout: Layout = json.loads(file.read_text())
     return layout
 

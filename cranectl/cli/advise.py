@@ -35,7 +35,7 @@ def advise_command(
     report: Path | None,
     json_file: str | None,
 ) -> int:
-    """Say which controller to take for the drives and sensors of SCENARIO, and what to improve first.
+    """Say which controller to take for SCENARIO, what to improve first.
 
     Guaranteed: the certificate (see `cranectl certify`) holds at every operating point that the scenario
     visits. Survived: it does not, but the run completed. Cost: distance of the load from where the

@@ -25,7 +25,7 @@ def budget_command(
     overrides: tuple[str, ...],
     json_file: str | None,
 ) -> int:
-    """Predict what each rung of the fidelity ladder does to the load, then run it and compare.
+    """Predict what each effect does to the load, run it and compare.
 
     \b
     sampled       control at the control period against control in continuous time

@@ -71,11 +71,12 @@ def certify_command(
     plot: Path | None,
     json_file: str | None,
 ) -> int:
-    """Compare the plant as it is run with the design model of CONTROLLER, by the nu-gap, point by point.
+    """Say at which operating points CONTROLLER is certainly stable.
 
-    The plant has the linear part of the scenario's effects, rope, body and frame included.
-    A gap below the margin b(G, K) guarantees that the linear loop frozen at that point is stable. Exit code 1
-    if a point is refused; refused does not mean unstable.
+    The plant as it is run, with the linear part of the scenario's effects, rope, body and frame included, is
+    compared with the design model by the nu-gap, point by point. A gap below the margin b(G, K) guarantees
+    that the linear loop frozen at that point is stable. Exit code 1 if a point is refused; refused does not
+    mean unstable.
 
     \b
     cranectl certify lqr+loop-shaping --delay 0.01

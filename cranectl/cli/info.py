@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 @predict_option
 @json_option
 def info_command(log: Path, predict: bool, json_file: str | None) -> None:
-    """Say what LOG is: scenario, design, parameters, versions, topics, verdict, integrity.
+    """Say what LOG holds, what made it, and whether it is whole.
 
-    Every message and checksum is read; a damaged file is refused with the reason.
+    Scenario, design, parameters, versions, topics, verdict. Every message and checksum is read; a damaged
+    file is refused with the reason.
 
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap

@@ -35,7 +35,7 @@ def ladder_command(
     report: Path | None,
     json_file: str | None,
 ) -> int:
-    """Climb from the ideal of theory to the rig, one effect a rung, and say what each costs.
+    """Measure what each effect of the real rig costs, one by one.
 
     \b
     continuous  theory: nothing sampled, ideal drives
@@ -79,7 +79,7 @@ def ladder_command(
     screen = console(json_file)
     screen.print(ladder_table(steps))
     screen.print(f"log: {log}")
-    screen.print("view: cranectl layout ladder view.json")
+    screen.print("view: cranectl log layout ladder view.json")
     if report is not None:
         from cranectl.report.page import write_page
         from cranectl.report.rig.ladder_page import ladder_page

@@ -47,9 +47,10 @@ def live_command(
     rig: Path | None,
     overrides: tuple[str, ...],
 ) -> int:
-    """Run SCENARIO in real time, to be watched and steered in Foxglove, until Ctrl-C.
+    """Run SCENARIO in real time, to be watched and steered.
 
-    Its parameters and services there: pause, speed, controller, gains; kick the load, reset.
+    In Foxglove, until Ctrl-C. Its parameters and services there: pause, speed, controller, gains; kick the
+    load, reset.
 
     \b
     cranectl live settled-trajectory
@@ -91,7 +92,7 @@ def live_command(
         machine = f"[{host}]" if ":" in host else host
         _say(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
         _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
-        _say(f"layout: cranectl layout {layout_for(plants)}, to be imported there")
+        _say(f"layout: cranectl log layout {layout_for(plants)}, to be imported there")
         _say("steer: panels Parameters and Service Call")
         _say(f"log: {place}; Ctrl-C ends the session and closes it")
         server.serve(stop)

@@ -17,13 +17,11 @@ from cranectl.cli.campaign import campaign_command
 from cranectl.cli.certify import certify_command
 from cranectl.cli.compare import compare_command
 from cranectl.cli.design import design_command
-from cranectl.cli.export import export_command
 from cranectl.cli.info import info_command
 from cranectl.cli.ladder import ladder_command
-from cranectl.cli.layout import layout_command
 from cranectl.cli.list import list_command
 from cranectl.cli.live import live_command
-from cranectl.cli.recover import recover_command
+from cranectl.cli.log import log_command
 from cranectl.cli.render import render_command
 from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
@@ -42,43 +40,48 @@ One flatness-based tracking controller, two plants that know nothing of each oth
 model and a MuJoCo model of the rig. Every run is an MCAP log that opens in Foxglove.
 
 \b
-  cranectl list                              what there is to run
-  cranectl run settled-trajectory            run it on both plants and compare
-  cranectl live fixed-position               watch it and steer it in Foxglove
-  cranectl validate                          run everything, judge, exit 1 if a limit is exceeded
-
-\b
 Exit codes:
 """ + "\n".join(f"  {code:3}  {meaning}" for code, meaning in exit_codes.MEANINGS.items())
 
 
-cli = click.Group(
+COMMANDS: dict[str, tuple[click.Command, ...]] = {
+    "Run": (run_command, live_command, campaign_command),
+    "Look": (list_command, info_command, compare_command, report_command, render_command, log_command),
+    "Judge": (validate_command, certify_command, advise_command),
+    "Explain": (design_command, ladder_command, budget_command, thesis_command),
+}
+MOVED = {"export": "log export", "layout": "log layout", "recover": "log recover"}
+
+
+class CommandTree(click.Group):
+    """All commands, grouped by purpose in `--help`; the old spelling of one names the new one."""
+
+    def format_commands(self, _context: click.Context, formatter: click.HelpFormatter) -> None:
+        width = max(map(len, self.commands))
+        for purpose, commands in COMMANDS.items():
+            with formatter.section(purpose):
+                summaries = [each.get_short_help_str(formatter.width) for each in commands]
+                names = [f"{each.name:{width}}" for each in commands]
+                formatter.write_dl(list(zip(names, summaries, strict=True)))
+
+    def resolve_command(
+        self, context: click.Context, arguments: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name, *rest = arguments
+        if name in MOVED:
+            raise InputError(
+                f"cranectl {name} is another command now", remedy=" ".join(["cranectl", MOVED[name], *rest])
+            )
+        return super().resolve_command(context, arguments)
+
+
+cli = CommandTree(
     "cranectl",
+    [command for commands in COMMANDS.values() for command in commands],
     help=HELP,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 cli = click.version_option(package_name="cranectl")(cli)
-for command in (
-    list_command,
-    run_command,
-    validate_command,
-    compare_command,
-    info_command,
-    design_command,
-    certify_command,
-    thesis_command,
-    report_command,
-    ladder_command,
-    budget_command,
-    layout_command,
-    export_command,
-    live_command,
-    render_command,
-    recover_command,
-    advise_command,
-    campaign_command,
-):
-    cli.add_command(command)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -73,7 +73,7 @@ def names_given(_: click.Context, parameter: click.Parameter, given: tuple[str, 
 
 
 def layout_for(plants: Sequence[str]) -> str:
-    """What `cranectl layout` is given to show a log of `plants`."""
+    """What `cranectl log layout` is given to show a log of `plants`."""
     from cranectl.plants.registry import PLANTS
 
     if len(plants) == 1:

@@ -39,10 +39,10 @@ def render_command(
     camera: str,
     plots: bool,
 ) -> int:
-    """Draw LOG as a video, or one moment of it as a picture; needs no screen.
+    """Draw LOG as a video, or one moment of it as a picture.
 
-    Of a log of both plants, MuJoCo's crane is solid and the analytic one a blue ghost around it. The rope is
-    orange-red while it pulls with less than 15 % of the load's weight.
+    Needs no screen. Of a log of both plants, MuJoCo's crane is solid and the analytic one a blue ghost around
+    it. The rope is orange-red while it pulls with less than 15 % of the load's weight.
 
     \b
     cranectl render logs/fixed-position/lqr-ideal.mcap run.mp4 --plots

@@ -22,10 +22,11 @@ MAX_LOGS = 4  # as many as there are colours
 )
 @predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None, predict: bool) -> int:
-    """Write one HTML page of figures and tables, to be read in any browser, without a network.
+    """Write runs, or the thesis, as one HTML page of figures and tables.
 
-    Of up to four LOGs: how the runs went, every figure with both plants overlaid, every difference. Without a
-    LOG: the whole of chapter 5 of the thesis, run again; exit code 1 if a printed number is out of tolerance.
+    To be read in any browser, without a network. Of up to four LOGs: how the runs went, every figure with
+    both plants overlaid, every difference. Without a LOG: the whole of chapter 5
+    of the thesis, run again; exit code 1 if a printed number is out of tolerance.
 
     \b
     cranectl report logs/fixed-position/lqr-ideal.mcap

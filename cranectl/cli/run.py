@@ -44,7 +44,7 @@ def run_command(
     predict: bool,
     json_file: str | None,
 ) -> int:
-    """Run SCENARIO (a name or a TOML file), log it, compare the plants.
+    """Run SCENARIO, a name or a TOML file, and compare the plants.
 
     \b
     cranectl run fixed-position
@@ -86,8 +86,8 @@ def run_command(
             screen.print(f"  {note}")
     screen.print(f"log: {case.log}")
     screen.print(
-        f"view: cranectl layout {layout_for(case.plants)}; open the log in Foxglove or Lichtblick and import "
-        f"the layout, or: rerun {case.log}",
+        f"view: cranectl log layout {layout_for(case.plants)}; open the log in Foxglove or Lichtblick and "
+        f"import the layout, or: rerun {case.log}",
     )
     write_json(
         json_file,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 )
 @json_option
 def thesis_command(report: Path | None, json_file: str | None) -> int:
-    """Run chapter 5 of the thesis again and print its numbers beside ours.
+    """Run chapter 5 of the thesis again, its numbers beside ours.
 
     Every run of the chapter, on the analytic plant, on MuJoCo with ideal and with velocity drives. Exit code
     1 if a number is outside its tolerance; printed values, tolerances and their reasons are in

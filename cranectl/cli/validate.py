@@ -45,11 +45,12 @@ def validate_command(
     predict: bool,
     json_file: str | None,
 ) -> int:
-    """Run scenarios with all controllers and drives on all plants and judge the agreement.
+    """Run scenarios on all plants and judge their agreement.
 
-    The limits and their reasons are in validation/tolerances.toml. Those of velocity drives hold for the
-    shipped scenarios and their rig: others are told and not judged, or with --predict judged by their own. A
-    scenario that cannot be run is a failed case with its reason; the others run.
+    With all controllers and drives. The limits and their reasons are in validation/tolerances.toml. Those of
+    velocity drives hold for the shipped scenarios and their rig: others are shown and not judged, or with
+    --predict judged by their own. A scenario that cannot be run is a failed case with its reason; the
+    others run.
 
     \b
     cranectl validate

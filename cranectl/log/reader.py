@@ -155,4 +155,4 @@ def _unreadable(path: str | Path, error: Exception) -> LogError:
 
 
 def _recover(path: str | Path) -> str:
-    return f"run the scenario again, or save what is whole with: cranectl recover {path}"
+    return f"run the scenario again, or save what is whole with: cranectl log recover {path}"

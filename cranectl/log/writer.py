@@ -114,7 +114,7 @@ def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) 
     if part is not None and part.exists():
         if part.stat().st_size > CHUNK_SIZE:
             found = f"cannot write {path} to its end: {error}"
-            return LogError(found, remedy=f"make room, then cranectl recover {part}")
+            return LogError(found, remedy=f"make room, then cranectl log recover {part}")
         part.unlink()
     return LogError.unwritable(path, error, remedy=remedy)
 

@@ -352,7 +352,7 @@ def test_compare_of_a_single_plant_needs_a_second_log(capsys: pytest.CaptureFixt
         (["info", "absent.mcap"], "cannot read absent.mcap"),
         (["info"], "Missing argument"),
         (["info", "x\0.mcap"], "null character"),
-        (["recover", "."], "cannot read ."),
+        (["log", "recover", "."], "cannot read ."),
         (["compare", "absent.mcap"], "cannot read absent.mcap"),
         (["compare"], "Missing argument"),
     ],

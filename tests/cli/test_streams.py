@@ -83,17 +83,3 @@ def test_too_little_memory_is_said() -> None:
     assert done.returncode == 2
     assert "600 MB of address space" in done.stderr
     assert "ulimit" in done.stderr
-
-
-def test_every_exit_code_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    from cranectl.cli import exit_codes
-    from cranectl.cli.main import main
-
-    codes = {value for name, value in vars(exit_codes).items() if name.isupper() and isinstance(value, int)}
-    assert codes == exit_codes.MEANINGS.keys()
-    main(["--help"])
-    text = capsys.readouterr().out
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    for code, meaning in exit_codes.MEANINGS.items():
-        assert f"{code:3}  {meaning}" in text
-        assert f"| {code} | {meaning} |" in readme

@@ -16,7 +16,8 @@ from tests.fuzz.strategies import TEXTS, changed, damaged
 from tests.log import test_fuzz as forgeries
 from tests.log.forge import Parts, put_together, take_apart
 
-READERS = ["info", "compare", "export", "recover"] * 5 + ["report"] * bool(SEED)  # a page takes seconds
+READERS = ["info", "compare", "log export", "log recover"] * 5
+READERS += ["report"] * bool(SEED)  # a page takes seconds
 
 
 def check_runs(runs: dict[str, Run], every: int) -> None:
@@ -34,7 +35,7 @@ def check_runs(runs: dict[str, Run], every: int) -> None:
 
 
 def check_log(template: Path, content: bytes, reader: str, stream: str) -> None:
-    line = [reader, "f.mcap", *(["--out", "new.mcap"] if reader == "recover" else [])]
+    line = [*reader.split(), "f.mcap", *(["--out", "new.mcap"] if reader == "log recover" else [])]
     code, files = check_command(template, line, files={"f.mcap": content}, stream=stream)
     path = template / "f.mcap"
     for log in (content, files.get("here/new.mcap", b"")):
@@ -42,7 +43,7 @@ def check_log(template: Path, content: bytes, reader: str, stream: str) -> None:
         try:
             runs = read_log(path)
         except LogError:
-            assert log is not content or code == 2 or reader == "recover"
+            assert log is not content or code == 2 or reader == "log recover"
         else:
             check_runs(runs, describe_log(path).every)
         finally:

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message, Metadata, Schema
 
 from cranectl.cli.info import info_command
-from cranectl.cli.recover import recover_command
+from cranectl.cli.log.recover import recover_log_command
 from cranectl.log import describe_log, read_log, recover_log, schema, write_log
 from cranectl.log.writer import CHUNK_SIZE
 from cranectl.mcap_columns.records import MAGIC
@@ -280,7 +280,7 @@ def test_files_that_hold_nothing(tmp_path: Path, log: Path) -> None:
 
 
 def test_the_command(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    recover_command.main([str(part), "--json", "-"], standalone_mode=False)
+    recover_log_command.main([str(part), "--json", "-"], standalone_mode=False)
     captured = capsys.readouterr()
     result = json.loads(captured.out)
     assert result["log"] == str(part.with_name("a.mcap"))

@@ -142,7 +142,7 @@ def test_pictures_and_pages_show_all(log: Path) -> None:
     page = Path("three.html").read_text()
     for plant in ("analytic", "heavy"):
         assert f"three, {plant}: mujoco minus {plant}" in page
-    assert main(["layout", "comparison", "three.json"]) == 0
+    assert main(["log", "layout", "comparison", "three.json"]) == 0
     assert "/diff/heavy/distance.load_distance.@log10" in Path("three.json").read_text()
 
 
@@ -204,7 +204,7 @@ def test_an_unknown_plant_is_answered_with_the_known_ones(
 def test_a_log_cut_short_is_recovered_with_all(log: Path) -> None:
     whole = log.read_bytes()
     Path("cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
-    assert main(["recover", "cut.mcap", "--out", "recovered.mcap"]) == 0
+    assert main(["log", "recover", "cut.mcap", "--out", "recovered.mcap"]) == 0
     assert list(cranectl.read_log("recovered.mcap")) == ["analytic", "mujoco", "heavy"]
     cranectl.read_signal("recovered.mcap", "diff/heavy/distance.load_distance")
 

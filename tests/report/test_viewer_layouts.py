@@ -100,9 +100,9 @@ def test_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["layout", "comparison", "a.json"]) == 0
+    assert main(["log", "layout", "comparison", "a.json"]) == 0
     assert "a.json" in capsys.readouterr().out
     assert Path("a.json").read_text() == layout_json("comparison")
     Path("file").write_text("")
-    assert main(["layout", "comparison", "file/a.json"]) == 2
+    assert main(["log", "layout", "comparison", "file/a.json"]) == 2
     assert "cannot write" in capsys.readouterr().err

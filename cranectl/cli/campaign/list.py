@@ -64,7 +64,7 @@ def show_campaign(
     no_estimate: bool,
     json_file: str | None,
 ) -> None:
-    """Say what is uncertain in CAMPAIGN (a name or a TOML file) and how long it takes here.
+    """Say what is uncertain in CAMPAIGN, and how long it takes here.
 
     The time is that of nominal runs, one with each controller on each plant, times their number.
 

@@ -38,7 +38,7 @@ def replay_campaign(
     out: Path | None,
     json_file: str | None,
 ) -> int:
-    """Run some of RESULT's runs again and log them in full, a file each.
+    """Run some of RESULT's runs again and log each in full.
 
     Every figure must be the same as in the result, to the last bit; exit code 1 if one is not. Where other
     sources or versions made the run than are installed, they are named.

@@ -22,7 +22,7 @@ from cranectl.support.places import HTML
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
 @json_option
 def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file: str | None) -> None:
-    """Say how the runs of RESULT went, on the terminal and as an HTML page of figures and tables.
+    """Say how the runs of RESULT went, here and on an HTML page.
 
     RESULT is a directory that `campaign run` has written. The page shows failures, distributions, controllers
     and plants side by side on the same samples, what decides how a run goes, and how to replay its worst.

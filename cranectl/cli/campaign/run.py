@@ -62,7 +62,7 @@ def run_campaign_command(
     overwrite: bool,
     json_file: str | None,
 ) -> int:
-    """Run CAMPAIGN (a name or a TOML file) and keep what every run did.
+    """Run CAMPAIGN, a name or a TOML file; keep what every run did.
 
     The result is written as it grows: after a kill or Ctrl-C, the same command with --resume runs only what
     is missing. A run that fails is a result; it counts as failed if it stops early or breaks one of the

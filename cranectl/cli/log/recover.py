@@ -1,4 +1,4 @@
-"""`cranectl recover`."""
+"""`cranectl log recover`."""
 
 from pathlib import Path
 
@@ -18,13 +18,14 @@ from cranectl.support.places import MCAP
     help="Log file. Default: the place the log should have had, if it is free",
 )
 @json_option
-def recover_command(file: Path, out: Path | None, json_file: str | None) -> None:
-    """Save what is whole in FILE, a log that was cut off when its process was killed.
+def recover_log_command(file: Path, out: Path | None, json_file: str | None) -> None:
+    """Save what is whole in FILE, a log that was cut off.
 
-    At most the last chunk of 64 KiB is missing. FILE itself stays as it is.
+    Its process was killed, or its disk full. At most the last chunk of 64 KiB is missing.
+    FILE itself stays as it is.
 
     \b
-    cranectl recover logs/fixed-position/lqr-ideal.mcap.4711.part
+    cranectl log recover logs/fixed-position/lqr-ideal.mcap.4711.part
     """
     from cranectl.cli.output import console, write_json
     from cranectl.log import recover_log

@@ -1,4 +1,4 @@
-"""`cranectl export`."""
+"""`cranectl log export`."""
 
 from pathlib import Path
 
@@ -28,16 +28,16 @@ from cranectl.cli.command import Command
     type=click.Path(path_type=Path),
     help="Default: the log's name with the format's ending, in the working directory.",
 )
-def export_command(log: Path, format_name: str | None, patterns: tuple[str, ...], out: Path | None) -> None:
-    """Write the signals of LOG as one table for pandas, MATLAB or Excel.
+def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], out: Path | None) -> None:
+    """Write the signals of LOG as a table for pandas, MATLAB or Excel.
 
     One row a logged sample. Columns: time [s], PLANT.GROUP.SIGNAL (mujoco.state.alpha) and reference.SIGNAL
     (reference.load_x); empty, in MATLAB NaN, where a plant has no sample. All in SI units and radians;
     parquet and mat hold each signal's unit. The values are the log's to the last bit.
 
     \b
-    cranectl export logs/fixed-position/lqr-ideal.mcap
-    cranectl export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
+    cranectl log export logs/fixed-position/lqr-ideal.mcap
+    cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
     from cranectl.cli.output import console
     from cranectl.export import chosen_format, export_table, write_table

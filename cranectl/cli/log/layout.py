@@ -1,4 +1,4 @@
-"""`cranectl layout`."""
+"""`cranectl log layout`."""
 
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from cranectl.support.places import JSON
 @click.argument("name")
 @click.argument("out", type=OutputFile(JSON))
 @plants_option("Whose runs the log holds. Default: all; what shows one run then shows mujoco's.")
-def layout_command(name: str, out: Path, plants: tuple[str, ...]) -> None:
-    """Write the layout NAME to OUT, to be imported in Foxglove or Lichtblick.
+def write_layout(name: str, out: Path, plants: tuple[str, ...]) -> None:
+    """Write the layout NAME for Foxglove or Lichtblick to OUT.
 
     \b
     single        one run: crane, load, error, angles, inputs, tension
@@ -23,8 +23,8 @@ def layout_command(name: str, out: Path, plants: tuple[str, ...]) -> None:
     ladder        all rungs of `cranectl ladder` on top of each other
 
     \b
-    cranectl layout comparison comparison.json
-    cranectl layout single single.json --plant analytic
+    cranectl log layout comparison comparison.json
+    cranectl log layout single single.json --plant analytic
     """
     from cranectl.cli.output import console
     from cranectl.plants.registry import PLANTS

@@ -1,0 +1,13 @@
+"""`cranectl log`."""
+
+import click
+
+from cranectl.cli.log.export import export_log
+from cranectl.cli.log.layout import write_layout
+from cranectl.cli.log.recover import recover_log_command
+
+log_command = click.Group(
+    "log",
+    [export_log, write_layout, recover_log_command],
+    help="Export a log, recover one, lay out its viewer.",
+)

@@ -1,0 +1,61 @@
+"""`--help`: every command is in a group, in one line; README has the same."""
+
+import re
+import textwrap
+from collections.abc import Iterator
+
+import click
+import pytest
+
+from cranectl.cli import exit_codes
+from cranectl.cli.main import COMMANDS, MOVED, cli, main
+from tests.conftest import ROOT
+
+
+def groups(group: click.Group) -> Iterator[click.Group]:
+    yield group
+    for command in group.commands.values():
+        if isinstance(command, click.Group):
+            yield from groups(command)
+
+
+def help_text(group: click.Group) -> str:
+    """What a terminal of 80 columns shows."""
+    return group.get_help(click.Context(group, terminal_width=80))
+
+
+@pytest.mark.parametrize("group", list(groups(cli)), ids=lambda group: group.name)
+def test_every_command_is_one_line_of_help(group: click.Group) -> None:
+    text = help_text(group)
+    for name, command in group.commands.items():
+        (summary,) = re.findall(rf"^  {name} +(.*)$", text, re.MULTILINE)
+        assert summary == command.get_short_help_str(limit=1000)
+        assert summary.endswith("."), "else it goes on in the next line"
+
+
+def test_the_groups_hold_every_command_once_and_leave_room() -> None:
+    grouped = [command.name for commands in COMMANDS.values() for command in commands]
+    assert sorted(grouped) == sorted(cli.commands)
+    assert len(grouped) <= 20
+    assert max(map(len, help_text(cli).splitlines())) <= 80
+    assert [line[:-1] for line in help_text(cli).splitlines() if line[:-1] in COMMANDS] == list(COMMANDS)
+
+
+def test_readme_has_every_command() -> None:
+    text = help_text(cli)
+    shown = text[text.index(f"{next(iter(COMMANDS))}:") :]
+    assert textwrap.indent(shown, "    ") in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_help_has_every_exit_code() -> None:
+    codes = {value for name, value in vars(exit_codes).items() if name.isupper() and isinstance(value, int)}
+    assert codes == exit_codes.MEANINGS.keys()
+    for code, meaning in exit_codes.MEANINGS.items():
+        assert f"{code:3}  {meaning}" in help_text(cli)
+
+
+@pytest.mark.parametrize(("old", "new"), MOVED.items())
+def test_an_old_spelling_names_the_new_one(old: str, new: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([old, "a.mcap", "--out", "b"]) == 2
+    assert f"remedy:  cranectl {new} a.mcap --out b\n" in capsys.readouterr().err
+    assert main([*new.split(), "--help"]) == 0

@@ -1,0 +1,44 @@
+"""docs/reference/ says what the tables and classes of the package say."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cranectl.log import describe_log, write_log
+from cranectl.plants.registry import PLANTS
+from cranectl.scenario.settings import Settings
+from validation.reference_pages import BEGIN, DIRECTORY, PAGES, recorded_runs, written_anew
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_what_would_be_written(name: str) -> None:
+    page = (DIRECTORY / f"{name}.md").read_text(encoding="utf-8")
+    assert written_anew(name, page) == page, "run python validation/reference_pages.py --write"
+    assert written_anew(name, page.replace(BEGIN, f"{BEGIN}old")) == page
+    with pytest.raises(ValueError, match="lacks"):
+        written_anew(name, page.replace(BEGIN, ""))
+
+
+def subclasses(model: type[Settings]) -> Iterator[type[Settings]]:
+    for each in model.__subclasses__():
+        yield each
+        yield from subclasses(each)
+
+
+def test_the_page_of_settings_has_every_key() -> None:
+    page = PAGES["settings"]()
+    of_files = [m for m in subclasses(Settings) if re.match(r"cranectl\.(scenario|campaign)\.", m.__module__)]
+    assert len(of_files) > 20
+    for model in of_files:
+        for key in model.model_fields:
+            assert f"| `{key}` |" in page or re.search(rf"### .*\b{key}\b", page), f"{model.__name__}.{key}"
+
+
+def test_the_page_of_topics_has_every_topic_of_a_log(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "a.mcap", recorded_runs())
+    page = PAGES["topics"]()
+    for topic in describe_log(log).topics:
+        name = re.sub(f"^/({'|'.join(PLANTS)})/", "/PLANT/", topic.topic)
+        assert f"| `{name}` | `{topic.schema}` |" in page

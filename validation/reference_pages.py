@@ -1,0 +1,185 @@
+"""The tables of docs/reference/, from the tables and classes that the package itself uses.
+
+python validation/reference_pages.py            say which pages differ
+python validation/reference_pages.py --write    and write them
+
+A page is what people wrote, and between two comments what is written here.
+"""
+
+import functools
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from google.protobuf import descriptor_pb2
+
+from cranectl.campaign.settings import CampaignSettings
+from cranectl.cli.exit_codes import MEANINGS
+from cranectl.log.messages import streams
+from cranectl.metrics.table import METRICS
+from cranectl.plants.registry import PLANTS
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.signals import REFERENCE
+from cranectl.simulate import Run, simulate_run
+
+DIRECTORY = Path(__file__).resolve().parent.parent / "docs" / "reference"
+BEGIN = "<!-- written by `python validation/reference_pages.py --write` -->\n"
+END = "<!-- end -->\n"
+BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
+KINDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false"}
+
+
+def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    lines = [list(headings), *([cell.replace("|", r"\|") for cell in row] for row in rows)]
+    texts = [f"| {' | '.join(line)} |\n" for line in lines]
+    return "".join([texts[0], "|---" * len(lines[0]), "|\n", *texts[1:]])
+
+
+def metrics() -> str:
+    """What sums up a run, a row each."""
+    rows = []
+    for metric in METRICS:
+        name = f"`{metric.name}`{': ' if metric.parts else ''}{' '.join(metric.parts)}"
+        rows.append((name, metric.symbol, metric.unit, metric.meaning, metric.definition, metric.better))
+    return table(("metric", "symbol", "unit", "meaning", "definition", "better"), rows)
+
+
+def exit_codes() -> str:
+    """What ends a command, a row each."""
+    return table(("code", "meaning"), ((str(code), meaning) for code, meaning in MEANINGS.items()))
+
+
+@functools.cache
+def recorded_runs() -> list[Run]:
+    """A run of each plant that records every group there is: with a robustifier and a signal path."""
+    overrides = ["duration=0.01", "disturbances=[]", "effects.sensing={}"]
+    scenario = load_scenario("fixed-position", overrides=overrides)
+    return [simulate_run(scenario, plant=plant, controller="lqr+hinf", drive="velocity") for plant in PLANTS]
+
+
+def signals() -> str:
+    """A section for each group."""
+    groups = {f"PLANT/{group.name}": group for group in recorded_runs()[0].groups}
+    sections = []
+    for title, group in {**groups, "reference/load": REFERENCE}.items():
+        rows = ((f"`{each.name}`", each.symbol, each.unit, each.description) for each in group.signals)
+        text = table(("signal", "symbol", "unit", "meaning"), rows)
+        sections.append(f"## `/{title}`\n\n{group.description[0].upper()}{group.description[1:]}.\n\n{text}")
+    return "\n".join(sections)
+
+
+def topics() -> str:
+    """What a log of two plants holds, a row a topic."""
+    runs = recorded_runs()
+    rows = []
+    for stream in streams(runs):
+        topic = stream.topic.replace(f"/{runs[0].plant}/", "/PLANT/")
+        if not topic.startswith(tuple(f"/{run.plant}/" for run in runs)):
+            rows.append(
+                (
+                    f"`{topic}`",
+                    f"`{stream.schema_name}`",
+                    ", ".join(_fields(stream.schema, stream.schema_name)),
+                )
+            )
+    return table(("topic", "message", "fields"), sorted(rows))
+
+
+def _fields(schema: bytes, name: str) -> list[str]:
+    """The fields of a message type; those of others than ours are documented by Foxglove."""
+    files = descriptor_pb2.FileDescriptorSet.FromString(schema).file
+    types = {f"{file.package}.{message.name}": message for file in files for message in file.message_type}
+    return [f"`{field.name}`" for field in types[name].field]
+
+
+def settings() -> str:
+    """A section for each table of a scenario, then of a campaign."""
+    return "\n".join(
+        f"## {model.__name__}\n\n" + "\n".join(_sections(model.model_json_schema()))
+        for model in (Scenario, CampaignSettings)
+    )
+
+
+def _sections(schema: dict[str, Any]) -> Iterator[str]:
+    """The tables of settings that a JSON Schema has, in the order of its keys."""
+    waiting = [("", schema)]
+    while waiting:
+        path, node = waiting.pop(0)
+        rows, inner = [], []
+        for key, value in node["properties"].items():
+            kind = _not_null(value)
+            title, alternatives = _tables(f"{path}.{key}".strip(".[]"), kind)
+            below = [entry["$ref"] for entry in alternatives if "$ref" in entry]
+            inner += [(title, schema["$defs"][reference.rpartition("/")[2]]) for reference in below]
+            if not below:
+                default = "" if key in node.get("required", ()) else _text(value.get("default")) or "absent"
+                rows.append((f"`{key}`", default, _allowed(kind), value.get("description", "")))
+        waiting = inner + waiting
+        title = f"### `[{path}]`\n\n" if path else ""
+        text = table(("key", "default", "allowed", "meaning"), rows) if rows else ""
+        yield f"{title}{node.get('description', '')}\n\n{text}"
+
+
+def _not_null(value: dict[str, Any]) -> dict[str, Any]:
+    """What a key that may be absent holds where it is there."""
+    return next((entry for entry in value.get("anyOf", ()) if entry.get("type") != "null"), value)
+
+
+def _tables(path: str, kind: dict[str, Any]) -> tuple[str, list[dict[str, Any]]]:
+    """How the tables that stand for a key are headed, and the kinds of them there are."""
+    if "additionalProperties" in kind:
+        path, kind = f"{path}.NAME", kind["additionalProperties"]
+    elif "items" in kind:
+        path, kind = f"[{path}]", kind["items"]
+    return path, kind.get("oneOf", [kind])
+
+
+def _text(value: Any) -> str:
+    """A value as TOML has it, numbers to six digits."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, float):
+        return f"{value:g}"
+    return "" if value is None else json.dumps(value, ensure_ascii=False)
+
+
+def _allowed(kind: dict[str, Any]) -> str:
+    if values := kind.get("enum") or ([kind["const"]] if "const" in kind else []):
+        return ", ".join(f"`{value}`" for value in values)
+    if elements := kind.get("prefixItems"):
+        return f"{len(elements)} of: {_allowed(elements[0])}"
+    if "items" in kind:
+        return f"list of: {_allowed(kind['items'])}"
+    bounds = [f"{sign} {_text(float(kind[word]))}" for word, sign in BOUNDS.items() if word in kind]
+    return " ".join([KINDS[kind["type"]], ", ".join(bounds)]).rstrip()
+
+
+PAGES = {
+    "exit-codes": exit_codes,
+    "metrics": metrics,
+    "settings": settings,
+    "signals": signals,
+    "topics": topics,
+}
+
+
+def written_anew(name: str, text: str) -> str:
+    """The page `text` with what is generated of it made anew; raises ValueError if it has no place for it."""
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"{name}.md lacks {BEGIN}{END}")
+    return f"{before}{BEGIN}\n{PAGES[name]()}\n{END}{after}"
+
+
+if __name__ == "__main__":
+    for name in PAGES:
+        path = DIRECTORY / f"{name}.md"
+        text = path.read_text(encoding="utf-8")
+        if (new := written_anew(name, text)) != text:
+            print(f"docs/reference/{name}.md differs")
+            if "--write" in sys.argv[1:]:
+                path.write_text(new, encoding="utf-8")
