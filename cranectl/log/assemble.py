@@ -1,6 +1,6 @@
 """From channels and their messages to blocks of signals, and from blocks to runs."""
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ from cranectl.log import schema, topics
 from cranectl.log.consistency import Outcome, check_run
 from cranectl.log.header import LogHeader
 from cranectl.mcap_columns.chunks import Column
+from cranectl.mcap_columns.contents import Contents
 from cranectl.mcap_columns.records import DamageError
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, groups_of
@@ -23,11 +24,6 @@ class Block(NamedTuple):
 
     time_ns: NDArray[np.int64]  # (N,)
     values: NDArray[np.float64]  # (N, signals)
-
-    @classmethod
-    def empty(cls, n_signals: int) -> "Block":
-        """Of a topic that never got a message."""
-        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, n_signals)))
 
 
 def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
@@ -42,26 +38,56 @@ def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
         raise DamageError(f"the type of {channel.topic} is not what it should be: {error}") from None
 
 
-def check_group(channel: Channel, definition: Schema, group: SignalGroup) -> None:
-    """Raise DamageError unless a channel carries the signals of `group`, in their order and units."""
+def row_width(channel: Channel, definition: Schema) -> int:
+    """The bytes of a message of a channel; 0 if it does not carry rows of signals."""
+    try:
+        return schema.row_layout(len(signal_names(channel, definition))).itemsize
+    except DamageError:
+        return 0
+
+
+def blocks_of(header: LogHeader, contents: Contents, columns: dict[int, Column]) -> dict[str, Block]:
+    """The blocks of the runs' groups by topic, empty where one has no channel; takes them out of `columns`.
+
+    Raises DamageError unless each channel carries the signals of its group, in their order and units.
+    """
+    groups = header.groups()
+    channels = checked_channels(contents, groups)
+    return {
+        topic: decoded(topic, columns.pop(channels[topic].id), len(group))
+        if topic in channels
+        else Block(np.zeros(0, dtype=np.int64), np.zeros((0, len(group))))
+        for topic, group in groups.items()
+    }
+
+
+def checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> dict[str, Channel]:
+    """The channels of groups of signals by topic; raises DamageError for one that carries others."""
+    channels = channels_of(contents, groups)
+    for topic, channel in channels.items():
+        _check_group(channel, contents.schemas[channel.schema_id], groups[topic])
+    return channels
+
+
+def _check_group(channel: Channel, definition: Schema, group: SignalGroup) -> None:
     names = signal_names(channel, definition)
     if names != group.names:
         raise DamageError(f"{channel.topic} has the signals {', '.join(names)[:200]} instead of its own")
     for signal in group.signals:
-        said = channel.metadata.get(signal.name, "")
-        if f"[{signal.unit}]" not in said:
+        meaning = channel.metadata.get(signal.name, "")
+        if f"[{signal.unit}]" not in meaning:
             raise DamageError(
-                f"{channel.topic} has {signal.name} as '{said[:100]}' instead of [{signal.unit}]"
+                f"{channel.topic} has {signal.name} as '{meaning[:100]}' instead of [{signal.unit}]"
             )
 
 
-def channels_of(channels: Iterable[Channel], wanted: Container[str]) -> dict[str, Channel]:
+def channels_of(contents: Contents, wanted: Container[str]) -> dict[str, Channel]:
     """The channel of each of the topics `wanted` that has one; raises DamageError if one has several."""
-    found: dict[str, Channel] = {}
-    for channel in channels:
-        if channel.topic in wanted and found.setdefault(channel.topic, channel) is not channel:
+    channels: dict[str, Channel] = {}
+    for channel in contents.channels.values():
+        if channel.topic in wanted and channels.setdefault(channel.topic, channel) is not channel:
             raise DamageError(f"{channel.topic} has several channels")
-    return found
+    return channels
 
 
 def decoded(topic: str, column: Column, n_signals: int) -> Block:
@@ -83,12 +109,12 @@ def check_samples(topic: str, block: Block, outcome: Outcome) -> None:
 def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcome: Outcome) -> Run:
     """The run of `plant` from the blocks of its topics; raises DamageError if it contradicts itself."""
     groups = groups_of(header.scenario, header.design, header.drive)
-    own = [blocks[topics.plant_topic(plant, group.name)] for group in groups]
-    time_ns = own[0].time_ns
-    for group, block in zip(groups, own, strict=True):
-        check_samples(topics.plant_topic(plant, group.name), block, outcome)
+    own = {(topic := topics.plant_topic(plant, group.name)): blocks[topic] for group in groups}
+    time_ns = next(iter(own.values())).time_ns
+    for topic, block in own.items():
+        check_samples(topic, block, outcome)
         if (block.time_ns != time_ns).any():
-            raise DamageError(f"{plant}/{group.name} has other times than {plant}/{groups[0].name}")
+            raise DamageError(f"{topic[1:]} has other times than {plant}/{groups[0].name}")
     run = Run(
         scenario=header.scenario,
         design=header.design,
@@ -96,7 +122,7 @@ def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcom
         drive=header.drive,
         model=header.models[plant],
         time_ns=time_ns,
-        table=np.hstack([block.values for block in own]),
+        table=np.hstack([block.values for block in own.values()]),
         reference=_at(blocks[topics.REFERENCE_LOAD], time_ns),
         status=outcome.status,
         end_ns=outcome.end_ns,

@@ -4,10 +4,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from mcap.reader import make_reader
+import numpy as np
 
+from cranectl.log.reader import header_of, open_contents, opened
 from cranectl.scenario import NANOSECONDS
-from cranectl.support.errors import LogError
 
 
 @dataclass(frozen=True)
@@ -40,26 +40,22 @@ class LogDescription:
 
 
 def describe_log(path: str | Path) -> LogDescription:
-    """Describe a log that `read_log` accepts; raises LogError for a file without a summary."""
+    """Describe a log that `read_log` accepts; raises LogError as that does for what is no closed log."""
     path = Path(path)
-    with path.open("rb") as stream:
-        reader = make_reader(stream)
-        summary = reader.get_summary()
-        if summary is None or summary.statistics is None:
-            raise LogError(f"{path} has no summary", remedy="run the scenario again")
-        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
-        attachments = {a.name: len(a.data) for a in reader.iter_attachments()}
-    statistics = summary.statistics
-    duration = (statistics.message_end_time - statistics.message_start_time) / NANOSECONDS
+    with opened(path) as stream:
+        contents, _ = open_contents(path, stream)
+        times = [content.table[:, 1] for content in contents.chunks(stream)]
+        header = header_of(path, contents)
+    duration = float(np.ptp(np.concatenate(times))) / NANOSECONDS if contents.messages else 0.0
     topics = []
-    for channel in sorted(summary.channels.values(), key=lambda channel: channel.topic):
-        count = statistics.channel_message_counts.get(channel.id, 0)
+    for channel in sorted(contents.channels.values(), key=lambda channel: channel.topic):
+        count = contents.messages[channel.id]
         # Only signals carry the units of their fields as metadata; everything else is written at events.
         sampled = bool(channel.metadata) and count > 1 and duration > 0.0
         topics.append(
             TopicDescription(
                 topic=channel.topic,
-                schema=summary.schemas[channel.schema_id].name,
+                schema=contents.schemas[channel.schema_id].name,
                 messages=count,
                 rate_hz=(count - 1) / duration if sampled else None,
             )
@@ -67,11 +63,11 @@ def describe_log(path: str | Path) -> LogDescription:
     return LogDescription(
         path=str(path),
         size_bytes=path.stat().st_size,
-        format=metadata["cranectl"]["format"],
-        every=int(metadata["cranectl"]["every"]),
+        format=contents.metadata["cranectl"]["format"],
+        every=header.every,
         duration_s=duration,
-        messages=statistics.message_count,
-        versions=dict(metadata["versions"]),
+        messages=contents.messages.total(),
+        versions=dict(header.versions),
         topics=tuple(topics),
-        attachments=attachments,
+        attachments={name: len(attachment.data) for name, attachment in contents.attachments.items()},
     )

@@ -1,7 +1,7 @@
 """Read logs back to NumPy, bit for bit what was written, or say what is wrong with them."""
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -12,23 +12,19 @@ from cranectl.log import topics
 from cranectl.log.assemble import (
     Block,
     assembled,
+    blocks_of,
     channels_of,
-    check_group,
     check_samples,
+    checked_channels,
     decoded,
+    row_width,
     signal_names,
 )
 from cranectl.log.consistency import check_numbers, check_times, finite_samples
 from cranectl.log.formats import parse_header
 from cranectl.log.header import LogHeader
-from cranectl.log.schema import row_layout
-from cranectl.mcap_columns.container import (
-    Summary,
-    open_container,
-    read_attachments,
-    read_columns,
-    read_metadata,
-)
+from cranectl.mcap_columns.chunks import Column
+from cranectl.mcap_columns.contents import Contents, End, check_end, columns_of, read_end
 from cranectl.mcap_columns.records import MAGIC, PIECE, DamageError
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
@@ -46,9 +42,9 @@ def read_log(path: str | Path) -> dict[str, Run]:
     Raises LogError if the file is missing, empty, truncated, damaged, foreign, or of another format version.
     """
     with opened(path) as stream:
-        summary, header = _checked(path, stream)
-        names = {topic: group.names for topic, group in header.groups().items()}
-        blocks = _blocks(stream, summary, names, all_chunks=True)
+        contents, columns = _read(path, stream, lambda topic: not topic.startswith(topics.DIFFERENCES))
+        header = header_of(path, contents)
+        blocks = blocks_of(header, contents, columns)
         return {plant: assembled(header, plant, blocks, header.outcome(plant)) for plant in header.plants}
 
 
@@ -60,12 +56,15 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
     """
     topic, _, field = f"/{name.removeprefix('/')}".rpartition(".")
     with opened(path) as stream:
-        summary, header = _checked(path, stream)
-        known = _signals(summary)
+        contents, columns = _read(path, stream, lambda other: other == topic)
+        header = header_of(path, contents)
+        checked_channels(contents, header.groups())
+        known = _signals(contents)
         if field not in known.get(topic, ()):
             names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
             raise unknown_name("signal", name, nearest_first(name, names)[:NEAREST])
-        block = _blocks(stream, summary, {topic: known[topic]}, all_chunks=False)[topic]
+        column = columns[channels_of(contents, (topic,))[topic].id]
+        block = decoded(topic, column, len(known[topic]))
         _check_block(header, topic, known[topic], block)
         return block.time_ns / NANOSECONDS, block.values[:, known[topic].index(field)].copy()
 
@@ -96,34 +95,35 @@ def check_begin(path: str | Path, stream: BinaryIO) -> None:
         raise LogError(f"{path} is no MCAP file", allowed=ALLOWED, remedy="name a log that cranectl wrote")
 
 
-def _checked(path: str | Path, stream: BinaryIO) -> tuple[Summary, LogHeader]:
-    """The summary and header of a log; all is checked but the messages."""
+def open_contents(path: str | Path, stream: BinaryIO) -> tuple[Contents, End]:
+    """Of a closed log, before its data are read; raises LogError for another file, DamageError."""
     check_begin(path, stream)
     size = stream.seek(0, 2)
     stream.seek(max(size - len(MAGIC), 0))
     if size == len(MAGIC) or stream.read() != MAGIC:
-        found = f"{path} is truncated: it does not end as a closed log does"
-        raise LogError(found, allowed=ALLOWED, remedy=_recover(path))
-    summary = open_container(stream)
-    attachments = {name: a.data for name, a in read_attachments(stream, summary).items()}
-    header = parse_header(str(path), read_metadata(stream, summary), attachments)
-    groups = header.groups()
-    for topic, channel in channels_of(summary.channels.values(), groups).items():
-        check_group(channel, summary.schemas[channel.schema_id], groups[topic])
-    return summary, header
+        error = f"{path} is truncated: it does not end as a closed log does"
+        raise LogError(error, allowed=ALLOWED, remedy=_recover(path))
+    return Contents(size), read_end(stream, size)
 
 
-def _blocks(
-    stream: BinaryIO, summary: Summary, names: Mapping[str, tuple[str, ...]], *, all_chunks: bool
-) -> dict[str, Block]:
-    """The signals of the topics in `names`, by topic."""
-    channels = channels_of(summary.channels.values(), names)
-    widths = {channel.id: row_layout(len(names[topic])).itemsize for topic, channel in channels.items()}
-    columns = read_columns(stream, summary, widths, all_chunks=all_chunks)
-    found = {topic: Block.empty(len(fields)) for topic, fields in names.items()}
-    for topic, channel in channels.items():
-        found[topic] = decoded(topic, columns.pop(channel.id), len(names[topic]))
-    return found
+def header_of(path: str | Path, contents: Contents) -> LogHeader:
+    """What a file that has been read says of its runs; raises LogError, DamageError."""
+    attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
+    return parse_header(str(path), contents.metadata, attachments)
+
+
+def _read(
+    path: str | Path, stream: BinaryIO, wanted: Callable[[str], bool]
+) -> tuple[Contents, dict[int, Column]]:
+    """All of a closed log, and the rows of signals of the topics `wanted` by channel."""
+    contents, end = open_contents(path, stream)
+    columns = columns_of(
+        contents,
+        contents.chunks(stream),
+        lambda channel, definition: row_width(channel, definition) if wanted(channel.topic) else 0,
+    )
+    check_end(contents, end)
+    return contents, columns
 
 
 def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: Block) -> None:
@@ -141,13 +141,13 @@ def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: Blo
             check_times(topic, block.time_ns, header.clock, outcomes)
 
 
-def _signals(summary: Summary) -> dict[str, tuple[str, ...]]:
+def _signals(contents: Contents) -> dict[str, tuple[str, ...]]:
     """The names of all signals in a log, by topic."""
-    found = {}
-    for channel in summary.channels.values():
+    names = {}
+    for channel in contents.channels.values():
         with contextlib.suppress(DamageError):  # of another kind
-            found[channel.topic] = signal_names(channel, summary.schemas[channel.schema_id])
-    return found
+            names[channel.topic] = signal_names(channel, contents.schemas[channel.schema_id])
+    return names
 
 
 def _unreadable(path: str | Path, error: Exception) -> LogError:

@@ -1,7 +1,8 @@
 """Make a readable log of a file that was cut off: killed with its process, or on a disk that went full."""
 
+import contextlib
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from cranectl.log import schema, topics
-from cranectl.log.assemble import Block, assembled, channels_of, check_group, decoded
+from cranectl.log.assemble import Block, assembled, blocks_of, row_width
 from cranectl.log.consistency import Outcome
-from cranectl.log.formats import parse_header
 from cranectl.log.header import LogHeader
 from cranectl.log.messages import streams
-from cranectl.log.reader import check_begin, opened
-from cranectl.log.salvage import Salvage, salvage
-from cranectl.log.schema import row_layout
+from cranectl.log.reader import check_begin, header_of, opened
 from cranectl.log.stream import Stream
 from cranectl.log.writer import check_writable, run_metadata, write_container
+from cranectl.mcap_columns.chunks import Content
+from cranectl.mcap_columns.contents import Contents, columns_of
+from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
@@ -65,24 +66,27 @@ def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
     with opened(source, remedy="run the scenario again") as stream:
         check_begin(source, stream)
         place = _place(source, out)
-        found = salvage(stream)
-        if not found.chunks:
+        contents, chunks = Contents(stream.seek(0, 2)), list[Content]()
+        with contextlib.suppress(DamageError):
+            for content in contents.chunks(stream):
+                chunks.append(content)
+        if not chunks:
             raise _nothing(source)
-        attachments = {name: attachment.data for name, attachment in found.attachments.items()}
-        header = parse_header(str(source), found.metadata, attachments)
-        runs = _runs(header, found)
+        header = header_of(source, contents)
+        runs = _runs(header, contents, chunks)
     if not any(len(run.time_ns) for run in runs.values()):
         raise _nothing(source)
-    lost = 0 if found.finished else found.size - found.stop
-    metadata = {**found.metadata, **{f"run/{plant}": _metadata(run) for plant, run in runs.items()}}
+    lost = 0 if contents.finished else contents.size - contents.stop
+    metadata = {**contents.metadata, **{f"run/{plant}": _metadata(run) for plant, run in runs.items()}}
     if lost:
         metadata["recovered"] = {"source": source.name, "lost_bytes": str(lost)}
-    write_container(place, metadata, list(found.attachments.values()), _streams(header, found, runs))
+    put_right = _streams(header, _saved(contents, chunks), runs)
+    write_container(place, metadata, list(contents.attachments.values()), put_right)
     return Recovery(
         source=str(source),
         log=str(place),
-        messages=found.count,
-        size=found.size,
+        messages=contents.messages.total(),
+        size=contents.size,
         lost=lost,
         runs=tuple(_recovered(run, header.outcomes.get(plant)) for plant, run in runs.items()),
     )
@@ -112,15 +116,9 @@ def _place(source: Path, out: str | Path | None) -> Path:
     return place
 
 
-def _runs(header: LogHeader, found: Salvage) -> dict[str, Run]:
+def _runs(header: LogHeader, contents: Contents, chunks: Sequence[Content]) -> dict[str, Run]:
     """The runs, each cut to the samples that all its groups have."""
-    groups = header.groups()
-    channels = channels_of(found.channels.values(), groups)
-    blocks = {topic: Block.empty(len(group)) for topic, group in groups.items()}
-    for topic, channel in channels.items():
-        check_group(channel, found.schemas[channel.schema_id], groups[topic])
-        column = found.column(channel, row_layout(len(groups[topic])).itemsize)
-        blocks[topic] = decoded(topic, column, len(groups[topic]))
+    blocks = blocks_of(header, contents, columns_of(contents, chunks, row_width))
     return {plant: _run(header, plant, blocks) for plant in header.plants}
 
 
@@ -129,23 +127,37 @@ def _run(header: LogHeader, plant: str, blocks: Mapping[str, Block]) -> Run:
     samples = min(len(block.time_ns) for block in own.values())
     cut = {topic: Block(block.time_ns[:samples], block.values[:samples]) for topic, block in own.items()}
     end_ns = max((int(block.time_ns[-1]) for block in cut.values() if samples), default=header.clock.begin_ns)
-    said = header.outcomes.get(plant)
-    outcome = said if said and said.samples == samples else Outcome(RunStatus.INTERRUPTED, end_ns, samples)
+    outcome = header.outcomes.get(plant)
+    if outcome is None or outcome.samples != samples:
+        outcome = Outcome(RunStatus.INTERRUPTED, end_ns, samples)
     return assembled(header, plant, {**blocks, **cut}, outcome)
 
 
-def _streams(header: LogHeader, found: Salvage, runs: Mapping[str, Run]) -> list[Stream]:
-    """The messages that were saved, with what they say of the outcome put right."""
+def _saved(contents: Contents, chunks: Sequence[Content]) -> Iterator[Stream]:
+    """All messages, channel by channel, whatever their lengths."""
+    rows: dict[int, list[tuple[int, bytes]]] = {number: [] for number in contents.channels}
+    for content in chunks:
+        for number, time_ns, start, stop in content.table.tolist():
+            rows[number].append((time_ns, content.data[start:stop].tobytes()))
+    for number, channel in contents.channels.items():
+        definition = contents.schemas[channel.schema_id]
+        time_ns = np.array([time_ns for time_ns, _ in rows[number]], dtype=np.int64)
+        messages = [message for _, message in rows[number]]
+        yield Stream(channel.topic, definition.name, definition.data, time_ns, messages, channel.metadata)
+
+
+def _streams(header: LogHeader, whole: Iterable[Stream], runs: Mapping[str, Run]) -> list[Stream]:
+    """The messages that are whole, with what they say of the outcome put right."""
     signals = header.groups().keys() - {topics.REFERENCE_LOAD}
     verdicts = {topics.difference_topic(topics.VERDICT, plant) for plant in ("", *runs)}
-    told = {topics.LOG, *(topics.status_topic(plant) for plant in runs)}
+    changes = {topics.LOG, *(topics.status_topic(plant) for plant in runs)}
     made = {stream.topic: _with_versions(stream, header) for stream in streams(list(runs.values()))}
-    saved = {stream.topic: _until(stream, runs) for stream in found.streams()}
+    saved = {stream.topic: _until(stream, runs) for stream in whole}
     ends = [run.end_ns for run in runs.values()]
     for topic, stream in made.items():
         if topic in {topics.RUN_INFO} | verdicts | signals or topic not in saved:
             saved[topic] = stream
-        elif topic in told:
+        elif topic in changes:
             saved[topic] = _ended(saved[topic], stream, ends)
     return sorted(saved.values(), key=lambda stream: [*made, stream.topic].index(stream.topic))
 
@@ -161,15 +173,12 @@ def _until(stream: Stream, runs: Mapping[str, Run]) -> Stream:
 
 
 def _ended(saved: Stream, made: Stream, ends: Collection[int]) -> Stream:
-    """What was told during the runs, and what is to be told of their ends."""
-    known = set(zip(saved.time_ns.tolist(), saved.messages, strict=True))
-    told = zip(made.time_ns.tolist(), made.messages, strict=True)
-    new = [(time, message) for time, message in told if time in ends and (time, message) not in known]
-    times = np.array([time for time, _ in new], dtype=np.int64)
-    time_ns = np.concatenate([saved.time_ns, times])
-    order = np.argsort(time_ns, kind="stable")
-    messages = [*saved.messages, *(message for _, message in new)]
-    return replace(saved, time_ns=time_ns[order], messages=[messages[k] for k in order.tolist()])
+    """What was written during the runs, and what is to be written of their ends."""
+    known = list(zip(saved.time_ns.tolist(), saved.messages, strict=True))
+    new = [row for row in zip(made.time_ns.tolist(), made.messages, strict=True) if row[0] in ends]
+    rows = sorted([*known, *(row for row in new if row not in known)], key=lambda row: row[0])
+    time_ns = np.array([time_ns for time_ns, _ in rows], dtype=np.int64)
+    return replace(saved, time_ns=time_ns, messages=[message for _, message in rows])
 
 
 def _with_versions(stream: Stream, header: LogHeader) -> Stream:
@@ -177,20 +186,20 @@ def _with_versions(stream: Stream, header: LogHeader) -> Stream:
     if stream.topic != topics.RUN_INFO or header.versions == provenance():
         return stream
     name = stream.schema_name.removeprefix(f"{schema.PACKAGE}.")
-    said = schema.decode(stream.schema, name, stream.messages[0])
-    said["versions"] = ", ".join(f"{name} {version}" for name, version in header.versions.items())
-    return replace(stream, messages=[schema.encode(stream.schema, name, said)])
+    values = schema.decode(stream.schema, name, stream.messages[0])
+    values["versions"] = ", ".join(f"{name} {version}" for name, version in header.versions.items())
+    return replace(stream, messages=[schema.encode(stream.schema, name, values)])
 
 
 def _metadata(run: Run) -> dict[str, str]:
     return run_metadata(run.status, run.end_ns, len(run.time_ns))
 
 
-def _recovered(run: Run, said: Outcome | None) -> RecoveredRun:
+def _recovered(run: Run, outcome: Outcome | None) -> RecoveredRun:
     return RecoveredRun(
         plant=run.plant,
         status=run.status.label,
         end_s=run.end_s,
         samples=len(run.time_ns),
-        expected=said.samples if said else None,
+        expected=outcome.samples if outcome else None,
     )

@@ -18,6 +18,7 @@ DIFFERENCE_GROUPS = (
     SignalGroup("load", "LoadDifference", "reference plant minus another", LOAD.signals),
 )
 
+DIFFERENCES = "/diff/"
 VERDICT = "verdict"
 DISTANCE = SignalGroup(
     "distance",
@@ -37,7 +38,7 @@ def plant_topic(plant: str, group: str) -> str:
 
 def difference_topic(group: str, plant: str = "") -> str:
     """Topic of the difference from the reference plant; of `plant`, where a log has several others."""
-    return f"/diff/{plant}/{group}" if plant else f"/diff/{group}"
+    return f"{DIFFERENCES}{plant}/{group}" if plant else f"{DIFFERENCES}{group}"
 
 
 def status_topic(plant: str) -> str:

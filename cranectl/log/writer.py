@@ -22,7 +22,7 @@ from cranectl.log import formats
 from cranectl.log.consistency import check_runs
 from cranectl.log.messages import streams
 from cranectl.log.stream import Stream
-from cranectl.mcap_columns.container import open_container
+from cranectl.mcap_columns.contents import read_end
 from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -196,6 +196,6 @@ def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
 def check_complete(path: Path, sent: int) -> None:
     """The writer drops messages rather than fail: count what has arrived."""
     with path.open("rb") as stream:
-        written = open_container(stream).statistics.message_count
+        written = read_end(stream, path.stat().st_size).messages
     if written != sent:
         raise OSError(f"only {written} of {sent} messages were written")

@@ -4,12 +4,11 @@ mcap's own iterator makes an object of every message. Here the messages of a chu
 and the messages of a channel, if they all have one length, the rows of an array.
 """
 
-import io
 import threading
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import lz4.frame
 import numpy as np
@@ -18,17 +17,14 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from numpy.typing import NDArray
 
-from cranectl.mcap_columns.records import PIECE, PREFIX, DamageError, check_crc
+from cranectl.mcap_columns.records import PREFIX, DamageError, check_crc
 from cranectl.support.jit import jit
 
 MAX_CHUNK = 16 * 2**20  # [bytes] unpacked; cranectl writes 64 KiB, other writers 1 to 4 MiB
-MAX_CHANNELS = 2**16
 
 _MESSAGE, _SCHEMA, _CHANNEL = int(Opcode.MESSAGE), int(Opcode.SCHEMA), int(Opcode.CHANNEL)
-_MESSAGE_INDEX = int(Opcode.MESSAGE_INDEX)
 _PREFIX = PREFIX.size
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
-_INDEX_HEAD = 6  # channel, length of the entries
 _LEAST = 14  # [bytes] the shortest record in a chunk, a schema of empty strings
 
 Bytes = NDArray[np.uint8]
@@ -50,13 +46,6 @@ class Content:
     table: Integers  # (N, 4): channel, time [ns], start, stop of each message
     definitions: tuple[tuple[int, bytes], ...]  # opcode and body of each schema and channel record
 
-    def column(self, channel: int, width: int) -> Column:
-        """The messages of a channel; raises DamageError unless each has `width` bytes."""
-        time_ns, messages = rows_of(self.data, self.table, channel, width)
-        if len(messages) < len(time_ns):
-            raise DamageError(f"a message of signals has not the {width} bytes of its type")
-        return Column(time_ns, messages)
-
 
 def unpack(chunk: Chunk) -> Content:
     """The records of a chunk; raises DamageError for one that is not exactly what its head says.
@@ -67,11 +56,8 @@ def unpack(chunk: Chunk) -> Content:
     table, definitions, stop = record_tables(data)
     if stop < len(data):
         raise DamageError(f"byte {stop} of a chunk begins no record that could be there")
-    first, last = (int(table[:, 1].min()), int(table[:, 1].max())) if len(table) else (0, 0)
-    if (first, last) != (chunk.message_start_time, chunk.message_end_time):
-        raise DamageError("the times of a chunk are not those of its messages")
-    found = tuple((opcode, data[start:stop].tobytes()) for opcode, start, stop in definitions.tolist())
-    return Content(data, table, found)
+    bodies = tuple((opcode, data[start:stop].tobytes()) for opcode, start, stop in definitions.tolist())
+    return Content(data, table, bodies)
 
 
 def joined(columns: Sequence[Column], width: int) -> Column:
@@ -85,8 +71,10 @@ def _inflated(chunk: Chunk) -> bytes:
     size = chunk.uncompressed_size
     if size > MAX_CHUNK:
         raise DamageError(f"a chunk claims to unpack to {size} bytes, more than {MAX_CHUNK}")
+    if chunk.compression not in _INFLATE:
+        raise DamageError(f"a chunk is compressed with '{chunk.compression[:20]}', neither zstd nor lz4")
     try:
-        data = _at_most(_opened(chunk), size + 1) if chunk.compression != "zstd" else _expanded(chunk)
+        data = _INFLATE[chunk.compression](chunk.data, size)
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise DamageError(f"a chunk cannot be unpacked: {error}") from None
     if len(data) != size:
@@ -106,34 +94,24 @@ class _OfThread(threading.local):
 _of_thread = _OfThread()
 
 
-def _expanded(chunk: Chunk) -> bytes:
-    """At most as many bytes as the chunk claims; a frame that claims more itself would be given the room."""
-    size = chunk.uncompressed_size
-    if zstandard.frame_content_size(chunk.data) > size:
+def _zstd(data: bytes, size: int) -> bytes:
+    # A frame that claims more itself would be given the room.
+    if zstandard.frame_content_size(data) > size:
         raise DamageError(f"a chunk unpacks to more than {size} bytes")
-    return _of_thread.zstd.decompress(chunk.data, max_output_size=max(size, 1))
+    return _of_thread.zstd.decompress(data, max_output_size=max(size, 1))
 
 
-class _Reader(Protocol):
-    def read(self, size: int, /) -> bytes: ...
+def _lz4(data: bytes, size: int) -> bytes:
+    inflated: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+    return inflated
 
 
-def _opened(chunk: Chunk) -> _Reader:
-    packed = io.BytesIO(chunk.data)
-    if chunk.compression == "lz4":
-        reader: _Reader = lz4.frame.open(packed)
-        return reader
-    if chunk.compression == "":
-        return packed
-    raise DamageError(f"a chunk is compressed with '{chunk.compression[:20]}', neither zstd nor lz4")
-
-
-def _at_most(reader: _Reader, size: int) -> bytes:
-    pieces = []
-    while size > 0 and (piece := reader.read(min(size, PIECE))):
-        pieces.append(piece)
-        size -= len(piece)
-    return b"".join(pieces)
+# By compression: at most about as many bytes as a chunk claims.
+_INFLATE: dict[str, Callable[[bytes, int], bytes]] = {
+    "": lambda data, _: data,
+    "lz4": _lz4,
+    "zstd": _zstd,
+}
 
 
 @jit
@@ -186,39 +164,6 @@ def rows_of(data: Bytes, table: Integers, channel: int, width: int) -> tuple[Int
                 messages[n, k] = data[start + k]
             n += 1
     return time_ns, messages
-
-
-@jit
-def add_counts(table: Integers, counts: Integers) -> None:
-    """Add the messages in a table of a chunk to `counts` (MAX_CHANNELS,) by channel."""
-    for row in range(len(table)):
-        counts[table[row, 0]] += 1
-
-
-@jit
-def count_indexes(data: Bytes, table: Integers) -> int:
-    """The number of message index records in `data`; -1 unless their entries are the messages in `table`."""
-    size, at, records, entries = len(data), 0, 0, 0
-    while at < size:
-        length = little_endian(data, at + 1, 8) if size - at >= _PREFIX + _INDEX_HEAD else 0
-        entry, stop = at + _PREFIX + _INDEX_HEAD, at + _PREFIX + length
-        if data[at] != _MESSAGE_INDEX or not _INDEX_HEAD <= length <= size - at - _PREFIX:
-            return -1
-        if little_endian(data, entry - 4, 4) != stop - entry or (stop - entry) % 16:
-            return -1
-        channel = little_endian(data, entry - _INDEX_HEAD, 2)
-        while entry < stop:
-            start = little_endian(data, entry + 8, 8) + _PREFIX + _MESSAGE_HEAD
-            row = np.searchsorted(table[:, 2], start)
-            if row == len(table) or table[row, 2] != start:
-                return -1
-            if table[row, 0] != channel or table[row, 1] != little_endian(data, entry, 8):
-                return -1
-            entry += 16
-            entries += 1
-        at = stop
-        records += 1
-    return records if entries == len(table) else -1
 
 
 @jit

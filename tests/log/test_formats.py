@@ -19,7 +19,7 @@ from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
 from cranectl.support.provenance import FINGERPRINTS
-from tests.log.forge import put_together, take_apart
+from tests.log.corruption import put_together, take_apart
 
 SAMPLES = Path(__file__).parent / "samples"
 

@@ -7,29 +7,18 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, Message, Schema
+from mcap.records import Channel, Message, Schema
 
 from cranectl.log import describe_log, read_log, read_signal, write_log
 from cranectl.log.schema import decode_rows
-from cranectl.mcap_columns import container
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
 from tests.conftest import closed_loop
 from tests.controllers.test_flat import robust_design
-from tests.log.forge import SIGNAL, put_together, small_log, take_apart
+from tests.log.corruption import SIGNAL, put_together, take_apart
 from tests.log.test_log import assert_same
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return small_log(tmp_path_factory.mktemp("reader"))
-
-
-@pytest.fixture(scope="module")
-def runs(log: Path) -> dict[str, Run]:
-    return read_log(log)
 
 
 def by_mcap(path: Path, topic: str) -> tuple[list[int], list[bytes]]:
@@ -90,28 +79,6 @@ def test_the_nearest_signal_is_proposed(log: Path) -> None:
     with pytest.raises(InputError) as caught:
         read_signal(log, "mujoco/state.alfa")
     assert caught.value.remedy == "did you mean 'mujoco/state.alpha'?"
-
-
-def test_for_one_signal_only_chunks_with_its_topic_are_unpacked(
-    log: Path, tmp_path: Path, runs: dict[str, Run], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    parts = take_apart(log)
-    before = len(parts.chunks)
-    last = [message.log_time for message in parts.messages("/mujoco/state")][-1]
-    parts.chunks += [[replace(m, log_time=last + 1)] for m in parts.messages("/tf")]
-    path = tmp_path / "more.mcap"
-    path.write_bytes(put_together(parts))
-    unpacked = []
-
-    def counted(chunk: Chunk) -> object:
-        unpacked.append(chunk)
-        return unpack(chunk)
-
-    unpack = container.unpack
-    monkeypatch.setattr(container, "unpack", counted)
-    _, values = read_signal(path, SIGNAL)
-    assert values.tobytes() == runs["mujoco"].signal("state.alpha").tobytes()
-    assert len(unpacked) == before < len(parts.chunks)
 
 
 def test_names_that_no_file_can_have() -> None:

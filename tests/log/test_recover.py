@@ -22,16 +22,11 @@ from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
-from tests.log.forge import put_together, small_log, take_apart
-from tests.log.test_fuzz import places
+from tests.log.corruption import put_together, take_apart
+from tests.log.test_damaged import places
 from tests.log.test_log import messages_of
 
 CHUNK = 6  # opcode
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return small_log(tmp_path_factory.mktemp("recover"))
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,7 @@
-"""Files that lie: all is right about each, checksums, counts and offsets too, but for one thing."""
+"""Corrupted files: all is right about each, checksums too, but for one thing."""
 
 import functools
 import json
-import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -22,7 +21,6 @@ from mcap.records import (
     ChunkIndex,
     DataEnd,
     Footer,
-    Header,
     McapRecord,
     Message,
     MessageIndex,
@@ -32,25 +30,33 @@ from mcap.records import (
     Statistics,
 )
 
-from cranectl.log import read_log, read_signal
+from cranectl.log import describe_log, read_log, read_signal
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError, LogError
-from tests.log.forge import SIGNAL, Edit, Parts, put_together, small_log, take_apart, written
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return small_log(tmp_path_factory.mktemp("lies"))
-
-
-@pytest.fixture(scope="module")
-def runs(log: Path) -> dict[str, Run]:
-    return read_log(log)
+from tests.log.corruption import (
+    SIGNAL,
+    Change,
+    Edit,
+    Parts,
+    also,
+    both,
+    claims,
+    every_message,
+    meta,
+    moved,
+    number,
+    on,
+    put,
+    put_together,
+    take_apart,
+    without,
+    written,
+)
 
 
 def refuse(data: bytes, directory: Path, text: str, runs: dict[str, Run]) -> None:
     """`read_log` must refuse the file for this reason, and `read_signal` return nothing wrong."""
-    path = directory / "lie.mcap"
+    path = directory / "corrupted.mcap"
     path.write_bytes(data)
     with pytest.raises(LogError, match=text) as caught:
         read_log(path)
@@ -75,100 +81,34 @@ class Private(McapRecord):
         stream.finish_record()
 
 
-def on(kind: type, change: Callable[[Any], list[McapRecord]], *, nth: int = 0) -> Edit:
-    """Change the nth record of a kind outside chunks."""
-    count = -1
-
-    def edit(record: McapRecord) -> list[McapRecord]:
-        nonlocal count
-        count += isinstance(record, kind)
-        return change(record) if isinstance(record, kind) and count == nth else [record]
-
-    return edit
-
-
-def lies(kind: type, **values: Any) -> Edit:
-    return on(kind, lambda record: [replace(record, **values)])
-
-
-def moved(kind: type, **by: int) -> Edit:
-    """Add to numbers of a record."""
-    return on(kind, lambda r: [replace(r, **{name: getattr(r, name) + step for name, step in by.items()})])
-
-
 # The file as a container.
 
+TERABYTE_FRAME = b"\x28\xb5\x2f\xfd\xc0\x48" + (2**40).to_bytes(8, "little") + b"\x01\x00\x00"
 OUTSIDE: dict[str, tuple[Edit, str]] = {
     "chunk that claims a byte more": (moved(Chunk, uncompressed_size=1), "only"),
     "chunk that claims a byte less": (moved(Chunk, uncompressed_size=-1), "more than"),
-    "chunk that claims a terabyte": (lies(Chunk, uncompressed_size=2**40), "claim to unpack"),
-    "chunk of another time": (moved(Chunk, message_end_time=1), "contradict|times of a chunk"),
-    "chunk that begins earlier": (lies(Chunk, message_start_time=2**63), "contradict|times of a chunk"),
-    "chunk of unknown compression": (lies(Chunk, compression="xz"), "'xz', neither zstd nor lz4"),
-    "chunk that is no zstd": (lies(Chunk, data=b"no zstd at all"), "cannot be unpacked"),
-    "chunk whose frame claims a terabyte": (
-        lies(Chunk, data=b"\x28\xb5\x2f\xfd\xc0\x48" + (2**40).to_bytes(8, "little") + b"\x01\x00\x00"),
-        "more than",
-    ),
-    "chunk that is no lz4": (lies(Chunk, compression="lz4"), "cannot be unpacked"),
+    "chunk that claims a terabyte": (claims(Chunk, uncompressed_size=2**40), "claims to unpack"),
+    "chunk of unknown compression": (claims(Chunk, compression="xz"), "'xz', neither zstd nor lz4"),
+    "chunk that is no zstd": (claims(Chunk, data=b"no zstd at all"), "cannot be unpacked"),
+    "chunk whose frame claims a terabyte": (claims(Chunk, data=TERABYTE_FRAME), "more than"),
+    "chunk that is no lz4": (claims(Chunk, compression="lz4"), "cannot be unpacked"),
     "chunk that is cut off": (on(Chunk, lambda c: [replace(c, data=c.data[:-20])]), "unpack"),
     "checksum of a chunk": (moved(Chunk, uncompressed_crc=1), "checksum of a chunk"),
-    "checksum of the data": (lies(DataEnd, data_section_crc=1), "checksum of the data"),
-    "checksum of the summary": (lies(Footer, summary_crc=1), "checksum of the summary"),
-    "chunk twice": (on(Chunk, lambda c: [c, c]), "contradict|messages"),
-    "chunk missing": (on(Chunk, lambda _: []), "contradict|messages"),
-    "chunk index elsewhere": (moved(ChunkIndex, chunk_start_offset=1), "in doubt"),
-    "chunk index at another chunk": (lies(ChunkIndex, chunk_start_offset=8), "in doubt"),
-    "chunk index too long": (moved(ChunkIndex, chunk_length=1), "in doubt"),
-    "chunk index that splits otherwise": (
-        moved(ChunkIndex, chunk_length=-1, message_index_length=1),
-        "no chunk record|where",
-    ),
-    "chunk index of another size": (moved(ChunkIndex, uncompressed_size=1), "not what the summary says"),
-    "chunk index of another time": (moved(ChunkIndex, message_end_time=-1), "not what the summary says"),
-    "chunk index twice": (on(ChunkIndex, lambda i: [i, i]), "twice"),
-    "chunk index missing": (on(ChunkIndex, lambda _: []), "in doubt"),
-    "chunk index of a bomb": (lies(ChunkIndex, uncompressed_size=2**62), "claim to unpack"),
-    "messages indexed elsewhere": (
-        on(ChunkIndex, lambda i: [replace(i, message_index_offsets={1: 8})]),
-        "indexed wrongly",
-    ),
-    "messages of a channel not indexed": (
-        on(ChunkIndex, lambda i: [replace(i, message_index_offsets={1: i.message_index_offsets[1]})]),
-        "indexed wrongly",
-    ),
-    "message index of another channel": (moved(MessageIndex, channel_id=1), "indexed wrongly"),
+    "checksum of the data": (claims(DataEnd, data_section_crc=1), "checksum of the data"),
+    "checksum of the summary": (claims(Footer, summary_crc=1), "checksum of the summary"),
+    "chunk twice": (on(Chunk, lambda c: [c, c]), r"it has \d+ of \d+ messages"),
+    "chunk missing": (on(Chunk, lambda _: [], nth=1), r"it has \d+ of \d+ messages"),
+    "first chunk missing": (on(Chunk, lambda _: []), "channel that is not defined"),
     "statistics missing": (on(Statistics, lambda _: []), "0 statistics"),
     "statistics twice": (on(Statistics, lambda s: [s, s]), "2 statistics"),
-    "one message more": (moved(Statistics, message_count=1), "contradict"),
-    "a channel more": (moved(Statistics, channel_count=1), "contradict"),
-    "a schema more": (moved(Statistics, schema_count=1), "contradict"),
-    "a chunk more": (moved(Statistics, chunk_count=1), "contradict"),
-    "an attachment more": (moved(Statistics, attachment_count=1), "contradict"),
-    "metadata more": (moved(Statistics, metadata_count=1), "contradict"),
-    "later end": (moved(Statistics, message_end_time=1), "contradict"),
-    "earlier start": (lies(Statistics, message_start_time=5), "contradict"),
-    "no counts": (
-        on(Statistics, lambda s: [replace(s, channel_message_counts={}, message_count=0)]),
-        "of 0 m",
-    ),
-    "attachment index elsewhere": (moved(AttachmentIndex, offset=1), "in doubt"),
-    "attachment index missing": (on(AttachmentIndex, lambda _: []), "in doubt|contradict"),
-    "metadata index elsewhere": (moved(MetadataIndex, offset=1), "in doubt"),
-    "metadata index twice": (on(MetadataIndex, lambda i: [i, i]), "twice"),
-    "unknown record among the data": (on(Attachment, lambda a: [a, Private()]), "in doubt"),
-    "unknown record in the summary": (on(Statistics, lambda s: [Private(), s]), "does not belong"),
-    "header twice": (on(Header, lambda header: [header, header]), "in doubt"),
-    "no header": (on(Header, lambda _: []), "header"),
-    "message outside chunks": (on(Attachment, lambda a: [a, Message(1, 0, b"", 0, 0)]), "in doubt"),
+    "one message more": (moved(Statistics, message_count=1), r"it has \d+ of \d+ messages"),
+    "unknown record among the data": (on(Attachment, lambda a: [a, Private()]), "does not belong"),
+    "message outside chunks": (on(Attachment, lambda a: [a, Message(1, 0, b"", 0, 0)]), "does not belong"),
     "no end of the data": (on(DataEnd, lambda _: []), "no data end record|claims"),
-    "no summary": (lies(Footer, summary_start=0, summary_crc=0), "no summary"),
-    "summary outside the file": (lies(Footer, summary_start=2**40, summary_crc=0), "summary would start"),
-    "summary within the data": (moved(Footer, summary_start=-30), "checksum|no data end|summary"),
-    "schema missing": (on(Schema, lambda _: []), "not defined"),
-    "channel missing": (on(Channel, lambda _: []), "contradict"),
-    "channel twice": (on(Channel, lambda c: [c, c]), "twice"),
-    "channel of another topic": (lies(Channel, topic="/notes"), "what the summary does not"),
+    "data that end twice": (on(Attachment, lambda a: [DataEnd(0), a]), "data end at byte"),
+    "no summary": (claims(Footer, summary_start=0, summary_crc=0), "summary would start"),
+    "summary outside the file": (claims(Footer, summary_start=2**40, summary_crc=0), "summary would start"),
+    "summary within the data": (moved(Footer, summary_start=-30), "checksum|no data end"),
 }
 
 
@@ -178,12 +118,48 @@ def test_a_file_that_contradicts_itself(log: Path, tmp_path: Path, runs: dict[st
     refuse(put_together(take_apart(log), edit), tmp_path, text, runs)
 
 
+ASIDE: dict[str, Edit] = {
+    "times of a chunk": claims(Chunk, message_start_time=2**63),
+    "chunk index elsewhere": moved(ChunkIndex, chunk_start_offset=1),
+    "chunk index at another chunk": claims(ChunkIndex, chunk_start_offset=8),
+    "chunk index of another length": moved(ChunkIndex, chunk_length=-1, message_index_length=1),
+    "chunk index of a bomb": claims(ChunkIndex, uncompressed_size=2**62),
+    "chunk index twice": on(ChunkIndex, lambda index: [index, index]),
+    "chunk index missing": on(ChunkIndex, lambda _: []),
+    "messages indexed elsewhere": claims(ChunkIndex, message_index_offsets={1: 8}),
+    "message index of another channel": moved(MessageIndex, channel_id=1),
+    "attachment index elsewhere": moved(AttachmentIndex, offset=1),
+    "metadata index missing": on(MetadataIndex, lambda _: []),
+    "other counts": moved(
+        Statistics, channel_count=1, chunk_count=-1, attachment_count=1, message_end_time=1
+    ),
+    "no counts by channel": claims(Statistics, channel_message_counts={}),
+    "channel of another topic": claims(Channel, topic="/notes"),
+    "schema of the summary missing": on(Schema, lambda _: []),
+    "unknown record in the summary": on(Statistics, lambda s: [Private(), s]),
+}
+
+
+@pytest.mark.parametrize("name", ASIDE)
+def test_nothing_is_taken_from_indexes(log: Path, tmp_path: Path, runs: dict[str, Run], name: str) -> None:
+    """What only readers need that jump may be wrong: what is read and said is that of the records."""
+    path = tmp_path / "small.mcap"
+    path.write_bytes(put_together(take_apart(log), ASIDE[name]))
+    assert path.read_bytes() != put_together(take_apart(log))
+    for plant, run in read_log(path).items():
+        assert run.table.tobytes() == runs[plant].table.tobytes()
+        assert run.reference.tobytes() == runs[plant].reference.tobytes()
+    assert read_signal(path, SIGNAL)[1].tobytes() == runs["mujoco"].signal("state.alpha").tobytes()
+    described = [replace(describe_log(each), path="", size_bytes=0) for each in (path, log)]
+    assert described[0] == described[1]
+
+
 # What it contains.
 
 STATE = "/mujoco/state"
 
 
-def definition(change: Callable[[Any], None]) -> Callable[[Parts], None]:
+def definition(change: Callable[[Any], None]) -> Change:
     """Change the message type of the state of MuJoCo."""
 
     def apply(parts: Parts) -> None:
@@ -221,7 +197,7 @@ def repeat_type(file: Any) -> None:
     file.message_type.add().CopyFrom(file.message_type[0])
 
 
-def schema(**values: Any) -> Callable[[Parts], None]:
+def schema(**values: Any) -> Change:
     def apply(parts: Parts) -> None:
         wanted = parts.channel(STATE).schema_id
         vars(next(s for s in parts.definitions(Schema) if s.id == wanted)).update(values)
@@ -229,7 +205,7 @@ def schema(**values: Any) -> Callable[[Parts], None]:
     return apply
 
 
-def channel(**values: Any) -> Callable[[Parts], None]:
+def channel(**values: Any) -> Change:
     return lambda parts: vars(parts.channel(STATE)).update(values)
 
 
@@ -238,43 +214,15 @@ def unit(parts: Parts) -> None:
     metadata["alpha"] = metadata["alpha"].replace("[rad]", "[deg]")
 
 
-def meta(name: str, **values: str | None) -> Callable[[Parts], None]:
-    def apply(parts: Parts) -> None:
-        metadata = parts.meta(name).metadata
-        metadata.update({key: value for key, value in values.items() if value is not None})
-        for key in (key for key, value in values.items() if value is None):
-            del metadata[key]
-
-    return apply
-
-
-def without(name: str) -> Callable[[Parts], None]:
-    def apply(parts: Parts) -> None:
-        parts.metadata = [metadata for metadata in parts.metadata if metadata.name != name]
-        parts.attachments = [attachment for attachment in parts.attachments if attachment.name != name]
-
-    return apply
-
-
-def text(name: str, data: bytes) -> Callable[[Parts], None]:
+def text(name: str, data: bytes) -> Change:
     return lambda parts: vars(parts.attachment(name)).update(data=data)
 
 
-def values(name: str, **new: Any) -> Callable[[Parts], None]:
-    """Put values into a table of JSON."""
-
-    def apply(parts: Parts) -> None:
-        attachment = parts.attachment(name)
-        attachment.data = json.dumps({**json.loads(attachment.data), **new}).encode()
-
-    return apply
-
-
-def message(nth: int, **values: Any) -> Callable[[Parts], None]:
+def message(nth: int, **values: Any) -> Change:
     return lambda parts: vars(parts.messages(STATE)[nth]).update(values)
 
 
-def body(change: Callable[[bytes], bytes]) -> Callable[[Parts], None]:
+def body(change: Callable[[bytes], bytes]) -> Change:
     def apply(parts: Parts) -> None:
         parts.messages(STATE)[7].data = change(parts.messages(STATE)[7].data)
 
@@ -283,14 +231,7 @@ def body(change: Callable[[bytes], bytes]) -> Callable[[Parts], None]:
 
 def drop_message(parts: Parts) -> None:
     lost = parts.messages(STATE)[7]
-    for chunk in parts.chunks:
-        chunk[:] = [record for record in chunk if record is not lost]
-
-
-def drop_sample(parts: Parts) -> None:
-    time_ns = parts.messages(STATE)[7].log_time
-    for chunk in parts.chunks:
-        chunk[:] = [r for r in chunk if not isinstance(r, Message) or r.log_time != time_ns]
+    every_message(lambda m: None if m is lost else m)(parts)
 
 
 def swap_messages(parts: Parts) -> None:
@@ -306,11 +247,7 @@ def define_otherwise(parts: Parts) -> None:
     parts.chunks[1].append(replace(parts.channel(STATE), topic="/other"))
 
 
-def define_often(parts: Parts) -> None:
-    parts.chunks[0] += [parts.channel(STATE)] * 1000
-
-
-def add(record: bytes | McapRecord) -> Callable[[Parts], None]:
+def add(record: bytes | McapRecord) -> Change:
     return lambda parts: parts.chunks[1].append(record)
 
 
@@ -318,51 +255,10 @@ def repeat_chunk(parts: Parts) -> None:
     parts.chunks.append(parts.chunks[1])
 
 
-def reverse_chunks(parts: Parts) -> None:
-    parts.chunks.reverse()
+def swap_chunks(parts: Parts) -> None:
+    parts.chunks[1:3] = parts.chunks[2:0:-1]
 
 
-def number(topic: str, nth: int, signal: int, change: Callable[[float], float]) -> Callable[[Parts], None]:
-    """Change one number: each takes a byte of tag and eight of its own."""
-
-    def apply(parts: Parts) -> None:
-        message, start = parts.messages(topic)[nth], 9 * signal + 1
-        data = bytearray(message.data)
-        struct.pack_into("<d", data, start, change(*struct.unpack_from("<d", data, start)))
-        message.data = bytes(data)
-
-    return apply
-
-
-def becomes(value: float) -> Callable[[float], float]:
-    return lambda _: value
-
-
-def every_message(change: Callable[[Message], Message | None]) -> Callable[[Parts], None]:
-    """Change or drop messages of all topics."""
-
-    def apply(parts: Parts) -> None:
-        for chunk in parts.chunks:
-            changed = [change(r) if isinstance(r, Message) else r for r in chunk]
-            chunk[:] = [record for record in changed if record is not None]
-
-    return apply
-
-
-def also(*changes: Callable[[Parts], None]) -> Callable[[Parts], None]:
-    def apply(parts: Parts) -> None:
-        for change in changes:
-            change(parts)
-
-    return apply
-
-
-def both(**values: str) -> Callable[[Parts], None]:
-    """Say something of the outcomes of both runs."""
-    return also(*(meta(f"run/{plant}", **values) for plant in ("analytic", "mujoco")))
-
-
-only_the_start = every_message(lambda m: m if m.log_time == 0 else None)
 halved = every_message(lambda m: replace(m, log_time=m.log_time // 2))
 
 
@@ -384,41 +280,24 @@ def raised_reference(parts: Parts) -> None:
             number(topic, nth, 2, lambda z: z + 1.0)(parts)
 
 
-def live(from_ns: str) -> Callable[[Parts], None]:
+def live(from_ns: str) -> Change:
     return lambda parts: parts.metadata.append(Metadata("live", {"from_ns": from_ns}))
-
-
-def gains(factor: float) -> Callable[[Parts], None]:
-    def apply(parts: Parts) -> None:
-        gain = json.loads(parts.attachment("design.json").data)["gain"]
-        values("design.json", gain=[factor * k for k in gain])(parts)
-
-    return apply
-
-
-def pole(nth: int, real: float) -> Callable[[Parts], None]:
-    def apply(parts: Parts) -> None:
-        poles = json.loads(parts.attachment("design.json").data)["closed_loop_poles"]
-        poles[nth] = [real, 0.0]
-        values("design.json", closed_loop_poles=poles)(parts)
-
-    return apply
 
 
 def more_order(parts: Parts) -> None:
     """A robustifier that does nothing, and its poles."""
     poles = json.loads(parts.attachment("design.json").data)["closed_loop_poles"]
     robustifier = {"A": [[-1.0, 0.0], [0.0, -1.0]], "B": [[0.0]] * 2, "C": [[0.0] * 2], "D": [[0.0]]}
-    values("design.json", robustifier=robustifier, closed_loop_poles=[*poles, *[[-1.0, 0.0]] * 2])(parts)
+    put("design.json", robustifier=robustifier, closed_loop_poles=[*poles, *[[-1.0, 0.0]] * 2])(parts)
 
 
-NAN, INFINITE = float("nan"), float("inf")
-LOAD, REFERENCE = "/mujoco/load", "/reference/load"
-INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
+NAN = float("nan")
+REFERENCE = "/reference/load"
+INSIDE: dict[str, tuple[Change, str]] = {
     "fields exchanged": (definition(swap_fields), "has the signals"),
     "numbers of fields exchanged": (definition(swap_numbers), "no row of signals"),
-    "field missing": (definition(drop_field), "has the signals"),
-    "field more": (definition(add_field), "has the signals"),
+    "field missing": (definition(drop_field), "state has not the bytes of its type"),
+    "field more": (definition(add_field), "state has not the bytes of its type"),
     "field of another type": (definition(narrow_field), "no row of signals"),
     "type twice": (definition(repeat_type), "2 such types"),
     "type of another name": (schema(name="cranectl.Load"), "0 such types"),
@@ -433,20 +312,19 @@ INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
     "channel of another plant": (channel(topic="/analytic/state"), "several channels"),
     "channel gone": (channel(topic="/elsewhere"), "0 of 76 samples of mujoco/state"),
     "second channel": (second_channel, "several channels"),
-    "definition that changes": (define_otherwise, "defines what the summary does not"),
-    "definition repeated": (define_often, "defines the same twice"),
+    "definition that changes": (define_otherwise, "an earlier one defines otherwise"),
     "message too short": (body(lambda data: data[:-1]), "bytes of its type"),
     "message too long": (body(lambda data: data + b"\0"), "bytes of its type"),
     "message of other fields": (body(lambda data: b"\x11" + data[1:]), "missing or out of order"),
-    "message of a strange channel": (message(7, channel_id=400), "channel 400 has 1 of|samples"),
+    "message of a strange channel": (message(7, channel_id=400), "channel that is not defined"),
     "message at another time": (message(7, log_time=28_000_001), "other times"),
-    "message before the start": (message(0, log_time=2**64 - 1), "times of a chunk"),
+    "message before the start": (message(0, log_time=2**64 - 1), "other times"),
     "message after the end": (message(-1, log_time=300_000_001), "other times"),
     "message missing": (drop_message, "75 of 76 samples"),
-    "sample missing": (drop_sample, "75 of 76 samples"),
+    "sample missing": (every_message(lambda m: None if m.log_time == 28_000_000 else m), "75 of 76 samples"),
     "messages exchanged": (swap_messages, "do not increase"),
     "chunk repeated": (repeat_chunk, "do not increase"),
-    "chunks in another order": (reverse_chunks, "do not increase"),
+    "chunks in another order": (swap_chunks, "do not increase"),
     "unknown record in a chunk": (add(written(Private())), "begins no record"),
     "record that runs over its chunk": (add(b"\x05" + (500).to_bytes(8, "little")), "begins no record"),
     "record of absurd length": (add(b"\x05" + b"\xff" * 8 + bytes(50)), "begins no record"),
@@ -463,76 +341,27 @@ INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
     "another controller": (meta("cranectl", controller="lqr"), "said to be of fixed-position and lqr"),
     "rate that is no number": (meta("cranectl", every="four"), "'four' is no number"),
     "rate of nothing": (meta("cranectl", every="0"), "no number from 1"),
-    "absurd rate": (meta("cranectl", every="9" * 5000), "not a log this version understands"),
     "strange status": (meta("run/mujoco", status="splendid"), "unknown status 'splendid'"),
     "fewer samples": (meta("run/mujoco", samples="75"), "76 of 75 samples"),
     "negative samples": (meta("run/mujoco", samples="-76"), "'-76' is no number"),
     "end that is no sample": (meta("run/mujoco", end_ns="299999999"), "where it has no control sample"),
-    "end before the last sample": (
-        meta("run/mujoco", end_ns="299000000", status="interrupted"),
-        "last sample of mujoco/state is at 0.3 s, the end at 0.299 s",
-    ),
-    "end long after the last sample": (
-        also(
-            both(end_ns="290000000", status="angle-singular", samples="71"),
-            every_message(lambda m: m if m.log_time < 284_000_000 else None),
-        ),
-        "is at 0.28 s, the end at 0.289 s or 0.29 s",
-    ),
-    "end after that of the scenario": (
-        meta("run/mujoco", end_ns="301000000"), "completed at 0.301 s, its scenario to end at 0.3 s",
-    ),
-    "end before that of the scenario": (
-        meta("run/mujoco", end_ns="200000000"), "completed at 0.2 s, its scenario to end at 0.3 s",
-    ),
-    "end of 400 digits": (meta("run/mujoco", end_ns="9" * 400), "is no number from 0"),
     "end in another century": (meta("run/mujoco", end_ns=str(2**62)), "is no number from 0"),
     "end that is none": (meta("run/mujoco", status="running"), "is no end"),
-    "end without samples": (
-        also(both(samples="0"), every_message(lambda _: None)), "completed at 0.3 s, without a sample",
-    ),
-    "one sample": (
-        also(only_the_start, both(samples="1")), "sample of analytic/state is at 0 s, the end at 0.3 s",
-    ),
     "every 7": (meta("cranectl", every="7"), "not logged every 7 control samples"),
-    "every 2": (meta("cranectl", every="2"), "not logged every 2 control samples"),
-    "every of 400 digits": (meta("cranectl", every="9" * 400), "is no number from 1"),
-    "every of 18 digits": (meta("cranectl", every="9" * 18), "not logged every"),
     "times halved": (halved, "is at 0.15 s, the end at 0.3 s"),
-    "times and end halved": (
-        also(halved, both(end_ns="150000000")), "completed at 0.15 s, its scenario to end at 0.3 s",
-    ),
     "times and duration halved": (
-        also(halved, both(end_ns="150000000"), values("scenario.json", duration=0.15, disturbances=[])),
+        also(halved, both(end_ns="150000000"), put("scenario.json", duration=0.15, disturbances=[])),
         "not logged every 4 control samples",
     ),
-    "times and period halved": (
-        values("scenario.json", control={"period": 0.0005, "physics_step": 0.0005}),
-        "not logged every 4 control samples",
-    ),
-    "take of a session without end": (
-        also(
-            live("0"),
-            both(end_ns=f"{2**61 // 10**9}000000000", status="interrupted"),
-            every_message(
-                lambda m: replace(m, log_time=2**61 // 10**9 * 10**9) if m.log_time == 300_000_000 else m
-            ),
-        ),
-        "not logged every 4 control samples",
-    ),
-    "take of a session that begins later": (live("4000000"), "begins at 0 s instead of 0.004 s"),
-    "take of a session in another century": (live("9" * 400), "is no number from 0"),
+    "segment of a session that begins later": (live("4000000"), "begins at 0 s instead of 0.004 s"),
     "no reference": (without_reference, "0 of 76 samples"),
     "no topic of the reference": (without_topic_of_reference, "0 of 76 samples"),
-    "reference that is no number": (number(REFERENCE, 7, 2, becomes(NAN)), "load.load_z is nan in sample 7"),
     "reference of another crane": (number(REFERENCE, 7, 2, lambda z: z + 1e-12), "not from the reference"),
     "reference of another scenario": (raised_reference, "not that of its scenario"),
     "scenario of another reference": (
-        values("scenario.json", reference={"start": [1.0, 0.77, -0.71]}), "not that of its scenario",
+        put("scenario.json", reference={"start": [1.0, 0.77, -0.71]}), "not that of its scenario",
     ),
-    "state that is no number": (number(STATE, 7, 6, becomes(NAN)), "state.alpha is nan in sample 7"),
-    "state without bound": (number(STATE, -1, 6, becomes(INFINITE)), "state.alpha is inf in sample 75"),
-    "load that is no number": (number(LOAD, -1, 6, becomes(NAN)), "rope_tension is nan in sample 75"),
+    "state that is no number": (number(STATE, 7, 6, lambda _: NAN), "state.alpha is nan in sample 7"),
     "no end": (meta("run/mujoco", end_ns=None), "end_ns"),
     "no outcome": (without("run/mujoco"), "how the run of mujoco ended"),
     "no versions": (without("versions"), "versions"),
@@ -546,26 +375,20 @@ INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
     "scenario that is a list": (text("scenario.json", b"[]"), "no table"),
     "scenario without bottom": (text("scenario.json", b"[" * 100_000), "nests"),
     "scenario without end": (text("scenario.json", b" " * 2_000_000), "is larger than"),
-    "scenario of NaN": (values("scenario.json", duration=NAN), "duration"),
-    "title of half a character": (values("scenario.json", title="\ud800"), "surrogates not allowed"),
-    "scenario of more": (values("scenario.json", extra=1), "unknown key 'extra'"),
+    "scenario of NaN": (put("scenario.json", duration=NAN), "duration"),
+    "title of half a character": (put("scenario.json", title="\ud800"), "surrogates not allowed"),
+    "scenario of more": (put("scenario.json", extra=1), "unknown key 'extra'"),
     "model that is no text": (text("mujoco.xml", b"\xff"), "not a log"),
-    "design of NaN": (values("design.json", gain=[NAN, 1.0, 1.0, 1.0]), "where a number belongs"),
-    "design of text": (values("design.json", gamma="large"), "where a number belongs"),
-    "design of too few gains": (values("design.json", gain=[1.0]), "not a log"),
-    "design of huge gains": (values("design.json", gain=[10**400] * 4), "hundreds of digits"),
-    "design of more": (values("design.json", extra=1), "not a log"),
-    "design without margins": (values("design.json", margins=None), "not a log"),
+    "design of NaN": (put("design.json", gain=[NAN, 1.0, 1.0, 1.0]), "where a number belongs"),
+    "design of text": (put("design.json", gamma="large"), "where a number belongs"),
+    "design of too few gains": (put("design.json", gain=[1.0]), "not a log"),
+    "design of huge gains": (put("design.json", gain=[10**400] * 4), "hundreds of digits"),
+    "design of more": (put("design.json", extra=1), "not a log"),
+    "design without margins": (put("design.json", margins=None), "not a log"),
     "design of another order": (more_order, "controller has the signals"),
-    "design that is unstable": (gains(-1.0), "do not stabilise the loop"),
-    "design of infinite gains": (gains(INFINITE), "do not stabilise the loop"),
-    "design of other gains": (gains(1.01), "not those of its gains"),
-    "design of another pole": (pole(0, -2.6), "not those of its gains"),
-    "design of a pole too few": (values("design.json", closed_loop_poles=[[-2.5, 0.0]] * 3), "not those of"),
-    "design without poles": (values("design.json", closed_loop_poles=[]), "not those of"),
-    "design of infinite poles": (pole(0, -INFINITE), "not those of its gains"),
+    "design of other gains": (put("design.json", gain=[39.0, 62.5, 37.5, 10.0]), "not those of its gains"),
     "design with broken matrices": (
-        values("design.json", robustifier={"A": [1.0], "B": [[1.0]], "C": [[1.0]], "D": [[0.0], [5.0]]}),
+        put("design.json", robustifier={"A": [1.0], "B": [[1.0]], "C": [[1.0]], "D": [[0.0], [5.0]]}),
         "do not fit together",
     ),
 }  # fmt: skip
@@ -575,13 +398,13 @@ INSIDE: dict[str, tuple[Callable[[Parts], None], str]] = {
 def test_content_that_is_not_what_it_should_be(
     log: Path, tmp_path: Path, runs: dict[str, Run], name: str
 ) -> None:
-    lie, reason = INSIDE[name]
+    change, reason = INSIDE[name]
     parts = take_apart(log)
-    lie(parts)
+    change(parts)
     refuse(put_together(parts), tmp_path, reason, runs)
 
 
-def test_the_forge_itself_makes_good_files(log: Path, tmp_path: Path, runs: dict[str, Run]) -> None:
+def test_what_is_only_put_together_again_is_good(log: Path, tmp_path: Path, runs: dict[str, Run]) -> None:
     """Or the tests above would prove nothing."""
     path = tmp_path / "honest.mcap"
     path.write_bytes(put_together(take_apart(log)))

@@ -1,11 +1,13 @@
-"""MCAP files made to lie: a log taken apart, changed, and put together with all else right, checksums too."""
+"""Corrupted MCAP files: a log taken apart, changed, and put together with all else right, checksums too."""
 
+import json
 import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import lz4.frame
 import zstandard
@@ -30,10 +32,6 @@ from mcap.records import (
 )
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from cranectl.log import write_log
-from cranectl.scenario import load_scenario
-from cranectl.simulate import simulate_run
-
 SIGNAL = "mujoco/state.alpha"
 MAGIC = b"\x89MCAP0\r\n"
 COMPRESS: dict[str, Callable[[bytes], bytes]] = {
@@ -41,7 +39,8 @@ COMPRESS: dict[str, Callable[[bytes], bytes]] = {
     "lz4": lz4.frame.compress,
     "": bytes,
 }
-Edit = Callable[[McapRecord], Iterable[McapRecord]]
+Edit = Callable[[McapRecord], Iterable[McapRecord]]  # of a record outside chunks
+Change = Callable[["Parts"], None]
 
 
 @dataclass
@@ -73,14 +72,6 @@ class Parts:
         ]
 
 
-def small_log(directory: Path) -> Path:
-    """A log of a few chunks, of 0.3 s on both plants."""
-    overrides = ["duration=0.3", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    runs = [simulate_run(scenario, plant=plant) for plant in ("analytic", "mujoco")]
-    return write_log(directory / "small.mcap", runs)
-
-
 def take_apart(path: Path) -> Parts:
     parts = Parts()
     with path.open("rb") as stream:
@@ -98,7 +89,7 @@ def put_together(
     parts: Parts, edit: Edit = lambda record: [record], *, compression: str = "zstd", crcs: bool = True
 ) -> bytes:
     """A file of these parts; `edit` may replace, repeat or drop every record outside chunks."""
-    return _Forge(edit, compression, crcs).file(parts)
+    return _Assembler(edit, compression, crcs).file(parts)
 
 
 def written(record: McapRecord | bytes) -> bytes:
@@ -109,7 +100,7 @@ def written(record: McapRecord | bytes) -> bytes:
     return builder.end()
 
 
-class _Forge:
+class _Assembler:
     def __init__(self, edit: Edit, compression: str, crcs: bool) -> None:
         self.edit, self.compression, self.crcs = edit, compression, crcs
         self.data = bytearray(MAGIC)
@@ -125,7 +116,7 @@ class _Forge:
         return places
 
     def file(self, parts: Parts) -> bytes:
-        self.add(Header("", "forge"))
+        self.add(Header("", "tests"))
         for metadata in parts.metadata:
             for m, start, length in self.add(metadata):
                 self.indexes.append(MetadataIndex(start, length, m.name))
@@ -195,3 +186,91 @@ class _Forge:
             metadata_count=sum(isinstance(i, MetadataIndex) for i in self.indexes),
             schema_count=len(schemas),
         )
+
+
+# What is changed.
+
+
+def on(kind: type, change: Callable[[Any], list[McapRecord]], *, nth: int = 0) -> Edit:
+    """Change the nth record of a kind outside chunks."""
+    count = -1
+
+    def edit(record: McapRecord) -> list[McapRecord]:
+        nonlocal count
+        count += isinstance(record, kind)
+        return change(record) if isinstance(record, kind) and count == nth else [record]
+
+    return edit
+
+
+def claims(kind: type, **values: Any) -> Edit:
+    return on(kind, lambda record: [replace(record, **values)])
+
+
+def moved(kind: type, **by: int) -> Edit:
+    """Add to numbers of a record."""
+    return on(kind, lambda r: [replace(r, **{name: getattr(r, name) + step for name, step in by.items()})])
+
+
+def meta(name: str, **values: str | None) -> Change:
+    def apply(parts: Parts) -> None:
+        metadata = parts.meta(name).metadata
+        metadata.update({key: value for key, value in values.items() if value is not None})
+        for key in (key for key, value in values.items() if value is None):
+            del metadata[key]
+
+    return apply
+
+
+def without(name: str) -> Change:
+    def apply(parts: Parts) -> None:
+        parts.metadata = [metadata for metadata in parts.metadata if metadata.name != name]
+        parts.attachments = [attachment for attachment in parts.attachments if attachment.name != name]
+
+    return apply
+
+
+def put(name: str, **new: Any) -> Change:
+    """Put values into a table of JSON."""
+
+    def apply(parts: Parts) -> None:
+        attachment = parts.attachment(name)
+        attachment.data = json.dumps({**json.loads(attachment.data), **new}).encode()
+
+    return apply
+
+
+def number(topic: str, nth: int, signal: int, change: Callable[[float], float]) -> Change:
+    """Change one number: each takes a byte of tag and eight of its own."""
+
+    def apply(parts: Parts) -> None:
+        message, start = parts.messages(topic)[nth], 9 * signal + 1
+        data = bytearray(message.data)
+        struct.pack_into("<d", data, start, change(*struct.unpack_from("<d", data, start)))
+        message.data = bytes(data)
+
+    return apply
+
+
+def every_message(change: Callable[[Message], Message | None]) -> Change:
+    """Change or drop messages of all topics."""
+
+    def apply(parts: Parts) -> None:
+        for chunk in parts.chunks:
+            changed = [change(r) if isinstance(r, Message) else r for r in chunk]
+            chunk[:] = [record for record in changed if record is not None]
+
+    return apply
+
+
+def also(*changes: Change) -> Change:
+    def apply(parts: Parts) -> None:
+        for change in changes:
+            change(parts)
+
+    return apply
+
+
+def both(**values: str) -> Change:
+    """Say something of the outcomes of both runs."""
+    return also(*(meta(f"run/{plant}", **values) for plant in ("analytic", "mujoco")))

@@ -1,6 +1,5 @@
 """Thousands of damaged logs: each is refused with a LogError, or gives exactly the runs that were written."""
 
-import json
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -9,25 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.opcode import Opcode
-from mcap.records import Channel, Message
 
 from cranectl.log import describe_log, read_log, read_signal
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError
-from tests.log.forge import SIGNAL, Parts, put_together, small_log, take_apart
+from tests.log.corruption import SIGNAL
 
 Place = tuple[int, int, int]  # opcode, start, stop of a record
 Case = tuple[str, bytes]
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return small_log(tmp_path_factory.mktemp("fuzz"))
-
-
-@pytest.fixture(scope="module")
-def runs(log: Path) -> dict[str, Run]:
-    return read_log(log)
 
 
 def places(data: bytes) -> list[Place]:
@@ -51,8 +39,10 @@ def same(read: dict[str, Run], runs: dict[str, Run]) -> bool:
     )
 
 
-def check(cases: Iterator[Case], directory: Path, runs: dict[str, Run]) -> tuple[int, int]:
-    """(refused, read) of all cases; a case that is neither fails the test with its name."""
+def check(
+    cases: Iterator[Case], directory: Path, is_right: Callable[[dict[str, Run]], bool]
+) -> tuple[int, int]:
+    """(refused, read) of all cases; a case that is neither, or read wrongly, fails the test with its name."""
     refused = taken = 0
     path = directory / "case.mcap"
     for name, data in cases:
@@ -60,12 +50,14 @@ def check(cases: Iterator[Case], directory: Path, runs: dict[str, Run]) -> tuple
         try:
             read = read_log(path)
             describe_log(path)
+            _, alpha = read_signal(path, SIGNAL)
         except LogError:
             refused += 1
             continue
         except Exception as error:
             raise AssertionError(name) from error
-        assert same(read, runs), name
+        assert is_right(read), name
+        assert alpha.tobytes() == read["mujoco"].signal("state.alpha").tobytes()
         taken += 1
     return refused, taken
 
@@ -144,12 +136,12 @@ def test_accidents(
 ) -> None:
     data = log.read_bytes()
     cases = ((name, case) for name, case in damage(data, np.random.default_rng(1), count) if case != data)
-    refused, taken = check(cases, tmp_path, runs)
+    refused, taken = check(cases, tmp_path, lambda read: same(read, runs))
     assert refused >= 0.9 * count
     assert taken == 0, "every byte of a log is under a checksum"
 
 
-# Malice: lengths and numbers are edited, and every checksum is put right again.
+# Not by accident: lengths and numbers are edited, and every checksum is put right again.
 
 ABSURD = [0, 1, 8, 2**16 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63, 2**64 - 1]
 
@@ -179,12 +171,19 @@ def edited_lengths(data: bytes, rng: np.random.Generator, count: int) -> Iterato
 
 
 def edited_numbers(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """Any 1 to 8 bytes outside the contents of chunks and attachments become an absurd number."""
-    chunk, attachment = int(Opcode.CHUNK), int(Opcode.ATTACHMENT)
-    free = [p for p in places(data) if p[0] not in (chunk, attachment)]
-    free += [(o, a, a + 49) for o, a, _ in places(data) if o in (chunk, attachment)]
+    """Any 1 to 8 bytes of what is read, but for the contents of chunks and attachments, become absurd."""
+    kinds = [
+        Opcode.METADATA,
+        Opcode.ATTACHMENT,
+        Opcode.CHUNK,
+        Opcode.DATA_END,
+        Opcode.STATISTICS,
+        Opcode.FOOTER,
+    ]
+    heads = [(opcode, start, min(stop, start + 49)) for opcode, start, stop in places(data)]
     for _ in range(count):
-        opcode, start, stop = free[rng.integers(len(free))]
+        kind = kinds[rng.integers(len(kinds))]
+        opcode, start, stop = rng.choice([head for head in heads if head[0] == kind])
         at, width = int(rng.integers(start, stop)), int(rng.choice([1, 2, 4, 8]))
         new = (ABSURD[rng.integers(len(ABSURD))] & (2 ** (8 * width) - 1)).to_bytes(width, "little")
         edited = bytearray(data[:at] + new + data[at + width :])
@@ -201,10 +200,10 @@ def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[
 
 @pytest.mark.parametrize(
     ("damage", "count", "expected"),
-    [(edited_lengths, 500, 0.95), (edited_numbers, 500, 0.7), (no_checksums, 400, 0.5)],
+    [(edited_lengths, 500, 0.95), (edited_numbers, 500, 0.6), (no_checksums, 400, 0.5)],
     ids=["lengths", "numbers", "no-checksums"],
 )
-def test_malice_never_gets_through_as_an_error_of_ours(
+def test_edited_numbers_with_right_checksums_change_no_signal(
     log: Path,
     tmp_path: Path,
     runs: dict[str, Run],
@@ -213,108 +212,11 @@ def test_malice_never_gets_through_as_an_error_of_ours(
     expected: float,
 ) -> None:
     """What is read may say something else where it says so consistently; signals stay what they were."""
-    path = tmp_path / "case.mcap"
-    refused = taken = 0
-    for name, data in damage(log.read_bytes(), np.random.default_rng(2), count):
-        path.write_bytes(data)
-        try:
-            read = read_log(path)
-            describe_log(path)
-            _, values = read_signal(path, SIGNAL)
-        except LogError:
-            refused += 1
-            continue
-        except Exception as error:
-            raise AssertionError(name) from error
-        taken += 1
-        assert values.tobytes() == runs["mujoco"].signal("state.alpha").tobytes(), name
-        for plant, run in read.items():
-            assert run.table.tobytes() == runs[plant].table.tobytes(), name
+
+    def signals_are_right(read: dict[str, Run]) -> bool:
+        return all(run.table.tobytes() == runs[plant].table.tobytes() for plant, run in read.items())
+
+    cases = damage(log.read_bytes(), np.random.default_rng(2), count)
+    refused, taken = check(cases, tmp_path, signals_are_right)
     assert refused >= expected * count
     assert taken or damage is edited_lengths
-
-
-# Forgery: all is right about the file, but the runs in it contradict what is said of them.
-
-
-def messages(parts: Parts) -> list[Message]:
-    return [r for chunk in parts.chunks for r in chunk if isinstance(r, Message)]
-
-
-def signal_messages(parts: Parts, rng: np.random.Generator) -> list[Message]:
-    """Of a topic of signals that a run is made of."""
-    topics = [c.topic for c in parts.definitions(Channel) if c.metadata and not c.topic.startswith("/diff")]
-    return parts.messages(topics[rng.integers(len(topics))])
-
-
-def number_gone(parts: Parts, rng: np.random.Generator) -> None:
-    """A number anywhere in a completed run, or in its reference, is none."""
-    found = signal_messages(parts, rng)
-    message = found[rng.integers(len(found))]
-    data = bytearray(message.data)
-    value = [np.nan, np.inf, -np.inf][rng.integers(3)]
-    struct.pack_into("<d", data, 9 * int(rng.integers(min(len(data) // 9, 15))) + 1, value)
-    message.data = bytes(data)
-
-
-def sample_moved(parts: Parts, rng: np.random.Generator) -> None:
-    """In all topics, between its neighbours."""
-    times = sorted({message.log_time for message in signal_messages(parts, rng)})
-    k = int(rng.integers(1, len(times) - 1))
-    new = int(rng.integers(times[k - 1] + 1, times[k + 1]))
-    for message in messages(parts):
-        if message.log_time == times[k]:
-            message.log_time = new if new != times[k] else new + 1
-
-
-def sample_gone(parts: Parts, rng: np.random.Generator) -> None:
-    """In all topics, and the runs are said to have one less."""
-    times = sorted({message.log_time for message in signal_messages(parts, rng)})
-    lost = times[rng.integers(len(times))]
-    for chunk in parts.chunks:
-        chunk[:] = [r for r in chunk if not isinstance(r, Message) or r.log_time != lost]
-    for plant in ("analytic", "mujoco"):
-        parts.meta(f"run/{plant}").metadata["samples"] = str(len(times) - 1)
-
-
-def times_scaled(parts: Parts, rng: np.random.Generator) -> None:
-    """All times, and the ends with them."""
-    top, bottom = [(1, 2), (2, 1), (1, 4), (3, 1), (1001, 1000)][rng.integers(5)]
-    for message in messages(parts):
-        message.log_time = message.log_time * top // bottom
-    for plant in ("analytic", "mujoco"):
-        told = parts.meta(f"run/{plant}").metadata
-        told["end_ns"] = str(int(told["end_ns"]) * top // bottom)
-
-
-def outcome_changed(parts: Parts, rng: np.random.Generator) -> None:
-    told = parts.meta(["run/analytic", "run/mujoco"][rng.integers(2)]).metadata
-    name = ["end_ns", "samples"][rng.integers(2)]
-    told[name] = str([int(told[name]) + int(rng.integers(1, 10**9)), 0, 2**62, 10**400][rng.integers(4)])
-
-
-def rate_changed(parts: Parts, rng: np.random.Generator) -> None:
-    parts.meta("cranectl").metadata["every"] = str([1, 2, 3, 5, 8, 10**9, 10**400][rng.integers(7)])
-
-
-def design_changed(parts: Parts, rng: np.random.Generator) -> None:
-    attachment = parts.attachment("design.json")
-    data = json.loads(attachment.data)
-    data["gain"][rng.integers(4)] *= float(rng.uniform(-2.0, 0.99))
-    attachment.data = json.dumps(data).encode()
-
-
-@pytest.mark.parametrize(
-    "forge",
-    [number_gone, sample_moved, sample_gone, times_scaled, outcome_changed, rate_changed, design_changed],
-)
-def test_forgeries_that_contradict_themselves_are_refused(
-    log: Path, tmp_path: Path, forge: Callable[[Parts, np.random.Generator], None]
-) -> None:
-    path, rng = tmp_path / "case.mcap", np.random.default_rng(3)
-    for _ in range(12):
-        parts = take_apart(log)
-        forge(parts, rng)
-        path.write_bytes(put_together(parts))
-        with pytest.raises(LogError):
-            read_log(path)
