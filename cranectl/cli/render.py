@@ -59,6 +59,6 @@ def render_command(
     with progress_bar(max(run.end_s for run in runs.values()), done="drawn") as (advance, describe):
         describe(out.name)
         shown = draw_runs(runs, settings, progress=advance)
-    what = f"picture at {shown:g} s" if settings.still else f"video of {shown:g} s"
+    what = f"picture at {shown:g} s" if settings.ending == ".png" else f"video of {shown:g} s"
     console(None).print(f"{what}: {out}")
     return exit_codes.GOOD

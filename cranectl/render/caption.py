@@ -1,20 +1,21 @@
 """Words on the picture: what is run, the time, how far off the load is, what the lines mean."""
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
-from cranectl.render.timeline import Actor, Film
+from cranectl.render.timeline import Timeline
 from cranectl.support.colours import LIGHT, SLACK_ROPE
 
 SMOOTH = 4
 _FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 
+Pen = ImageDraw.ImageDraw
 # Draws a sign of the legend: at which height, how wide, at which scale.
-Sign = Callable[[ImageDraw.ImageDraw, float, float, float], None]
+Sign = Callable[[Pen, float, float, float], None]
 
 
 @lru_cache
@@ -24,10 +25,10 @@ def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
 
 
 class Caption:
-    """Draws itself onto pictures of one film and size."""
+    """Draws itself onto pictures of one timeline and size."""
 
-    def __init__(self, film: Film, width: int, height: int) -> None:
-        self._film = film
+    def __init__(self, timeline: Timeline, width: int, height: int) -> None:
+        self._timeline = timeline
         self._width = width
         # Letters shrink with the picture, but must stay legible.
         self._unit = max(min(width / 960.0, height / 720.0), 0.62)
@@ -40,20 +41,20 @@ class Caption:
         right, y = self._width - self._px(24), self._px(18)
         pen.text((right, y), f"{time:.2f} s", LIGHT["ink"], font(self._px(24), bold=True), anchor="ra")
         y += self._px(34)
-        for text, role in readings(self._film, time):
+        for text, role in readings(self._timeline, time):
             pen.text((right, y), text, LIGHT[role], font(self._px(15)), anchor="ra")
             y += self._px(21)
 
     def _fixed_parts(self, width: int, height: int) -> Image.Image:
         layer = Image.new("RGBA", (width, height), (255, 255, 255, 0))
         pen = ImageDraw.Draw(layer)
-        left, run = self._px(24), self._film.lead.run
+        left, run = self._px(24), self._timeline.main.run
         for y, text, role, letters in (
             (18, run.scenario.name, "ink", font(self._px(24), bold=True)),
             (52, f"{run.design.name}, {run.drive} drives", "muted", font(self._px(15))),
         ):
             pen.text((left, self._px(y)), _shortened(text, letters, 0.62 * width), LIGHT[role], letters)
-        rows = legend(self._film)
+        rows = legend(self._timeline)
         step, sign_width = self._px(23), self._px(30)
         top = height - self._px(14) - step * len(rows)
         # Pillow draws shapes with hard edges: drawn large and made small they are smooth.
@@ -77,73 +78,51 @@ def _shortened(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
     return text[:kept] + "…"
 
 
-def readings(film: Film, time: float) -> list[tuple[str, str]]:
+def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     """What is read off at `time` [s]: a line of text each, and the role of its colour."""
-    off = film.lead.error[film.lead.row(time)]
+    off = timeline.main.error[timeline.main.row(time)]
     lines = [(f"load off by {off:.3f} m", "muted")]
-    apart = film.apart(time)
-    if apart is not None:
-        lines.append((f"plants apart by {apart:.2g} m", "muted"))
-    stops = {actor.label: actor.run.status.label for actor in film.cast if actor.stopped(time)}
-    if len(stops) == len(film.cast) and len(set(stops.values())) == 1:
+    if (distance := timeline.distance(time)) is not None:
+        lines.append((f"plants apart by {distance:.2g} m", "muted"))
+    stops = {track.label: track.run.status.label for track in timeline.tracks if track.stopped(time)}
+    if len(stops) == len(timeline.tracks) and len(set(stops.values())) == 1:
         return [*lines, (f"stopped: {next(iter(stops.values()))}", "limit")]
     return lines + [(f"{name} stopped: {label}", "limit") for name, label in stops.items()]
 
 
-def legend(film: Film) -> list[tuple[Sign, str]]:
+def legend(timeline: Timeline) -> list[tuple[Sign, str]]:
     """What is to be seen, and what it means."""
-    ghost = any(actor.ghost for actor in film.cast)
-    signs = [(_crane(actor), _role(actor, ghost)) for actor in film.cast]
-    signs.append((_ball(LIGHT["series-3"]), "where the load should be"))
-    if len(film.path_dashes):
-        signs.append((_dashed(LIGHT["ink"]), "its whole path"))
-    if any(actor.run.block("disturbance").any() for actor in film.cast):
-        signs.append((_arrow(LIGHT["series-4"]), "disturbance"))
-    if any(actor.ever_nearly_slack for actor in film.cast):
-        signs.append((_line(SLACK_ROPE, 3), "rope nearly slack"))
+    signs: list[tuple[Sign, str]] = []
+    for track in timeline.tracks:
+        colour, width = (track.colour + "66", 9) if track.ghost else (track.colour, 3)
+        role = ", last 4 s" if len(timeline.tracks) == 1 else ": ghost" if track.ghost else ": solid"
+        signs.append((partial(_line, colour, width), f"{track.label} plant{role}"))
+    signs.append((partial(_ball, LIGHT["series-3"]), "where the load should be"))
+    if len(timeline.path_dashes):
+        signs.append((partial(_dashed, LIGHT["ink"]), "its whole path"))
+    if any(track.run.block("disturbance").any() for track in timeline.tracks):
+        signs.append((partial(_arrow, LIGHT["series-4"]), "disturbance"))
+    if any(track.nearly_slack.any() for track in timeline.tracks):
+        signs.append((partial(_line, SLACK_ROPE, 3), "rope nearly slack"))
     return signs
 
 
-def _role(actor: Actor, ghost: bool) -> str:
-    name = actor.label
-    if not ghost:
-        return f"{name} plant, last 4 s"
-    return f"{name} plant: ghost" if actor.ghost else f"{name} plant: solid"
+def _line(colour: str, width: float, pen: Pen, middle: float, right: float, unit: float) -> None:
+    half = width * unit / 2
+    pen.rectangle((0, middle - half, right, middle + half), fill=colour)
 
 
-def _crane(actor: Actor) -> Sign:
-    colour = actor.colour
-    return _line(colour + "66", 9) if actor.ghost else _line(colour, 3)
+def _dashed(colour: str, pen: Pen, middle: float, right: float, unit: float) -> None:
+    dash = right / 5
+    for k in (0, 2, 4):
+        pen.rectangle((k * dash, middle - unit, (k + 1) * dash, middle + unit), fill=colour)
 
 
-def _line(colour: str, width: float) -> Sign:
-    def draw(pen: ImageDraw.ImageDraw, middle: float, right: float, unit: float) -> None:
-        half = width * unit / 2
-        pen.rectangle((0, middle - half, right, middle + half), fill=colour)
-
-    return draw
+def _ball(colour: str, pen: Pen, middle: float, right: float, unit: float) -> None:
+    pen.circle((right / 2, middle), 6 * unit, fill=colour)
 
 
-def _dashed(colour: str) -> Sign:
-    def draw(pen: ImageDraw.ImageDraw, middle: float, right: float, unit: float) -> None:
-        dash = right / 5
-        for k in (0, 2, 4):
-            pen.rectangle((k * dash, middle - unit, (k + 1) * dash, middle + unit), fill=colour)
-
-    return draw
-
-
-def _ball(colour: str) -> Sign:
-    def draw(pen: ImageDraw.ImageDraw, middle: float, right: float, unit: float) -> None:
-        pen.circle((right / 2, middle), 6 * unit, fill=colour)
-
-    return draw
-
-
-def _arrow(colour: str) -> Sign:
-    def draw(pen: ImageDraw.ImageDraw, middle: float, right: float, unit: float) -> None:
-        neck = right - 12 * unit
-        pen.rectangle((0, middle - 1.5 * unit, neck, middle + 1.5 * unit), fill=colour)
-        pen.polygon(((neck, middle - 6 * unit), (right, middle), (neck, middle + 6 * unit)), fill=colour)
-
-    return draw
+def _arrow(colour: str, pen: Pen, middle: float, right: float, unit: float) -> None:
+    neck = right - 12 * unit
+    pen.rectangle((0, middle - 1.5 * unit, neck, middle + 1.5 * unit), fill=colour)
+    pen.polygon(((neck, middle - 6 * unit), (right, middle), (neck, middle + 6 * unit)), fill=colour)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from cranectl.metrics import NEARLY_SLACK
-from cranectl.render.timeline import Actor, Film
+from cranectl.render.timeline import Timeline, Track
 from cranectl.support.colours import LIGHT
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ USUAL = (480.0, 720.0)  # [px], for which sizes are given; others are scaled
 SMALLEST = 0.8  # scale at which letters are still legible
 PADDING = 0.09  # [in]
 HEADROOM = 0.15  # of a panel's height, for the names of disturbances
-LEAST_APART = 1e-12  # [m]; less is rounding, and has no logarithm at 0
+LEAST_DISTANCE = 1e-12  # [m]; less is rounding, and has no logarithm at 0
 _STYLE: dict[Any, Any] = {
     "axes.edgecolor": LIGHT["muted"],
     "axes.grid": True,
@@ -71,9 +71,9 @@ class Panel:
 
 
 class Plots:
-    """The strip of diagrams of one film; draws itself with its cursor."""
+    """The strip of diagrams of one timeline; draws itself with its cursor."""
 
-    def __init__(self, film: Film, width: int, height: int) -> None:
+    def __init__(self, timeline: Timeline, width: int, height: int) -> None:
         scale = max(min(width / USUAL[0], height / USUAL[1]), SMALLEST)
         self._dot, self._cursor = 4.0 * scale, max(1, round(scale))  # [px]
         with rc_context(_STYLE):
@@ -81,12 +81,12 @@ class Plots:
                 (width / DPI / scale, height / DPI / scale), dpi=DPI * scale, layout="constrained"
             )
             canvas: Any = FigureCanvasAgg(figure)
-            panels = _panels(film)
+            panels = _panels(timeline)
             self._drawn = list(zip(panels, figure.subplots(len(panels), 1, sharex=True), strict=True))
             for panel, axes in self._drawn:
                 _draw(axes, panel)
-                _mark_disturbances(axes, film, named=panel is panels[0])
-                axes.set_xlim(0.0, film.duration or 1.0)
+                _mark_disturbances(axes, timeline, named=panel is panels[0])
+                axes.set_xlim(0.0, timeline.duration or 1.0)
             self._drawn[-1][1].set_xlabel("time [s]")
             canvas.draw()
         # Matplotlib rounds sizes its own way; the strip must have the size that was asked for.
@@ -110,42 +110,32 @@ class Plots:
         picture.paste(strip, (left, 0))
 
 
-def _panels(film: Film) -> list[Panel]:
-    weight = film.lead.run.scenario.rig.weight
-    angles = (*_curves(film, _alpha), *_curves(film, _beta, dashed=True))
-    tension = _curves(film, _tension)
+def _panels(timeline: Timeline) -> list[Panel]:
+    weight = timeline.main.run.scenario.rig.weight
+    alpha = _curves(timeline, lambda track: np.degrees(track.run.signal("state.alpha")))
+    beta = _curves(timeline, lambda track: np.degrees(track.run.signal("state.beta")), dashed=True)
+    tension = _curves(timeline, lambda track: track.run.signal("load.rope_tension"))
     panels = [
-        Panel("load off its reference [m]", _curves(film, _error), (0.0, 1e-3)),
-        Panel("rope angles α, β (dashed) [°]", angles, (-1.0, 1.0)),
+        Panel("load off its reference [m]", _curves(timeline, lambda track: track.error), (0.0, 1e-3)),
+        Panel("rope angles α, β (dashed) [°]", (*alpha, *beta), (-1.0, 1.0)),
         Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight),
     ]
-    apart = tuple(Curve(LIGHT["ink"], time, far.clip(min=LEAST_APART)) for time, far in film.distances)
-    if apart:
-        panels.append(Panel("plants apart [m]", apart, (LEAST_APART, 1e-6), logarithmic=True))
+    if timeline.distances:
+        curves = tuple(
+            Curve(LIGHT["ink"], time, far.clip(min=LEAST_DISTANCE)) for time, far in timeline.distances
+        )
+        panels.append(Panel("plants apart [m]", curves, (LEAST_DISTANCE, 1e-6), logarithmic=True))
     return panels
 
 
-def _error(actor: Actor) -> Array:
-    return actor.error
-
-
-def _alpha(actor: Actor) -> Array:
-    return np.degrees(actor.run.signal("state.alpha"))
-
-
-def _beta(actor: Actor) -> Array:
-    return np.degrees(actor.run.signal("state.beta"))
-
-
-def _tension(actor: Actor) -> Array:
-    return actor.run.signal("load.rope_tension")
-
-
-def _curves(film: Film, values: Callable[[Actor], Array], *, dashed: bool = False) -> tuple[Curve, ...]:
+def _curves(
+    timeline: Timeline, values: Callable[[Track], Array], *, dashed: bool = False
+) -> tuple[Curve, ...]:
     """One curve of each plant, the ghost's first."""
-    cast = sorted(film.cast, key=lambda actor: not actor.ghost)
+    tracks = sorted(timeline.tracks, key=lambda track: not track.ghost)
     return tuple(
-        Curve(actor.colour, actor.run.time, values(actor), wide=actor.ghost, dashed=dashed) for actor in cast
+        Curve(track.colour, track.run.time, values(track), wide=track.ghost, dashed=dashed)
+        for track in tracks
     )
 
 
@@ -155,20 +145,20 @@ def _draw(axes: Axes, panel: Panel) -> None:
     if panel.limit is not None:
         axes.axhline(panel.limit, color=LIGHT["limit"], linewidth=0.9, linestyle=(0, (2, 2)))
     for curve in panel.curves:
-        look: dict[str, Any] = {"linewidth": 4.5, "alpha": 0.35} if curve.wide else {"linewidth": 1.3}
-        style = (0, (4, 2)) if curve.dashed else "-"
-        axes.plot(curve.time, curve.values, color=curve.colour, linestyle=style, **look)
+        width, opacity = (4.5, 0.35) if curve.wide else (1.3, 1.0)
+        style = {"linewidth": width, "alpha": opacity, "linestyle": (0, (4, 2)) if curve.dashed else "-"}
+        axes.plot(curve.time, curve.values, color=curve.colour, **style)
     low, high = min(axes.get_ylim()[0], panel.shown[0]), max(axes.get_ylim()[1], panel.shown[1])
     axes.set_ylim(low, high if panel.logarithmic else high + HEADROOM * (high - low))
     axes.set_title(panel.title)
 
 
-def _mark_disturbances(axes: Axes, film: Film, *, named: bool) -> None:
-    look: dict[str, Any] = {"color": LIGHT["series-4"], "linewidth": 0.9}
-    for disturbance in film.lead.run.scenario.disturbances:
-        axes.axvline(disturbance.start, **look)
+def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
+    line: dict[str, Any] = {"color": LIGHT["series-4"], "linewidth": 0.9}
+    for disturbance in timeline.main.run.scenario.disturbances:
+        axes.axvline(disturbance.start, **line)
         if disturbance.end is not None:
-            axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **look)
+            axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **line)
         if named:
             axes.annotate(
                 {"alpha": "push on α", "beta": "push on β"}[disturbance.joint],

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.model import state_addresses
 from cranectl.render.opengl import drawing
-from cranectl.render.timeline import Actor, Film
+from cranectl.render.timeline import Timeline, Track
 from cranectl.support import resources
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
 
@@ -36,24 +36,24 @@ LINE, SPHERE, ARROW, CYLINDER = (
 
 
 @contextlib.contextmanager
-def stage(film: Film, camera: str, width: int, height: int) -> Iterator["Stage"]:
-    """A stage ready to draw pictures of this size; raises InputError without OpenGL."""
+def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterator["Renderer"]:
+    """A renderer ready to draw pictures of this size; raises InputError without OpenGL."""
     model = _model(width, height)
     with drawing(model, width, height) as context:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
-        yield Stage(model, context, film, camera)
+        yield Renderer(model, context, timeline, camera)
 
 
-class Stage:
-    """Draws moments of a film; only inside `stage`."""
+class Renderer:
+    """Draws moments of a timeline; only inside `renderer`."""
 
-    def __init__(self, model: Any, context: Any, film: Film, camera: str) -> None:
-        self._model, self._context, self._film = model, context, film
+    def __init__(self, model: Any, context: Any, timeline: Timeline, camera: str) -> None:
+        self._model, self._context, self._timeline = model, context, timeline
         self._size = model.vis.global_.offwidth, model.vis.global_.offheight
         self._line = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
         # The solid crane first: the scene begins with it and with what does not move.
-        cast = sorted(film.cast, key=lambda actor: actor.ghost)
-        self._cast = [(actor, mujoco.MjData(model)) for actor in cast]
+        tracks = sorted(timeline.tracks, key=lambda track: track.ghost)
+        self._tracks = [(track, mujoco.MjData(model)) for track in tracks]
         self._addresses = state_addresses(model)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -75,18 +75,18 @@ class Stage:
         return pixels[::-1]
 
     def _compose(self, time: float) -> None:
-        for actor, data in self._cast:
-            row = actor.row(time)
-            data.qpos[self._addresses] = actor.joints(row)
+        for track, data in self._tracks:
+            row = track.row(time)
+            data.qpos[self._addresses] = track.run.block("state")[row, 0::2]
             mujoco.mj_forward(self._model, data)
-            rope = SLACK_COLOUR if actor.nearly_slack(row) else TAUT_COLOUR
-            if actor.ghost:
-                self._add_ghost(actor, data, rope)
+            rope = SLACK_COLOUR if track.nearly_slack[row] else TAUT_COLOUR
+            if track.ghost:
+                self._add_ghost(track, data, rope)
             else:
                 self._set_solid(data, rope)
-                self._add_disturbance(actor, data, row)
-                self._add_reference(actor, row)
-            self._add_trail(actor, row)
+                self._add_disturbance(track, data, row)
+                self._add_reference(track, row)
+            self._add_trail(track, row)
 
     def _set_solid(self, data: Any, rope: Colour) -> None:
         self._model.material("rope").rgba = (*rope, 1.0)
@@ -96,22 +96,22 @@ class Stage:
             self._model, data, options, perturbation, self._camera, everything, self._scene
         )
 
-    def _add_ghost(self, actor: Actor, data: Any, rope: Colour) -> None:
+    def _add_ghost(self, track: Track, data: Any, rope: Colour) -> None:
         first = self._scene.ngeom
         options, perturbation = mujoco.MjvOption(), mujoco.MjvPerturb()
         moving = mujoco.mjtCatBit.mjCAT_DYNAMIC
         mujoco.mjv_addGeoms(self._model, data, options, perturbation, moving, self._scene)
         for geom in self._scene.geoms[first : self._scene.ngeom]:
             is_rope = geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and rope == SLACK_COLOUR
-            geom.rgba = (*(rope if is_rope else rgb(actor.colour)), GHOST)
+            geom.rgba = (*(rope if is_rope else rgb(track.colour)), GHOST)
             geom.matid = -1
             geom.transparent = 1
             geom.size = geom.size + HALO
             geom.pos = self._behind(geom.pos)
 
-    def _add_disturbance(self, actor: Actor, data: Any, row: int) -> None:
-        load = actor.load(row)
-        for joint, magnitude in zip(("alpha", "beta"), actor.disturbance(row), strict=True):
+    def _add_disturbance(self, track: Track, data: Any, row: int) -> None:
+        load = track.run.load_position[row]
+        for joint, magnitude in zip(("alpha", "beta"), track.run.block("disturbance")[row], strict=True):
             if magnitude:
                 hinge = self._model.joint(joint).id
                 push = np.cross(data.xaxis[hinge], load - data.xanchor[hinge])
@@ -119,25 +119,25 @@ class Stage:
                 end = load + push * length / np.linalg.norm(push)
                 self._connect(ARROW, ARROW_WIDTH, load, end, (*rgb(LIGHT["series-4"]), 1.0))
 
-    def _add_reference(self, actor: Actor, row: int) -> None:
-        load, target = actor.load(row), actor.run.reference[row, :3]
+    def _add_reference(self, track: Track, row: int) -> None:
+        load, target = track.run.load_position[row], track.run.reference[row, :3]
         green = (*rgb(LIGHT["series-3"]), 1.0)
-        for start, end in self._film.path_dashes:
+        for start, end in self._timeline.path_dashes:
             self._connect(LINE, self._line, start, end, (*rgb(LIGHT["ink"]), 0.8))
         self._connect(LINE, self._line, load, target, green)
         self._add(SPHERE, (MARKER, 0.0, 0.0), target, green)
         # In the place of a shadow: where the load is above the floor.
         self._add(CYLINDER, (0.05, 0.0005, 0.0), (load[0], load[1], FLOOR), (0.0, 0.0, 0.0, 0.3))
 
-    def _add_trail(self, actor: Actor, row: int) -> None:
-        points = actor.trail(row)
-        width, opacity = (5.0, GHOST) if actor.ghost else (1.7, 1.0)
-        if actor.ghost:
+    def _add_trail(self, track: Track, row: int) -> None:
+        points = track.trail(row)
+        width, opacity = (5.0, GHOST) if track.ghost else (1.7, 1.0)
+        if track.ghost:
             points = np.array([self._behind(point) for point in points])
         for fading, start, end in zip(
             np.linspace(0.1, 1.0, len(points))[1:], points, points[1:], strict=False
         ):
-            self._connect(LINE, width * self._line, start, end, (*rgb(actor.colour), fading * opacity))
+            self._connect(LINE, width * self._line, start, end, (*rgb(track.colour), fading * opacity))
 
     def _behind(self, point: Array) -> Array:
         sight = point - self._eye

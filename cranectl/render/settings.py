@@ -5,16 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.places import BY_ENDING, check_place
 
-ENDINGS = (".mp4", ".gif", ".png")
 CAMERAS = ("overview", "side", "top")
 LIMITS = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
 SMALLEST, SMALLEST_WITH_PLOTS, LARGEST = (400, 300), (720, 360), (3840, 2160)
-# Plots take a third of the width.
-_SIZES = {".mp4": (960, 720), ".gif": (480, 360), ".png": (960, 720)}
-_SIZES_WITH_PLOTS = {".mp4": (1440, 720), ".gif": (900, 450), ".png": (1440, 720)}
-_FPS = {".mp4": 25.0, ".gif": 10.0, ".png": 25.0}
+LARGE, LARGE_WITH_PLOTS = (960, 720), (1440, 720)  # plots take a third of the width
+SMALL, SMALL_WITH_PLOTS = (480, 360), (900, 450)  # of a GIF
 
 
 @dataclass(frozen=True)
@@ -31,9 +27,9 @@ class RenderSettings:
     speed: float  # simulated seconds in a second of video
 
     @property
-    def still(self) -> bool:
-        """Whether this is one picture."""
-        return self.out.suffix.lower() == ".png"
+    def ending(self) -> str:
+        """Of the file: `.png` is one picture, `.gif` and `.mp4` show the whole run."""
+        return self.out.suffix.lower()
 
 
 def render_settings(
@@ -46,14 +42,8 @@ def render_settings(
     fps: float | None = None,
     speed: float | None = None,
 ) -> RenderSettings:
-    """Fill in the defaults; raises InputError for what cannot be drawn, or not written there."""
+    """Fill in the defaults; raises InputError for what cannot be drawn. `out` ends as one of VIDEOS."""
     ending = out.suffix.lower()
-    if ending not in ENDINGS:
-        raise InputError(
-            f"{out} ends in '{out.suffix}'",
-            allowed=".mp4 (video), .gif (video without a player), .png (still)",
-            remedy="name the file by what it is to be",
-        )
     if camera not in CAMERAS:
         raise unknown_name("camera", camera, CAMERAS)
     if ending == ".png" and (fps is not None or speed is not None):
@@ -72,27 +62,19 @@ def render_settings(
         low, high = LIMITS[name]
         if value is not None and not low <= value <= high:
             raise InputError(f"--{name} {value:g}", allowed=f"{low:g} to {high:g}")
-    width, height = (
-        _parsed_size(size, SMALLEST_WITH_PLOTS if plots else SMALLEST)
-        if size
-        else (_SIZES_WITH_PLOTS if plots else _SIZES)[ending]
-    )
-    check_place(out, BY_ENDING[ending], option="OUT")
-    return RenderSettings(
-        out,
-        width,
-        height,
-        camera,
-        plots,
-        time,
-        _FPS[ending] if fps is None else fps,
-        1.0 if speed is None else speed,
-    )
+    if size:
+        width, height = _parsed_size(size, SMALLEST_WITH_PLOTS if plots else SMALLEST)
+    elif ending == ".gif":
+        width, height = SMALL_WITH_PLOTS if plots else SMALL
+    else:
+        width, height = LARGE_WITH_PLOTS if plots else LARGE
+    usual_fps = 10.0 if ending == ".gif" else 25.0
+    return RenderSettings(out, width, height, camera, plots, time, fps or usual_fps, speed or 1.0)
 
 
 def _parsed_size(text: str, smallest: tuple[int, int]) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})", text.strip())
-    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    match = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})", text.strip())
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
     fits = all(low <= side <= high for low, side, high in zip(smallest, size, LARGEST, strict=True))
     if not fits or size[0] % 2 or size[1] % 2:
         raise InputError(

@@ -23,7 +23,7 @@ FARTHEST = 1e6  # [m or rad] that is drawn
 
 
 @dataclass(frozen=True)
-class Actor:
+class Track:
     """One plant of a log. Where several are drawn, all but the reference plant are ghosts."""
 
     run: Run
@@ -45,88 +45,65 @@ class Actor:
         distance: Array = np.linalg.norm(self.run.load_position - self.run.reference[:, :3], axis=1)
         return distance
 
+    @cached_property
+    def nearly_slack(self) -> NDArray[np.bool_]:
+        """Whether the rope pulls with less than NEARLY_SLACK of the load's weight, shape (N,)."""
+        slack: NDArray[np.bool_] = (
+            self.run.signal("load.rope_tension") < NEARLY_SLACK * self.run.scenario.rig.weight
+        )
+        return slack
+
     def row(self, time: float) -> int:
         """The sample nearest to `time` [s]; after the end of its run, the last."""
         return int(np.argmin(np.abs(self.run.time_ns - round(time * 1e9))))
-
-    def joints(self, row: int) -> Array:
-        """Joint positions (5,): bridge, trolley, rope, alpha, beta."""
-        positions: Array = self.run.block("state")[row, 0::2]
-        return positions
-
-    def load(self, row: int) -> Array:
-        """World position of the load (3,)."""
-        position: Array = self.run.load_position[row]
-        return position
-
-    def nearly_slack(self, row: int) -> bool:
-        """Whether the rope pulls with less than NEARLY_SLACK of the load's weight."""
-        return bool(self.run.signal("load.rope_tension")[row] < NEARLY_SLACK * self.run.scenario.rig.weight)
-
-    @cached_property
-    def ever_nearly_slack(self) -> bool:
-        """Whether that is so at any sample."""
-        return bool(self.run.signal("load.rope_tension").min() < NEARLY_SLACK * self.run.scenario.rig.weight)
 
     def stopped(self, time: float) -> bool:
         """Whether the run has ended before its scenario did, by `time` [s]."""
         return self.run.status.stopped and time >= float(self.run.time[-1])
 
-    def disturbance(self, row: int) -> tuple[float, float]:
-        """Angular accelerations added to alpha and beta [rad/s²]."""
-        alpha, beta = self.run.block("disturbance")[row].tolist()
-        return alpha, beta
-
     def trail(self, row: int) -> Array:
         """Where the load has been in the last TRAIL seconds, shape (M, 3), oldest first."""
         time = self.run.time_ns
         start = int(np.searchsorted(time, time[row] - int(TRAIL * 1e9)))
-        rows = np.unique(np.linspace(start, row, TRAIL_POINTS).astype(int))
-        points: Array = self.run.load_position[rows]
+        points: Array = self.run.load_position[np.unique(np.linspace(start, row, TRAIL_POINTS).astype(int))]
         return points
 
 
 @dataclass(frozen=True)
-class Film:
-    """The cast, and for how long it acts."""
+class Timeline:
+    """The plants of a log, and for how long they are drawn."""
 
-    cast: tuple[Actor, ...]
+    tracks: tuple[Track, ...]
     duration: float  # [s] simulated
 
     @property
-    def lead(self) -> Actor:
+    def main(self) -> Track:
         """The plant drawn solid."""
-        return next(actor for actor in self.cast if not actor.ghost)
-
-    @property
-    def reference(self) -> Array:
-        """The desired path over the longest run, shape (N, 3)."""
-        longest = max(self.cast, key=lambda actor: actor.run.end_ns)
-        path: Array = longest.run.reference[:, :3]
-        return path
+        return next(track for track in self.tracks if not track.ghost)
 
     @cached_property
     def path_dashes(self) -> Array:
-        """The desired path as dashes, shape (M, 2, 3); none if the load is to stay where it is."""
-        return dashes(self.reference)
+        """The desired path of the longest run as dashes, shape (M, 2, 3); none if the load is to stay."""
+        longest = max((track.run for track in self.tracks), key=lambda run: run.end_ns)
+        return dashes(longest.reference[:, :3])
 
     @cached_property
     def distances(self) -> list[tuple[Array, Array]]:
         """Times [s] and distances [m] of each ghost's load from the solid crane's."""
-        found, solid = [], self.lead.run
-        for run in (actor.run for actor in self.cast if actor.ghost):
+        result, solid = [], self.main.run
+        for run in (track.run for track in self.tracks if track.ghost):
             times = solid.time_ns, run.time_ns
             _, rows, own = np.intersect1d(*times, assume_unique=True, return_indices=True)
-            apart = np.linalg.norm(solid.load_position[rows] - run.load_position[own], axis=1)
-            found.append((solid.time[rows], apart))
-        return found
+            distance = np.linalg.norm(solid.load_position[rows] - run.load_position[own], axis=1)
+            result.append((solid.time[rows], distance))
+        return result
 
-    def apart(self, time: float) -> float | None:
+    def distance(self, time: float) -> float | None:
         """Largest of the distances [m]; None for one plant, and after all but one have ended."""
         return max(
             (
-                float(apart[np.argmin(np.abs(times - time))])
-                for times, apart in self.distances
+                float(distance[np.argmin(np.abs(times - time))])
+                for times, distance in self.distances
                 if len(times) and time <= times[-1]
             ),
             default=None,
@@ -141,11 +118,11 @@ class Film:
     @property
     def worst_time(self) -> float:
         """When the load of the solid crane is farthest from its reference [s]."""
-        return float(self.lead.run.time[int(np.argmax(self.lead.error))])
+        return float(self.main.run.time[int(np.argmax(self.main.error))])
 
 
-def film_of(runs: Mapping[str, Run]) -> Film:
-    """The film of a log's runs; raises InputError if none has a sample."""
+def timeline_of(runs: Mapping[str, Run]) -> Timeline:
+    """The timeline of a log's runs; raises InputError if none has a sample."""
     drawn = [run for run in map(_drawable, runs.values()) if len(run.time_ns)]
     if not drawn:
         raise InputError(
@@ -154,14 +131,13 @@ def film_of(runs: Mapping[str, Run]) -> Film:
             remedy="cranectl info says why a run stopped",
         )
     solid = reference_plant(run.plant for run in drawn)
-    cast = tuple(Actor(run, ghost=run.plant != solid) for run in drawn)
-    return Film(cast, max(float(run.time[-1]) for run in drawn))
+    tracks = tuple(Track(run, ghost=run.plant != solid) for run in drawn)
+    return Timeline(tracks, max(float(run.time[-1]) for run in drawn))
 
 
 def _drawable(run: Run) -> Run:
     """The run without samples in which something is nowhere, as before a stop because of that."""
-    places = np.hstack([run.block("state"), run.block("load")])
-    kept = (np.abs(places) < FARTHEST).all(axis=1)
+    kept = (np.abs(np.hstack([run.block("state"), run.block("load")])) < FARTHEST).all(axis=1)
     if kept.all():
         return run
     return replace(run, time_ns=run.time_ns[kept], table=run.table[kept], reference=run.reference[kept])

@@ -18,7 +18,7 @@ class Figure:
     number: str
     title: str
     svg: str
-    verdict: str
+    caption: str
     alone: bool = False  # in its row
 
     @property

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure as Drawing
 from cranectl.reference import time_law
 from cranectl.report.design_figures import loop_shaping_figure
 from cranectl.report.page import Figure, Page, Section
+from cranectl.report.run.captions import agreement, caption
 from cranectl.report.run.figures import FAMILIES, WIDTH, Curve, family_svg
-from cranectl.report.run.wording import agreement, verdict
 from cranectl.report.theme import SERIES, inline_svg, styled
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run
@@ -123,7 +123,7 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
             f"5.{place}",
             f"{family.title}, {FEEDBACK[feedback]}",
             family_svg(family, curves, f"f5-{place}"),
-            f"{verdict(family, shown)} {', '.join(apart)}.",
+            f"{caption(family, shown)} {', '.join(apart)}.",
             alone=name == "space",
         )
 

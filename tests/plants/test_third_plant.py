@@ -19,7 +19,7 @@ from cranectl.live.session import Session
 from cranectl.log import describe_log
 from cranectl.plants.registry import PLANTS
 from cranectl.render.caption import readings
-from cranectl.render.timeline import film_of
+from cranectl.render.timeline import timeline_of
 from cranectl.support.provenance import fingerprint
 from tests.packages import install, run_beside
 
@@ -129,15 +129,15 @@ def test_a_log_tells_the_differences_by_plant(log: Path) -> None:
 
 def test_pictures_and_pages_show_all(log: Path) -> None:
     runs = cranectl.read_log(log)
-    film = film_of(runs)
-    assert [(actor.label, actor.ghost) for actor in film.cast] == [
+    timeline = timeline_of(runs)
+    assert [(track.label, track.ghost) for track in timeline.tracks] == [
         ("analytic", True), ("MuJoCo", False), ("heavy", True),
     ]  # fmt: skip
     farthest = max(
         float(np.linalg.norm(a.load_position[-1] - b.load_position[-1]))
         for a, b in against_reference(list(runs.values()))
     )
-    assert (f"plants apart by {farthest:.2g} m", "muted") in readings(film, film.duration)
+    assert (f"plants apart by {farthest:.2g} m", "muted") in readings(timeline, timeline.duration)
     assert main(["report", str(log), "--out", "three.html"]) == 0
     page = Path("three.html").read_text()
     for plant in ("analytic", "heavy"):

@@ -7,8 +7,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from cranectl.render.scene import stage
-from cranectl.render.timeline import film_of
+from cranectl.render.scene import renderer
+from cranectl.render.timeline import timeline_of
 from cranectl.scenario import load_scenario
 from cranectl.signals import LOAD_COLUMN
 from cranectl.simulate import Run, simulate_run
@@ -26,11 +26,15 @@ def moving_run(plant: str) -> Run:
     ).every(4)
 
 
+def both_runs() -> dict[str, Run]:
+    return {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
+
+
 def draw(
     runs: Mapping[str, Run], time: float, camera: str = "overview", size: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> np.ndarray:
     """What the scene shows, without words and plots, as signed numbers (height, width, 3)."""
-    with stage(film_of(runs), camera, *size) as scene:
+    with renderer(timeline_of(runs), camera, *size) as scene:
         return scene.draw(time).astype(int)
 
 
@@ -58,7 +62,7 @@ def is_load(picture: np.ndarray) -> np.ndarray:
     return (red > 110) & (green < 70) & (blue < 70)
 
 
-def is_pushed(picture: np.ndarray) -> np.ndarray:
+def is_arrow(picture: np.ndarray) -> np.ndarray:
     """Which pixels are of the purple arrow of a disturbance."""
     red, green, blue = np.moveaxis(picture, -1, 0)
     return (red > green + 40) & (blue > green + 40)

@@ -76,4 +76,6 @@ def test_the_command_says_all_that_was_tried_and_writes_nothing(tmp_path: Path) 
     assert done.returncode == 2
     assert "MUJOCO_GL=egl: its library is missing; MUJOCO_GL=osmesa: its library is missing" in done.stderr
     assert "Traceback" not in done.stderr
+    done = elsewhere(["-m", "cranectl", "render", str(log), str(out)], MUJOCO_GL="nonsense")
+    assert (done.returncode, "MUJOCO_GL=nonsense: " in done.stderr) == (2, True), done.stderr
     assert list(out.parent.iterdir()) == []

@@ -6,9 +6,9 @@ from PIL import Image
 
 from cranectl.plants.registry import PLANTS
 from cranectl.render.plots import Plots
-from cranectl.render.timeline import film_of
+from cranectl.render.timeline import timeline_of
 from cranectl.support.colours import LIGHT, rgb
-from tests.render.pictures import moving_run
+from tests.render.pictures import both_runs, moving_run
 
 SIZE = (480, 720)
 ANALYTIC, MUJOCO = (LIGHT[PLANTS[name].colour] for name in ("analytic", "mujoco"))
@@ -31,7 +31,7 @@ def cursor(picture: np.ndarray) -> int:
 
 
 def test_the_cursor_moves_evenly_with_time() -> None:
-    plots = Plots(film_of({plant: moving_run(plant) for plant in ("analytic", "mujoco")}), *SIZE)
+    plots = Plots(timeline_of(both_runs()), *SIZE)
     pictures = [strip(plots, time) for time in (0.5, 3.5, 6.5, 13.5)]
     columns = [cursor(picture) for picture in pictures]
     per_second = (columns[3] - columns[0]) / 13.0
@@ -44,8 +44,8 @@ def test_the_cursor_moves_evenly_with_time() -> None:
 
 
 def test_each_plant_has_its_colour_and_the_pair_a_panel_of_its_distance() -> None:
-    pair = strip(Plots(film_of({plant: moving_run(plant) for plant in ("analytic", "mujoco")}), *SIZE), 1.0)
-    alone = strip(Plots(film_of({"analytic": moving_run("analytic")}), *SIZE), 1.0)
+    pair = strip(Plots(timeline_of(both_runs()), *SIZE), 1.0)
+    alone = strip(Plots(timeline_of({"analytic": moving_run("analytic")}), *SIZE), 1.0)
     assert has(pair, MUJOCO).sum() > 500
     assert has(alone, MUJOCO).sum() == 0
     assert has(alone, ANALYTIC).sum() > 500
@@ -57,7 +57,7 @@ def test_each_plant_has_its_colour_and_the_pair_a_panel_of_its_distance() -> Non
 
 def test_the_dot_is_on_the_curve() -> None:
     run = moving_run("mujoco")
-    plots = Plots(film_of({"mujoco": run}), *SIZE)
+    plots = Plots(timeline_of({"mujoco": run}), *SIZE)
     heights = []
     for time in (1.0, 13.0):
         picture = strip(plots, time)[:220]

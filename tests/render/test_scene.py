@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cranectl.plants.registry import PLANTS
-from cranectl.render.scene import stage
+from cranectl.render.scene import renderer
 from cranectl.render.settings import CAMERAS
-from cranectl.render.timeline import film_of
+from cranectl.render.timeline import timeline_of
 from cranectl.signals import TENSION_COLUMN
 from cranectl.support import resources
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
@@ -17,9 +17,10 @@ from tests.render.pictures import (
     HEIGHT,
     WIDTH,
     at,
+    both_runs,
     draw,
+    is_arrow,
     is_load,
-    is_pushed,
     moved,
     moving_run,
     patch,
@@ -87,7 +88,7 @@ def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
 
 
 def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> None:
-    runs = {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
+    runs = both_runs()
     load = runs["mujoco"].load_position[at(runs["mujoco"], 5.0)]
     pair, alone = (draw(r, 5.0, "side", (3 * WIDTH, 3 * HEIGHT)) for r in (runs, {"mujoco": runs["mujoco"]}))
     for picture, rim in ((pair, True), (alone, False)):
@@ -99,7 +100,7 @@ def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> No
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_one_plant_alone_is_solid(plant: str) -> None:
-    assert not film_of({plant: moving_run(plant)}).lead.ghost
+    assert not timeline_of({plant: moving_run(plant)}).main.ghost
     assert is_load(draw({plant: moving_run(plant)}, 2.0)).sum() > 30
 
 
@@ -121,7 +122,7 @@ def test_the_rope_turns_red_before_it_is_slack(tension: float, slack: bool) -> N
 
 def test_arrows_are_drawn_while_a_disturbance_acts() -> None:
     run = moving_run("mujoco")
-    counts = [int(is_pushed(draw({"mujoco": run}, time)).sum()) for time in (5.9, 6.5, 13.0)]
+    counts = [int(is_arrow(draw({"mujoco": run}, time)).sum()) for time in (5.9, 6.5, 13.0)]
     assert counts[0] == 0
     assert 15 < counts[1] < counts[2]
 
@@ -163,7 +164,7 @@ def test_narrow_pictures_show_the_whole_rig() -> None:
 
 
 def test_the_same_moment_is_the_same_picture() -> None:
-    runs = {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
+    runs = both_runs()
     first, again, later = (draw(runs, time) for time in (5.0, 5.0, 5.2))
     assert (first == again).all()
     assert (first != later).any()
@@ -171,8 +172,8 @@ def test_the_same_moment_is_the_same_picture() -> None:
 
 def test_what_memory_held_before_is_not_seen() -> None:
     """The engine does not clear the geoms of a scene."""
-    runs = {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
-    with stage(film_of(runs), "overview", WIDTH, HEIGHT) as scene:
+    runs = both_runs()
+    with renderer(timeline_of(runs), "overview", WIDTH, HEIGHT) as scene:
         first = scene.draw(5.0)
         for kind in range(25):  # of objects
             for geom in scene._scene.geoms:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from cranectl.render.caption import legend, readings
-from cranectl.render.timeline import MOST_DASHES, TRAIL, dashes, film_of
+from cranectl.render.timeline import MOST_DASHES, TRAIL, dashes, timeline_of
 from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.render.pictures import at, moved, moving_run
+from tests.render.pictures import at, both_runs, moved, moving_run
 
 
 def cut(run: Run, time: float, status: RunStatus = RunStatus.SLACK_ROPE) -> Run:
@@ -33,7 +33,7 @@ def cut(run: Run, time: float, status: RunStatus = RunStatus.SLACK_ROPE) -> Run:
 def test_pictures_are_evenly_spaced_and_the_last_is_the_end(
     fps: float, speed: float, count: int, step: float
 ) -> None:
-    times = film_of({"mujoco": moving_run("mujoco")}).times(fps, speed)
+    times = timeline_of({"mujoco": moving_run("mujoco")}).times(fps, speed)
     assert len(times) == count
     assert np.allclose(np.diff(times)[:-1], step)
     assert 0.0 < np.diff(times)[-1] <= step * (1 + 1e-9)
@@ -41,31 +41,34 @@ def test_pictures_are_evenly_spaced_and_the_last_is_the_end(
 
 
 def test_mujoco_is_solid_and_analytic_its_ghost_only_as_a_pair() -> None:
-    runs = {plant: moving_run(plant) for plant in ("analytic", "mujoco")}
-    film = film_of(runs)
-    assert [(actor.run.plant, actor.ghost) for actor in film.cast] == [("analytic", True), ("mujoco", False)]
-    assert film.lead.run is runs["mujoco"]
+    runs = both_runs()
+    timeline = timeline_of(runs)
+    assert [(track.run.plant, track.ghost) for track in timeline.tracks] == [
+        ("analytic", True),
+        ("mujoco", False),
+    ]
+    assert timeline.main.run is runs["mujoco"]
     empty = replace(runs["mujoco"], time_ns=np.zeros(0, np.int64), table=runs["mujoco"].table[:0])
-    assert film_of({**runs, "mujoco": empty}).lead.run is runs["analytic"]
+    assert timeline_of({**runs, "mujoco": empty}).main.run is runs["analytic"]
     with pytest.raises(InputError, match="holds no sample"):
-        film_of({"mujoco": empty})
+        timeline_of({"mujoco": empty})
 
 
 def test_a_still_shows_the_largest_error() -> None:
     run = moving_run("mujoco")
-    film = film_of({"mujoco": run})
+    timeline = timeline_of({"mujoco": run})
     distance = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
-    assert film.lead.error[film.lead.row(film.worst_time)] == distance.max()
+    assert timeline.main.error[timeline.main.row(timeline.worst_time)] == distance.max()
     assert distance.max() > 2.0 * np.median(distance)
 
 
 def test_the_trail_is_of_the_last_seconds() -> None:
-    actor = film_of({"mujoco": moving_run("mujoco")}).lead
+    track = timeline_of({"mujoco": moving_run("mujoco")}).main
     for time, since in ((9.0, 9.0 - TRAIL), (2.0, 0.0)):
-        trail = actor.trail(actor.row(time))
-        assert np.allclose(trail[-1], actor.load(actor.row(time)))
-        assert np.allclose(trail[0], actor.load(actor.row(since)), atol=1e-3)
-    assert len(actor.trail(0)) == 1
+        trail = track.trail(track.row(time))
+        assert np.allclose(trail[-1], track.run.load_position[track.row(time)])
+        assert np.allclose(trail[0], track.run.load_position[track.row(since)], atol=1e-3)
+    assert len(track.trail(0)) == 1
 
 
 def test_dashes_lie_on_the_path_and_are_never_too_many() -> None:
@@ -84,23 +87,23 @@ def test_samples_that_are_nowhere_are_not_drawn() -> None:
     run = moving_run("mujoco")
     table = run.table.copy()
     table[-3:, LOAD_COLUMN], table[-4, 0] = np.nan, 1e9
-    film = film_of({"mujoco": replace(run, table=table)})
-    assert film.duration == run.time[-5]
-    assert np.isfinite(film.lead.error).all()
+    timeline = timeline_of({"mujoco": replace(run, table=table)})
+    assert timeline.duration == run.time[-5]
+    assert np.isfinite(timeline.main.error).all()
 
 
 def test_words_say_how_far_off_and_apart_and_why_it_stopped() -> None:
     solid, other = moving_run("mujoco"), moved(moving_run("analytic"), 0.25)
-    film = film_of({"analytic": cut(other, 8.0), "mujoco": solid})
-    off = film.lead.error[film.lead.row(5.0)]
-    assert readings(film, 5.0) == [
+    timeline = timeline_of({"analytic": cut(other, 8.0), "mujoco": solid})
+    off = timeline.main.error[timeline.main.row(5.0)]
+    assert readings(timeline, 5.0) == [
         (f"load off by {off:.3f} m", "muted"),
         ("plants apart by 0.25 m", "muted"),
     ]
-    assert readings(film, 9.0)[1:] == [("analytic stopped: slack-rope", "limit")]
-    both = film_of({"analytic": cut(other, 8.0), "mujoco": cut(solid, 8.0)})
+    assert readings(timeline, 9.0)[1:] == [("analytic stopped: slack-rope", "limit")]
+    both = timeline_of({"analytic": cut(other, 8.0), "mujoco": cut(solid, 8.0)})
     assert readings(both, 8.0)[2:] == [("stopped: slack-rope", "limit")]
-    assert len(readings(film_of({"mujoco": solid}), 14.0)) == 1
+    assert len(readings(timeline_of({"mujoco": solid}), 14.0)) == 1
 
 
 def test_the_legend_names_what_is_there_and_nothing_else() -> None:
@@ -109,7 +112,7 @@ def test_the_legend_names_what_is_there_and_nothing_else() -> None:
     table[5, TENSION_COLUMN] = 0.1
     calm = cut(run, 4.0)
     texts = {
-        name: [text for _, text in legend(film_of(runs))]
+        name: [text for _, text in legend(timeline_of(runs))]
         for name, runs in {
             "pair": {"analytic": moving_run("analytic"), "mujoco": run},
             "calm": {"mujoco": calm},
@@ -123,4 +126,4 @@ def test_the_legend_names_what_is_there_and_nothing_else() -> None:
     assert [("rope nearly slack" in found) for found in texts.values()] == [False, False, True]
     hold = replace(run, reference=np.tile(run.reference[:1], (len(run.reference), 1)))
     assert "its whole path" in texts["calm"]
-    assert "its whole path" not in [text for _, text in legend(film_of({"mujoco": hold}))]
+    assert "its whole path" not in [text for _, text in legend(timeline_of({"mujoco": hold}))]

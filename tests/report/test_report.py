@@ -13,9 +13,9 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
 from cranectl.report.page import Figure, Page, Section, render
+from cranectl.report.run.captions import agreement, caption
 from cranectl.report.run.figures import FAMILIES, Curve, family_svg, largest_difference
 from cranectl.report.run.page import log_page
-from cranectl.report.run.wording import agreement, verdict
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
 from cranectl.scenario import Scenario
@@ -134,16 +134,16 @@ def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) ->
 def test_sentences_say_what_the_run_did() -> None:
     run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
     final = np.linalg.norm(run.reference[-1, :3] - run.load_position[-1])
-    plain = verdict(FAMILIES["error"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
+    plain = caption(FAMILIES["error"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
     assert plain == f"Load off its reference at 25 s: {final:.3f} m."
-    assert "past the end of the rig, from 15.75 s on" in verdict(FAMILIES["trolley"], {"PP": run})
+    assert "past the end of the rig, from 15.75 s on" in caption(FAMILIES["trolley"], {"PP": run})
     largest = np.abs(run.block("input")[:, :3]).max(axis=0)
-    inputs = verdict(FAMILIES["input"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
+    inputs = caption(FAMILIES["input"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
     assert run.block("input")[:, 2].min() == -largest[2], "a size, whatever its sign"
     assert f"trolley: {largest[:2].max():.3f} m/s²; of the rope: {largest[2]:.4f} m/s²" in inputs
     good = closed_loop("settled-trajectory", "lqr", "mujoco")
-    assert verdict(FAMILIES["trolley"], {"LQR": good}) == "All stay within the rig."
-    both = verdict(FAMILIES["angles"], {"PP": run, "LQR": good})
+    assert caption(FAMILIES["trolley"], {"LQR": good}) == "All stay within the rig."
+    both = caption(FAMILIES["angles"], {"PP": run, "LQR": good})
     for label, each in (("PP", run), ("LQR", good)):
         assert f"{np.degrees(np.abs(each.angles).max()):.2f}° ({label})" in both.replace(
             "\N{NO-BREAK SPACE}", " "

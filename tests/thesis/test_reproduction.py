@@ -270,10 +270,10 @@ def test_the_report_has_every_figure_and_table_of_the_thesis() -> None:
 def test_figures_show_the_runs_of_their_caption() -> None:
     """5.42: the run that leaves the rig; 5.12: the error left by LQR alone, as in Table 5.2."""
     figures = {figure.number: figure for name in FIRST_FIGURE for figure in reproduction()[2].of(name)}
-    assert "0.168 m past the end" in figures["5.42"].verdict
-    assert figures["5.43"].verdict.startswith("All stay within the rig.")
+    assert "0.168 m past the end" in figures["5.42"].caption
+    assert figures["5.43"].caption.startswith("All stay within the rig.")
     offset = np.linalg.norm([1.1523 - 1.0, 0.9212 - 0.77, 0.7 - 0.6658])
-    assert f"{offset:.3f}\N{NO-BREAK SPACE}m (feedback alone)" in figures["5.12"].verdict
+    assert f"{offset:.3f}\N{NO-BREAK SPACE}m (feedback alone)" in figures["5.12"].caption
 
 
 def test_the_reading_of_the_settled_trajectory_is_the_best_of_its_neighbours() -> None:

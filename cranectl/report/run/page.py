@@ -11,9 +11,9 @@ from cranectl.compare import Agreement, Comparison, against_reference, compare_r
 from cranectl.compare.limits import Limits, Predict, limits_for
 from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
+from cranectl.report.run.captions import agreement, caption
 from cranectl.report.run.figures import FAMILIES, Curve, distance_svg, family_svg
 from cranectl.report.run.tables import comparison_table, metrics_table, run_table
-from cranectl.report.run.wording import agreement, verdict
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
 
@@ -99,7 +99,7 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
     shown = {curve.label: curve.run for curve in curves}
     figures = []
     for k, family in enumerate(FAMILIES.values(), 1):
-        sentence = verdict(family, shown)
+        sentence = caption(family, shown)
         if pairs:
             sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."
         figures.append(Figure(str(k), family.title, family_svg(family, curves, f"f{k}"), sentence))

@@ -12,9 +12,9 @@ from cranectl.simulate import Run
 Runs = Mapping[str, Run]  # by label
 
 
-def verdict(family: Family, runs: Runs) -> str:
+def caption(family: Family, runs: Runs) -> str:
     """What `family` shows of these runs, which share a scenario."""
-    return _SENTENCES[family.name](runs)
+    return _CAPTIONS[family.name](runs)
 
 
 def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> str:
@@ -64,7 +64,7 @@ def _relative(runs: Runs) -> str:
     return f"Farthest beside the trolley: {_each(runs, _largest_swing, 'm')}."
 
 
-_SENTENCES: dict[str, Callable[[Runs], str]] = {
+_CAPTIONS: dict[str, Callable[[Runs], str]] = {
     "space": _space,
     "error": _error,
     "linear-input": _linear_input,
@@ -76,7 +76,7 @@ _SENTENCES: dict[str, Callable[[Runs], str]] = {
     "load-path": _error,
     "relative-path": _relative,
 }
-assert set(_SENTENCES) == set(FAMILIES)
+assert set(_CAPTIONS) == set(FAMILIES)
 
 
 def _measured(run: Run) -> RunMetrics:
