@@ -146,7 +146,11 @@ def _draw(axes: Axes, panel: Panel) -> None:
         axes.axhline(panel.limit, color=LIGHT["limit"], linewidth=0.9, linestyle=(0, (2, 2)))
     for curve in panel.curves:
         width, opacity = (4.5, 0.35) if curve.wide else (1.3, 1.0)
-        style = {"linewidth": width, "alpha": opacity, "linestyle": (0, (4, 2)) if curve.dashed else "-"}
+        style: dict[str, Any] = {
+            "linewidth": width,
+            "alpha": opacity,
+            "linestyle": (0, (4, 2)) if curve.dashed else "-",
+        }
         axes.plot(curve.time, curve.values, color=curve.colour, **style)
     low, high = min(axes.get_ylim()[0], panel.shown[0]), max(axes.get_ylim()[1], panel.shown[1])
     axes.set_ylim(low, high if panel.logarithmic else high + HEADROOM * (high - low))
