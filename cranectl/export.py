@@ -1,10 +1,11 @@
-"""Runs as one table for other tools: CSV, Parquet, MATLAB. Everything as recorded.
+"""Runs as one table for other tools: CSV, Parquet, MATLAB and what packages add. Everything as recorded.
 
 One row a sample time, one column a signal, named PLANT.GROUP.SIGNAL, and the reference's, which both plants
 share, as reference.SIGNAL. SI units and radians, time in seconds.
 """
 
 import csv
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +17,12 @@ from numpy.typing import NDArray
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
+from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.extensions import with_extensions
 from cranectl.support.files import replacing, writing
 from cranectl.support.patterns import matching, unmatched
+from cranectl.support.places import Kind
 
 Array = NDArray[np.float64]
 
@@ -46,6 +50,21 @@ class ExportTable:
     info: dict[str, str | float]
 
 
+@dataclass(frozen=True)
+class Exporter:
+    """A format of tables."""
+
+    name: str  # of `--format`, and the ending of its files
+    title: str  # for people
+    begins: bytes  # regular expression of what its files begin with: no other file is replaced by one
+    write: Callable[[ExportTable, Path], None]  # into a file that is new and empty
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of file that it writes."""
+        return Kind.of(self.title, self.begins)
+
+
 def export_table(runs: Sequence[Run], patterns: Sequence[str] = ()) -> ExportTable:
     """The signals that any of `patterns` matches, all by default, at every time that any run has.
 
@@ -67,31 +86,34 @@ def export_table(runs: Sequence[Run], patterns: Sequence[str] = ()) -> ExportTab
     )
 
 
-def chosen_format(name: str | None, out: Path | None) -> str:
-    """The format `name` or, without it, the one that the ending of `out` says; csv without either.
+@functools.cache
+def exporters() -> dict[str, Exporter]:
+    """By name: our own, then what installed packages add; raises InputError as `with_extensions`."""
+    return with_extensions({own.name: own for own in EXPORTERS}, Exporter, extensions.EXPORTERS)
+
+
+def chosen_exporter(name: str | None, out: Path | None) -> Exporter:
+    """That of the format `name` or, without it, of the ending of `out`; of csv without either.
 
     Raises InputError if there is no such format.
     """
-    if name is not None:
-        if name not in FORMATS:
-            raise unknown_name("format", name, FORMATS)
-        return name
-    if out is None:
-        return "csv"
-    ending = out.suffix.removeprefix(".").lower()
-    if ending not in FORMATS:
-        raise InputError(
-            f"the ending of {out} names no format",
-            allowed=", ".join(f".{name}" for name in FORMATS),
-            remedy="choose such an ending, or say --format",
-        )
-    return ending
+    known = exporters()
+    ending = name or (out.suffix.removeprefix(".").lower() if out else "csv")
+    if ending in known:
+        return known[ending]
+    if name:
+        raise unknown_name("format", name, known)
+    raise InputError(
+        f"the ending of {out} names no format",
+        allowed=", ".join(f".{each}" for each in known),
+        remedy="choose such an ending, or say --format",
+    )
 
 
-def write_table(table: ExportTable, path: Path, file_format: str) -> None:
+def write_table(table: ExportTable, path: Path, exporter: Exporter) -> None:
     """Write `table` to `path`, whole or not at all; raises InputError if that cannot be done."""
     with writing(path, remedy="choose another place with --out"), replacing(path) as part:
-        FORMATS[file_format](table, part)
+        exporter.write(table, part)
 
 
 def _recorded(runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
@@ -183,8 +205,8 @@ def _put(tree: dict[str, Any], name: str, value: Any) -> None:
     tree[leaf] = value
 
 
-FORMATS: dict[str, Callable[[ExportTable, Path], None]] = {
-    "csv": _write_csv,
-    "parquet": _write_parquet,
-    "mat": _write_mat,
-}
+EXPORTERS = (
+    Exporter("csv", "exported CSV table", rb"time\b", _write_csv),
+    Exporter("parquet", "Parquet file", rb"PAR1", _write_parquet),
+    Exporter("mat", "MATLAB file", rb"MATLAB 5", _write_mat),
+)

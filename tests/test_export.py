@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from cranectl.cli.main import main
-from cranectl.export import FORMATS, chosen_format, export_table, write_table
+from cranectl.export import Exporter, chosen_exporter, export_table, exporters, write_table
 from cranectl.log import read_log, write_log
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
@@ -23,6 +23,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
 from tests.conftest import ROOT
+from tests.packages import install, run_beside
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ def expected_columns(runs: list[Run]) -> dict[str, Array]:
     return columns
 
 
-@pytest.mark.parametrize("file_format", FORMATS)
+@pytest.mark.parametrize("file_format", READERS)
 def test_read_back_bit_for_bit(log: Path, file_format: str) -> None:
     assert main(["log", "export", str(log), "--format", file_format]) == 0
     found = READERS[file_format](Path(f"pair.{file_format}"))
@@ -106,16 +107,16 @@ def test_read_back_bit_for_bit(log: Path, file_format: str) -> None:
         assert found[name].tobytes() == values.tobytes(), name
 
 
-@pytest.mark.parametrize("file_format", FORMATS)
+@pytest.mark.parametrize("file_format", READERS)
 def test_the_same_bytes_on_another_day(
     runs: list[Run], file_format: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = export_table(runs)
-    write_table(table, Path("a"), file_format)
+    write_table(table, Path("a"), exporters()[file_format])
     asked = []
     monkeypatch.setattr("time.asctime", lambda *_: asked.append(1) or "Sat Jan  1 00:00:00 2000")
     monkeypatch.setattr("time.time", lambda: 946684800.0)
-    write_table(table, Path("b"), file_format)
+    write_table(table, Path("b"), exporters()[file_format])
     assert Path("a").read_bytes() == Path("b").read_bytes()
     assert bool(asked) == (file_format == "mat"), "scipy no longer asks for the date: leave its header alone"
 
@@ -158,11 +159,11 @@ def test_mat_has_units_and_info_and_names_that_matlab_takes(log: Path, runs: lis
         assert re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name), name
 
 
-@pytest.mark.parametrize("file_format", FORMATS)
+@pytest.mark.parametrize("file_format", READERS)
 def test_a_plant_that_stopped_has_no_values_afterwards(runs: list[Run], file_format: str) -> None:
     pair = [until(runs[0], 201).every(4), until(runs[1], 302).every(4)]
     path = Path("a")
-    write_table(export_table(pair), path, file_format)
+    write_table(export_table(pair), path, exporters()[file_format])
     found = READERS[file_format](path)
     assert np.array_equal(found["time"], pair[1].time)
     alpha = found["analytic.state.alpha"]
@@ -199,9 +200,9 @@ def test_missing_is_told_from_not_a_number(runs: list[Run]) -> None:
     table[1, 6] = np.nan
     pair = [replace(until(runs[0], 2), table=table), until(runs[1], 3)]
     exported = export_table(pair, ["analytic.state.alpha"])
-    write_table(exported, Path("a.csv"), "csv")
+    write_table(exported, Path("a.csv"), exporters()["csv"])
     assert [line.split(",")[1] for line in Path("a.csv").read_text().splitlines()[2:]] == ["nan", ""]
-    write_table(exported, Path("a.parquet"), "parquet")
+    write_table(exported, Path("a.parquet"), exporters()["parquet"])
     column = pyarrow.parquet.read_table("a.parquet")["analytic.state.alpha"]
     assert column.is_null().to_pylist() == [False, False, True]
 
@@ -210,8 +211,8 @@ def test_a_run_without_samples_leaves_the_names(runs: list[Run]) -> None:
     empty = replace(
         runs[0], time_ns=runs[0].time_ns[:0], table=runs[0].table[:0], reference=runs[0].reference[:0]
     )
-    for file_format in FORMATS:
-        write_table(export_table([empty]), Path(f"a.{file_format}"), file_format)
+    for name in READERS:
+        write_table(export_table([empty]), Path(f"a.{name}"), exporters()[name])
     assert len(Path("a.csv").read_text().splitlines()) == 1
     assert pyarrow.parquet.read_table("a.parquet").num_rows == 0
     assert loadmat("a.mat")["time"].size == 0
@@ -243,7 +244,7 @@ def test_a_pattern_that_matches_nothing_lists_near_names(runs: list[Run]) -> Non
     ],
 )
 def test_the_format_is_named_or_the_ending(name: str | None, out: str | None, expected: str) -> None:
-    assert chosen_format(name, Path(out) if out else None) == expected
+    assert chosen_exporter(name, Path(out) if out else None).name == expected
 
 
 def test_every_unit_is_documented() -> None:
@@ -302,14 +303,29 @@ def test_unreadable_logs_are_explained(capsys: pytest.CaptureFixture[str]) -> No
     assert not list(Path().glob("*.csv"))
 
 
-def test_a_full_disk_leaves_what_was_there(runs: list[Run], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_what_was_there(runs: list[Run]) -> None:
     def full(_: object, path: Path) -> None:
         path.write_bytes(b"half")
         raise OSError("No space left on device")
 
-    monkeypatch.setitem(FORMATS, "csv", full)
     Path("a.csv").write_text("old")
     with pytest.raises(InputError, match=r"cannot write a.csv: No space left"):
-        write_table(export_table(runs), Path("a.csv"), "csv")
+        write_table(export_table(runs), Path("a.csv"), Exporter("csv", "", b"", full))
     assert [path.name for path in Path().iterdir()] == ["a.csv"]
     assert Path("a.csv").read_text() == "old"
+
+
+def test_a_format_from_outside(log: Path, tmp_path: Path) -> None:
+    """That of the page, in a package of its own."""
+    text = (ROOT / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(import numpy.*?)```", text, re.DOTALL)
+    (entry,) = re.findall(r'cranectl.exporters"\]\n(.*)\n', text)
+    install(tmp_path, "crane-exporters", code, "[cranectl.exporters]\n" + entry.replace('"', ""))
+    assert "run.npz" in run_beside(tmp_path, "log", "export", "pair.mcap", "--out", "run.npz")
+    with np.load("run.npz") as found:
+        assert (
+            found["mujoco.state.alpha"].tobytes() == read_log(log)["mujoco"].signal("state.alpha").tobytes()
+        )
+    Path("notes.npz").write_text("my notes")
+    told = run_beside(tmp_path, "log", "export", "pair.mcap", "--out", "notes.npz", code=2)
+    assert "it exists and is no NumPy archive" in told

@@ -6,7 +6,8 @@ from typing import Any
 
 from cranectl.support.errors import InputError
 
-METRICS, PLANTS = GROUPS = ("cranectl.metrics", "cranectl.plants")  # of entry points
+METRICS, PLANTS = GROUPS = ("cranectl.metrics", "cranectl.plants")  # of entry points that decide numbers
+EXPORTERS = "cranectl.exporters"
 
 
 def with_extensions(

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 from cranectl.support.errors import InputError, LogError
 from cranectl.support.files import being_written, check_replaceable, writing
@@ -17,23 +17,21 @@ class Kind(NamedTuple):
     piped: bool = False  # whether it may go into a device or a pipe
     error: type[InputError] = InputError  # that says that it cannot be written
 
+    @classmethod
+    def of(cls, name: str, begins: bytes, **how: Any) -> Self:
+        """With what its files begin with as a regular expression."""
+        return cls(name, re.compile(begins, re.DOTALL | re.IGNORECASE), **how)
 
-def _kind(name: str, begins: bytes, *, piped: bool = False, error: type[InputError] = InputError) -> Kind:
-    return Kind(name, re.compile(begins, re.DOTALL | re.IGNORECASE), piped, error)
 
-
-MCAP = _kind("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
-JSON = _kind("JSON file", rb"\s*[\[{]", piped=True)
-HTML = _kind("HTML page", rb"\s*<!doctype html", piped=True)
+MCAP = Kind.of("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
+JSON = Kind.of("JSON file", rb"\s*[\[{]", piped=True)
+HTML = Kind.of("HTML page", rb"\s*<!doctype html", piped=True)
 BY_ENDING = {
-    ".csv": _kind("exported CSV table", rb"time\b"),
-    ".parquet": _kind("Parquet file", rb"PAR1"),
-    ".mat": _kind("MATLAB file", rb"MATLAB 5"),
-    ".svg": _kind("SVG picture", rb"\s*<(\?xml|svg)"),
-    ".pdf": _kind("PDF file", rb"%PDF"),
-    ".png": _kind("PNG picture", rb"\x89PNG"),
-    ".gif": _kind("GIF animation", rb"GIF8"),
-    ".mp4": _kind("MP4 video", rb"....ftyp"),
+    ".svg": Kind.of("SVG picture", rb"\s*<(\?xml|svg)"),
+    ".pdf": Kind.of("PDF file", rb"%PDF"),
+    ".png": Kind.of("PNG picture", rb"\x89PNG"),
+    ".gif": Kind.of("GIF animation", rb"GIF8"),
+    ".mp4": Kind.of("MP4 video", rb"....ftyp"),
 }
 PLOTS = (".svg", ".pdf", ".png")
 VIDEOS = (".mp4", ".gif", ".png")

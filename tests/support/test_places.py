@@ -26,7 +26,7 @@ def refused(path: Path, kind: Kind = MCAP, **more: object) -> str:
 
 def test_free_places_and_files_of_the_kind_may_be_written(tmp_path: Path) -> None:
     check_place(tmp_path / "new" / "x.mcap", MCAP)
-    for kind, content in ((JSON, "{}"), (HTML, "<!DOCTYPE html>"), (BY_ENDING[".csv"], "time,a\n")):
+    for kind, content in ((JSON, "{}"), (HTML, "<!DOCTYPE html>"), (BY_ENDING[".svg"], "<svg>")):
         (tmp_path / "x").write_text(content)
         check_place(tmp_path / "x", kind)
     (tmp_path / "x").write_text("")
@@ -130,17 +130,17 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Scenario) -> Pa
         "run s.toml --json new.json --out new.json",
         "run s.toml --out -",
         "run s.toml --rig notes.txt --out notes.txt",
-        "recover cut.mcap --out sub/../cut.mcap",
-        "recover cut.mcap --out notes.txt",
+        "log recover cut.mcap --out sub/../cut.mcap",
+        "log recover cut.mcap --out notes.txt",
         "compare x.mcap cut.mcap --merge cut.mcap",
-        "export x.mcap --format csv --out x.mcap",
-        "export x.mcap --out notes.txt --format csv",
-        "export x.mcap --out -",
+        "log export x.mcap --format csv --out x.mcap",
+        "log export x.mcap --out notes.txt --format csv",
+        "log export x.mcap --out -",
         "report x.mcap --out notes.txt",
         "report x.mcap --out x.mcap",
         "render x.mcap notes.txt",
-        "layout single notes.txt",
-        "layout single -",
+        "log layout single notes.txt",
+        "log layout single -",
         "design lqr --plot notes.txt",
         "design lqr --json notes.txt",
         "ladder s.toml --out notes.txt",
@@ -169,7 +169,7 @@ def test_no_command_writes_where_it_must_not(
     "line",
     [
         "info x.mcap --json old.json",
-        "layout single l.json",
+        "log layout single l.json",
         "design lqr --plot d.svg --json d.json",
         "run s.toml --plant analytic --out o.mcap --json -",
     ],

@@ -13,7 +13,7 @@ from cranectl.cli.command import Command
     "--format",
     "format_name",
     metavar="NAME",
-    help="csv, parquet or mat. Default: as FILE ends; csv without FILE.",
+    help="csv, parquet, mat or what a package adds. Default: as FILE ends; csv without FILE.",
 )
 @click.option(
     "--signals",
@@ -40,14 +40,14 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
     from cranectl.cli.output import console
-    from cranectl.export import chosen_format, export_table, write_table
+    from cranectl.export import chosen_exporter, export_table, write_table
     from cranectl.log import read_log
-    from cranectl.support.places import BY_ENDING, check_place
+    from cranectl.support.places import check_place
 
-    file_format = chosen_format(format_name, out)
-    path = out or Path(f"{log.stem}.{file_format}")
-    check_place(path, BY_ENDING[f".{file_format}"], inputs=[log], option="--out")
+    exporter = chosen_exporter(format_name, out)
+    path = out or Path(f"{log.stem}.{exporter.name}")
+    check_place(path, exporter.kind, inputs=[log], option="--out")
     table = export_table(list(read_log(log).values()), patterns)
-    write_table(table, path, file_format)
+    write_table(table, path, exporter)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
     console(None).print(f"export: {path}, {size}")
