@@ -1,11 +1,9 @@
 """Diagrams: every picture of the thesis is there, with its labels and signs, fit to be put into a page."""
 
 import re
-import runpy
 import subprocess
 import sys
 from collections import Counter
-from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,7 +14,6 @@ from cranectl.thesis.diagrams import DIAGRAMS, diagram_svg
 from tests.conftest import ROOT
 
 DRAW = ROOT / "validation" / "diagrams" / "draw.py"
-BLOCKS = runpy.run_path(str(DRAW.with_name("blocks.py")))
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -149,36 +146,3 @@ def test_nothing_is_cut_off(number: str) -> None:
         for x, y in points(shape):
             assert left <= x <= left + width
             assert top <= y <= top + height
-
-
-@pytest.mark.parametrize(
-    "number", sorted(set(TEXTS) - {"2.1", "4.6"})
-)  # these are drawn in space, and curves
-def test_lines_of_block_diagrams_are_right_angled(number: str) -> None:
-    for path in parse(number).iter(f"{SVG}path"):
-        if path.attrib["d"].endswith("Z"):  # an arrowhead
-            continue
-        corners = points(path)
-        for (x_0, y_0), (x_1, y_1) in pairwise(corners):
-            assert abs(x_1 - x_0) < 0.02 or abs(y_1 - y_0) < 0.02
-
-
-def test_variables_are_italic_and_words_are_not() -> None:
-    d = BLOCKS["new_drawing"]()
-    BLOCKS["label"](d, (0.0, 0.0), "log W_{ks}(s) d_α z₁")
-    spans = list(ElementTree.fromstring(BLOCKS["to_svg"](d, "")).iter(f"{SVG}tspan"))
-    assert [s.text for s in spans if s.get("font-style") == "italic"] == ["W", "s", "d", "α", "z"]
-    assert [s.text for s in spans if s.get("font-size")] == ["ks", "α"]
-    assert sum(float(s.get("dy", "0")) for s in spans) == pytest.approx(0.0)
-
-
-def test_a_block_has_its_text_at_its_centre() -> None:
-    d = BLOCKS["new_drawing"]()
-    box = BLOCKS["block"](d, (3.0, -2.0), "K")
-    svg = ElementTree.fromstring(BLOCKS["to_svg"](d, ""))
-    text, outline = next(svg.iter(f"{SVG}text")), next(svg.iter(f"{SVG}path"))
-    xs, ys = zip(*points(outline), strict=True)
-    assert float(text.attrib["x"]) == pytest.approx(0.5 * (min(xs) + max(xs)))
-    baseline = float(text.attrib["y"])
-    assert 0.0 < baseline - 0.5 * (min(ys) + max(ys)) < 7.0  # a capital's half height below the centre
-    assert tuple(box.E) == (3.6, -2.0)

@@ -3,7 +3,7 @@
     python validation/diagrams/draw.py              into validation/thesis/diagrams/, after a change here
     python validation/diagrams/draw.py DIRECTORY
 
-Titles and notes are in cranectl/thesis/diagrams.py. The same bytes everywhere: a test compares them.
+Titles and notes are in validation/thesis/diagrams.toml. The same bytes everywhere: a test compares them.
 """
 
 import argparse
@@ -15,8 +15,7 @@ import simulation
 import tracking
 from blocks import new_drawing, to_svg
 
-from cranectl.support import resources
-from cranectl.thesis.diagrams import DIAGRAMS
+from cranectl.thesis.diagrams import DIAGRAMS, DIRECTORY
 
 DRAWINGS = {
     "2.1": crane.draw_crane,
@@ -43,7 +42,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("directory", nargs="?", type=Path, default=resources.THESIS_DIRECTORY / "diagrams")
+    parser.add_argument("directory", nargs="?", type=Path, default=DIRECTORY)
     directory = parser.parse_args().directory
     for number, draw in DRAWINGS.items():
         drawing = new_drawing()

@@ -1,5 +1,6 @@
 """Chapter 5: designs, tables, captions."""
 
+import functools
 import math
 import tomllib
 
@@ -8,12 +9,17 @@ import numpy as np
 from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.metrics import run_metrics
 from cranectl.scenario import load_scenario
-from cranectl.simulate import simulate_run
+from cranectl.simulate import Run, simulate_run
 from cranectl.support import resources
-from tests.conftest import closed_loop
-from tests.thesis.errata.registry import apart, beyond, erratum, shaped_plant
+from validation.thesis.errata.registry import apart, beyond, erratum, shaped_plant
 
 PRINTED = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))["tables"]
+
+
+@functools.cache
+def analytic_run(scenario: str, controller: str) -> Run:
+    """One of the thesis's."""
+    return simulate_run(load_scenario(scenario), plant="analytic", controller=controller)
 
 
 @erratum("epsilon")
@@ -32,7 +38,7 @@ def rope_column_is_a_minimum() -> tuple[float, float]:
     """The rope column holds the signed minimum, not the maximum, for loop shaping not the largest size."""
     printed, right = [], []
     for controller, (_, _, value) in PRINTED["5.1"]["rows"].items():
-        metrics = run_metrics(closed_loop("fixed-position", controller, "analytic"))
+        metrics = run_metrics(analytic_run("fixed-position", controller))
         assert metrics is not None
         highest, lowest = metrics.max_acceleration_m_s2[2], metrics.min_acceleration_m_s2[2]
         printed.append(abs(highest - value))
@@ -60,7 +66,7 @@ def end_of_the_line() -> tuple[float, float]:
     printed, right = [], []
     for controller in ("pole-placement", "lqr"):
         literal = simulate_run(scenario, plant="analytic", drive="ideal", controller=controller)
-        taken = closed_loop("settled-trajectory", controller, "analytic")
+        taken = analytic_run("settled-trajectory", controller)
         for run, errors in ((literal, printed), (taken, right)):
             peaks = run.block("input")[run.time <= 20.0, :2].max(axis=0)
             errors.append(float(np.abs(peaks / PRINTED["5.3"]["rows"][controller][:2] - 1.0).max()))
@@ -73,7 +79,7 @@ def rope_column_mixes_extremes() -> tuple[float, float]:
     one_sided: dict[str, list[float]] = {"max": [], "min": [], "size": []}
     right = []
     for controller, (_, _, value) in PRINTED["5.3"]["rows"].items():
-        run = closed_loop("settled-trajectory", controller, "analytic")
+        run = analytic_run("settled-trajectory", controller)
         rope = run.block("input")[run.time <= 20.0, 2]
         one_sided["max"].append(abs(rope.max() - value))
         one_sided["min"].append(abs(rope.min() - value))

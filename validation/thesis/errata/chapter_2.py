@@ -3,8 +3,17 @@
 import numpy as np
 
 from cranectl.model import dynamics
-from tests.conftest import random_states, split
-from tests.thesis.errata.registry import INPUT, RIG, G, apart, erratum, manipulator, over_states
+from validation.thesis.errata.registry import (
+    INPUT,
+    RIG,
+    G,
+    apart,
+    erratum,
+    manipulator,
+    over_states,
+    random_states,
+    split,
+)
 
 
 @erratum("2.3")
@@ -127,7 +136,7 @@ def shape_of_the_coupling_back() -> tuple[float, float]:
 
 @erratum("M22 > 0")
 def positive_definite_where() -> tuple[float, float]:
-    """beta < pi/2 admits beta = -pi/2, where M22 is singular; |beta| < pi/2 does not."""
+    """Beta < pi/2 admits beta = -pi/2, where M22 is singular; |beta| < pi/2 does not."""
 
     def smallest(beta: float) -> float:
         return float(

@@ -7,8 +7,8 @@ import pytest
 
 from cranectl.model.flatness import state_and_input
 from tests.conftest import ROOT
-from tests.thesis.errata import chapter_2, chapter_3, chapter_4, chapter_5  # noqa: F401, they register
-from tests.thesis.errata.registry import ERRATA, G, apart
+from validation.thesis.errata import chapter_2, chapter_3, chapter_4, chapter_5  # noqa: F401, they register
+from validation.thesis.errata.registry import ERRATA, G, apart
 
 
 @pytest.mark.parametrize("name", ERRATA)

@@ -12,7 +12,7 @@ from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.design.mixed_sensitivity import generalised_plant
 from cranectl.reference import time_law
-from tests.thesis.errata.registry import apart, beyond, erratum, shaped_plant
+from validation.thesis.errata.registry import apart, beyond, erratum, shaped_plant
 
 
 @erratum("4.3")
@@ -88,7 +88,7 @@ def chain_matrices() -> tuple[float, float]:
 
 @erratum("4.11")
 def matrix_exponential() -> tuple[float, float]:
-    """s to the power of a matrix, without t, against e to the power of the matrix times t."""
+    """S to the power of a matrix, without t, against e to the power of the matrix times t."""
     a, start, t = np.array([[-1.0, 2.0], [0.0, -3.0]]), np.array([1.0, -1.0]), 0.8
     truth = control.initial_response(control.ss(a, np.zeros((2, 1)), np.eye(2), 0), [0.0, t], start).outputs[
         :, -1

@@ -1,4 +1,6 @@
-"""The errata by name, and what their checks share.
+"""The errata of docs/thesis/errata.md by name, and what their checks share.
+
+They are run by tests/thesis/test_errata.py.
 
 A check returns (error of the printed form, error of the right form). Truth is what no equation of the thesis
 was used for: Newton's law for the load, `dynamics` that MuJoCo agrees with, SymPy, or plain differentiation.
@@ -15,7 +17,6 @@ from cranectl.design.loop_shaping import error_weight
 from cranectl.model import dynamics
 from cranectl.scenario import LoopShapingSettings
 from cranectl.scenario.rig import RigParameters
-from tests.conftest import random_states, split
 
 Check = Callable[[], tuple[float, float]]
 
@@ -43,6 +44,18 @@ def apart(a: object, b: object) -> float:
 def beyond(value: float, tolerance: float) -> float:
     """By how much a deviation exceeds its tolerance: only for what the thesis prints rounded."""
     return max(0.0, float(value) - tolerance)
+
+
+def random_states(count: int) -> np.ndarray:
+    """Regular states, shape (count, 10), in the order of the thesis's (3.21)."""
+    states = np.random.default_rng(0).uniform(-0.8, 0.8, (count, 10))
+    states[:, 4] = 0.5 + 0.4 * states[:, 4]  # the rope's length, never 1 m, which would hide units
+    return states
+
+
+def split(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(q, qd) in the order x_c, y_c, l, alpha, beta."""
+    return state[0::2], state[1::2]
 
 
 def over_states(check: Callable[[np.ndarray], tuple[float, float]]) -> tuple[float, float]:

@@ -8,8 +8,16 @@ import sympy as sp
 from cranectl.design import design_controller
 from cranectl.model import dynamics
 from cranectl.model.flatness import state_and_input
-from tests.conftest import random_states, split
-from tests.thesis.errata.registry import INPUT, G, apart, erratum, manipulator, over_states
+from validation.thesis.errata.registry import (
+    INPUT,
+    G,
+    apart,
+    erratum,
+    manipulator,
+    over_states,
+    random_states,
+    split,
+)
 
 
 def third_order_example() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -33,7 +41,7 @@ def relative_degree_of_a_flat_output() -> tuple[float, float]:
 
 @erratum("3.7")
 def stray_transpose() -> tuple[float, float]:
-    """d lambda is 1 x n, the bracket n x (n-1): its transpose does not fit, and the product is 1 x (n-1)."""
+    """D lambda is 1 x n, the bracket n x (n-1): its transpose does not fit, and the product is 1 x (n-1)."""
     a, b, _, flat = third_order_example()
     bracket = np.hstack([b, a @ b])  # ad_{-f} g = A b for f = A x
     return float(abs(flat.shape[1] - bracket.T.shape[0])), apart(flat @ bracket, np.zeros((1, 2)))
@@ -78,7 +86,7 @@ def derivative_of_the_derivative() -> tuple[float, float]:
 
 @erratum("3.15")
 def input_transformation() -> tuple[float, float]:
-    """y'' = a + M u with u = rho + gamma v must give y'' = v."""
+    """Y'' = a + M u with u = rho + gamma v must give y'' = v."""
     rng = np.random.default_rng(0)
     a, m, v = rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=3)
     rho = -np.linalg.solve(m, a)
@@ -203,7 +211,7 @@ def arguments_of_the_input_map() -> tuple[float, float]:
 
 @erratum("r = [4 4 2]")
 def no_vector_relative_degree() -> tuple[float, float]:
-    """u is in z_1'' and z_2'' already, so r_1 = r_2 = 2, with an M of rank 1; extended: [4 4 4]."""
+    """U is in z_1'' and z_2'' already, so r_1 = r_2 = 2, with an M of rank 1; extended: [4 4 4]."""
     x, f, g, _, h = crane_fields()
     assert h.jacobian(x) * g == sp.zeros(3), "u is not in z'"
     decoupling = (h.jacobian(x) * f).jacobian(x) * g
