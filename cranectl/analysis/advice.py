@@ -15,8 +15,7 @@ import numpy as np
 from cranectl.analysis.certificate.certify import Certificate, certify, make_nominal_loop
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
-from cranectl.analysis.deviation import Size
-from cranectl.analysis.ladder import deviation
+from cranectl.analysis.deviation import Size, deviation
 from cranectl.analysis.levels import with_effects
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
@@ -152,7 +151,7 @@ def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]
     certificate = certify(make_nominal_loop(scenario, design), scenario, points, drive="velocity")
     run = simulate_run(scenario, plant="mujoco", drive="velocity", design=design)
     ideal = simulate_continuous(scenario, design=design)
-    return Assessment(controller, certificate, run.status, run_metrics(run), deviation(ideal, run))
+    return Assessment(controller, certificate, run.status, run_metrics(run), deviation(run, ideal))
 
 
 def visited_points(scenario: Scenario) -> list[OperatingPoint]:

@@ -1,6 +1,6 @@
 """The continuous-time ideal: plant and tracker as one differential equation, nothing sampled, nothing held.
 
-It is the top of the fidelity ladder that `analysis.budget` climbs down. State: joints (10), zeta, zeta', then
+It is the first of the fidelity levels. State: joints (10), zeta, zeta', then
 the robustifier states of the axes x, y, z. Fixed DOP853 steps that end at every sample, reference joint and
 disturbance edge, so that no step straddles a jump; with steps of 1 ms the error is that of rounding.
 """
@@ -20,6 +20,7 @@ from cranectl.plants.analytic import AnalyticPlant, observe_load
 from cranectl.plants.dop853 import STAGES, A, B
 from cranectl.reference import Trajectory, build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.signals import (
     CONTROLLER_COLUMN,
     DISTURBANCE_COLUMN,
@@ -174,7 +175,7 @@ def simulate_continuous(
     record = np.zeros((len(plan.time_ns), record_width(design)))
     rows, status = _advance_all(loop, rig, state, grid, plan, record)
     return Run(
-        scenario=_without_effects(scenario),
+        scenario=scenario.model_copy(update={"effects": NO_EFFECTS}),
         design=design,
         plant="analytic",
         drive="ideal",
@@ -185,12 +186,6 @@ def simulate_continuous(
         status=RunStatus(status),
         end_ns=int(plan.time_ns[min(rows, len(plan.time_ns)) - 1]),
     )
-
-
-def _without_effects(scenario: Scenario) -> Scenario:
-    from cranectl.scenario.effects import NO_EFFECTS
-
-    return scenario.model_copy(update={"effects": NO_EFFECTS})
 
 
 class _Grid(NamedTuple):

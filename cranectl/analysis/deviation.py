@@ -33,3 +33,9 @@ def load_difference(run: Run, before: Run) -> Array:
     common = min(len(run.time_ns), len(before.time_ns))
     difference: Array = run.load_position[:common] - before.load_position[:common]
     return difference
+
+
+def deviation(run: Run, before: Run) -> Size | None:
+    """Of the load of `run` from that of `before`; None if they have no sample in common."""
+    difference = load_difference(run, before)
+    return size_of(difference) if len(difference) else None

@@ -1,39 +1,39 @@
-"""The fidelity ladder: from the ideal of theory to the rig, one effect a rung."""
+"""The fidelity ladder: from the ideal of theory to the rig, one effect a level."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cranectl.analysis.continuous import simulate_continuous
-from cranectl.analysis.deviation import Size, load_difference, size_of
-from cranectl.analysis.levels import BASE, EFFECTS, NAMES, RUNGS, Rung, with_effects
-from cranectl.design import Design, design_controller
+from cranectl.analysis.deviation import Size, deviation
+from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, Level, with_effects
+from cranectl.design import design_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run
 from cranectl.support.errors import unknown_name
 
 Progress = Callable[[float], None]  # called with simulated seconds
 
 
 @dataclass(frozen=True)
-class Step:
-    """What one rung did. Deviations are None for a run without a sample, `alone` where nothing is alone."""
+class LevelResult:
+    """What one level did. Deviations are None for a run without a sample, `alone` where nothing is alone."""
 
-    rung: Rung
+    level: Level
     run: Run
     metrics: RunMetrics | None
-    cumulative: Size | None  # from the rung before
-    alone: Size | None  # from BASE, with this effect only
-    alone_status: str | None  # how that run ended
-    alone_metrics: RunMetrics | None
+    cumulative: Size | None  # from the level before
+    alone: Size | None = None  # from BASE, with this effect only
+    alone_status: str | None = None  # how that run ended
+    alone_metrics: RunMetrics | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, the run by its status only."""
         return {
-            "rung": self.rung.name,
-            "plant": self.rung.plant,
-            "drive": self.rung.drive,
+            "level": self.level.name,
+            "plant": self.level.plant,
+            "drive": self.level.drive,
             "status": self.run.status.label,
             "metrics": self.metrics.to_json() if self.metrics else None,
             "cumulative": asdict(self.cumulative) if self.cumulative else None,
@@ -43,41 +43,57 @@ class Step:
         }
 
 
-def climb(
+def evaluate_levels(
     scenario: Scenario,
     controller: str | None = None,
     *,
     top: str = NAMES[-1],
     progress: Progress | None = None,
-) -> Iterator[Step]:
-    """Run the rungs up to `top`, one after the other.
+) -> Iterator[LevelResult]:
+    """Run the levels up to `top`, one after the other.
 
     An effect that the scenario has settings for is added with those, else with the defaults. Raises
-    InputError for an unknown rung, and for what `simulate_run` refuses.
+    InputError for an unknown level, and before any run for what a level cannot have.
     """
     if top not in NAMES:
-        raise unknown_name("rung", top, NAMES)
+        raise unknown_name("fidelity level", top, NAMES)
     design = design_controller(controller or scenario.controller, scenario.design)
+    names = NAMES[: NAMES.index(top) + 1]
+    added = [name for name in names if name in EFFECTS]
+    alone = {name: with_effects(scenario, [name]) for name in added}
+    whole = {name: with_effects(scenario, added[: k + 1]) for k, name in enumerate(added)}
+    check_steps(scenario, [*alone.values(), *whole.values()])
+
+    def simulated(level: Level, tried: Scenario) -> Run:
+        if level.name != "continuous":
+            return simulate_run(tried, plant=level.plant, drive=level.drive, design=design, progress=progress)
+        if progress is not None:
+            progress(scenario.duration)
+        return simulate_continuous(tried, design=design)
+
     before: Run | None = None
     base: Run | None = None
-    for k, rung in enumerate(RUNGS[: NAMES.index(top) + 1]):
-        effects = [name for name in NAMES[: k + 1] if name in EFFECTS]
-        run = _run(scenario, rung, effects, design, progress)
-        base = run if rung.name == BASE else base
-        alone = None
-        if base is not None and rung.name in EFFECTS:
+    for level in LEVELS[: len(names)]:
+        run = simulated(level, whole.get(level.name) or with_effects(scenario, []))
+        result = LevelResult(level, run, run_metrics(run), deviation(run, before) if before else None)
+        if base is not None:
             # The first effect is alone already.
-            alone = run if effects == [rung.name] else _run(scenario, rung, [rung.name], design, progress)
-        yield Step(
-            rung=rung,
-            run=run,
-            metrics=run_metrics(run),
-            cumulative=deviation(before, run) if before else None,
-            alone=deviation(base, alone) if base and alone else None,
-            alone_status=alone.status.label if alone else None,
-            alone_metrics=run_metrics(alone) if alone else None,
-        )
-        before = run
+            single = run if level.name == added[0] else simulated(level, alone[level.name])
+            result = replace(
+                result,
+                alone=deviation(single, base),
+                alone_status=single.status.label,
+                alone_metrics=run_metrics(single),
+            )
+        yield result
+        before, base = run, run if level.name == BASE else base
+
+
+def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
+    """Raise InputError where the physics step is too long for `variants`, which have other effects only."""
+    shortest = plan_scenario(scenario).shortest_rope
+    for variant in variants:
+        make_plant("mujoco", variant, "velocity").check_length(shortest)
 
 
 def simulated_seconds(scenario: Scenario, top: str) -> float:
@@ -85,21 +101,3 @@ def simulated_seconds(scenario: Scenario, top: str) -> float:
     names = NAMES[: NAMES.index(top) + 1] if top in NAMES else NAMES
     effects = sum(name in EFFECTS for name in names)
     return scenario.duration * (len(names) + max(0, effects - 1))
-
-
-def deviation(a: Run, b: Run) -> Size | None:
-    """Of the load of `b` from that of `a`, over the samples that both have; None if there are none."""
-    difference = load_difference(b, a)
-    return size_of(difference) if len(difference) else None
-
-
-def _run(
-    scenario: Scenario, rung: Rung, effects: list[str], design: Design, progress: Progress | None
-) -> Run:
-    tried = with_effects(scenario, effects)
-    if rung.name == "continuous":
-        run = simulate_continuous(tried, design=design)
-        if progress is not None:
-            progress(scenario.duration)
-        return run
-    return simulate_run(tried, plant=rung.plant, drive=rung.drive, design=design, progress=progress)

@@ -1,4 +1,4 @@
-"""The rungs of the fidelity ladder, from the ideal of theory to the rig, and scenarios with other effects."""
+"""The fidelity levels, from the ideal of theory to the rig, and scenarios with other effects."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ from cranectl.scenario.settings import parse_settings
 
 
 @dataclass(frozen=True)
-class Rung:
-    """One effect more than the rung before."""
+class Level:
+    """One effect more than the level before."""
 
     name: str
     adds: str
@@ -32,21 +32,21 @@ class Rung:
     drive: Drive = "velocity"
 
 
-RUNGS = (
-    Rung("continuous", "theory: nothing sampled, ideal drives", "analytic", "ideal"),
-    Rung("sampled", "control at the control period, inputs held", "analytic", "ideal"),
-    Rung("engine", "the physics engine in place of the equations", "mujoco", "ideal"),
-    Rung("servos", "velocity servos of finite bandwidth that feel the load"),
-    Rung("limits", "limits of velocity, acceleration and force"),
-    Rung("sensing", "encoders and an observer in place of the state"),
-    Rung("delay", "computing and transport"),
-    Rung("friction", "friction of axes and joint"),
-    Rung("rope", "a rope that has mass, gives and goes slack"),
-    Rung("body", "a load that swings under its hook"),
-    Rung("wind", "drag and gusts"),
-    Rung("frame", "a frame that gives way"),
+LEVELS = (
+    Level("continuous", "theory: nothing sampled, ideal drives", "analytic", "ideal"),
+    Level("sampled", "control at the control period, inputs held", "analytic", "ideal"),
+    Level("engine", "the physics engine in place of the equations", "mujoco", "ideal"),
+    Level("servos", "velocity servos of finite bandwidth that feel the load"),
+    Level("limits", "limits of velocity, acceleration and force"),
+    Level("sensing", "encoders and an observer in place of the state"),
+    Level("delay", "computing and transport"),
+    Level("friction", "friction of axes and joint"),
+    Level("rope", "a rope that has mass, gives and goes slack"),
+    Level("body", "a load that swings under its hook"),
+    Level("wind", "drag and gusts"),
+    Level("frame", "a frame that gives way"),
 )
-NAMES = tuple(rung.name for rung in RUNGS)
+NAMES = tuple(level.name for level in LEVELS)
 # A rig not set up as believed is no effect that every rig has: campaigns vary it.
 EFFECTS = tuple(name for name in EffectSettings.model_fields if name != "installation")
 BASE = "servos"  # what an effect alone is added to

@@ -50,7 +50,7 @@ def advise_command(
     from cranectl.analysis.advice import IMPROVEMENTS, advise
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.design import CONTROLLERS, checked_controller
-    from cranectl.report.rig.advice_tables import controllers_table, improvements_table, recommendation
+    from cranectl.report.rig.tables import controllers_table, improvements_table, recommendation
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
@@ -74,12 +74,12 @@ def advise_command(
 
 
 def _write_report(found: "Advice", report: Path, command: str) -> None:
-    """Climb the ladder with the best controller, budget it, and write all of it."""
+    """Evaluate the fidelity levels with the best controller, budget it, and write all of it."""
     from cranectl.analysis.budget.error_budget import error_budget
     from cranectl.analysis.certificate.certify import make_nominal_loop
     from cranectl.analysis.certificate.linear_plant import linear_plant
     from cranectl.analysis.certificate.loop import inner_loop_of
-    from cranectl.analysis.ladder import climb
+    from cranectl.analysis.ladder import evaluate_levels
     from cranectl.design import design_controller
     from cranectl.report.page import write_page
     from cranectl.report.rig.page import rig_page
@@ -89,6 +89,6 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
     design = design_controller(best.controller, scenario.design)
     nominal_loop = make_nominal_loop(scenario, design)
     worst = inner_loop_of(linear_plant(scenario, best.certificate.worst.point, "velocity"), design.gain)
-    steps = list(climb(scenario, best.controller))
+    results = list(evaluate_levels(scenario, best.controller))
     budget = error_budget(scenario, best.controller)
-    write_page(rig_page(found, nominal_loop, worst, steps, budget, command), report)
+    write_page(rig_page(found, nominal_loop, worst, results, budget, command), report)

@@ -11,14 +11,12 @@ from cranectl.cli.options import json_option, scenario_options
 
 @click.command("budget", cls=Command)
 @click.argument("scenario")
-@click.argument("controller_name", metavar="[CONTROLLER]", required=False)
-@click.option("--controller", metavar="NAME", help="The same as CONTROLLER. Default: the scenario's own.")
-@click.option("--top", default="friction", show_default=True, metavar="RUNG", help="Where to stop climbing.")
+@click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+@click.option("--top", default="friction", show_default=True, metavar="LEVEL", help="The last level.")
 @scenario_options
 @json_option
 def budget_command(
     scenario: str,
-    controller_name: str | None,
     controller: str | None,
     top: str,
     rig: Path | None,
@@ -47,25 +45,18 @@ def budget_command(
 
     \b
     cranectl budget settled-trajectory
-    cranectl budget fast-diagonal lqr+hinf --set effects.delay.seconds=0.01
+    cranectl budget fast-diagonal --controller lqr+hinf --set effects.delay.seconds=0.01
     cranectl budget near-slack --controller lqr --top servos --json -
     """
     from cranectl.analysis.budget.error_budget import error_budget, simulated_seconds
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.report.rig.budget_table import budget_table
+    from cranectl.report.rig.tables import budget_table
     from cranectl.scenario import load_scenario
-    from cranectl.support.errors import InputError
 
-    if controller is not None and controller_name is not None and controller != controller_name:
-        raise InputError(
-            f"two controllers, {controller_name} and {controller}",
-            allowed="one controller",
-            remedy="leave out --controller",
-        )
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
         describe(f"{loaded.name}, budget")
-        budget = error_budget(loaded, controller or controller_name, top=top, progress=advance)
+        budget = error_budget(loaded, controller, top=top, progress=advance)
     screen = console(json_file)
     screen.print(budget_table(budget))
     write_json(json_file, budget.to_json())

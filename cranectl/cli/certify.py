@@ -45,7 +45,9 @@ DRIVES = ("bridge", "trolley", "winch")
     metavar="V",
     help="Rope length rate [m/s], positive when paying out; repeatable.",
 )
-@click.option("--cut", metavar="NAME", help="Where the loop is cut: v or v-bar. Default: as it was designed.")
+@click.option(
+    "--open-at", metavar="NAME", help="Signal at which the loop is opened: v or v-bar. Default: as designed."
+)
 @click.option("--limits", is_flag=True, help="Also the largest delay and lag certified and survived.")
 @scenario_options
 @click.option(
@@ -64,7 +66,7 @@ def certify_command(
     rope_lengths: tuple[float, ...],
     tilts: tuple[tuple[float, float], ...],
     hoisting_speeds: tuple[float, ...],
-    cut: str | None,
+    open_at: str | None,
     limits: bool,
     rig: Path | None,
     overrides: tuple[str, ...],
@@ -85,14 +87,14 @@ def certify_command(
     """
     from cranectl.analysis.certificate.certify import certify, make_nominal_loop
     from cranectl.analysis.certificate.conservatism import find_limits
-    from cranectl.analysis.certificate.linear_plant import left_out, linear_plant, taken_in
+    from cranectl.analysis.certificate.linear_plant import LINEAR, NOT_LINEAR, linear_plant, present
     from cranectl.analysis.certificate.loop import inner_loop_of
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
     from cranectl.analysis.certificate.structured import drive_margins
     from cranectl.cli import exit_codes
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.design import design_controller
-    from cranectl.report.rig.certificate_tables import drive_table, limit_table, map_table, summary_lines
+    from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import default_scenario, load_scenario
     from cranectl.simulate import checked_drive
 
@@ -112,14 +114,13 @@ def certify_command(
         tilts=tilts or TILTS,
         hoisting_speeds=hoisting_speeds or HOISTING_SPEEDS,
     )
-    nominal_loop = make_nominal_loop(loaded, design, cut)
+    nominal_loop = make_nominal_loop(loaded, design, open_at)
     with progress_bar(len(points), done="points") as (advance, describe):
         describe(design.name)
         found = certify(nominal_loop, loaded, points, drive=checked, progress=advance)
     worst = linear_plant(loaded, found.worst.point, checked)
-    margins = drive_margins(
-        inner_loop_of(worst, design.gain), nominal_loop.cut.robustifier, nominal_loop.period
-    )
+    inner = inner_loop_of(worst, design.gain)
+    margins = drive_margins(inner, nominal_loop.opening.robustifier, nominal_loop.period)
     lengths = sorted({point.rope_length for point in points})
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(nominal_loop, loaded, point, checked) for point in ends]
@@ -130,17 +131,15 @@ def certify_command(
     screen.print(drive_table(margins, found.worst))
     if limit_list:
         screen.print(limit_table(limit_list))
-    taken, left = taken_in(loaded.effects), left_out(loaded.effects)
+    taken, left = present(loaded.effects, LINEAR), present(loaded.effects, NOT_LINEAR)
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:
             screen.print(f"{what}: {', '.join(names)}")
     if plot is not None:
         from cranectl.report.figure_file import save_figure
-        from cranectl.report.rig.certificate_figure import (
-            certificate_figure,  # matplotlib, only where asked for
-        )
+        from cranectl.report.rig.figures import certificate_figure  # matplotlib, only where asked for
 
-        save_figure(certificate_figure(found, nominal_loop, inner_loop_of(worst, design.gain)), plot)
+        save_figure(certificate_figure(found, nominal_loop, inner), plot)
         screen.print(f"picture: {plot}")
     data = found.to_json() | {
         "drive_margins_at_worst": margins.to_json(),

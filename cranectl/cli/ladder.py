@@ -15,13 +15,13 @@ EVERY = 10  # samples: a dozen runs in one file for viewers
 @click.command("ladder", cls=Command)
 @click.argument("scenario")
 @click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
-@click.option("--top", default="frame", show_default=True, metavar="RUNG", help="Where to stop climbing.")
+@click.option("--top", default="frame", show_default=True, metavar="LEVEL", help="The last level.")
 @scenario_options
 @click.option(
     "--out",
     metavar="FILE",
     type=OutputFile(MCAP),
-    help="Log that overlays all rungs. Default: logs/SCENARIO/CONTROLLER-ladder.mcap",
+    help="Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap",
 )
 @click.option("--report", metavar="FILE", type=OutputFile(HTML), help="HTML page of it.")
 @json_option
@@ -58,37 +58,37 @@ def ladder_command(
     cranectl ladder settled-trajectory --controller lqr+loop-shaping --top delay
     cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
     """
-    from cranectl.analysis.ladder import climb, simulated_seconds
+    from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
     from cranectl.cases import LOG_DIRECTORY
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.log import check_writable
     from cranectl.log.overlay import write_overlay
-    from cranectl.report.rig.ladder_table import ladder_table
+    from cranectl.report.rig.tables import ladder_table
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     name = controller or loaded.controller
     log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     check_writable(log)
-    steps = []
+    results = []
     with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
-        for step in climb(loaded, name, top=top, progress=advance):
-            describe(f"{loaded.name}, {step.rung.name}")
-            steps.append(step)
-    write_overlay(log, {step.rung.name: step.run for step in steps}, every=EVERY)
+        for result in evaluate_levels(loaded, name, top=top, progress=advance):
+            describe(f"{loaded.name}, {result.level.name}")
+            results.append(result)
+    write_overlay(log, {result.level.name: result.run for result in results}, every=EVERY)
     screen = console(json_file)
-    screen.print(ladder_table(steps))
+    screen.print(ladder_table(results))
     screen.print(f"log: {log}")
     screen.print("view: cranectl log layout ladder view.json")
     if report is not None:
         from cranectl.report.page import write_page
-        from cranectl.report.rig.ladder_page import ladder_page
+        from cranectl.report.rig.page import ladder_page
 
         command = f"cranectl ladder {scenario} --controller {name} --top {top}"
-        write_page(ladder_page(loaded, name, steps, command), report)
+        write_page(ladder_page(loaded, name, results, command), report)
         screen.print(f"report: {report}")
     write_json(
         json_file,
-        {"scenario": loaded.name, "controller": name, "rungs": [step.to_json() for step in steps]},
+        {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]},
     )
-    return exit_codes.RUN_STOPPED if any(step.run.status.stopped for step in steps) else exit_codes.GOOD
+    return exit_codes.RUN_STOPPED if any(result.run.status.stopped for result in results) else exit_codes.GOOD

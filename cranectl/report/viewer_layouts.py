@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from cranectl.analysis.levels import NAMES as RUNG_NAMES
+from cranectl.analysis.levels import NAMES
 from cranectl.log import overlay, topics
 from cranectl.plants.registry import PLANTS, in_order, reference_plant
 from cranectl.signals import REFERENCE, Signal, SignalGroup, flat_groups, recorded_groups
@@ -100,8 +100,8 @@ def _controller(panels: Panels, plants: Sequence[str]) -> Layout:
 
 
 def _ladder(panels: Panels, _plants: Sequence[str]) -> Layout:
-    """All rungs of a ladder on top of each other, and how far each is from theory."""
-    labels = list(RUNG_NAMES)
+    """All fidelity levels on top of each other, and how far each is from theory."""
+    labels = list(NAMES)
     colours = dict(zip(labels, VIEWER_SERIES, strict=True))
     apart = [
         {**_line(f"{overlay.DISTANCE}.{s.name}.@log10", s, s.name, colours[s.name])}

@@ -1,6 +1,7 @@
-"""The ladder: every rung is what it says, and its log overlays them."""
+"""The ladder: every level is what it says, and its log overlays them."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,26 +11,28 @@ from click.testing import CliRunner
 from mcap.reader import make_reader
 from numpy.testing import assert_array_equal
 
-from cranectl.analysis.ladder import climb, deviation
-from cranectl.analysis.levels import BASE, EFFECTS, NAMES, RUNGS, with_effects
+from cranectl.analysis.budget.error_budget import error_budget
+from cranectl.analysis.deviation import deviation
+from cranectl.analysis.ladder import evaluate_levels
+from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, with_effects
 from cranectl.cli.main import cli
 from cranectl.log.overlay import DISTANCE, write_overlay
-from cranectl.scenario import Scenario
+from cranectl.scenario import Scenario, load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 
 
-def test_there_is_a_rung_for_every_effect_and_in_the_same_order() -> None:
+def test_there_is_a_level_for_every_effect_and_in_the_same_order() -> None:
     assert tuple(name for name in NAMES if name in EFFECTS) == EFFECTS
     assert ALL_EFFECTS.names == (*EFFECTS, "installation")
     assert NAMES.index(BASE) == NAMES.index(EFFECTS[0]) - 1
 
 
-def test_rungs_add_one_effect_each(short: Scenario) -> None:
-    steps = list(climb(short, "lqr", top="delay"))
-    assert [step.rung for step in steps] == list(RUNGS[: len(steps)])
+def test_levels_add_one_effect_each(short: Scenario) -> None:
+    steps = list(evaluate_levels(short, "lqr", top="delay"))
+    assert [step.level for step in steps] == list(LEVELS[: len(steps)])
     effects = [step.run.scenario.effects.names for step in steps]
     assert effects == [(), (), (), (), ("limits",), ("limits", "sensing"), ("limits", "sensing", "delay")]
     assert [(step.run.plant, step.run.drive) for step in steps[:4]] == [
@@ -41,14 +44,14 @@ def test_rungs_add_one_effect_each(short: Scenario) -> None:
     assert [step.alone is not None for step in steps] == [False] * 4 + [True] * 3
 
 
-def test_a_rung_is_the_run_that_a_person_would_make(short: Scenario) -> None:
-    step = list(climb(short, "lqr", top="delay"))[-1]
+def test_a_level_is_the_run_that_a_person_would_make(short: Scenario) -> None:
+    step = list(evaluate_levels(short, "lqr", top="delay"))[-1]
     scenario = with_effects(short, ["limits", "sensing", "delay"])
     run = simulate_run(scenario, plant="mujoco", drive="velocity", controller="lqr")
     assert_array_equal(step.run.table, run.table)
     alone = simulate_run(with_effects(short, ["delay"]), plant="mujoco", drive="velocity", controller="lqr")
     base = simulate_run(short, plant="mujoco", drive="velocity", controller="lqr")
-    assert step.alone == deviation(base, alone)
+    assert step.alone == deviation(alone, base)
     assert step.alone.max > 1e-6
 
 
@@ -75,23 +78,38 @@ def test_deviations_are_norms_of_the_difference(short: Scenario) -> None:
     moved = replace(run, table=run.table.copy())
     moved.block("load")[:, 0] += 3e-3
     moved.block("load")[-1, 1] += 4e-3
-    found = deviation(run, moved)
+    found = deviation(moved, run)
     assert found.max == pytest.approx(5e-3)
     assert found.final == pytest.approx(5e-3)
     assert found.rms == pytest.approx(np.sqrt(np.mean([*[9e-6] * (len(run.time_ns) - 1), 25e-6])))
     assert deviation(run, run).max == 0.0
 
 
-def test_a_rung_that_there_is_not(short: Scenario) -> None:
-    with pytest.raises(InputError, match="unknown rung 'dealy'") as caught:
-        list(climb(short, top="dealy"))
+def test_a_level_that_there_is_not(short: Scenario) -> None:
+    with pytest.raises(InputError, match="unknown fidelity level 'dealy'") as caught:
+        list(evaluate_levels(short, top="dealy"))
     assert "delay" in caught.value.remedy
 
 
+@pytest.mark.parametrize("evaluate", [error_budget, lambda scenario: list(evaluate_levels(scenario))])
+def test_a_step_too_long_for_a_level_is_refused_before_any_run(
+    evaluate: Callable[[Scenario], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = ["control.period=0.005", "control.physics_step=0.005", "duration=3.0", "disturbances=[]"]
+    scenario = load_scenario("fixed-position", overrides=steps)
+    assert len(list(evaluate_levels(scenario, top="servos"))) == 4, "levels that can be run are"
+    for module in ("ladder", "budget.error_budget"):
+        for function in ("simulate_run", "simulate_continuous"):
+            monkeypatch.setattr(f"cranectl.analysis.{module}.{function}", None)
+    monkeypatch.setattr("cranectl.analysis.budget.error_budget.nominal_run", None)
+    with pytest.raises(InputError, match=r"too fast for steps of 0\.005 s"):
+        evaluate(scenario)
+
+
 def test_the_overlay_has_every_run(tmp_path: Path, short: Scenario) -> None:
-    steps = list(climb(short, "lqr", top="servos"))
+    steps = list(evaluate_levels(short, "lqr", top="servos"))
     path = tmp_path / "ladder.mcap"
-    runs = {step.rung.name: step.run for step in steps}
+    runs = {step.level.name: step.run for step in steps}
     write_overlay(path, runs, every=10)
     with path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
@@ -121,12 +139,12 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert done.return_value == 0
     assert "sensing" in done.output
     said = json.loads(Path("ladder.json").read_text())
-    assert [rung["rung"] for rung in said["rungs"]] == list(NAMES[:6])
-    assert said["rungs"][5]["cumulative"]["max"] > 0.0
+    assert [level["level"] for level in said["levels"]] == list(NAMES[:6])
+    assert said["levels"][5]["cumulative"]["max"] > 0.0
     assert Path("logs/fixed-position/pole-placement-ladder.mcap").exists()
 
 
-def test_a_rung_that_stops_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_that_stops_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     arguments = ["ladder", "fixed-position", "--top", "delay", "--set", "effects.delay.seconds=0.5"]
     done = CliRunner().invoke(cli, arguments, catch_exceptions=False, standalone_mode=False)

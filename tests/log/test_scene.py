@@ -304,7 +304,7 @@ def test_trail_and_path_have_the_colours_of_the_plots(scene: Messages) -> None:
     assert colours.rgb(colours.VIEWER["reference"]) in plots["reference"]
 
 
-def test_every_rung_has_one_colour_in_trails_and_plots(short: Scenario, tmp_path: Path) -> None:
+def test_every_level_has_one_colour_in_trails_and_plots(short: Scenario, tmp_path: Path) -> None:
     run = simulate_run(short, plant="analytic")
     write_overlay(tmp_path / "a.mcap", dict.fromkeys(NAMES, run), every=4)
     drawn, plots = decode(tmp_path / "a.mcap"), plot_colours("ladder")

@@ -22,10 +22,10 @@ def test_the_page_of_a_ladder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert main(command) == 0
     page = Path("a.html").read_text()
     said = json.loads(Path("a.json").read_text())
-    for rung in said["rungs"]:
-        assert f">{rung['rung']}<" in page
-        if rung["cumulative"]:
-            assert f"{1e3 * rung['cumulative']['max']:.3g}" in page
+    for level in said["levels"]:
+        assert f">{level['level']}<" in page
+        if level["cumulative"]:
+            assert f"{1e3 * level['cumulative']['max']:.3g}" in page
     assert "friction" not in page
     assert page.count("<svg") == 2
     assert len(anchors(page)) == len(set(anchors(page)))

@@ -9,12 +9,16 @@ from rich.console import Console
 from cranectl.analysis.advice import Advice, advise
 from cranectl.analysis.budget.error_budget import Budget, Entry
 from cranectl.analysis.deviation import Size
-from cranectl.analysis.ladder import Step, climb
+from cranectl.analysis.ladder import LevelResult, evaluate_levels
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.screen import FILE_WIDTH, screen_table
-from cranectl.report.rig.advice_tables import controllers_table, improvements_table, recommendation
-from cranectl.report.rig.budget_table import budget_table
-from cranectl.report.rig.ladder_table import ladder_table
+from cranectl.report.rig.tables import (
+    budget_table,
+    controllers_table,
+    improvements_table,
+    ladder_table,
+    recommendation,
+)
 from cranectl.report.table import Table
 from cranectl.scenario import load_scenario
 from cranectl.status import RunStatus
@@ -29,8 +33,8 @@ def advice() -> Advice:
 
 
 @pytest.fixture(scope="module")
-def steps() -> list[Step]:
-    return list(climb(load_scenario("fixed-position", overrides=SHORT), top="limits"))
+def steps() -> list[LevelResult]:
+    return list(evaluate_levels(load_scenario("fixed-position", overrides=SHORT), top="limits"))
 
 
 def budget() -> Budget:
@@ -94,17 +98,17 @@ def test_budget() -> None:
     assert cells(table, "all")["measured RMS"] == ("1", "")
     assert cells(table, "unexplained")["measured RMS"] == ("0.001", "")
     assert "servos: rough estimate, no bound" in table.note
-    for rung, estimate in (("engine", ("0.002", "")), ("servos", ("~0.002", "open"))):
-        assert cells(table, rung)["estimate max"] == estimate
+    for level, estimate in (("engine", ("0.002", "")), ("servos", ("~0.002", "open"))):
+        assert cells(table, level)["estimate max"] == estimate
     assert "~ marks estimates without a bound, which may be far off" in table.note
     assert "servos: ended with slack-rope." in table.note
     assert "sampled" not in table.note
 
 
-def test_ladder(steps: list[Step]) -> None:
+def test_ladder(steps: list[LevelResult]) -> None:
     table = ladder_table(steps)
     for step in steps:
-        row = cells(table, step.rung.name)
+        row = cells(table, step.level.name)
         assert row["ended"] == ("completed", "good")
         assert float(row["error [mm] max"][0]) == pytest.approx(1e3 * step.metrics.max_error_m, rel=5e-3)
         adds = "" if step.cumulative is None else f"{1e3 * step.cumulative.final:.3g}"
@@ -112,22 +116,22 @@ def test_ladder(steps: list[Step]) -> None:
     assert any(step.cumulative for step in steps)
 
 
-def test_ladder_says_what_stopped(steps: list[Step]) -> None:
+def test_ladder_says_what_stopped(steps: list[LevelResult]) -> None:
     last = steps[-1]
     stopped = replace(last.run, status=RunStatus.SLACK_ROPE, end_ns=250_000_000)
-    row = cells(ladder_table([replace(last, run=stopped, metrics=None)]), last.rung.name)
+    row = cells(ladder_table([replace(last, run=stopped, metrics=None)]), last.level.name)
     assert row["ended"] == ("slack-rope at 0.25 s", "bad")
     assert row["error [mm] max"] == ("–", "")
-    row = cells(ladder_table([replace(last, alone=LARGE, alone_status="slack-rope")]), last.rung.name)
+    row = cells(ladder_table([replace(last, alone=LARGE, alone_status="slack-rope")]), last.level.name)
     assert (row["alone [mm] RMS"], row["alone [mm] max"]) == (("slack-rope", "bad"), ("", ""))
 
 
-def test_a_file_takes_the_widest_table_whole(steps: list[Step]) -> None:
+def test_a_file_takes_the_widest_table_whole(steps: list[LevelResult]) -> None:
     small = Size(1.23e-7, 1.23e-7, 1.23e-7)
     last = replace(steps[-1], cumulative=small, alone=small)
     stopped = replace(last.run, status=RunStatus.WORKSPACE_LEFT, end_ns=12_345_000_000)
-    longest = replace(last.rung, name=max(NAMES, key=len))
-    table = screen_table(ladder_table([last, replace(last, run=stopped, rung=longest)]))
+    longest = replace(last.level, name=max(NAMES, key=len))
+    table = screen_table(ladder_table([last, replace(last, run=stopped, level=longest)]))
     screen = Console(width=1000)
     assert screen.measure(table).maximum <= FILE_WIDTH
     assert screen.measure(screen_table(budget_table(budget()))).maximum <= FILE_WIDTH

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from cranectl.analysis.levels import NAMES as RUNGS
+from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 from cranectl.log import write_log
 from cranectl.log.overlay import write_overlay
@@ -37,7 +37,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]
     runs = [simulate_run(scenario, plant=plant) for plant in PLANTS]
     folder = tmp_path_factory.mktemp("log")
     write_log(folder / "a.mcap", runs)
-    write_overlay(folder / "b.mcap", dict.fromkeys(RUNGS, runs[0]), every=4)
+    write_overlay(folder / "b.mcap", dict.fromkeys(NAMES, runs[0]), every=4)
     found = {}
     for path in folder.iterdir():
         with path.open("rb") as stream:

@@ -1,1 +1,1 @@
-"""The error budget: what each rung of the ladder will cost, said before it is run, with a bound."""
+"""The error budget: what each fidelity level will cost, predicted before it is run, with a bound."""

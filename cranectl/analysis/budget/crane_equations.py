@@ -198,9 +198,11 @@ def disturb(crane, state, reach, disturbance, work):
         force[BETA] += moment * disturbance[1]
         return
     for axis in range(3):
-        push = crane.load_mass * state[4] * (n[1, axis] * disturbance[0] + n[2, axis] * disturbance[1])
+        force_on_load = (
+            crane.load_mass * state[4] * (n[1, axis] * disturbance[0] + n[2, axis] * disturbance[1])
+        )
         for i in range(LENGTH, Q_X):  # the trolley takes the opposite force
-            force[i] += work.velocity[i, axis] * push
+            force[i] += work.velocity[i, axis] * force_on_load
 
 
 @jit

@@ -1,27 +1,26 @@
-"""The error budget: every rung of the ladder predicted, then run, and what the sum leaves unexplained."""
+"""The error budget: every fidelity level predicted, then run, and what the sum leaves unexplained."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from itertools import islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cranectl.analysis.budget.nominal import STRUCTURE, Nominal, nominal_run
-from cranectl.analysis.budget.prediction import RUNGS, predict_rungs
-from cranectl.analysis.budget.random_errors import exact, noisy
+from cranectl.analysis.budget.bounded_signals import exact, noisy
+from cranectl.analysis.budget.nominal import STRUCTURE, nominal_run
+from cranectl.analysis.budget.prediction import LEVELS, predict_levels
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size, load_difference, size_of
-from cranectl.analysis.levels import replace_effects
+from cranectl.analysis.ladder import check_steps
+from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import simulate_run
 from cranectl.support.errors import unknown_name
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]  # called with simulated seconds
 
+SENSING = ("observer", "noise", "quantisation")  # levels that the effect `sensing` is divided into
 LOOSE = 5.0  # bounds looser than this are explained
 
 WHY_LOOSE = {
@@ -29,32 +28,32 @@ WHY_LOOSE = {
     "engine": "of the size of rounding",
     "servos": "near what the first order leaves out",
     "limits": "the limits hardly act, or act so long that the first order is rough",
-    "observer": "small beside what the first order leaves out of the rungs below",
+    "observer": "small beside what the first order leaves out of the levels below",
     "noise": "the millionth's quantile over all samples against one seed",
     "quantisation": "the worst pattern of steps, which no motion has, against nearly random ones",
     "delay": "small beside the steps of the encoders, which fall anew",
-    "rope": "small beside what the rungs below leave out",
-    "body": "small beside what the rungs below leave out",
-    "wind": "small beside what the rungs below leave out",
-    "frame": "small beside what the rungs below leave out",
-    "friction": "any course of friction within its limits; sticking axes rub less",
+    "rope": "small beside what the levels below leave out",
+    "body": "small beside what the levels below leave out",
+    "wind": "small beside what the levels below leave out",
+    "frame": "small beside what the levels below leave out",
+    "friction": "any course of friction within its limits; sticking axes have less",
 }
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One rung of a budget."""
+    """One level of a budget."""
 
-    rung: str
+    level: str
     estimate: Size
     bound: float
     measured: Size
     status: str  # how the measured run ended
-    above: str = ""  # the lower rung, if any, that is too large for a first order
+    above: str = ""  # the lower level, if any, that is too large for a first order
 
     @property
     def rough(self) -> bool:
-        """Whether the estimate has no bound: it may be far off, a hundredfold where rungs below are."""
+        """Whether the estimate has no bound: it may be far off, a hundredfold where levels below are."""
         return not np.isfinite(self.bound)
 
     @property
@@ -78,7 +77,7 @@ class Entry:
         if self.rough:
             why = f"above {self.above}, which is" if self.above else "this is"
             return f"rough estimate, no bound: {why} too large for a first order"
-        return WHY_LOOSE[self.rung] if self.looseness > LOOSE and self.measured.max else ""
+        return WHY_LOOSE[self.level] if self.looseness > LOOSE and self.measured.max else ""
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -94,12 +93,12 @@ class Entry:
 
 @dataclass(frozen=True)
 class Budget:
-    """All rungs of one scenario and controller."""
+    """All levels of one scenario and controller."""
 
     scenario: str
     controller: str
     entries: tuple[Entry, ...]
-    total: Size  # measured, from the first rung's start to the last rung
+    total: Size  # measured, from the first level's start to the last level
     rest: Size  # of the total that the sum of the estimates leaves unexplained
 
     @property
@@ -112,68 +111,69 @@ class Budget:
         return {
             "scenario": self.scenario,
             "controller": self.controller,
-            "rungs": [entry.to_json() for entry in self.entries],
+            "levels": [entry.to_json() for entry in self.entries],
             "total": asdict(self.total),
             "rest": asdict(self.rest),
         }
 
 
-def measured_runs(nominal: Nominal, progress: Progress | None = None) -> Iterator[Run]:
-    """The continuous-time ideal, then every rung of RUNGS run."""
-    run, effects = nominal.run, nominal.effects
-    base = run.scenario
-    yield simulate_continuous(base, design=run.design)
-    yield run
-    yield simulate_run(base, plant="mujoco", design=run.design, progress=progress)
-    exactly, noisily = exact(effects.sensing), noisy(effects.sensing)
-    climbed = NO_EFFECTS
-    for name, settings in (
-        ("", None),
-        ("limits", effects.limits),
-        ("sensing", exactly),
-        ("sensing", noisily),
-        ("sensing", effects.sensing),
-        ("delay", effects.delay),
-        *((name, getattr(effects, name)) for name in (*STRUCTURE, "friction")),
-    ):
-        climbed = climbed.model_copy(update={name: settings} if name else {})
-        higher = replace_effects(base, climbed)
-        yield simulate_run(higher, plant="mujoco", drive="velocity", design=run.design, progress=progress)
+def variants(scenario: Scenario, levels: Sequence[str]) -> list[Scenario]:
+    """`scenario` with the effects of each of the `levels` and of those below it."""
+    effects = assumed_effects(scenario)
+    settings = {
+        "observer": exact(effects.sensing),
+        "noise": noisy(effects.sensing),
+        "quantisation": effects.sensing,
+        **{name: getattr(effects, name) for name in ("limits", "delay", *STRUCTURE, "friction")},
+    }
+    found, added = [], NO_EFFECTS
+    for level in levels:
+        if level in settings:
+            name = "sensing" if level in SENSING else level
+            added = added.model_copy(update={name: settings[level]})
+        found.append(replace_effects(scenario, added))
+    return found
 
 
-def simulated_seconds(scenario: Scenario, top: str = RUNGS[-1]) -> float:
+def simulated_seconds(scenario: Scenario, top: str = LEVELS[-1]) -> float:
     """Simulated time of a budget's runs of the engine, for progress."""
-    return scenario.duration * (RUNGS.index(top) if top in RUNGS else 0)
+    return scenario.duration * (LEVELS.index(top) if top in LEVELS else 0)
 
 
 def error_budget(
     scenario: Scenario,
     controller: str | None = None,
     *,
-    top: str = RUNGS[-1],
+    top: str = LEVELS[-1],
     progress: Progress | None = None,
 ) -> Budget:
-    """Predict every rung up to `top` before it is run, then run and measure it.
+    """Predict every level up to `top` before it is run, then run and measure it.
 
-    Raises InputError for an unknown rung or controller, and for what `simulate_run` refuses.
+    Raises InputError for an unknown level or controller, and before any run for what a level cannot have.
     """
-    if top not in RUNGS:
-        raise unknown_name("rung", top, RUNGS)
+    if top not in LEVELS:
+        raise unknown_name("fidelity level", top, LEVELS)
+    levels = LEVELS[: LEVELS.index(top) + 1]
+    tried = variants(scenario, levels)
+    check_steps(scenario, tried[LEVELS.index("servos") :])
     nominal = nominal_run(scenario, controller)
-    runs = measured_runs(nominal, progress)
-    first = before = next(runs)
+    design, drives = nominal.run.design, {"engine": "ideal"}
+    first = before = simulate_continuous(tried[0], design=design)
     entries, explained = [], np.zeros((len(nominal.run.time_ns), 3))
-    for prediction in islice(predict_rungs(nominal), RUNGS.index(top) + 1):
-        run = next(runs)
-        measured = size_of(load_difference(run, before))
-        common = min(len(run.time_ns), len(before.time_ns), len(prediction.load))
+    for variant, prediction in zip(tried, predict_levels(nominal), strict=False):
+        run, level = nominal.run, prediction.level
+        if level != "sampled":
+            drive = drives.get(level, "velocity")
+            run = simulate_run(variant, plant="mujoco", drive=drive, design=design, progress=progress)
+        measured = load_difference(run, before)
         estimate = prediction.estimate
-        if common < len(prediction.load) and prediction.load.any():
-            estimate = size_of(prediction.load[:common])
-        status = run.status.label
-        entries.append(Entry(prediction.rung, estimate, prediction.bound, measured, status, prediction.above))
+        if len(measured) < len(prediction.load) and prediction.load.any():
+            estimate = size_of(prediction.load[: len(measured)])
+        entries.append(
+            Entry(level, estimate, prediction.bound, size_of(measured), run.status.label, prediction.above)
+        )
         explained += prediction.load
         before = run
     total = load_difference(before, first)
     rest = total[: len(explained)] - explained[: len(total)]
-    return Budget(scenario.name, nominal.run.design.name, tuple(entries), size_of(total), size_of(rest))
+    return Budget(scenario.name, design.name, tuple(entries), size_of(total), size_of(rest))

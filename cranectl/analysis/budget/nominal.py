@@ -1,4 +1,4 @@
-"""What a budget starts from: the sampled ideal, run and linearised with the plants of its rungs."""
+"""What a budget starts from: the sampled ideal, run and linearised with the plants of its levels."""
 
 from dataclasses import dataclass, field
 
@@ -21,13 +21,13 @@ STRUCTURE = ("rope", "body", "wind", "frame")  # effects that change the equatio
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a rung will do, without having run it."""
+    """What a level will do, without having run it."""
 
-    rung: str
+    level: str
     estimate: Size
     bound: float  # of the largest deviation [m]; infinite where the effect is too large for a first order
     load: Array  # (N, 3) predicted deviation [m]; zero for noise, whose sign no one knows
-    above: str = ""  # the lower rung, if any, that is too large for a first order
+    above: str = ""  # the lower level, if any, that is too large for a first order
 
 
 @dataclass(frozen=True)

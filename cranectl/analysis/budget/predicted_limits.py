@@ -1,7 +1,7 @@
 """How far the two plants may differ with velocity drives: the load's reaction on the engine's servos.
 
 The analytic lag is blind to the load, the engine's servo yields to it. The difference of the two is that of
-two rungs of the error budget, so it has an estimate and a bound before either plant is run.
+two levels of the error budget, so it has an estimate and a bound before either plant is run.
 """
 
 from dataclasses import asdict, dataclass
@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.bounds import second_order
+from cranectl.analysis.budget.higher_orders import higher_orders
 from cranectl.analysis.budget.nominal import Nominal, ideal_run, linearised, nominal_run
 from cranectl.analysis.budget.propagation import Deviation, plant_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
@@ -47,7 +47,7 @@ def predict_plant_difference(scenario: Scenario, controller: str | None = None) 
 def predicted_limits(scenario: Scenario, design: Design) -> Limits | NoLimits:
     """The bound of the plants' difference with velocity drives, as limits of their agreement.
 
-    Runs that go on to the end stop apart, if at all, by the lag of the slowest drive.
+    Runs that go on to the end stop at other times, if at all, by the lag of the slowest drive.
     """
     if scenario.effects != NO_EFFECTS:
         return NoLimits("velocity drives beside other effects have no predicted bound")
@@ -84,9 +84,7 @@ def _orders(run: Run, loop: TrajectoryLoop) -> tuple[Deviation, Deviation, Devia
     """What the drives of `loop` do to the run: first, second and third order."""
     ports = plant_errors(loop)
     first = propagate(loop, ports)
-    second = second_order(run, loop, ports, first)
-    better = Deviation(*(a + b for a, b in zip(first, second, strict=True)))
-    return first, second, second_order(run, loop, ports, better)
+    return first, *higher_orders(run, loop, ports, first)
 
 
 def _largest(a: Deviation, b: Deviation, what: str) -> float:

@@ -1,12 +1,12 @@
-"""What each rung of the fidelity ladder will do to the load, said before it is run.
+"""What each fidelity level will do to the load, predicted before it is run.
 
-The nominal run is the sampled loop on the analytic plant with ideal drives. The effects of a rung and of all
-below it are equivalent disturbances along it (`equivalent`, `drive_errors`, `random_errors`) or equations of
-motion that it does not obey (`real_crane`), carried to first order through the loop linearised along the run
+The nominal run is the sampled loop on the analytic plant with ideal drives. The effects of a level and of all
+below it are equivalent disturbances along it (`equivalent`, `bounded_signals`) or equations of motion that it
+does not obey (`real_crane`), carried to first order through the loop linearised along the run
 (`propagation`). Effects that depend on the motion are taken on the motion that they lead to, found by
-repetition. The bound adds what is left out: the second-order term (`remainder`), twice the third, and twice
-the last change of the repetition; of friction, which can be anything up to its limit, it is the worst case
-(`worst_case`).
+repetition. The bound adds what is left out: the second-order term (`higher_orders`), twice the third, and
+twice the last change of the repetition; of friction, which can be anything up to its limit, it is the worst
+case.
 """
 
 from collections.abc import Iterator
@@ -16,9 +16,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.bounds import higher_orders, worst_friction
-from cranectl.analysis.budget.drive_errors import delayed, friction_of, limited_commands
-from cranectl.analysis.budget.equivalent import hold_error, integrator_error
+from cranectl.analysis.budget.bounded_signals import (
+    exact,
+    measured_error,
+    predict_noise,
+    predict_quantisation,
+    worst_friction,
+)
+from cranectl.analysis.budget.equivalent import (
+    delayed,
+    friction_of,
+    hold_error,
+    integrator_error,
+    limited_commands,
+)
+from cranectl.analysis.budget.higher_orders import higher_orders
 from cranectl.analysis.budget.nominal import STRUCTURE, Nominal, Prediction
 from cranectl.analysis.budget.propagation import (
     NO_FRICTION,
@@ -29,14 +41,13 @@ from cranectl.analysis.budget.propagation import (
     plant_errors,
     propagate,
 )
-from cranectl.analysis.budget.random_errors import exact, predict_noise, predict_quantisation, told_error
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop
 from cranectl.analysis.deviation import size_of
 from cranectl.simulate.signal_path import make_encoders
 
 Array = NDArray[np.float64]
 
-RUNGS = (
+LEVELS = (
     "sampled", "engine", "servos", "limits", "observer", "noise", "quantisation", "delay",
     *STRUCTURE, "friction",
 )  # fmt: skip
@@ -47,11 +58,11 @@ SETTLED = 0.05  # last change of the repetition over the whole deviation
 HOLD_TAIL = 0.25  # next term of the hold's expansion over the one that repetition adds
 
 
-def predict_rungs(nominal: Nominal) -> Iterator[Prediction]:
-    """Every rung's prediction, in the order of RUNGS; nothing of the ladder is run for it.
+def predict_levels(nominal: Nominal) -> Iterator[Prediction]:
+    """Every level's prediction, in the order of LEVELS; none of them is run for it.
 
-    Above a rung that is too large for a first order no bound is known either: the motion is not. The first
-    rung, `sampled`, is no such one, whatever its size: all others start from the nominal run itself, which
+    Above a level that is too large for a first order no bound is known either: the motion is not. The first
+    level, `sampled`, is no such one, whatever its size: all others start from the nominal run itself, which
     is sampled and simulated, not predicted from continuous time.
     """
     yield _predict_hold(nominal)
@@ -59,28 +70,28 @@ def predict_rungs(nominal: Nominal) -> Iterator[Prediction]:
     path, anew, lost = _Path(rest, rest.load, rest.load, 0.0), 0.0, ""
     # Means over a sample stand for signals: of a servo of lag tau they miss T / (2 tau).
     coarse = 0.25 * nominal.loop.period / float(nominal.run.scenario.rig.time_constants.min())
-    climbed: tuple[str, ...] = ()
-    for rung in RUNGS[1:]:
-        if rung == "noise":
+    added: tuple[str, ...] = ()
+    for level in LEVELS[1:]:
+        if level == "noise":
             yield _beside(predict_noise(nominal), path, lost)
-        elif rung == "quantisation":
+        elif level == "quantisation":
             found = predict_quantisation(nominal, path.deviation)
             anew = found.estimate.max  # on another motion the steps fall anew
             yield _beside(found, path, lost)
         else:
-            climbed += (rung,)
-            higher = _find_path(nominal, climbed, path.deviation)
+            added += (level,)
+            higher = _find_path(nominal, added, path.deviation)
             load = higher.deviation.load - path.deviation.load
             size, other = size_of(load), higher.change + path.change + anew
-            if rung == "friction":
-                bound = _bound_friction(nominal, climbed, path, higher, other)
+            if level == "friction":
+                bound = _bound_friction(nominal, added, path, higher, other)
             elif load.any():
                 other += coarse * size_of(path.deviation.load).max
                 bound = _bound(size.max, _left(path, higher), other)
             else:
                 bound = ROUNDING
-            yield Prediction(rung, size, np.inf if lost else bound, load, above=lost)
-            lost = lost or (rung if bound == np.inf else "")
+            yield Prediction(level, size, np.inf if lost else bound, load, above=lost)
+            lost = lost or (level if bound == np.inf else "")
             path = higher
 
 
@@ -94,7 +105,7 @@ class _Path(NamedTuple):
 
 
 def _beside(found: Prediction, path: _Path, lost: str) -> Prediction:
-    """A random effect beside a motion that is known only so well, or above the rung `lost` not at all."""
+    """A random effect beside a motion that is known only so well, or above the level `lost` not at all."""
     return replace(found, bound=np.inf if lost else found.bound + 2.0 * path.change, above=lost)
 
 
@@ -102,7 +113,8 @@ def _find_path(nominal: Nominal, effects: tuple[str, ...], start: Deviation) -> 
     """The motion under `effects` with its higher orders; `start` is the first guess."""
     deviation, ports, change = _find_motion(nominal, effects, start)
     loop, delay = _loop(nominal, effects), _delay(nominal, effects)
-    return _Path(deviation, *higher_orders(nominal.run, loop, ports, deviation, delay), change)
+    second, third = higher_orders(nominal.run, loop, ports, deviation, delay)
+    return _Path(deviation, second.load, third.load, change)
 
 
 def _find_motion(
@@ -164,7 +176,7 @@ def _equivalent(nominal: Nominal, name: str, loop: TrajectoryLoop, on: Deviation
     if name == "observer":
         ports = no_errors(loop)
         encoders = make_encoders(exact(settings.sensing), len(run.time_ns))
-        ports.measured[:] = told_error(nominal, encoders, on)
+        ports.measured[:] = measured_error(nominal, encoders, on)
         return ports
     return delayed(loop, run.block("input")[:-1, :3] + on.commanded, _delay(nominal, (name,)))
 
@@ -184,10 +196,11 @@ def _predict_hold(nominal: Nominal) -> Prediction:
         deviations.append(propagate(loop, ports))
     first, before, last = (deviation.load for deviation in deviations)
     back = Deviation(*(-part for part in deviations[-1]))
-    orders = higher_orders(run, loop, Ports(*(-part for part in ports)), back)
+    second, third = higher_orders(run, loop, Ports(*(-part for part in ports)), back)
     rest = _Path(back, np.zeros_like(last), np.zeros_like(last), 0.0)
     size, other = size_of(last), size_of(last - before).max + HOLD_TAIL * size_of(last - first).max
-    return Prediction("sampled", size, _bound(size.max, _left(rest, _Path(back, *orders, 0.0)), other), last)
+    path = _Path(back, second.load, third.load, 0.0)
+    return Prediction("sampled", size, _bound(size.max, _left(rest, path), other), last)
 
 
 def _bound_friction(
@@ -202,8 +215,8 @@ def _bound_friction(
     worst = max(worst_friction(loop, friction, path.deviation, delay) for path in (below, found))
     size = size_of(found.deviation.load - below.deviation.load).max
     without = tuple(name for name in effects if name != "observer")
-    told = [_find_motion(nominal, names, below.deviation)[0].load for names in (without, without[:-1])]
-    by_observer = size_of(found.deviation.load - below.deviation.load - (told[0] - told[1])).max
+    motions = [_find_motion(nominal, names, below.deviation)[0].load for names in (without, without[:-1])]
+    by_observer = size_of(found.deviation.load - below.deviation.load - (motions[0] - motions[1])).max
     scale = worst / size if size else 1.0
     scaled = found._replace(
         second=below.second + scale**2 * (found.second - below.second),

@@ -20,7 +20,7 @@ class Ports(NamedTuple):
     drive: Array  # (N - 1, 3) of what the drives get [m/s²] if they are ideal, else [m/s]
     law: Array  # (N - 1, 3) of the commanded acceleration [m/s²]
     arriving: Array  # (N - 1, 3) of the commanded acceleration as it arrives at the drives [m/s²]
-    measured: Array  # (N, 10) told minus true joints
+    measured: Array  # (N, 10) measured minus true joints
     disturbance: Array  # (N - 1, 2) angular accelerations of alpha, beta [rad/s²]
     local: Array  # (N - 1, n) of X, made within one sample
 
@@ -30,7 +30,7 @@ class FrictionPort(NamedTuple):
 
     rates: Array  # (N, 5) nominal [m/s, rad/s]
     viscous: Array  # (N - 1, 5) of `Ports.drive` and `Ports.disturbance` per rate
-    coulomb: Array  # (N - 1, 5) largest, sliding or sticking; empty if nothing rubs
+    coulomb: Array  # (N - 1, 5) largest, sliding or sticking; empty without friction
 
 
 class Deviation(NamedTuple):
@@ -124,20 +124,20 @@ def propagate_signals(loop, ports, delay, friction, found):
     size, p = state.shape[1], loop.kept.shape[0]
     extension, robustifier = p + EXTENSION, p + ROBUSTIFIER
     m, period = loop.robustifier_input.shape[0], loop.period
-    told, arrived, line = np.zeros(size), np.zeros(3), np.zeros((delay + 1, 3))
+    measured, arrived, line = np.zeros(size), np.zeros(3), np.zeros((delay + 1, 3))
     coulomb = np.zeros(5)
     for k in range(state.shape[0] - 1):
         at = k // loop.stride
         for j in range(size):
-            told[j] = state[k, j] + (ports.measured[k, j] if j < 10 else 0.0)
+            measured[j] = state[k, j] + (ports.measured[k, j] if j < 10 else 0.0)
         here, arriving = k % (delay + 1), (k + 1) % (delay + 1)
         v_z = 0.0
         for j in range(size):
-            v_z += loop.virtual[k, 2, j] * told[j]
+            v_z += loop.virtual[k, 2, j] * measured[j]
         for axis in range(3):
             command = ports.law[k, axis]
             for j in range(size):
-                command += loop.command[k, axis, j] * told[j]
+                command += loop.command[k, axis, j] * measured[j]
             commanded[k, axis] = command
             line[here, axis] = command
         for axis in range(3):
@@ -165,7 +165,7 @@ def propagate_signals(loop, ports, delay, friction, found):
         for axis in range(3):
             error = 0.0
             for j in range(10):
-                error -= loop.flat[k, axis, j] * told[j]
+                error -= loop.flat[k, axis, j] * measured[j]
             first = robustifier + axis * m
             for i in range(m):
                 value = loop.robustifier_input[i] * error + local[first + i]

@@ -1,7 +1,7 @@
 """The crane as it is built: servos, a rope that gives, a load with a body, a frame that gives, air.
 
 Its equations (`crane_equations`) are its own, nothing of the engine is in them: a budget made with them
-predicts the engine's rungs without running one. Coordinates, ten of them, each with its rate (20 states):
+predicts the engine's levels without running one. Coordinates, ten of them, each with its rate (20 states):
 
     x_c, y_c, l      bridge, trolley (from the rails) and length, as the encoders count them
     alpha, beta      direction n of the rope

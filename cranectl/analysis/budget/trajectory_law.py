@@ -1,4 +1,4 @@
-"""The tracker linearised along a run: what it makes of a deviation of what it is told."""
+"""The tracker linearised along a run: what it makes of a deviation of what it measures."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,15 +56,15 @@ def law_rows(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array, Array]:
     linearise_law(tracker.gravity, state, controller, virtual, flat_by, input_by, input_by_virtual)
     output = dense_robustifier(tracker)[2]
     extension, robustifier, m = p + EXTENSION, p + ROBUSTIFIER, len(output)
-    told = [*range(10), extension, extension + 1]
+    measured = [*range(10), extension, extension + 1]
     v = np.zeros((samples, 3, robustifier + 3 * m))
     for axis in range(3):
-        v[:, axis, told] = -tracker.feedthrough * flat_by[:, axis]
+        v[:, axis, measured] = -tracker.feedthrough * flat_by[:, axis]
         for order in range(4):
-            v[:, axis, told] -= tracker.gain[order] * flat_by[:, 3 * order + axis]
+            v[:, axis, measured] -= tracker.gain[order] * flat_by[:, 3 * order + axis]
         v[:, axis, robustifier + axis * m : robustifier + (axis + 1) * m] = output
     command = np.matmul(input_by_virtual, v)
-    command[:, :, told] += input_by
+    command[:, :, measured] += input_by
     return np.ascontiguousarray(flat_by[:, :3, :10]), v, command
 
 

@@ -148,11 +148,8 @@ def linearise_run(
     disturbances = np.ascontiguousarray(run.block("disturbance")[:-1])
     states, kept, stride = joints, np.arange(10), 1
     if crane is not None:
-        states, kept, stride = (
-            nominal_states(crane, joints, run.tension),
-            kept_states(crane),
-            STRIDE,
-        )
+        states, kept = nominal_states(crane, joints, run.tension), kept_states(crane)
+        stride = STRIDE
     p, rows = len(kept), max(samples - 1, 0)
     plant = Plant(
         rig=analytic_rig(run, drive),
@@ -194,8 +191,8 @@ def _load_derivatives(
     for column, place in enumerate(kept):
         if place % 2 == 0:  # rates move nothing
             shift = DIFFERENCE * np.eye(states.shape[1])[place]
-            apart = load_positions(crane, states + shift) - load_positions(crane, states - shift)
-            load[:, :, column] = apart / (2.0 * DIFFERENCE)
+            change = load_positions(crane, states + shift) - load_positions(crane, states - shift)
+            load[:, :, column] = change / (2.0 * DIFFERENCE)
     return load, load_positions(crane, states) - run.load_position
 
 
@@ -210,31 +207,45 @@ def analytic_rig(run: Run, drive: Drive = "ideal") -> AnalyticRig:
 
 
 @jit
-def loop_matrix(loop, k, matrix):
-    """The closed loop's X at sample k + 1 by X at k, into `matrix` (n, n)."""
-    n, p, at = matrix.shape[0], loop.kept.shape[0], k // loop.stride
+def loop_matrix(loop, delay, k, matrix):
+    """X and the commands under way, the youngest first, at sample k + 1 by those at k, into `matrix`.
+
+    `matrix` is (n + 3 `delay`) square.
+    """
+    size, p, at = loop.virtual.shape[2], loop.kept.shape[0], k // loop.stride
+    total = matrix.shape[0]
+    arriving = np.zeros(total)
     matrix[:] = 0.0
-    matrix[:p, :p] = loop.by_state[at]
-    for i in range(p):
-        for axis in range(3):
-            matrix[i, p + axis] += loop.by_command[at, i, axis] * loop.integral
-            for j in range(n):
-                matrix[i, j] += loop.by_command[at, i, axis] * loop.lead[axis] * loop.command[k, axis, j]
     controller_rows(loop, k, matrix)
+    matrix[:p, :p] = loop.by_state[at]
+    for axis in range(3):
+        arriving[:] = 0.0
+        if delay == 0:
+            arriving[:size] = loop.command[k, axis]
+        else:
+            arriving[total - 3 + axis] = 1.0
+            matrix[size + axis, :size] = loop.command[k, axis]
+        for late in range(1, delay):
+            matrix[size + 3 * late + axis, size + 3 * (late - 1) + axis] = 1.0
+        row = p + axis
+        for j in range(total):
+            matrix[row, j] = loop.period * arriving[j]
+        matrix[row, row] += 1.0
+        for i in range(p):
+            by_command = loop.by_command[at, i, axis]
+            matrix[i, row] += by_command * loop.integral
+            for j in range(total):
+                matrix[i, j] += by_command * loop.lead[axis] * arriving[j]
 
 
 @jit
 def controller_rows(loop, k, matrix):
-    """The rows of w, zeta, zeta' and the robustifier by X at sample k, into `matrix` (n, n)."""
+    """The rows of zeta, zeta' and the robustifier by X at sample k, into `matrix`."""
     period, m, p = loop.period, loop.robustifier_input.shape[0], loop.kept.shape[0]
     extension, robustifier = p + EXTENSION, p + ROBUSTIFIER
-    for j in range(matrix.shape[1]):
-        for axis in range(3):
-            matrix[p + axis, j] = period * loop.command[k, axis, j]
+    for j in range(loop.virtual.shape[2]):
         matrix[extension, j] = 0.5 * period * period * loop.virtual[k, 2, j]
         matrix[extension + 1, j] = period * loop.virtual[k, 2, j]
-    for axis in range(3):
-        matrix[p + axis, p + axis] += 1.0
     matrix[extension, extension] += 1.0
     matrix[extension, extension + 1] += period
     matrix[extension + 1, extension + 1] += 1.0

@@ -6,14 +6,14 @@ frozen at that point is then stable. It says nothing of the motion between point
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from cranectl.analysis.certificate.linear_plant import linear_plant
 from cranectl.analysis.certificate.loop import (
-    Cut,
     InnerLoop,
-    choose_cut,
+    Opening,
+    choose_opening,
     closed_loop_radius,
     design_inner_loop,
     inner_loop_of,
@@ -46,26 +46,26 @@ class NominalLoop:
     """What a controller's plants are compared with; the same at every point."""
 
     design: Design
-    cut: Cut
+    opening: Opening
     period: float  # [s]
     graph: Graph  # of the design model
     margin: CoprimeMargin
 
     def judge(self, inner: InnerLoop, point: OperatingPoint) -> "PointVerdict":
         """Compare the plant frozen at `point`."""
-        graph = self.cut.graph(inner)
+        graph = self.opening.graph(inner)
         gap = nu_gap(graph, self.graph)
         return PointVerdict(
             point=point,
             gap=gap.gap,
             frequency=gap.angle / self.period,
             grade=self.grade(graph, gap),
-            radius=closed_loop_radius(inner, self.cut.robustifier),
+            closed_loop_radius=closed_loop_radius(inner, self.opening.robustifier),
         )
 
     def certifies(self, inner: InnerLoop) -> bool:
         """Whether the loop around `inner` is known to be stable."""
-        graph = self.cut.graph(inner)
+        graph = self.opening.graph(inner)
         return self.grade(graph, nu_gap(graph, self.graph)) != "refused"
 
     def grade(self, graph: Graph, gap: NuGap) -> Grade:
@@ -74,7 +74,8 @@ class NominalLoop:
             return "gap"
         if gap.winding != 0 or self.margin.margin <= 0.0:
             return "refused"
-        excess = largest_excess(graph, self.graph, self.cut.controller, self.cut.robustifier.poles())
+        controller, poles = self.opening.controller, self.opening.robustifier.poles()
+        excess = largest_excess(graph, self.graph, controller, poles)
         return "by frequency" if excess + CAUTION < 0.0 else "refused"
 
 
@@ -86,7 +87,7 @@ class PointVerdict:
     gap: float
     frequency: float  # of the largest chordal distance [rad/s]
     grade: Grade
-    radius: float  # largest modulus of the poles of the true linear loop
+    closed_loop_radius: float  # largest modulus of the poles of the true linear loop
 
     @property
     def certified(self) -> bool:
@@ -96,7 +97,12 @@ class PointVerdict:
     @property
     def stable(self) -> bool:
         """Whether the linear loop is stable; not what the certificate is made from."""
-        return self.radius < 1.0
+        return self.closed_loop_radius < 1.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        fields = asdict(self)
+        return {**fields.pop("point"), **fields}
 
 
 @dataclass(frozen=True)
@@ -107,7 +113,7 @@ class Certificate:
     drive: Drive
     delay: float  # [s]
     time_constants: tuple[float, float, float]  # of the drives [s]
-    cut: Cut
+    opening: Opening
     margin: float  # b(G, K)
     margin_frequency: float  # [rad/s]
     points: tuple[PointVerdict, ...]
@@ -129,32 +135,22 @@ class Certificate:
             "drive": self.drive,
             "delay": self.delay,
             "time_constants": list(self.time_constants),
-            "cut": self.cut.name,
-            "scales": self.cut.scales.tolist(),
+            "opened_at": self.opening.name,
+            "scales": self.opening.scales.tolist(),
             "margin": self.margin,
             "margin_frequency": self.margin_frequency,
             "certified": self.certified,
             "least_margin": self.margin - self.worst.gap,
-            "worst": _point_json(self.worst),
-            "points": [_point_json(verdict) for verdict in self.points],
+            "worst": self.worst.to_json(),
+            "points": [verdict.to_json() for verdict in self.points],
         }
 
 
-def make_nominal_loop(scenario: Scenario, design: Design, cut_name: str | None = None) -> NominalLoop:
-    """Design model and margin of `design`; raises InputError for a cut that it does not have, and long delay.
+def make_nominal_loop(scenario: Scenario, design: Design, opened_at: str | None = None) -> NominalLoop:
+    """Design model and margin of `design` with the loop opened at a signal, see `choose_opening`.
 
-    The default cut is the one that the robustifier was designed for, else "v".
+    Raises InputError for a signal at which it cannot be, and for a long delay.
     """
-    _check_delay(scenario)
-    tracker_of(scenario, design)  # raises if the design's own loop is unstable when sampled
-    period = scenario.period_ns / NANOSECONDS
-    cut = choose_cut(design, scenario.design, period, cut_name)
-    graph = cut.graph(design_inner_loop(design.gain, period))
-    margin = coprime_margin(graph, cut.controller, cut.robustifier.poles())
-    return NominalLoop(design, cut, period, graph, margin)
-
-
-def _check_delay(scenario: Scenario) -> None:
     samples = scenario.delay_samples
     if samples > MOST_DELAY_SAMPLES:
         raise InputError(
@@ -162,6 +158,12 @@ def _check_delay(scenario: Scenario) -> None:
             allowed=f"at most {MOST_DELAY_SAMPLES}",
             remedy="'cranectl run' simulates any delay; no loop is certified with one like this",
         )
+    tracker_of(scenario, design)  # raises if the design's own loop is unstable when sampled
+    period = scenario.period_ns / NANOSECONDS
+    opening = choose_opening(design, scenario.design, period, opened_at)
+    graph = opening.graph(design_inner_loop(design.gain, period))
+    margin = coprime_margin(graph, opening.controller, opening.robustifier.poles())
+    return NominalLoop(design, opening, period, graph, margin)
 
 
 def certify(
@@ -172,7 +174,7 @@ def certify(
     drive: Drive,
     progress: Callable[[float], None] | None = None,
 ) -> Certificate:
-    """NominalLoop a controller at every point; drives, delay and observer are those of `scenario`."""
+    """Judge a controller at every point; drives, delay and observer are those of `scenario`."""
     verdicts = []
     for point in points:
         inner = inner_loop_of(linear_plant(scenario, point, drive), nominal_loop.design.gain)
@@ -186,20 +188,8 @@ def certify(
         drive=drive,
         delay=delay.seconds if delay else 0.0,
         time_constants=(lag_x, lag_y, lag_l),
-        cut=nominal_loop.cut,
+        opening=nominal_loop.opening,
         margin=nominal_loop.margin.margin,
         margin_frequency=nominal_loop.margin.angle / nominal_loop.period,
         points=tuple(verdicts),
     )
-
-
-def _point_json(verdict: PointVerdict) -> dict[str, Any]:
-    return {
-        "rope_length": verdict.point.rope_length,
-        "tilt": list(verdict.point.tilt),
-        "hoisting_speed": verdict.point.hoisting_speed,
-        "gap": verdict.gap,
-        "frequency": verdict.frequency,
-        "grade": verdict.grade,
-        "closed_loop_radius": verdict.radius,
-    }

@@ -5,7 +5,7 @@ and until a pole of the loop leaves the unit circle. The tracker goes on to comp
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cranectl.analysis.certificate.certify import NominalLoop
@@ -36,15 +36,8 @@ class Limits:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; the lowest bandwidth of the servos [rad/s] is 1/lag."""
-        return {
-            "rope_length": self.point.rope_length,
-            "tilt": list(self.point.tilt),
-            "hoisting_speed": self.point.hoisting_speed,
-            "delay_certified": self.delay_certified,
-            "delay_stable": self.delay_stable,
-            "lag_certified": self.lag_certified,
-            "lag_stable": self.lag_stable,
-        }
+        fields = asdict(self)
+        return {**fields.pop("point"), **fields}
 
 
 def find_limits(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint, drive: Drive) -> Limits:
@@ -59,7 +52,7 @@ def find_limits(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingP
         return inner_loop_of(linear_plant(scenario, point, drive, plant=slower), nominal_loop.design.gain)
 
     def stable(inner: InnerLoop) -> bool:
-        return closed_loop_radius(inner, nominal_loop.cut.robustifier) < 1.0
+        return closed_loop_radius(inner, nominal_loop.opening.robustifier) < 1.0
 
     def both(loop: Callable[[int], InnerLoop], first: int, most: int) -> list[int | None]:
         certified = last_good(lambda k: nominal_loop.certifies(loop(k)), first, most)

@@ -1,7 +1,7 @@
 """Proof that a structured singular value stays below a level between the points of a grid as well.
 
-It is bounded by the norm of D T D^-1, T the response and D positive and diagonal, any D. With D fixed over
-an arc of the circle, a singular value equals a level only at the imaginary eigenvalues of a Hamiltonian
+It is bounded by the norm of D T D^-1, T the response and D positive and diagonal, any D. With D fixed over an
+interval of frequencies, a singular value equals a level only at the imaginary eigenvalues of a Hamiltonian
 matrix, after the bilinear map s = (z - 1)/(z + 1) of the circle to the imaginary axis (Boyd, Balakrishnan,
 Kabamba, Mathematics of Control, Signals, and Systems 2 (1989) 207). Between two of them one point tells on
 which side of the level the norm lies.
@@ -15,12 +15,12 @@ import numpy as np
 from cranectl.analysis.certificate.systems import Array, Complex, SampledSystem
 
 NEAR_AXIS = 1e-6  # an eigenvalue counts as imaginary if its real part is below this part of its modulus
-OVERLAP = 1e-7  # of neighbouring arcs, in parts of the angle: what an eigenvalue may be wrong by
-SHORTEST = 1e-5  # arcs shorter than this part of the angle are given up
+OVERLAP = 1e-7  # of neighbouring intervals, in parts of the angle: what an eigenvalue may be wrong by
+SHORTEST = 1e-5  # intervals shorter than this part of the angle are given up
 LOWEST = 1e-12  # [rad/sample]
-GOOD_PART = 0.25  # of an arc that must be proven at once, unless it reaches the next grid point
-MOST_ARCS = 1000
-WINDOW = 32  # grid points that an arc is tried with first
+GOOD_PART = 0.25  # of an interval that must be proven at once, unless it reaches the next grid point
+MOST_INTERVALS = 1000
+WINDOW = 32  # grid points that an interval is tried with first
 
 
 class Bounded(NamedTuple):
@@ -39,10 +39,10 @@ def first_gap(system: SampledSystem, found: Bounded, level: Callable[[Array], Ar
     """
     continuous, allowed = bilinear(system), level(found.angles)
     start = 0.0
-    for _ in range(MOST_ARCS):
+    for _ in range(MOST_INTERVALS):
         passed = int(np.searchsorted(found.angles, start * (1.0 + 2.0 * OVERLAP), side="right"))
         first = min(passed, len(found.angles) - 1)
-        last, scaling = _longest_arc(found, allowed, first)
+        last, scaling = _longest_interval(found, allowed, first)
         if last < first:
             return float(found.angles[first])
         target = float(found.angles[last])
@@ -106,7 +106,7 @@ def _crossings(continuous: SampledSystem, level: float) -> Array | None:
     return np.sort(2.0 * np.arctan(np.abs(found.imag[imaginary])))
 
 
-def _longest_arc(found: Bounded, allowed: Array, first: int) -> tuple[int, Array]:
+def _longest_interval(found: Bounded, allowed: Array, first: int) -> tuple[int, Array]:
     """(last grid point, scaling) such that from `first` to it all norms lie below what is allowed there.
 
     The last point is before `first` if there is none.

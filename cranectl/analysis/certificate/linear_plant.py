@@ -7,11 +7,12 @@ set-points. Delay lies between them.
     v ─► law ─► command ─► z^-k ─► drives, crane ─► joints ─► encoders, observer ─► law
           └─► flat state (z, z', z'', z''') as the tracker sees it
 
-Of a scenario's effects what is linear enters, the rest is left out and named.
+Of a scenario's effects what is linear enters, the rest is left out; both are named.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,41 +59,25 @@ def plant_effects(effects: EffectSettings) -> EffectSettings:
     )
 
 
-def taken_in(effects: EffectSettings) -> list[str]:
-    """What of `effects` the linear loop has, by name."""
-    found = [name for name in ("delay", "rope", "body", "frame") if getattr(effects, name)]
-    friction = effects.friction
-    if effects.sensing:
-        found.append("sensing.observer_bandwidth")
-    if friction:
-        found += [
-            f"friction.{name}" for name in ("viscous", "pivot_viscous") if _any(getattr(friction, name))
-        ]
-    if effects.wind:
-        found.append("wind.mean")
-    return found
+LINEAR = (
+    "delay", "rope", "body", "frame",
+    "sensing.observer_bandwidth", "friction.viscous", "friction.pivot_viscous", "wind.mean",
+)  # fmt: skip
+NOT_LINEAR = (
+    "limits", "sensing.position_resolution", "sensing.angle_resolution", "sensing.position_noise",
+    "sensing.angle_noise", "friction.coulomb", "friction.pivot_coulomb", "wind.gust", "installation",
+)  # fmt: skip
 
 
-def left_out(effects: EffectSettings) -> list[str]:
-    """What of `effects` is not linear or not of the loop, by name."""
-    found = ["limits"] if effects.limits else []
-    sensing, friction, wind = effects.sensing, effects.friction, effects.wind
-    if sensing:
-        settings = ("position_resolution", "angle_resolution", "position_noise", "angle_noise")
-        found += [f"sensing.{name}" for name in settings if _any(getattr(sensing, name))]
-    if friction:
-        found += [
-            f"friction.{name}" for name in ("coulomb", "pivot_coulomb") if _any(getattr(friction, name))
-        ]
-    if wind and wind.gust > 0.0:
-        found.append("wind.gust")
-    if effects.installation:
-        found.append("installation")
-    return found
+def present(effects: EffectSettings, names: Sequence[str]) -> list[str]:
+    """Those of `names`, LINEAR or NOT_LINEAR, that `effects` have and that act: air at rest does too."""
 
+    def value(name: str) -> Any:
+        effect, _, setting = name.partition(".")
+        found = getattr(effects, effect)
+        return getattr(found, setting) if found and setting and name != "wind.mean" else found
 
-def _any(value: float | tuple[float, ...]) -> bool:
-    return any(value) if isinstance(value, tuple) else value > 0.0
+    return [name for name in names if np.any(value(name))]
 
 
 STEP = 1e-5  # of the law's differences, in each signal's unit
@@ -125,7 +110,7 @@ def linear_plant(
 ) -> LinearPlant:
     """Linearise the MuJoCo plant of `scenario` with its tracker at `point`, or another `plant`.
 
-    Of the effects, those of `linear_effects.plant_effects`, delay and the observer are taken into account.
+    Of the effects, those of `plant_effects`, delay and the observer are taken into account.
     """
     plant = plant or run_plant(scenario, drive)
     tracker = tracker_of(scenario, design_controller("pole-placement"))  # only its inner law is used

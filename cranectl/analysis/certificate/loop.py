@@ -1,18 +1,18 @@
-"""The loop as the certificate cuts it: graphs of plant and design model, and the controller.
+"""The loop as the certificate opens it: graphs of plant and design model, and the controller.
 
-State feedback v = v-bar - F (z, z', z'', z''') is closed on each axis. Two cuts, see
-docs/explanation/certificate.md:
+State feedback v = v-bar - F (z, z', z'', z''') is closed on each axis. The loop is opened at
+one of two signals, see docs/explanation/certificate.md:
 
     "v-bar"  plant: W then the inner loop, to z.                  controller: W^-1 times the robustifier
     "v"      plant: the chain from v to the scaled flat state.    controller: state feedback + robustifier
 
-The nu-gap depends on the cut and on the scales of the signals there. At cut "v" the flat state is scaled so
-that b(G, K) is as large as it can be. The logarithm of 1/b² is a maximum over frequency of convex functions
-of the logarithms of the scales (a geometric program), so a descent from anywhere ends at the one optimum.
+The nu-gap depends on the signal and on the scales of what is measured there. At "v" the flat state is scaled
+so that b(G, K) is as large as it can be. The logarithm of 1/b² is a maximum over frequency of convex
+functions of the logarithms of the scales (a geometric program), so a descent from anywhere ends at the one
+optimum.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy.linalg import expm
@@ -32,7 +32,6 @@ from cranectl.design.discretisation import diagonal, sampled_blocks
 from cranectl.scenario import DesignSettings
 from cranectl.support.errors import InputError
 
-CutName = Literal["v-bar", "v"]
 AXES = 3
 EYE: Array = np.eye(AXES)
 
@@ -135,29 +134,32 @@ class Weight:
         return ratio
 
 
-def weight_of(proportional: float, integral: float, period: float) -> Weight:
-    """P + I/s, integrated by held samples of `period` [s]."""
-    return Weight(proportional, 1.0 - integral * period / proportional)
-
-
 @dataclass(frozen=True)
-class Cut:
-    """Where the loop is cut and how the signals there are scaled."""
+class Opening:
+    """Where the loop is opened and how the signals there are scaled."""
 
-    name: CutName
+    name: str  # v-bar or v
     gain: Array  # (4,)
     robustifier: SampledSystem
-    weight: Weight | None  # of cut "v-bar"
-    scales: Array  # (4,) of z, z', z'', z''' at cut "v" [1/m⁠·s⁴ …]: y = scale times signal
+    weight: Weight | None  # at "v-bar"
+    scales: Array  # (4,) of z, z', z'', z''' at "v" [1/m⁠·s⁴ …]: y = scale times signal
 
     def graph(self, inner: InnerLoop) -> Graph:
         """The plant's graph. Its poles are those of the inner loop; nothing integrates in it."""
-        poles = inner.delayed.poles()
-        if self.weight is None:
-            return Graph(lambda z: self._graph_v(inner.response(z)), poles)
-        weight = self.weight
-        poles = np.concatenate([poles, np.full(AXES, weight.pole)])
-        return Graph(lambda z: _graph_v_bar(weight, inner.response(z), z), poles)
+        poles, weight = inner.delayed.poles(), self.weight
+        if weight is not None:
+            poles = np.concatenate([poles, np.full(AXES, weight.pole)])
+
+        def symbol(z: Complex) -> Complex:
+            flat = inner.response(z)
+            if weight is not None:
+                output, given = weight.proportional * flat[:, :AXES], weight.denominator(z) * EYE
+            else:
+                output = np.repeat(self.scales, AXES)[:, None] * flat
+                given = EYE - np.kron(self.gain, EYE) @ flat
+            return np.concatenate([output, given], axis=1)
+
+        return Graph(symbol, poles)
 
     def controller(self, z: Complex) -> Complex:
         """K with u = K y at points `z`: (k, 3, outputs)."""
@@ -169,40 +171,32 @@ class Cut:
         rows[:, 0] += r[:, 0, 0]
         return np.kron(-rows / self.scales, EYE).reshape(len(z), AXES, 4 * AXES).astype(complex)
 
-    def _graph_v(self, flat: Complex) -> Complex:
-        v = EYE - np.kron(self.gain, EYE) @ flat
-        return np.concatenate([np.repeat(self.scales, AXES)[:, None] * flat, v], axis=1)
 
-
-def _graph_v_bar(weight: Weight, flat: Complex, z: Complex) -> Complex:
-    return np.concatenate([weight.proportional * flat[:, :AXES], weight.denominator(z) * EYE], axis=1)
-
-
-CUTS: tuple[CutName, ...] = ("v-bar", "v")
 GRID = np.exp(1j * np.geomspace(1e-5, np.pi, 250))  # of the optimisation only; the margin is found anew
 
 
-def choose_cut(design: Design, settings: DesignSettings, period: float, name: str | None) -> Cut:
-    """The cut `name`, by default "v-bar" for loop shaping and "v" for the others."""
+def choose_opening(design: Design, settings: DesignSettings, period: float, name: str | None) -> Opening:
+    """The loop opened at the signal `name`: by default "v-bar" for loop shaping and "v" for the others.
+
+    Raises InputError for a signal at which it cannot be.
+    """
     shaping = design.name.endswith("+loop-shaping")
     robustifier = robustifier_of(design, period)
-    if name is None:
-        name = "v-bar" if shaping else "v"
+    name = name or ("v-bar" if shaping else "v")
     if name == "v-bar" and shaping:
-        weight = weight_of(settings.loop_shaping.proportional, settings.loop_shaping.integral, period)
-        return Cut("v-bar", design.gain, robustifier, weight, np.ones(4))
+        p, i = settings.loop_shaping.proportional, settings.loop_shaping.integral
+        return Opening(name, design.gain, robustifier, Weight(p, 1.0 - i * period / p), np.ones(4))
     if name == "v":
-        scales = best_scales(design.gain, robustifier, period)
-        return Cut("v", design.gain, robustifier, None, scales)
+        return Opening(name, design.gain, robustifier, None, best_scales(design.gain, robustifier, period))
     raise InputError(
-        f"cut '{name}' for {design.name}",
+        f"the loop of {design.name} opened at '{name}'",
         allowed="v for every controller, v-bar for those with loop shaping",
-        remedy="choose another cut with --cut, or leave it out",
+        remedy="choose another signal with --open-at, or leave it out",
     )
 
 
 def best_scales(gain: Array, robustifier: SampledSystem, period: float) -> Array:
-    """Scales (4,) of z, z', z'', z''' for which b(G, K) at cut "v" is largest."""
+    """Scales (4,) of z, z', z'', z''' for which b(G, K) at "v" is largest."""
     flat = design_inner_loop(gain, period).response(GRID)[:, ::3, 0]  # one axis
     r = robustifier.response(GRID)[:, 0, 0]
     law = np.tile(gain.astype(complex), (len(GRID), 1))

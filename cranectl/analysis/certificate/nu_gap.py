@@ -21,21 +21,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from cranectl.analysis.certificate.systems import (
     LOWEST,
     Array,
     Complex,
-    SampledSystem,
     Samples,
     sample,
     starting_grid,
 )
-from cranectl.support.errors import InputError
 
 ON_CIRCLE = 1e-9  # poles this near to the circle are taken as on it
-HIDDEN = 1e-9  # of the norm of A: what a mode's Hautus matrix must exceed to be reached or seen
 
 
 @dataclass(frozen=True)
@@ -60,23 +56,6 @@ class NuGap:
     winding: int | None  # 0 where the winding condition holds; None: not found
     angles: Array  # grid [rad/sample]
     distances: Array  # chordal distance there
-
-
-def graph_of(system: SampledSystem) -> Graph:
-    """Graph of a system without hidden modes on or outside the circle: [N; M] under stabilising feedback.
-
-    Raises InputError if no state feedback stabilises it or a mode outside cannot be seen.
-    """
-    feedback = _stabilising_feedback(system)
-    a = system.a - system.b @ feedback
-    m = system.b.shape[1]
-    symbol = SampledSystem(
-        a,
-        system.b,
-        np.vstack([system.c - system.d @ feedback, -feedback]),
-        np.vstack([system.d, np.eye(m)]),
-    )
-    return Graph(symbol.response, symbol.poles())
 
 
 def nu_gap(first: Graph, second: Graph) -> NuGap:
@@ -126,30 +105,6 @@ def _hermitian(matrices: Complex) -> Complex:
     return np.conj(np.swapaxes(matrices, 1, 2))
 
 
-def _stabilising_feedback(system: SampledSystem) -> Array:
-    """A gain (m, n) with which u = -gain x stabilises; zero for a stable system."""
-    n, m = system.b.shape
-    poles = system.poles()
-    if n == 0 or np.abs(poles).max() < 1.0 - ON_CIRCLE:
-        return np.zeros((m, n))
-    scale = max(1.0, float(np.linalg.norm(system.a, 2)))
-    for pole in poles[np.abs(poles) >= 1.0 - ON_CIRCLE]:
-        shifted = system.a - pole * np.eye(n)
-        for matrix, verb in (
-            (np.hstack([shifted, system.b]), "reached"),
-            (np.vstack([shifted, system.c]), "seen"),
-        ):
-            if np.linalg.svd(matrix, compute_uv=False)[n - 1] < HIDDEN * scale:
-                raise InputError(
-                    f"a mode at {pole:.4g}, on or outside the unit circle, that cannot be {verb}",
-                    allowed="systems whose modes there can be reached and seen",
-                    remedy="remove the mode from the model",
-                )
-    x = solve_discrete_are(system.a, system.b, np.eye(n), np.eye(m))
-    gain: Array = np.linalg.solve(np.eye(m) + system.b.T @ x @ system.b, system.b.T @ x @ system.a)
-    return gain
-
-
 Response = Callable[[Complex], Complex]
 
 
@@ -168,14 +123,14 @@ def coprime_margin(plant: Graph, controller: Response, poles: Complex) -> Coprim
     no closer than at the lowest point of the grid. 0 where the grid cannot resolve the loop.
     """
 
-    def look(angles: Array) -> Samples:
+    def evaluate(angles: Array) -> Samples:
         z = np.exp(1j * angles)
         across, graph = complement(controller(z)), orthonormal(plant.response(z))
         bases = np.stack([across, graph], axis=1)
         return Samples(-sines(across, graph), bases, np.ones(len(z), dtype=complex))
 
     grid = starting_grid(np.concatenate([plant.poles, poles]))
-    angles, samples, resolved = sample(grid[grid >= LOWEST], look)
+    angles, samples, resolved = sample(grid[grid >= LOWEST], evaluate)
     worst = int(samples.level.argmax())
     return CoprimeMargin(-float(samples.level[worst]) if resolved else 0.0, float(angles[worst]))
 
@@ -188,7 +143,7 @@ def largest_excess(other: Graph, plant: Graph, controller: Response, poles: Comp
     the grid cannot resolve it.
     """
 
-    def look(angles: Array) -> Samples:
+    def evaluate(angles: Array) -> Samples:
         z = np.exp(1j * angles)
         far, near = orthonormal(other.response(z)), orthonormal(plant.response(z))
         across = complement(controller(z))
@@ -196,7 +151,7 @@ def largest_excess(other: Graph, plant: Graph, controller: Response, poles: Comp
         return Samples(distance(far, near) - sines(across, near), bases, np.ones(len(z), dtype=complex))
 
     grid = starting_grid(np.concatenate([other.poles, plant.poles, poles]))
-    _, samples, resolved = sample(grid[grid >= LOWEST], look)
+    _, samples, resolved = sample(grid[grid >= LOWEST], evaluate)
     return float(samples.level.max()) if resolved else 1.0
 
 

@@ -1,6 +1,6 @@
 """Operating points: the load held, tilted by a constant disturbance, the rope still or running.
 
-Held means: no drive accelerates and the angles rest, while d_alpha, d_beta [rad/s²] push them,
+Held means: no drive accelerates and the angles rest, while d_alpha, d_beta [rad/s²] act on them,
 
     sin(alpha) = l cos(beta) d_alpha / g        cos(alpha) sin(beta) = l d_beta / g
 

@@ -1,6 +1,6 @@
 """Margins for gains and delays that change at the three drives at once, each in its own way.
 
-The complete linear loop is cut where commands arrive at the drives and each is multiplied by a factor f_i.
+The complete linear loop is opened where commands arrive at the drives and each is multiplied by a factor f_i.
 T' is the response from a disturbance there to the arriving commands, S = I + T'; its structured singular
 values for three complex factors tell what they may be.
 
@@ -59,7 +59,8 @@ def structured_values(matrices: Complex) -> tuple[Array, Array]:
         if len(active) == 0:
             break
         depth = np.minimum((value - best[active]) / reach, 0.99)
-        place[active, 1:], shape[active] = _cut(place[active, 1:], shape[active], slope, reach, depth)
+        half = _half_ellipsoid(place[active, 1:], shape[active], slope, reach, depth)
+        place[active, 1:], shape[active] = half
     return np.maximum(best, TINY), np.exp(best_place)
 
 
@@ -71,7 +72,9 @@ def _norm_and_slope(matrices: Complex, place: Array) -> tuple[Array, Array]:
     return s[:, 0], slope[:, 1:]
 
 
-def _cut(centre: Array, shape: Array, slope: Array, reach: Array, depth: Array) -> tuple[Array, Array]:
+def _half_ellipsoid(
+    centre: Array, shape: Array, slope: Array, reach: Array, depth: Array
+) -> tuple[Array, Array]:
     """The smallest ellipsoid about what is left of one beyond a cut across it at `depth` of its reach."""
     n = centre.shape[1]
     direction = np.einsum("kij,kj->ki", shape, slope) / reach[:, None]

@@ -1,6 +1,6 @@
 """Sampled linear systems as four matrices, and their frequency response on a grid that is fine where it must.
 
-The grid on the upper half of the unit circle starts with the angles of the poles and a logarithmic ladder. It
+The grid on the upper half of the unit circle starts with the angles of the poles and a logarithmic grid. It
 halves every interval over which a graph turns much, or in which, by the triangle inequality of the chordal
 metric, the maximum could lie above the highest point by more than `RESOLUTION`.
 """
@@ -96,22 +96,20 @@ POLISH = 7  # points put into the intervals beside the extremum, twice
 
 
 class Samples(NamedTuple):
-    """What is looked at along the grid."""
+    """What is evaluated along the grid."""
 
     level: Array  # (k,), a sum of distances of graphs, some of them negative, whose maximum is wanted
-    bases: (
-        Complex  # (k, graphs, r, m) orthonormal bases of the graphs, one for each time it occurs in the sum
-    )
+    bases: Complex  # (k, graphs, r, m) orthonormal bases, one for each time a graph occurs in the sum
     determinant: Complex  # (k,), whose phase is followed
 
 
 def starting_grid(poles: Complex) -> Array:
-    """Angles from 0 to pi: both ends, a ladder, and each pole's angle with its neighbourhood."""
-    ladder = np.geomspace(LOWEST, np.pi, int(PER_DECADE * np.log10(np.pi / LOWEST)))
+    """Angles from 0 to pi: both ends, a logarithmic grid, and each pole's angle with its neighbourhood."""
+    logarithmic = np.geomspace(LOWEST, np.pi, int(PER_DECADE * np.log10(np.pi / LOWEST)))
     modulus, angle = np.abs(poles), np.abs(np.angle(poles))
     sharp = (modulus > 0.5) & (modulus < 2.0)
     near = angle[sharp, None] + np.abs(1.0 - modulus[sharp, None]) * AROUND_POLE
-    grid = np.concatenate([[0.0, np.pi], ladder, near.ravel()])
+    grid = np.concatenate([[0.0, np.pi], logarithmic, near.ravel()])
     return _distinct(grid[(grid >= 0.0) & (grid <= np.pi)])
 
 
@@ -153,8 +151,8 @@ def _merged(angles: Array, samples: Samples, more: Array, found: Samples) -> tup
 
 
 def _distinct(grid: Array) -> Array:
-    """Sorted, without points closer than rounding tells apart."""
+    """Sorted, without points that differ by rounding only."""
     grid = np.unique(grid)
-    apart = np.diff(grid) > 1e-12 * np.maximum(grid[1:], LOWEST)
-    distinct: Array = grid[np.concatenate([[True], apart])]
+    new = np.diff(grid) > 1e-12 * np.maximum(grid[1:], LOWEST)
+    distinct: Array = grid[np.concatenate([[True], new])]
     return distinct

@@ -20,7 +20,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...]) -> None:
     single        one run: crane, load, error, angles, inputs, tension
     comparison    several plants: the crane and its ghosts, the same signals, what parts them
     controller    what the controller thought
-    ladder        all rungs of `cranectl ladder` on top of each other
+    ladder        all levels of `cranectl ladder` on top of each other
 
     \b
     cranectl log layout comparison comparison.json

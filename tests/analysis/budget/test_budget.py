@@ -1,4 +1,4 @@
-"""Predictions against what the rungs do: estimates, bounds, and that both can fail."""
+"""Predictions against what the levels do: estimates, bounds, and that both can fail."""
 
 import functools
 import json
@@ -8,13 +8,12 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.bounds import second_order
-from cranectl.analysis.budget.drive_errors import friction_of
-from cranectl.analysis.budget.equivalent import hold_error, integrator_error
+from cranectl.analysis.budget.equivalent import friction_of, hold_error, integrator_error
 from cranectl.analysis.budget.error_budget import Budget, Entry, error_budget
+from cranectl.analysis.budget.higher_orders import second_order
 from cranectl.analysis.budget.nominal import Nominal, nominal_run
 from cranectl.analysis.budget.predicted_limits import predict_plant_difference
-from cranectl.analysis.budget.prediction import RUNGS, predict_rungs
+from cranectl.analysis.budget.prediction import LEVELS, predict_levels
 from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate
 from cranectl.analysis.deviation import Size, size_of
 from cranectl.cli.main import main
@@ -55,12 +54,12 @@ CASES = [
 
 @pytest.mark.parametrize(("scenario", "controller"), CASES)
 def test_bounds_hold_and_estimates_are_near(scenario: str, controller: str) -> None:
-    entries = {entry.rung: entry for entry in budget(scenario, controller).entries}
-    assert tuple(entries) == RUNGS
+    entries = {entry.level: entry for entry in budget(scenario, controller).entries}
+    assert tuple(entries) == LEVELS
     assert budget(scenario, controller).holds
-    for rung in ("sampled", "servos", "delay", "rope", "wind", "friction"):
-        assert entries[rung].ratio == pytest.approx(1.0, abs=0.2)
-        assert entries[rung].estimate.max == pytest.approx(entries[rung].measured.max, rel=0.2)
+    for level in ("sampled", "servos", "delay", "rope", "wind", "friction"):
+        assert entries[level].ratio == pytest.approx(1.0, abs=0.2)
+        assert entries[level].estimate.max == pytest.approx(entries[level].measured.max, rel=0.2)
     for entry in entries.values():
         assert np.isfinite(entry.bound)
         assert entry.remark or entry.looseness <= 5.0 or not entry.measured.max
@@ -89,27 +88,27 @@ def test_a_bound_can_be_broken() -> None:
     assert not entry.remark
 
 
-def test_above_a_rung_without_a_bound_no_estimate_looks_like_the_others() -> None:
+def test_above_a_level_without_a_bound_no_estimate_looks_like_the_others() -> None:
     """A start far aside asks the limits for tens of m/s²: what comes after them is rough, and says why."""
     where = nominal_run(
         load_scenario("off-reference", overrides=["duration=2.0", "reference.segments=[]"]), "lqr+hinf"
     )
-    found = {each.rung: each for each in islice(predict_rungs(where), RUNGS.index("delay") + 1)}
-    for rung in ("sampled", "engine", "servos"):
-        assert np.isfinite(found[rung].bound)
-        assert not found[rung].above
+    found = {each.level: each for each in islice(predict_levels(where), LEVELS.index("delay") + 1)}
+    for level in ("sampled", "engine", "servos"):
+        assert np.isfinite(found[level].bound)
+        assert not found[level].above
     assert found["limits"].bound == np.inf
     assert not found["limits"].above
-    for rung in ("observer", "noise", "quantisation", "delay"):
-        assert (found[rung].bound, found[rung].above) == (np.inf, "limits")
+    for level in ("observer", "noise", "quantisation", "delay"):
+        assert (found[level].bound, found[level].above) == (np.inf, "limits")
 
 
-def test_the_first_rung_without_a_bound_leaves_the_others_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_level_without_a_bound_leaves_the_others_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
     """They start from the sampled run itself, whatever is known of its distance from continuous time."""
-    known = list(islice(predict_rungs(nominal()), 3))
+    known = list(islice(predict_levels(nominal()), 3))
     lost = replace(known[0], bound=np.inf)
     monkeypatch.setattr("cranectl.analysis.budget.prediction._predict_hold", lambda _: lost)
-    first, *others = islice(predict_rungs(nominal()), 3)
+    first, *others = islice(predict_levels(nominal()), 3)
     assert first.bound == np.inf
     for other, before in zip(others, known[1:], strict=True):
         assert (other.bound, other.estimate, other.above) == (before.bound, before.estimate, "")
@@ -165,7 +164,7 @@ def test_the_bound_of_the_engine_holds_for_any_rig(rig: str) -> None:
     """What stands on an ideal drive is no error of it."""
     overrides = ["duration=4.0", "disturbances=[]", rig]
     found = error_budget(load_scenario("fast-diagonal", overrides=overrides), "lqr", top="engine")
-    assert found.entries[-1].rung == "engine"
+    assert found.entries[-1].level == "engine"
     assert found.holds
 
 
@@ -208,6 +207,7 @@ def test_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = [
         "budget",
         "off-reference",
+        "--controller",
         "lqr+hinf",
         "--top",
         "servos",
@@ -219,15 +219,14 @@ def test_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments) == 0
     out = capsys.readouterr()
     data = json.loads(out.out)
-    assert [rung["rung"] for rung in data["rungs"]] == list(RUNGS[:3])
-    assert data["rungs"][2]["holds"] is True
+    assert [level["level"] for level in data["levels"]] == list(LEVELS[:3])
+    assert data["levels"][2]["holds"] is True
     assert "unexplained" in out.err
     assert main(["budget", "off-reference", "--top", "moon"]) == 2
     assert "servos" in capsys.readouterr().err
-    assert main(["budget", "off-reference", "lqr", "--controller", "lqr+hinf"]) == 2
 
 
-def test_an_unknown_rung_is_refused() -> None:
+def test_an_unknown_level_is_refused() -> None:
     with pytest.raises(InputError, match="moon"):
         error_budget(load_scenario("off-reference"), "lqr", top="moon")
 

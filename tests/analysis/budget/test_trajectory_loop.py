@@ -5,17 +5,17 @@ import functools
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.bounds import delayed_matrix, worst_friction
-from cranectl.analysis.budget.nominal import nominal_run
-from cranectl.analysis.budget.propagation import NO_FRICTION, FrictionPort, no_errors, propagate
-from cranectl.analysis.budget.random_errors import (
+from cranectl.analysis.budget.bounded_signals import (
     Estimator,
     joined_matrices,
     linear_estimator,
     load_variance,
     observed_error,
-    worst_load_error,
+    worst_case,
+    worst_friction,
 )
+from cranectl.analysis.budget.nominal import nominal_run
+from cranectl.analysis.budget.propagation import NO_FRICTION, FrictionPort, no_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, loop_matrix
 from cranectl.controllers.observer import make_observer
 from cranectl.scenario import load_scenario
@@ -51,7 +51,7 @@ def test_a_small_start_error_develops_as_predicted(controller: str, offset: str)
     x, matrix = np.zeros(size), np.zeros((size, size))
     x[:10] = moved.block("state")[0] - run.block("state")[0]
     for k in range(len(run.time_ns) - 1):
-        loop_matrix(loop, k, matrix)
+        loop_matrix(loop, 0, k, matrix)
         x = matrix @ x
     found = moved.block("state")[-1] - run.block("state")[-1]
     assert np.abs(found).max() > 1e-9
@@ -62,18 +62,20 @@ def test_a_small_start_error_develops_as_predicted(controller: str, offset: str)
 
 def test_a_small_disturbance_develops_as_predicted() -> None:
     run, loop = nominal("lqr+hinf")
-    push = ["disturbances.0.magnitude=2.00001"]
-    pushed = simulate_run(
-        load_scenario("fast-diagonal", overrides=[*HOISTING, *push]), plant="analytic", controller="lqr+hinf"
+    stronger = ["disturbances.0.magnitude=2.00001"]
+    disturbed = simulate_run(
+        load_scenario("fast-diagonal", overrides=[*HOISTING, *stronger]),
+        plant="analytic",
+        controller="lqr+hinf",
     )
     ports = no_errors(loop)
-    ports.disturbance[:] = (pushed.block("disturbance") - run.block("disturbance"))[:-1]
-    found = pushed.load_position - run.load_position
+    ports.disturbance[:] = (disturbed.block("disturbance") - run.block("disturbance"))[:-1]
+    found = disturbed.load_position - run.load_position
     assert np.abs(propagate(loop, ports).load - found).max() < 1e-3 * np.abs(found).max()
 
 
 def test_propagation_is_the_loop_matrix() -> None:
-    """An error of what is told acts through the tracker's part of the matrix alone."""
+    """An error of the measurement acts through the tracker's part of the matrix alone."""
     _, loop = nominal("lqr+hinf")
     rng = np.random.default_rng(1)
     ports = no_errors(loop)
@@ -82,7 +84,7 @@ def test_propagation_is_the_loop_matrix() -> None:
     state = propagate(loop, ports).state
     matrix = np.zeros((state.shape[1], state.shape[1]))
     for k in (10, 700, 1500):
-        loop_matrix(loop, k, matrix)
+        loop_matrix(loop, 0, k, matrix)
         tracker = matrix[:, :10].copy()
         tracker[:10] -= loop.by_state[k]
         expected = matrix @ state[k] + tracker @ ports.measured[k] + ports.local[k]
@@ -117,8 +119,8 @@ def test_linear_estimator_is_the_observer() -> None:
     )
     linear, state = estimator(run), np.zeros(3)
     for k in range(len(noise)):
-        told = linear.told_by_state @ state + linear.told_by_noise * noise[k, 0]
-        assert np.abs(told - error[k, :2]).max() < 1e-12
+        output = linear.output_by_state @ state + linear.output_by_noise * noise[k, 0]
+        assert np.abs(output - error[k, :2]).max() < 1e-12
         state = linear.next_by_state @ state + linear.next_by_noise * noise[k, 0]
     largest = np.abs(error).max(axis=0)
     assert largest[6:] == pytest.approx(largest[[0, 1, 0, 1]], rel=0.6)
@@ -133,8 +135,8 @@ def test_variance_is_that_of_many_seeds() -> None:
         noise = deviations * np.random.default_rng(seed).standard_normal((len(predicted), 5))
         ports, state = no_errors(loop), np.zeros((3, 5))
         for k, row in enumerate(noise):
-            told = linear.told_by_state @ state + np.outer(linear.told_by_noise, row)
-            ports.measured[k, 0::2], ports.measured[k, 1::2] = told
+            output = linear.output_by_state @ state + np.outer(linear.output_by_noise, row)
+            ports.measured[k, 0::2], ports.measured[k, 1::2] = output
             state = linear.next_by_state @ state + np.outer(linear.next_by_noise, row)
         total += np.square(propagate(loop, ports).load) / 30
     later = slice(500, None)
@@ -160,7 +162,9 @@ def test_worst_case_is_the_sum_of_all_impulse_responses() -> None:
                 joined_matrices(loop, linear, k, matrix, noise)
                 state = matrix @ state + (noise[:, joint] if k == start else 0.0)
             expected += amplitudes[joint] * np.abs(loop.load[60] @ state[:10])
-    assert worst_load_error(loop, linear, amplitudes) == pytest.approx(expected, rel=1e-9)
+    assert worst_case(loop, np.tile(amplitudes, (60, 1)), 24, estimator=linear).max(axis=0) == pytest.approx(
+        expected
+    )
 
 
 def test_worst_friction_is_the_sum_of_all_impulse_responses() -> None:
@@ -184,7 +188,7 @@ def test_worst_friction_is_the_sum_of_all_impulse_responses() -> None:
 
 
 @pytest.mark.parametrize("delay", [0, 2])
-def test_delayed_matrix_is_the_propagation(delay: int) -> None:
+def test_the_loop_matrix_is_the_propagation(delay: int) -> None:
     where = nominal_run(
         load_scenario("off-reference", overrides=["duration=0.05", "reference.segments=[]"]), "lqr+hinf"
     )
@@ -195,7 +199,7 @@ def test_delayed_matrix_is_the_propagation(delay: int) -> None:
     total = loop.size + 3 * delay
     x, matrix = np.zeros(total), np.zeros((total, total))
     for k in range(loop.samples - 1):
-        delayed_matrix(loop, delay, k, matrix)
+        loop_matrix(loop, delay, k, matrix)
         x = matrix @ x
         x[: loop.size] += ports.local[k]
         assert np.abs(x[: loop.size] - found[k + 1]).max() < 1e-15

@@ -42,7 +42,7 @@ def nominal_loop_of(controller: str) -> NominalLoop:
 def gap_of(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint) -> float:
     plant = linear_plant(scenario, point, "velocity")
     return nu_gap(
-        nominal_loop.cut.graph(inner_loop_of(plant, nominal_loop.design.gain)), nominal_loop.graph
+        nominal_loop.opening.graph(inner_loop_of(plant, nominal_loop.design.gain)), nominal_loop.graph
     ).gap
 
 
@@ -57,26 +57,26 @@ def test_margin_of_loop_shaping_is_what_the_design_promises(controller: str, bes
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_the_scales_of_cut_v_are_the_best(controller: str) -> None:
+def test_the_scales_at_v_are_the_best(controller: str) -> None:
     scenario = default_scenario()
     nominal_loop = make_nominal_loop(scenario, design_controller(controller, scenario.design), "v")
-    plain = replace(nominal_loop.cut, scales=nominal_loop.design.gain)
+    plain = replace(nominal_loop.opening, scales=nominal_loop.design.gain)
     inner = design_inner_loop(nominal_loop.design.gain, PERIOD)
     z = np.exp(1j * np.geomspace(1e-5, np.pi, 400))
 
     def margin(scales: np.ndarray) -> float:
-        cut = replace(plain, scales=scales)
-        graph, k = cut.graph(inner).response(z), cut.controller(z)
+        opening = replace(plain, scales=scales)
+        graph, k = opening.graph(inner).response(z), opening.controller(z)
         full = np.linalg.inv(graph[:, -3:] - k @ graph[:, :-3])  # [N; M] (M - K N)^-1 [-K, I]
         closed = graph @ full @ np.concatenate([-k, np.broadcast_to(np.eye(3), (len(z), 3, 3))], axis=2)
         return float(1.0 / np.linalg.norm(closed, 2, axis=(1, 2)).max())
 
-    best = margin(nominal_loop.cut.scales)
+    best = margin(nominal_loop.opening.scales)
     assert nominal_loop.margin.margin == pytest.approx(best, rel=5e-3)
     rng = np.random.default_rng(0)
     for _ in range(6):
-        assert margin(nominal_loop.cut.scales * np.exp(rng.normal(size=4) * 0.3)) < best * (1.0 + 2e-3)
-    assert margin(nominal_loop.cut.scales * 3.0) < best
+        assert margin(nominal_loop.opening.scales * np.exp(rng.normal(size=4) * 0.3)) < best * (1.0 + 2e-3)
+    assert margin(nominal_loop.opening.scales * 3.0) < best
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_axis_by_axis_a_tilt_is_underrated() -> None:
     """The thesis's disturbance couples the axes: beyond the margin together, far within it each alone."""
     nominal_loop, point = nominal_loop_of("pole-placement+loop-shaping"), OperatingPoint(0.7, (1.0, 1.0))
     inner = inner_loop_of(linear_plant(scenario_of(0.02, 0.01), point, "velocity"), nominal_loop.design.gain)
-    graph = nominal_loop.cut.graph(inner)
+    graph = nominal_loop.opening.graph(inner)
 
     def axis(whole: Graph, k: int) -> Graph:
         return Graph(lambda z: whole.response(z)[:, k::3, k : k + 1], whole.poles)
@@ -165,7 +165,7 @@ def test_what_the_linear_loop_survives_the_simulated_one_does() -> None:
 
     def radius(samples: int) -> float:
         inner = inner_loop_of(replace(plant, delay=samples), nominal_loop.design.gain)
-        return closed_loop_radius(inner, nominal_loop.cut.robustifier)
+        return closed_loop_radius(inner, nominal_loop.opening.robustifier)
 
     limit = last_good(lambda k: radius(k) < 1.0, 100, 200)
     assert limit is not None
@@ -199,7 +199,7 @@ def test_what_the_linear_loop_survives_the_simulated_one_does() -> None:
 def test_an_effect_makes_a_run_grow_as_fast_as_its_linear_loop(
     controller: str, effect: str, stable: bool
 ) -> None:
-    """Rate of growth on MuJoCo after a tiny kick, against the modulus of the linear loop's poles."""
+    """Rate of growth on MuJoCo after a tiny pulse, against the modulus of the linear loop's poles."""
     nominal_loop = nominal_loop_of(controller)
     scenario = scenario_of(
         0.02, 0.0, effect, "duration=6.0", "workspace.on_exit=record",
@@ -213,7 +213,7 @@ def test_an_effect_makes_a_run_grow_as_fast_as_its_linear_loop(
     run = simulate_run(scenario, plant="mujoco", drive="velocity", controller=controller)
     size = np.linalg.norm(run.block("error")[:, :2], axis=1)
     early, late = size[2000:3000].max(), size[5000:6000].max()
-    rate = np.log(verdict.radius) / PERIOD
+    rate = np.log(verdict.closed_loop_radius) / PERIOD
     if stable:
         assert late < 0.5 * early
     else:
@@ -221,7 +221,7 @@ def test_an_effect_makes_a_run_grow_as_fast_as_its_linear_loop(
 
 
 def test_rope_body_and_frame_cost_what_they_cost() -> None:
-    """At cut v the body's second mode is beyond the margin, at v-bar next to nothing; the rope is neither."""
+    """At v the body's second mode is beyond the margin, at v-bar next to nothing; the rope is neither."""
     effects = {name: scenario_of(0.02, 0.01, f"effects.{name}={{}}") for name in ("rope", "body", "frame")}
     plain = scenario_of(0.02, 0.01)
     at_v, at_v_bar = nominal_loop_of("lqr"), nominal_loop_of("lqr+loop-shaping")
@@ -241,14 +241,14 @@ def test_drive_margins_are_safe_and_not_far_off() -> None:
     nominal_loop, scenario = nominal_loop_of("lqr+loop-shaping"), scenario_of(0.02, 0.01)
     plant = linear_plant(scenario, OperatingPoint(0.5, (0.5, 0.0)), "velocity")
     inner = inner_loop_of(plant, nominal_loop.design.gain)
-    margins = drive_margins(inner, nominal_loop.cut.robustifier, PERIOD)
+    margins = drive_margins(inner, nominal_loop.opening.robustifier, PERIOD)
 
     def stable(gains: np.ndarray, delay: int) -> bool:
         b = plant.system.b.copy()
         b[:, ARRIVING] *= gains
         changed = replace(plant, system=plant.system._replace(b=b), delay=plant.delay + delay)
         loop = inner_loop_of(changed, nominal_loop.design.gain)
-        return closed_loop_radius(loop, nominal_loop.cut.robustifier) < 1.0
+        return closed_loop_radius(loop, nominal_loop.opening.robustifier) < 1.0
 
     rng = np.random.default_rng(0)
     for spread, delay in margins.delays[1:3]:
@@ -263,10 +263,10 @@ def test_drive_margins_are_safe_and_not_far_off() -> None:
 
 
 def test_disk_margin_of_one_drive_is_python_controls() -> None:
-    """Hanging, the bridge moves alone: cut there, the loop has one input and one output."""
+    """Hanging, the bridge moves alone: opened there, the loop has one input and one output."""
     nominal_loop = nominal_loop_of("lqr")
     inner = inner_loop_of(linear_plant(scenario_of(), HANGING, "velocity"), nominal_loop.design.gain)
-    closed = drive_loop(inner, nominal_loop.cut.robustifier)  # T' = -T
+    closed = drive_loop(inner, nominal_loop.opening.robustifier)  # T' = -T
     omega = np.geomspace(0.1, 100.0, 400)
     t = -closed.response(np.exp(1j * omega * PERIOD))
     assert np.abs(t[:, 0, 1:]).max() < 1e-6 * np.abs(t).max()
@@ -274,7 +274,7 @@ def test_disk_margin_of_one_drive_is_python_controls() -> None:
     loop = control.feedback(bridge, 1.0, sign=1)  # T / (1 - T)
     expected, *_ = control.disk_margins(loop, omega)
     assert 1.0 / np.abs(0.5 - t[:, 0, 0]).max() == pytest.approx(float(expected), rel=1e-3)
-    together = drive_margins(inner, nominal_loop.cut.robustifier, PERIOD).disk_margin
+    together = drive_margins(inner, nominal_loop.opening.robustifier, PERIOD).disk_margin
     alone = 1.0 / np.abs(0.5 - np.diagonal(t, 0, 1, 2)).max()
     assert together == pytest.approx(alone / GUARD, rel=1e-3)
 
@@ -282,7 +282,7 @@ def test_disk_margin_of_one_drive_is_python_controls() -> None:
 def test_margins_of_an_unstable_loop_are_none() -> None:
     nominal_loop = nominal_loop_of("lqr")
     inner = inner_loop_of(linear_plant(scenario_of(0.02, 0.2), HANGING, "velocity"), nominal_loop.design.gain)
-    margins = drive_margins(inner, nominal_loop.cut.robustifier, PERIOD)
+    margins = drive_margins(inner, nominal_loop.opening.robustifier, PERIOD)
     assert margins.disk_margin == 0.0
     assert margins.gain_range == (1.0, 1.0)
     assert all(delay == 0.0 for _, delay in margins.delays)
@@ -304,12 +304,12 @@ def test_limits_certified_lie_below_those_survived() -> None:
     assert with_further_lag(scenario, 0.01).rig.time_constants == pytest.approx([0.03] * 3)
 
 
-def test_the_cut_at_v_bar_belongs_to_loop_shaping() -> None:
+def test_opening_the_loop_at_v_bar_belongs_to_loop_shaping() -> None:
     scenario = default_scenario()
-    with pytest.raises(InputError, match="cut 'v-bar' for lqr"):
+    with pytest.raises(InputError, match="the loop of lqr opened at 'v-bar'"):
         make_nominal_loop(scenario, design_controller("lqr"), "v-bar")
-    assert nominal_loop_of("lqr").cut.name == "v"
-    assert nominal_loop_of("lqr+loop-shaping").cut.name == "v-bar"
+    assert nominal_loop_of("lqr").opening.name == "v"
+    assert nominal_loop_of("lqr+loop-shaping").opening.name == "v-bar"
 
 
 def test_a_delay_that_would_take_minutes_is_refused_at_once(capsys: pytest.CaptureFixture[str]) -> None:
@@ -336,7 +336,7 @@ def test_command_certifies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         data = json.loads(capsys.readouterr().out)
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
     assert data["certified"] is True
-    assert data["cut"] == "v-bar"
+    assert data["opened_at"] == "v-bar"
     assert data["delay"] == 0.01
     assert data["worst"]["gap"] + data["least_margin"] == pytest.approx(data["margin"])
     assert 0.2 < data["drive_margins_at_worst"]["disk_margin"] < 2.0
@@ -365,7 +365,7 @@ def test_command_refuses_with_code_1(capsys: pytest.CaptureFixture[str]) -> None
     ("arguments", "found"),
     [
         (["certify", "lrq"], "unknown controller 'lrq'"),
-        ([*COMMAND, "--cut", "u"], "cut 'u'"),
+        ([*COMMAND, "--open-at", "u"], "opened at 'u'"),
         ([*COMMAND, "--rope-length", "9"], "a rope of 9 m"),
         ([*COMMAND, "--drive", "magic"], "unknown drive 'magic'"),
         ([*COMMAND, "--tilt", "40", "0"], "disturbance of 40, 0"),

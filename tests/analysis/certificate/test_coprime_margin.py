@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cranectl.analysis.certificate.certify import CAUTION
-from cranectl.analysis.certificate.nu_gap import coprime_margin, graph_of, largest_excess, nu_gap
+from cranectl.analysis.certificate.nu_gap import coprime_margin, largest_excess, nu_gap
 from cranectl.analysis.certificate.systems import Complex, SampledSystem
 from cranectl.design.loop_shaping import glover_mcfarlane
-from tests.analysis.certificate.test_nu_gap import sampled
+from tests.analysis.certificate.test_nu_gap import graph_of, sampled
 
 Response = Callable[[Complex], Complex]
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from cranectl.analysis.certificate.linear_plant import (
-    left_out,
+    LINEAR,
+    NOT_LINEAR,
     linear_plant,
     plant_effects,
+    present,
     run_plant,
-    taken_in,
 )
 from cranectl.analysis.certificate.loop import (
     closed_loop_matrix,
@@ -219,19 +220,19 @@ def test_effects_are_taken_in_or_named() -> None:
     assert kept.friction is not None
     assert kept.friction.coulomb == (0.0, 0.0, 0.0)
     assert kept.friction.viscous == ALL_EFFECTS.friction.viscous  # type: ignore[union-attr]
-    assert left_out(ALL_EFFECTS) == [
+    assert present(ALL_EFFECTS, NOT_LINEAR) == [
         "limits",
         "sensing.position_resolution", "sensing.angle_resolution", "sensing.angle_noise",
         "friction.coulomb", "friction.pivot_coulomb",
         "wind.gust", "installation",
     ]  # fmt: skip
-    assert taken_in(ALL_EFFECTS) == [
+    assert present(ALL_EFFECTS, LINEAR) == [
         "delay", "rope", "body", "frame", "sensing.observer_bandwidth",
         "friction.viscous", "friction.pivot_viscous", "wind.mean",
     ]  # fmt: skip
-    assert left_out(kept) == []
-    assert left_out(NO_EFFECTS) == taken_in(NO_EFFECTS) == []
-    touched = {name.split(".")[0] for name in left_out(ALL_EFFECTS) + taken_in(ALL_EFFECTS)}
+    assert present(kept, NOT_LINEAR) == []
+    assert present(NO_EFFECTS, NOT_LINEAR) == present(NO_EFFECTS, LINEAR) == []
+    touched = {name.split(".")[0] for name in present(ALL_EFFECTS, NOT_LINEAR) + present(ALL_EFFECTS, LINEAR)}
     assert touched == set(ALL_EFFECTS.names)
 
 

@@ -1,10 +1,10 @@
-"""Measured state as an error of what the tracker is told: what the observer makes of positions alone.
+"""Signals of which only variance or limits are known: noise and steps of the encoders, friction.
 
-Noise and steps of the encoders are random. Deterministic errors come from the observer itself, run beside a
-predicted trajectory instead of in the loop. Noise goes through the observer's linear error equations, one
-joint at a time,
+What the observer makes of positions alone is an error of the measured state. Its deterministic part comes
+from the observer itself, run beside a predicted trajectory instead of in the loop. Noise goes through the
+observer's linear error equations, one joint at a time,
 
-    told = (I - g c) eps + g n        eps' = Phi told        told = (q, q', d) estimated minus true
+    error = (I - g c) eps + g n       eps' = Phi error       error = (q, q', d) estimated minus true
 
 with the gains g, c = (1, 0, 0) and the free motion Phi over one period; what the joints' accelerations share
 through the equations of motion is slow against the observer and left out.
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.analysis.budget.nominal import Nominal, Prediction
-from cranectl.analysis.budget.propagation import Deviation, no_errors, propagate
+from cranectl.analysis.budget.propagation import Deviation, FrictionPort, no_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, loop_matrix
 from cranectl.analysis.deviation import Size
 from cranectl.controllers.observer import (
@@ -37,16 +37,17 @@ Array = NDArray[np.float64]
 
 STATES = 3  # of the estimator of one joint
 TINY = 1e-60
+ENCODER_INSTANTS, FRICTION_INSTANTS = 24, 16  # spread over the run, at which the load error is bounded
 
 
 class Estimator(NamedTuple):
     """Linear error equations of the estimator of one joint, the same for all joints.
 
-    Any estimator fits that has three states per joint of which the first two are told.
+    Any estimator fits that has three states per joint of which the tracker gets the first two.
     """
 
-    told_by_state: Array  # (2, 3) error of position and velocity told, by the state before the measurement
-    told_by_noise: Array  # (2,)
+    output_by_state: Array  # (2, 3) error of position and velocity, by the state before the measurement
+    output_by_noise: Array  # (2,)
     next_by_state: Array  # (3, 3)
     next_by_noise: Array  # (3,)
 
@@ -61,7 +62,7 @@ def linear_estimator(observer: Observer) -> Estimator:
 
 
 def observed_error(observer: Observer, encoders: Encoders, states: Array, commands: Array) -> Array:
-    """Told minus true joints (N, 10) along true `states` (N, 10) under `commands` (N - 1, 3) [m/s²]."""
+    """Measured minus true joints (N, 10) along true `states` (N, 10) under `commands` (N - 1, 3) [m/s²]."""
     error = np.zeros_like(states)
     observe_along(
         observer, encoders, np.ascontiguousarray(states), commands, initial_estimate(states[0]), error
@@ -94,17 +95,19 @@ def joined_matrices(loop, estimator, k, matrix, noise):
     """State (loop, estimators) and noise (5) at sample k to the state at k + 1."""
     size, p = loop.virtual.shape[2], loop.kept.shape[0]
     matrix[:], noise[:] = 0.0, 0.0
-    loop_matrix(loop, k, matrix[:size, :size])
+    loop_matrix(loop, 0, k, matrix[:size, :size])
     for joint in range(JOINTS):
         first = size + STATES * joint
         for i in range(size):
             for j in range(2):
                 column = 2 * joint + j
                 # What the loop makes of a joint less what the plant itself does is the tracker's part.
-                by_told = matrix[i, column] - (loop.by_state[k // loop.stride, i, column] if i < p else 0.0)
-                noise[i, joint] += by_told * estimator.told_by_noise[j]
+                by_measured = matrix[i, column] - (
+                    loop.by_state[k // loop.stride, i, column] if i < p else 0.0
+                )
+                noise[i, joint] += by_measured * estimator.output_by_noise[j]
                 for s in range(STATES):
-                    matrix[i, first + s] += by_told * estimator.told_by_state[j, s]
+                    matrix[i, first + s] += by_measured * estimator.output_by_state[j, s]
         for i in range(STATES):
             noise[first + i, joint] = estimator.next_by_noise[i]
             for s in range(STATES):
@@ -134,20 +137,6 @@ def propagate_variance(loop, estimator, noise_variance, variance):
         flush(covariance)
 
 
-def worst_load_error(loop: TrajectoryLoop, estimator: Estimator, amplitudes: Array, times: int = 24) -> Array:
-    """Largest load error (3,) [m] under any position errors of at most `amplitudes` (5,).
-
-    The L1 norm of the time-varying impulse response, at `times` instants spread over the run, by one backward
-    sweep of the adjoint.
-    """
-    samples = loop.virtual.shape[0]
-    instants = np.unique(np.linspace(0, samples - 1, times + 1)[1:].astype(np.intp))
-    worst = np.zeros((len(instants), 3))
-    sweep_adjoint(loop, estimator, np.asarray(amplitudes, dtype=np.float64), instants, worst)
-    largest: Array = worst.max(axis=0)
-    return largest
-
-
 @jit
 def flush(matrix):
     """Forget what has decayed to nothing: processors are slow with the smallest of numbers."""
@@ -157,27 +146,61 @@ def flush(matrix):
                 matrix[i, j] = 0.0
 
 
+def worst_case(
+    loop: TrajectoryLoop, amplitudes: Array, times: int, *, estimator: Estimator | None = None, delay: int = 0
+) -> Array:
+    """Largest load error (times, 3) [m] under any five signals within `amplitudes` (N - 1, 5), by axis.
+
+    The signals are errors of the measured positions, through `estimator`, or without one those at the ports
+    of friction. The L1 norm of the time-varying impulse response, at `times` instants spread over the run, by
+    one backward sweep of the adjoint.
+    """
+    instants = np.unique(np.linspace(0, loop.samples - 1, times + 1)[1:].astype(np.intp))
+    worst = np.zeros((len(instants), 3))
+    sweep_back(loop, estimator, delay, np.ascontiguousarray(amplitudes), instants, worst)
+    return worst
+
+
 @jit
-def sweep_adjoint(loop, estimator, amplitudes, instants, worst):
+def sweep_back(loop, estimator, delay, amplitudes, instants, worst):
     """Adds up |impulse response| times amplitude for each instant and axis, into `worst`."""
-    size = loop.virtual.shape[2]
-    total = size + STATES * JOINTS
-    rows = np.zeros((3 * len(instants), total))
-    matrix, noise = np.zeros((total, total)), np.zeros((total, JOINTS))
+    p = loop.kept.shape[0]
+    total = loop.virtual.shape[2] + (3 * delay if estimator is None else STATES * JOINTS)
+    rows, matrix, inputs = (
+        np.zeros((3 * len(instants), total)),
+        np.zeros((total, total)),
+        np.zeros((total, 5)),
+    )
     begun = len(instants)
     for k in range(loop.virtual.shape[0] - 2, -1, -1):
         while begun > 0 and instants[begun - 1] == k + 1:
             begun -= 1
             for axis in range(3):
-                rows[3 * begun + axis, : loop.kept.shape[0]] = loop.load[k + 1, axis]
-        joined_matrices(loop, estimator, k, matrix, noise)
+                rows[3 * begun + axis, :p] = loop.load[k + 1, axis]
+        if estimator is None:
+            at = k // loop.stride
+            loop_matrix(loop, delay, k, matrix)
+            inputs[:p, :3], inputs[:p, 3:] = loop.by_command[at], loop.by_disturbance[at]
+        else:
+            joined_matrices(loop, estimator, k, matrix, inputs)
         active = rows[3 * begun :]
-        response = np.dot(active, noise)
+        response = np.dot(active, inputs)
         for i in range(len(active)):
-            for joint in range(JOINTS):
-                worst[begun + i // 3, i % 3] += abs(response[i, joint]) * amplitudes[joint]
+            for port in range(5):
+                worst[begun + i // 3, i % 3] += abs(response[i, port]) * amplitudes[k, port]
         rows[3 * begun :] = np.dot(active, matrix)
         flush(rows[3 * begun :])
+
+
+def worst_friction(loop: TrajectoryLoop, friction: FrictionPort, about: Deviation, delay: int) -> float:
+    """Largest load error [m] under any course of friction, at rates like those of the motion `about`.
+
+    Friction at rest is any force up to Coulomb's, and a moving axis has it against its motion: a signal
+    within known limits, however it sticks and slips.
+    """
+    rates = np.abs(friction.rates + about.state[:, 1:10:2])[:-1]
+    worst = worst_case(loop, friction.coulomb + friction.viscous * rates, FRICTION_INSTANTS, delay=delay)
+    return float(np.linalg.norm(worst, axis=1).max(initial=0.0))
 
 
 CONFIDENCE = 1e-6  # probability that noise exceeds its bound anywhere
@@ -195,8 +218,8 @@ def noisy(sensing: Sensing) -> Sensing:
     return sensing.model_copy(update={"position_resolution": (0.0, 0.0, 0.0), "angle_resolution": 0.0})
 
 
-def told_error(nominal: Nominal, encoders: Encoders, on: Deviation) -> Array:
-    """Told minus true joints (N, 10) with `encoders` and the observer on the motion `on`."""
+def measured_error(nominal: Nominal, encoders: Encoders, on: Deviation) -> Array:
+    """Measured minus true joints (N, 10) with `encoders` and the observer on the motion `on`."""
     run = nominal.run
     states = run.block("state") + on.state[:, :10]
     commands = run.block("input")[:-1, :3] + on.commanded
@@ -237,7 +260,7 @@ def predict_quantisation(nominal: Nominal, motion: Deviation) -> Prediction:
     """
     run, loop, sensing = nominal.run, nominal.driven(), nominal.effects.sensing
     stepped, smooth = (make_encoders(s, len(run.time_ns)) for s in (sensing, noisy(sensing)))
-    without = told_error(nominal, smooth, motion)
+    without = measured_error(nominal, smooth, motion)
     power, largest = np.zeros(len(run.time_ns)), 0.0
     for phase in range(PHASES):
         part = (phase + 0.5) / PHASES + 0.381966 * np.arange(3)  # the drives' phases spread apart
@@ -245,11 +268,12 @@ def predict_quantisation(nominal: Nominal, motion: Deviation) -> Prediction:
         moved = motion.state.copy()
         moved[:, 0:6:2] += part % 1.0 * stepped.resolution[:3]
         shifted = motion._replace(state=moved)
-        ports.measured[:] = told_error(nominal, stepped, shifted) - without
+        ports.measured[:] = measured_error(nominal, stepped, shifted) - without
         square = np.square(propagate(loop, ports).load).sum(axis=1)
         power += square / PHASES
         largest += float(np.sqrt(square.max())) / PHASES
     size = Size(float(np.sqrt(power.mean())), largest, float(np.sqrt(power[-1])))
     estimator = linear_estimator(_observer(nominal))
-    worst = worst_load_error(loop, estimator, 0.5 * stepped.resolution)
+    amplitudes = np.tile(0.5 * stepped.resolution, (loop.samples - 1, 1))
+    worst = worst_case(loop, amplitudes, ENCODER_INSTANTS, estimator=estimator).max(axis=0)
     return Prediction("quantisation", size, float(np.linalg.norm(worst)), np.zeros((len(power), 3)))

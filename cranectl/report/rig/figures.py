@@ -1,6 +1,6 @@
-"""Picture of a certificate: gaps over rope length, and the worst point over frequency, against the margin."""
+"""Figures on a rig: certificates, what levels add, how far their loads are from the ideal's."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,12 +9,53 @@ from matplotlib.figure import Figure
 from cranectl.analysis.certificate.certify import Certificate, NominalLoop
 from cranectl.analysis.certificate.loop import InnerLoop
 from cranectl.analysis.certificate.nu_gap import complement, distance, orthonormal, sines
+from cranectl.analysis.deviation import load_difference
+from cranectl.analysis.ladder import LevelResult
+from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 from cranectl.support.colours import LIGHT
 
-SERIES = tuple(role for role in LIGHT if role.startswith("series"))
+WIDTH = 6.4  # [in]
+LEAST = 1e-9  # [m] that is drawn
+LOWEST = 1e-2  # [rad/s]
 STYLES = ("-", "--", ":", "-.")
 MARKS = {"gap": "o", "by frequency": "s", "refused": "x"}
-LOWEST = 1e-2  # [rad/s]
+
+
+def deviation_bars(
+    names: Sequence[str], pair: Mapping[str, Sequence[float]], anchor: str, *, bounds: Sequence[float] = ()
+) -> str:
+    """Two bars a name, from label to values [m], and a mark where a bound is finite; as SVG."""
+    with styled():
+        drawing = Figure(figsize=(WIDTH, 0.9 + 0.3 * len(names)), layout="constrained")
+        axes, place = drawing.subplots(), np.arange(len(names))
+        for offset, role, (label, values) in zip((-0.2, 0.2), SERIES[:2], pair.items(), strict=True):
+            lengths = np.maximum(values, LEAST)
+            axes.barh(place + offset, lengths, height=0.36, color=STAND_IN[role], label=label)
+        bounded = [(bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
+        if bounded:
+            axes.plot(*zip(*bounded, strict=True), "|", color=STAND_IN["limit"], markersize=14, label="bound")
+        axes.set_xscale("log")
+        axes.set(xlim=(LEAST, None), xlabel="largest deviation of the load [m]")
+        axes.set_yticks(place, names)
+        axes.invert_yaxis()
+        axes.grid(visible=False, axis="y")
+        drawing.legend(loc="outside upper center", ncols=3)
+        return inline_svg(drawing, anchor)
+
+
+def level_distances(results: Sequence[LevelResult], anchor: str) -> str:
+    """Distance of each load from the first one's over time, solid, then dashed; as SVG."""
+    with styled():
+        drawing = Figure(figsize=(WIDTH, 3.4), layout="constrained")
+        axes, first = drawing.subplots(), results[0].run
+        for k, result in enumerate(results[1:]):
+            away = np.linalg.norm(load_difference(result.run, first), axis=1).clip(min=LEAST)
+            style, colour = STYLES[k // len(SERIES) % 3], STAND_IN[SERIES[k % len(SERIES)]]
+            axes.semilogy(first.time[: len(away)], away, style, color=colour, label=result.level.name)
+        axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(LEAST, None))
+        axes.margins(x=0.0)
+        drawing.legend(loc="outside upper center", ncols=6)
+        return inline_svg(drawing, anchor)
 
 
 def certificate_figure(
@@ -53,10 +94,10 @@ def _draw_frequency(
 ) -> None:
     omega = np.geomspace(LOWEST, np.pi / nominal_loop.period, 600)
     z = np.exp(1j * omega * nominal_loop.period)
-    run = orthonormal(nominal_loop.cut.graph(worst).response(z))
+    run = orthonormal(nominal_loop.opening.graph(worst).response(z))
     model = orthonormal(nominal_loop.graph.response(z))
     axes.semilogx(omega, distance(run, model), color=colours[SERIES[0]], label="distance to the design model")
-    margin = sines(complement(nominal_loop.cut.controller(z)), model)
+    margin = sines(complement(nominal_loop.opening.controller(z)), model)
     axes.semilogx(omega, margin, color=colours["limit"], label="margin of the loop")
     axes.set(
         title=f"worst: {found.worst.point}", xlabel="angular frequency [rad/s]", ylabel="sine of the angle"

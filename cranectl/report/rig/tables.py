@@ -1,0 +1,271 @@
+"""The tables and words on a rig, for the terminal and for pages: advice, certificate, ladder, budget."""
+
+import math
+from collections.abc import Sequence
+
+from cranectl.analysis.advice import Advice, Assessment
+from cranectl.analysis.budget.error_budget import Budget, Entry
+from cranectl.analysis.certificate.certify import Certificate, PointVerdict
+from cranectl.analysis.certificate.conservatism import Limits
+from cranectl.analysis.certificate.structured import DriveMargins
+from cranectl.analysis.deviation import Size
+from cranectl.analysis.ladder import LevelResult
+from cranectl.analysis.levels import BASE
+from cranectl.report.table import Cell, Table, cells
+
+MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
+GRADES = {"gap": (" ", "good"), "by frequency": ("f", "good"), "refused": ("r", "open")}  # letter and mark
+MISSING = "–"
+
+
+def millimetres(metres: float, digits: int = 3) -> str:
+    """Of a length [m]."""
+    return f"{1e3 * metres:.{digits}g}" if math.isfinite(metres) else "none"
+
+
+def sizes(found: Size | None, digits: int = 3) -> tuple[Cell, ...]:
+    """RMS, largest and final deviation [mm]; empty where there is none."""
+    if found is None:
+        return cells("", "", "")
+    return cells(*(millimetres(value, digits) for value in (found.rms, found.max, found.final)))
+
+
+def three(what: str) -> tuple[str, ...]:
+    """The headings over `sizes`."""
+    return tuple(f"{what}\n{name}" for name in ("RMS", "max", "final"))
+
+
+def controllers_table(advice: Advice) -> Table:
+    """One row a controller."""
+    headings = ("controller", "grade", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
+                "cost RMS\n[mm]", "cost max\n[mm]")  # fmt: skip
+    rows = tuple(
+        cells(
+            row.controller,
+            Cell(row.grade if row.survived else row.status.label, MARKS[row.grade]),
+            f"{row.least_margin:+.3f}",
+            *_errors_and_costs(row),
+        )
+        for row in advice.assessments
+    )
+    note = "Cost: distance of the load from where the continuous-time ideal of the same controller has it."
+    title = f"{advice.scenario.name}: controllers, the best first"
+    return Table(title, headings, rows, labels=2, note=note)
+
+
+def _errors_and_costs(row: Assessment) -> list[str]:
+    if row.metrics is None or row.cost is None:
+        return [MISSING] * 4
+    values = (row.metrics.rms_error_m, row.metrics.max_error_m, row.cost.rms, row.cost.max)
+    return [millimetres(value) for value in values]
+
+
+def improvements_table(advice: Advice) -> Table:
+    """One row a change of the rig, for an advice that recommends a controller."""
+    assert advice.best is not None
+    headings = ("improve", "change", "cost RMS\n[mm]", "saved", "least\nmargin", "grade")
+    rows = tuple(
+        cells(
+            row.name,
+            row.change,
+            millimetres(row.assessment.cost.rms) if row.assessment.cost else MISSING,
+            f"{100 * row.gain:+.0f} %" if row.assessment.survived else MISSING,
+            f"{row.assessment.least_margin:+.3f}",
+            Cell(row.assessment.grade, MARKS[row.assessment.grade]),
+        )
+        for row in advice.improvements
+    )
+    return Table(f"What would help {advice.best.controller}, each alone", headings, rows, labels=2)
+
+
+def recommendation(advice: Advice) -> tuple[str, ...]:
+    """What to take and what to improve first, a sentence each."""
+    best = advice.best
+    if best is None:
+        return ("No controller survives: improve drives, delay or sensors, or ask for less.",)
+    worst = best.certificate.worst.point
+    words = [f"Take {best.controller}: {best.grade}, least margin {best.least_margin:+.3f} with the {worst}."]
+    if advice.improvements and advice.improvements[0].gain > 0.0:
+        first = advice.improvements[0]
+        words.append(
+            f"Improve first: {first.name}, {first.change}; takes {100 * first.gain:.0f} % of the cost."
+        )
+    words.append(
+        f"{len(advice.points)} operating points; a statement on linear loops frozen there, not on the motion."
+    )
+    return tuple(words)
+
+
+def map_table(found: Certificate) -> Table:
+    """The gap at every point: one row a rope length, one column a tilt and hoisting speed."""
+    title = f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}"
+    note = "Columns: tilting disturbance [rad/s²], hoisting speed [m/s]."
+    columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in found.points))
+    headings = tuple(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}" for (d_alpha, d_beta), speed in columns)
+    at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in found.points}
+    lengths = dict.fromkeys(verdict.point.rope_length for verdict in found.points)
+    rows = (cells(f"{length:g}", *(_gap(at[length, *column]) for column in columns)) for length in lengths)
+    return Table(title, ("rope\n[m]", *headings), tuple(rows), note=note)
+
+
+def _gap(verdict: PointVerdict) -> Cell:
+    letter, mark = GRADES[verdict.grade] if verdict.stable else ("u", "bad")
+    return Cell(f"{verdict.gap:.3f} {letter}", mark)
+
+
+def summary_lines(found: Certificate) -> list[str]:
+    """Where the margin is least, and how many points are certified."""
+    worst, grades = found.worst, [verdict.grade for verdict in found.points]
+    unstable = sum(not verdict.stable for verdict in found.points)
+    return [
+        f"loop opened at {found.opening.name}; b(G, K) = {found.margin:.4f} at "
+        f"{found.margin_frequency:.3g} rad/s; delay {found.delay:g} s",
+        f"least margin {found.margin - worst.gap:+.4f}: gap {worst.gap:.4f} at {worst.frequency:.3g} rad/s, "
+        f"{worst.point}",
+        f"of {len(grades)} points certified: {grades.count('gap')} by the gap, "
+        f"{grades.count('by frequency')} frequency by frequency (f); refused (r): {grades.count('refused')}; "
+        f"truly unstable (u): {unstable}",
+        "A statement on the linear loop frozen at each point, not on a motion through them.",
+    ]
+
+
+def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
+    """What the loop at the worst point tolerates in its drives."""
+    low, high = margins.gain_range
+    rows = [
+        ("gain and phase, disk margin", f"{margins.disk_margin:.3f}"),
+        ("gains alone", f"{low:.2f} … {high:.2f}"),
+        ("phases alone", f"± {math.degrees(margins.phase):.0f}°"),
+    ]
+    for spread, delay in margins.delays:
+        tolerated = f"{1e3 * delay:.1f} ms" if delay > 0.0 else "not known"
+        rows.append((f"gains ± {100 * spread:.0f} % and further delay up to", tolerated))
+    title = f"The three drives at once, each on its own: {worst.point}"
+    return Table(title, ("what changes", "tolerated"), tuple(cells(*row) for row in rows))
+
+
+def limit_table(limits: Sequence[Limits]) -> Table:
+    """Delays and lags, one row a rope length."""
+    title = "How conservative: largest certified, largest survived by the linear loop"
+    headings = ("rope\n[m]", "delay certified\n[ms]", "survived\n[ms]")
+    rows = []
+    for limit in limits:
+        values = (limit.delay_certified, limit.delay_stable, limit.lag_certified, limit.lag_stable)
+        texts = ("-" if value is None else f"{1e3 * value:.0f}" for value in values)
+        rows.append(cells(f"{limit.point.rope_length:g}", *texts))
+    return Table(title, (*headings, "lag certified\n[ms]", "survived\n[ms]"), tuple(rows))
+
+
+def certificates_table(assessments: Sequence[Assessment]) -> Table:
+    """The certificates of several controllers, one row each."""
+    rows = []
+    for row in assessments:
+        found = row.certificate
+        grades = [point.grade for point in found.points]
+        rows.append(
+            cells(
+                row.controller,
+                found.opening.name,
+                str(found.worst.point),
+                f"{found.margin:.3f}",
+                f"{found.worst.gap:.3f}",
+                str(grades.count("gap")),
+                str(grades.count("by frequency")),
+                Cell(str(grades.count("refused")), "open" if "refused" in grades else ""),
+                str(sum(not point.stable for point in found.points)),
+            )
+        )
+    headings = ("controller", "opened at", "worst point", "margin b", "largest gap", "by the gap",
+                "by frequency", "refused", "unstable")  # fmt: skip
+    return Table("Certificates at the points that the scenario visits", headings, tuple(rows), labels=3)
+
+
+def ladder_table(results: Sequence[LevelResult]) -> Table:
+    """One row a level."""
+    run = results[0].run
+    headings = ("level", "ended", *three("error [mm]"), *three("adds [mm]"), *three("alone [mm]"),
+                "effort\n[m/s²]", "sway\n[°]")  # fmt: skip
+    note = (
+        "Adds: distance of the load from where it was on the level before. "
+        f"Alone: from {BASE}, with this effect only. "
+        "Effort: RMS of the commanded accelerations. Sway: RMS angle between rope and plumb line."
+    )
+    title = f"{run.scenario.name}, {run.design.name}: what each level adds"
+    rows = tuple(cells(result.level.name, *_level(result)) for result in results)
+    return Table(title, headings, rows, labels=2, note=note)
+
+
+def _level(result: LevelResult) -> tuple[Cell, ...]:
+    status, metrics = result.run.status, result.metrics
+    ended = Cell(status.label, "good")
+    if status.stopped:
+        ended = Cell(f"{status.label} at {result.run.end_s:g} s", "bad")
+    if metrics is None:
+        return cells(ended, *[MISSING] * 11)
+    alone = sizes(result.alone)
+    if result.alone_status not in (None, "completed"):
+        # What is left of a run that stopped says little: how it ended is shown instead.
+        alone = cells(Cell(str(result.alone_status), "bad"), "", "")
+    return cells(
+        ended,
+        *sizes(Size(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m)),
+        *sizes(result.cumulative),
+        *alone,
+        f"{math.hypot(*metrics.rms_acceleration_m_s2):.4f}",
+        f"{math.degrees(metrics.rms_sway_rad):.3f}",
+    )
+
+
+def levels_table(results: Sequence[LevelResult]) -> Table:
+    """What each level adds, where it runs, and the numbers of its effect."""
+    rows = []
+    for result in results:
+        level = result.level
+        effect = getattr(result.run.scenario.effects, level.name, None)
+        settings = {} if effect is None else effect.model_dump(mode="json")
+        numbers = ", ".join(f"{name} = {value}" for name, value in settings.items())
+        rows.append(cells(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
+    return Table("What is added", ("level", "adds", "plant", "settings"), tuple(rows), labels=4)
+
+
+def budget_table(budget: Budget) -> Table:
+    """One row a level; then the sum and what no estimate explains of it. The note says what is odd."""
+    headings = ("level", *three("estimate"), *three("measured"), "ratio\nof RMS", "bound\nof max",
+                "over\nmeasured")  # fmt: skip
+    rows = [_entry(entry) for entry in budget.entries]
+    for name, size in (("all", budget.total), ("unexplained", budget.rest)):
+        rows.append(cells(name, *[""] * 3, *sizes(size, 2), *[""] * 3))
+    title = f"Error budget of {budget.scenario}, {budget.controller}: deviations of the load [mm]"
+    return Table(title, headings, tuple(rows), note="\n".join(_remarks(budget)))
+
+
+def _entry(entry: Entry) -> tuple[Cell, ...]:
+    estimate = sizes(entry.estimate, 2)
+    if entry.rough:
+        estimate = tuple(Cell(f"~{cell.text}", "open") for cell in estimate)
+    return cells(
+        entry.level,
+        *estimate,
+        *sizes(entry.measured, 2),
+        _ratio(entry.ratio),
+        Cell(millimetres(entry.bound, 2), "" if entry.holds else "bad"),
+        _ratio(entry.looseness),
+    )
+
+
+def _ratio(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else MISSING
+
+
+def _remarks(budget: Budget) -> list[str]:
+    """Why a bound is loose or missing, and runs that stopped early."""
+    found = [f"{entry.level}: {entry.remark}." for entry in budget.entries if entry.remark]
+    if any(entry.rough for entry in budget.entries):
+        found.append(
+            "~ marks estimates without a bound, which may be far off, as may what they leave unexplained."
+        )
+    return found + [
+        f"{entry.level}: ended with {entry.status}."
+        for entry in budget.entries
+        if entry.status != "completed"
+    ]
