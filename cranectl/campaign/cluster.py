@@ -8,7 +8,7 @@ import hashlib
 import importlib
 import logging
 import queue
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,6 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import software_of
 from cranectl.campaign.remote import check_software, packed, run_remotely
 from cranectl.campaign.table import Row
-from cranectl.campaign.worker import Stop, never
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import HARMLESS, PACKAGES
 
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
 CONNECT_S = 10.0  # until a scheduler answers
 WORKERS_S = 30.0  # until it has a worker
-POLL_S = 0.1  # between questions whether to stop
 TRIES = 3  # of a batch on which something fails that is no part of it, such as memory
 RESUME = "go on with the same command and --resume: finished batches are kept"
 
@@ -52,12 +50,12 @@ def cluster_client(scheduler: str | None, workers: int) -> Iterator["Client"]:
 
 
 def run_batches_on(
-    client: "Client", campaign: Campaign, batches: Sequence[Batch], *, stop: Stop = never
-) -> Iterator[tuple[Batch, list[Row]]]:
+    client: "Client", campaign: Campaign, batches: Sequence[Batch]
+) -> Generator[tuple[Batch, list[Row]], None, None]:
     """Run `batches` on the cluster of `client`; yields each with all its rows, in the order of their ends.
 
-    Once `stop` says so, or the caller leaves the loop, what is left is cancelled, and workers leave their
-    batches within milliseconds. Raises InputError if the nominal crane cannot be run, if a worker has other
+    Once the caller leaves the loop, nobody holds what is left, and workers leave their batches within
+    milliseconds. Raises InputError if the nominal crane cannot be run, if a worker has other
     software than this process, if workers die of a batch, or if the scheduler is gone.
     """
     _check_installed(client, software_of(campaign.settings.plants))
@@ -70,18 +68,11 @@ def run_batches_on(
     ended: queue.SimpleQueue[str] = queue.SimpleQueue()
     for future in futures.values():
         future.add_done_callback(lambda future: ended.put(future.key))
-    try:
-        while left and not stop():
-            try:
-                key = ended.get(timeout=POLL_S)
-            except queue.Empty:
-                continue
-            rows = _rows(client, futures[key])
-            futures.pop(key).release()
-            yield left.pop(key), rows
-    finally:
-        if left and client.status == "running":
-            client.cancel(list(futures.values()))
+    while left:
+        key = ended.get()
+        rows = _rows(client, futures[key])
+        futures.pop(key).release()
+        yield left.pop(key), rows
 
 
 def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:

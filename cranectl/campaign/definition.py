@@ -3,6 +3,7 @@
 The batches are decided by the campaign alone, not by who runs it.
 """
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -32,6 +33,16 @@ class Campaign:
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
+    def groups(self) -> list[tuple[str, str]]:
+        """Plant and controller of each group of runs, in the order of the result."""
+        return list(itertools.product(self.settings.plants, self.settings.controllers))
+
+    @property
+    def all_runs(self) -> int:
+        """Number of runs: of each sample with each controller on each plant."""
+        return self.runs * len(self.groups)
+
+    @property
     def varied(self) -> tuple[int, ...]:
         """Columns of the parameters that have more than one value."""
         return tuple(k for k, p in enumerate(self.parameters) if p.distribution.varies)
@@ -48,6 +59,11 @@ class Batch(NamedTuple):
     first: int
     last: int
 
+    @property
+    def runs(self) -> int:
+        """How many."""
+        return self.last - self.first
+
 
 def batches_of(campaign: Campaign) -> list[Batch]:
     """All batches of `campaign`, by plant, controller and sample.
@@ -55,13 +71,12 @@ def batches_of(campaign: Campaign) -> list[Batch]:
     A batch is what a kill can cost each worker: some seconds, so that handing it to a cluster costs less
     than 2 % of it.
     """
-    settings, runs = campaign.settings, campaign.runs
-    sizes = {plant: max(plant_entry(plant).batch, -(-runs // MOST_BATCHES)) for plant in settings.plants}
+    runs = campaign.runs
     return [
-        Batch(plant, controller, first, min(first + sizes[plant], runs))
-        for plant in settings.plants
-        for controller in settings.controllers
-        for first in range(0, runs, sizes[plant])
+        Batch(plant, controller, first, min(first + size, runs))
+        for plant, controller in campaign.groups
+        for size in [max(plant_entry(plant).batch, -(-runs // MOST_BATCHES))]
+        for first in range(0, runs, size)
     ]
 
 

@@ -1,4 +1,4 @@
-"""Distributions: an inverse distribution function each, its ends, the points of a grid.
+"""Distributions: an inverse distribution function each, its end points, the points of a grid.
 
 Some have a density (uniform, log-uniform, normal), some single values (a choice, whole numbers, one fixed
 value). Every function is elementwise, and its result for one element does not depend on the others: a sample
@@ -7,7 +7,7 @@ is the same in whatever block it is computed.
 
 import math
 from abc import ABC, abstractmethod
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,24 @@ Levels = Annotated[int, Field(ge=1, le=10_000)]
 TAILS = (0.05, 0.95)  # quantiles that stand for low and high where a distribution has no ends
 
 
+LEAST_MASS = 1e-12  # of a normal distribution between its low and high
+
+
 class Distribution(Settings, ABC):
     """Base of all distributions; numbers are factors of the nominal value where `relative`."""
 
+    discrete: ClassVar[bool] = False  # whether it has single values rather than a density
+
     relative: bool = Field(False, description="whether the numbers are factors of the nominal value")
     levels: Levels | None = Field(None, description="number of values on a grid")
+    distribution: str
 
-    @property
-    def discrete(self) -> bool:
-        """Whether it has single values rather than a density."""
-        return False
+    @model_validator(mode="after")
+    def _increases(self) -> Self:
+        low, high = getattr(self, "low", None), getattr(self, "high", None)
+        if low is not None and high is not None and not low < high:
+            raise ValueError(f"low = {low:g} must be below high = {high:g}")
+        return self
 
     @property
     def varies(self) -> bool:
@@ -54,10 +62,19 @@ class Distribution(Settings, ABC):
         low, high = sorted(end * nominal for end in self._ends())
         return low, high
 
-    def grid(self, levels: int) -> Array:
+    @property
+    def grid_levels(self) -> int:
+        """Number of values on a grid; 0 where it is not given."""
+        return self.levels or 0
+
+    def grid(self) -> Array:
         """Where on (0, 1) the values of a grid lie: evenly, from end to end or else from tail to tail."""
         low, high = (0.0, 1.0) if all(map(math.isfinite, self._ends())) else TAILS
-        return np.linspace(low, high, levels) if levels > 1 else np.array([0.5])
+        return np.linspace(low, high, self.grid_levels) if self.grid_levels > 1 else np.array([0.5])
+
+    def end_points(self) -> Array:
+        """Points of (0, 1) at which a parameter is tried by itself: both tails, or each of a few values."""
+        return np.array(TAILS)
 
     @abstractmethod
     def _inverse(self, u: Array, mean: float) -> Array:
@@ -68,31 +85,12 @@ class Distribution(Settings, ABC):
         """Smallest and largest value as given; infinite where there is none."""
 
 
-D = TypeVar("D", bound=Distribution)
-
-
-def increasing(distribution: D) -> D:
-    """`distribution`, after a check that its `low` is below its `high` where it has both."""
-    settings: Any = distribution
-    low, high = settings.low, settings.high
-    if low is not None and high is not None and not low < high:
-        raise ValueError(f"low = {low:g} must be below high = {high:g}")
-    return distribution
-
-
-LEAST_MASS = 1e-12  # of a normal distribution between its low and high
-
-
 class Uniform(Distribution):
     """Equally likely from low to high."""
 
     distribution: Literal["uniform"]
     low: float = Field(description="smallest value")
     high: float = Field(description="largest value")
-
-    @model_validator(mode="after")
-    def _increases(self) -> "Uniform":
-        return increasing(self)
 
     def _inverse(self, u: Array, _mean: float) -> Array:
         return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
@@ -105,14 +103,8 @@ class LogUniform(Distribution):
     """Its logarithm is uniform: for scale parameters known to an order of magnitude."""
 
     distribution: Literal["log-uniform"]
-    low: float = Field(description="smallest value, above 0")
+    low: Annotated[float, Field(gt=0.0)] = Field(description="smallest value, above 0")
     high: float = Field(description="largest value")
-
-    @model_validator(mode="after")
-    def _increases(self) -> "LogUniform":
-        if self.low <= 0.0:
-            raise ValueError(f"low = {self.low} of a log-uniform distribution must be above 0")
-        return increasing(self)
 
     def _inverse(self, u: Array, _mean: float) -> Array:
         from scipy.special import exp10  # scalar code, unlike NumPy's: the same bits on every processor
@@ -133,10 +125,6 @@ class Normal(Distribution):
     deviation: Annotated[float, Field(gt=0.0)] = Field(description="standard deviation before truncation")
     low: float | None = Field(None, description="smallest value")
     high: float | None = Field(None, description="largest value")
-
-    @model_validator(mode="after")
-    def _increases(self) -> "Normal":
-        return increasing(self)
 
     def mass(self, nominal: float) -> float:
         """Probability between low and high before truncation."""
@@ -174,7 +162,54 @@ class Normal(Distribution):
 Whole = Annotated[int, Field(ge=0, lt=2**32)]
 
 
-class Choice(Distribution):
+class FewValues(Distribution):
+    """One of a few values."""
+
+    discrete: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def shares(self) -> dict[float, float]:
+        """Probability of each value, in proportion."""
+
+    @property
+    def varies(self) -> bool:
+        return len(self.shares) > 1
+
+    @property
+    def whole(self) -> bool:
+        return not self.relative and all(value.is_integer() for value in self.shares)
+
+    @property
+    def grid_levels(self) -> int:
+        return len(self.shares)
+
+    def grid(self) -> Array:
+        """The middle of the share of each value."""
+        upper = self._upper
+        middle: Array = 0.5 * (upper + np.concatenate([[0.0], upper[:-1]]))
+        return middle
+
+    def end_points(self) -> Array:
+        return self.grid() if self.varies else np.empty(0)
+
+    @property
+    def _upper(self) -> Array:
+        """Probability of each value and those before it, shape (values,)."""
+        weights = np.array(list(self.shares.values()))
+        upper: Array = np.cumsum(weights / weights.max())  # by the largest first: sums stay finite
+        shares: Array = upper / upper[-1]
+        return shares
+
+    def _inverse(self, u: Array, _mean: float) -> Array:
+        index = np.searchsorted(self._upper, u, side="right")
+        return np.array(list(self.shares))[np.minimum(index, len(self.shares) - 1)]
+
+    def _ends(self) -> Ends:
+        return min(self.shares), max(self.shares)
+
+
+class Choice(FewValues):
     """One of some values."""
 
     distribution: Literal["choice"]
@@ -186,7 +221,7 @@ class Choice(Distribution):
     )
 
     @model_validator(mode="after")
-    def _fits(self) -> "Choice":
+    def _fits(self) -> Self:
         if len(set(self.values)) < len(self.values):
             raise ValueError("values of a choice must differ from each other")
         if self.weights and len(self.weights) != len(self.values):
@@ -196,55 +231,35 @@ class Choice(Distribution):
         return self
 
     @property
-    def discrete(self) -> bool:
-        return True
+    def shares(self) -> dict[float, float]:
+        return dict(zip(self.values, self.weights or [1.0] * len(self.values), strict=True))
+
+
+class Fixed(FewValues):
+    """One value, which may differ from the nominal one that the controller knows."""
+
+    distribution: Literal["fixed"]
+    value: float = Field(description="the value")
 
     @property
-    def varies(self) -> bool:
-        return len(self.values) > 1
-
-    @property
-    def whole(self) -> bool:
-        return not self.relative and all(value.is_integer() for value in self.values)
-
-    def grid(self, _levels: int) -> Array:
-        """The middle of the share of each value; the number of levels is that of the values."""
-        upper = self._upper
-        middle: Array = 0.5 * (upper + np.concatenate([[0.0], upper[:-1]]))
-        return middle
-
-    @property
-    def _upper(self) -> Array:
-        """Probability of each value and those before it, shape (values,)."""
-        weights = np.array(self.weights or [1.0] * len(self.values))
-        upper: Array = np.cumsum(weights / weights.max())  # by the largest first: sums stay finite
-        shares: Array = upper / upper[-1]
-        return shares
-
-    def _inverse(self, u: Array, _mean: float) -> Array:
-        index = np.searchsorted(self._upper, u, side="right")
-        return np.array(self.values)[np.minimum(index, len(self.values) - 1)]
-
-    def _ends(self) -> Ends:
-        return min(self.values), max(self.values)
+    def shares(self) -> dict[float, float]:
+        return {self.value: 1.0}
 
 
 class Integers(Distribution):
     """Equally likely whole numbers from low to high; by default any seed."""
+
+    discrete: ClassVar[bool] = True
 
     distribution: Literal["integers"]
     low: Whole = Field(0, description="smallest value")
     high: Whole = Field(2**32 - 1, description="largest value")
 
     @model_validator(mode="after")
-    def _increases(self) -> "Integers":
+    def _is_absolute(self) -> Self:
         if self.relative:
             raise ValueError("integers cannot be relative to the nominal value")
-        return increasing(self)
-
-    @property
-    def discrete(self) -> bool:
-        return True
+        return self
 
     @property
     def whole(self) -> bool:
@@ -258,31 +273,9 @@ class Integers(Distribution):
         return self.low, self.high
 
 
-class Fixed(Distribution):
-    """One value, which may differ from the nominal one that the controller knows."""
-
-    distribution: Literal["fixed"]
-    value: float = Field(description="the value")
-
-    @property
-    def discrete(self) -> bool:
-        return True
-
-    @property
-    def varies(self) -> bool:
-        return False
-
-    @property
-    def whole(self) -> bool:
-        return not self.relative and self.value.is_integer()
-
-    def _inverse(self, u: Array, _mean: float) -> Array:
-        return np.full(len(u), self.value)
-
-    def _ends(self) -> Ends:
-        return self.value, self.value
-
-
+AnyDistribution = Annotated[
+    Uniform | Normal | LogUniform | Choice | Integers | Fixed, Field(discriminator="distribution")
+]
 DISTRIBUTIONS: dict[str, type[Distribution]] = {
     "uniform": Uniform,
     "normal": Normal,
@@ -291,6 +284,3 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
     "integers": Integers,
     "fixed": Fixed,
 }
-AnyDistribution = Annotated[
-    Uniform | Normal | LogUniform | Choice | Integers | Fixed, Field(discriminator="distribution")
-]

@@ -3,14 +3,15 @@
 Groups compare sample by sample: one controller against another, one plant against the other.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.results import Results
 from cranectl.campaign.statistics import quantiles, rank_correlations, sign_test
-from cranectl.campaign.summary import failed
+from cranectl.campaign.summary import MEASURE, failed
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.status import RunStatus
@@ -42,24 +43,20 @@ class Group:
 
 def groups_of(results: Results) -> tuple[Group, ...]:
     """A group for each plant and controller, in the order of the campaign."""
-    settings = results.campaign.settings
-    columns = {name: results.column(name) for name in ("sample", "plant", "controller", "status")}
-    completed = columns["status"] == RunStatus.COMPLETED.label
-    bad = failed(results)
+    completed = results.column("status") == RunStatus.COMPLETED.label
+    bad = failed(results.column, results.campaign.settings.limits.given)
     metrics = {name: results.column(name).astype(np.float64) for name in MAIN_METRICS}
     metrics[EFFORT] = np.linalg.norm([results.column(name).astype(np.float64) for name in EFFORTS], axis=0)
     found = []
-    for plant in settings.plants:
-        for controller in settings.controllers:
-            rows = np.flatnonzero((columns["plant"] == plant) & (columns["controller"] == controller))
-            samples = columns["sample"][rows]
-            there, done, broken = (np.zeros(results.campaign.runs, dtype=np.bool_) for _ in range(3))
-            there[samples], done[samples], broken[samples] = True, completed[rows], bad[rows]
-            by_sample = {
-                name: _placed(values[rows], samples, done, results.campaign.runs)
-                for name, values in metrics.items()
-            }
-            found.append(Group(plant, controller, there, done, broken, by_sample))
+    for plant, controller in results.campaign.groups:
+        rows = results.rows(plant, controller)
+        samples = results.column("sample")[rows]
+        there, done, broken = (np.zeros(results.campaign.runs, dtype=np.bool_) for _ in range(3))
+        there[samples], done[samples], broken[samples] = True, completed[rows], bad[rows]
+        by_sample = {name: np.full(results.campaign.runs, np.nan) for name in metrics}
+        for name, values in metrics.items():
+            by_sample[name][samples] = np.where(completed[rows], values[rows], np.nan)
+        found.append(Group(plant, controller, there, done, broken, by_sample))
     return tuple(found)
 
 
@@ -79,14 +76,8 @@ def compared_parameters(results: Results) -> list[int]:
     return [k for k in campaign.varied if not campaign.names[k].endswith(".seed")]
 
 
-def _placed(values: Array, samples: NDArray[np.int64], keep: Mask, runs: int) -> Array:
-    placed = np.full(runs, np.nan)
-    placed[samples] = values
-    placed[~keep] = np.nan
-    return placed
-
-
 DIFFERENCE_QUANTILES = (0.05, 0.5, 0.95)
+LISTED = 5  # samples that are farthest apart
 
 
 @dataclass(frozen=True)
@@ -132,8 +123,34 @@ class Agreement:
     largest: tuple[tuple[int, float], ...]  # sample and difference, second minus first
 
 
-def failures(first: Group, second: Group) -> Failures:
-    """Whether two groups fail on the same samples."""
+@dataclass(frozen=True)
+class Pair:
+    """Two groups on the same samples."""
+
+    first: Group
+    second: Group
+    failures: Failures
+    differences: tuple[Difference, ...]  # one for each of MAIN_METRICS
+    agreement: Agreement  # in MEASURE
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "first": {"plant": self.first.plant, "controller": self.first.controller},
+            "second": {"plant": self.second.plant, "controller": self.second.controller},
+            "failures": {**asdict(self.failures), "p": self.failures.p},
+            "differences": [asdict(each) for each in self.differences],
+            "agreement": asdict(self.agreement),
+        }
+
+
+def pair_of(first: Group, second: Group) -> Pair:
+    """Compare two groups sample by sample."""
+    differences = tuple(_difference(first, second, metric) for metric in MAIN_METRICS)
+    return Pair(first, second, _failures(first, second), differences, _agreement(first, second, MEASURE))
+
+
+def _failures(first: Group, second: Group) -> Failures:
     there = first.there & second.there
     a, b = first.failed & there, second.failed & there
     return Failures(
@@ -144,35 +161,29 @@ def failures(first: Group, second: Group) -> Failures:
     )
 
 
-def differences(first: Group, second: Group) -> tuple[Difference, ...]:
-    """All of MAIN_METRICS."""
-    return tuple(_difference(first, second, metric) for metric in MAIN_METRICS)
-
-
-def agreement(first: Group, second: Group, metric: str, *, listed: int = 5) -> Agreement:
-    """Of `metric`, with the `listed` samples that are farthest apart."""
+def _agreement(first: Group, second: Group, metric: str) -> Agreement:
     a, b = first.metrics[metric], second.metrics[metric]
-    apart = b - a
-    order = np.argsort(-np.abs(apart), kind="stable")
-    order = order[~np.isnan(apart[order])]
+    difference = b - a
+    order = np.argsort(-np.abs(difference), kind="stable")
+    order = order[~np.isnan(difference[order])]
     return Agreement(
         metric=metric,
         samples=order.size,
         rho=float(rank_correlations(a[:, np.newaxis], b)[0]),
-        quantiles=tuple(quantiles(np.abs(apart), DIFFERENCE_QUANTILES).tolist()),
-        largest=tuple((int(k), float(apart[k])) for k in order[:listed] if apart[k]),
+        quantiles=tuple(quantiles(np.abs(difference), DIFFERENCE_QUANTILES).tolist()),
+        largest=tuple((int(k), float(difference[k])) for k in order[:LISTED] if difference[k]),
     )
 
 
 def _difference(first: Group, second: Group, metric: str) -> Difference:
-    apart = second.metrics[metric] - first.metrics[metric]
-    apart = apart[~np.isnan(apart)]
-    up, down = int((apart > 0.0).sum()), int((apart < 0.0).sum())
+    difference = second.metrics[metric] - first.metrics[metric]
+    difference = difference[~np.isnan(difference)]
+    up, down = int((difference > 0.0).sum()), int((difference < 0.0).sum())
     better, worse = (up, down) if low_is_bad(metric) else (down, up)
     return Difference(
         metric=metric,
-        samples=apart.size,
-        quantiles=tuple(quantiles(apart, DIFFERENCE_QUANTILES).tolist()),
+        samples=difference.size,
+        quantiles=tuple(quantiles(difference, DIFFERENCE_QUANTILES).tolist()),
         first_better=worse,
         second_better=better,
         p=sign_test(better, worse),

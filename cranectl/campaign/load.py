@@ -6,7 +6,7 @@ some runs, such as a limit that is not reached, is no mistake.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import NamedTuple
@@ -15,9 +15,9 @@ import numpy as np
 
 from cranectl.campaign.correlation import gaussian_copula
 from cranectl.campaign.definition import Campaign, sampled_scenario
-from cranectl.campaign.distributions import Choice
+from cranectl.campaign.distributions import FewValues
 from cranectl.campaign.parameters import Parameter, nominal_scenario, numbers_of, parameters_of
-from cranectl.campaign.sampling import levels_of, sample_values, tails_of
+from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.settings import COUNTED, MAX_RUNS, CampaignSettings, read_campaign
 from cranectl.plants.applicable import check_effects
 from cranectl.plants.registry import plant_entry
@@ -25,7 +25,7 @@ from cranectl.scenario import Scenario
 from cranectl.support.errors import InputError
 
 
-class Idle(NamedTuple):
+class Rule(NamedTuple):
     """Where parameters change nothing; None: everywhere."""
 
     names: str  # shell pattern
@@ -35,16 +35,16 @@ class Idle(NamedTuple):
 
 
 RULES = (
-    Idle("rig.*_time_constant", None, "ideal", "ideal drives have no lag"),
+    Rule("rig.*_time_constant", None, "ideal", "ideal drives have no lag"),
     *(
-        Idle(f"rig.{body}_mass", lack, drive, why)
+        Rule(f"rig.{body}_mass", lack, drive, why)
         for body in ("bridge", "trolley", "winch")
         for lack, drive, why in (
             (None, "ideal", "ideal drives move as commanded whatever they carry"),
             ("force", None, "the drives of the {plant} plant know no forces"),
         )
     ),
-    Idle("effects.sensing.observer_bandwidth", None, None, "the controller has the observer it was given"),
+    Rule("effects.sensing.observer_bandwidth", None, None, "the controller has the observer it was given"),
 )
 
 # Parameters that act only where none of these groups is zero in all its numbers.
@@ -61,12 +61,12 @@ FACTORS = {
 }
 
 
-def check_acting(settings: CampaignSettings, parameters: Sequence[Parameter], nominal: Scenario) -> None:
+def _check_effect(settings: CampaignSettings, parameters: Sequence[Parameter], nominal: Scenario) -> None:
     """Raise InputError for a parameter that cannot change the outcome of any run."""
     zero = _always_zero(parameters, nominal)
     for parameter in parameters:
         for plant in settings.plants:
-            why = idle_reason(parameter.name, plant, settings.drive, zero)
+            why = why_without_effect(parameter.name, plant, settings.drive, zero)
             if why:
                 raise InputError(
                     f"uncertain.{parameter.name} changes nothing on the {plant} plant with "
@@ -76,7 +76,7 @@ def check_acting(settings: CampaignSettings, parameters: Sequence[Parameter], no
                 )
 
 
-def idle_reason(name: str, plant: str, drive: str, zero: Mapping[str, bool]) -> str | None:
+def why_without_effect(name: str, plant: str, drive: str, zero: Mapping[str, bool]) -> str | None:
     """Why `name` changes nothing, None if it does; `zero` tells which numbers are 0 in all runs."""
     entry = plant_entry(plant)
     for rule in RULES:
@@ -102,10 +102,8 @@ def _meant(name: str, factor: str, numbers: Mapping[str, bool]) -> list[str]:
 
 def _always_zero(parameters: Sequence[Parameter], nominal: Scenario) -> dict[str, bool]:
     """For every number of the scenario, whether it is 0 in all runs."""
-    found = {name: value == 0 for name, value in numbers_of(nominal).items()}
-    for parameter in parameters:
-        found[parameter.name] = parameter.ends == (0.0, 0.0)
-    return found
+    zero = {name: value == 0 for name, value in numbers_of(nominal).items()}
+    return zero | {parameter.name: parameter.ends == (0.0, 0.0) for parameter in parameters}
 
 
 BLOCK = 2**17  # samples looked at together
@@ -130,7 +128,7 @@ def make_campaign(settings: CampaignSettings) -> Campaign:
             allowed="correlations with monte-carlo, latin-hypercube or sobol",
             remedy="leave the correlations out or take another sampling",
         )
-    check_acting(settings, parameters, nominal)
+    _check_effect(settings, parameters, nominal)
     copula = gaussian_copula(settings.correlation, parameters)
     campaign = Campaign(settings, nominal, parameters, copula, _runs(settings, parameters))
     _check_values(campaign)
@@ -145,15 +143,15 @@ def _runs(settings: CampaignSettings, parameters: Sequence[Parameter]) -> int:
         return settings.runs or 0
     if settings.sampling == "grid":
         for parameter in parameters:
-            if not levels_of(parameter):
+            if not parameter.distribution.grid_levels:
                 raise InputError(
                     f"uncertain.{parameter.name} has no levels, which grid sampling needs",
                     allowed="a number of values for every parameter",
                     remedy="add 'levels = 5'",
                 )
-        runs = math.prod(levels_of(parameter) for parameter in parameters)
+        runs = math.prod(parameter.distribution.grid_levels for parameter in parameters)
     else:
-        runs = 1 + sum(len(tails_of(parameter)) for parameter in parameters)
+        runs = 1 + sum(len(parameter.distribution.end_points()) for parameter in parameters)
     if runs > MAX_RUNS:
         raise InputError(
             f"{settings.sampling} sampling of these parameters takes {runs} runs",
@@ -198,12 +196,13 @@ def _check_values(campaign: Campaign) -> None:
                 check_effects(scenario.effects, plant=plant, drive=campaign.settings.drive)
 
 
-def _outermost(parameter: Parameter) -> Iterator[float]:
-    """The values of a choice, the ends of anything else, as far as they are finite."""
+def _outermost(parameter: Parameter) -> list[float]:
+    """Each of a few values, the ends of anything else, as far as they are finite."""
     distribution = parameter.distribution
     points = [u for u, end in zip((0.0, 1.0), distribution.ends(1.0), strict=True) if math.isfinite(end)]
-    at = distribution.grid(len(distribution.values)) if isinstance(distribution, Choice) else np.array(points)
-    yield from parameter.values(at).tolist()
+    at = distribution.grid() if isinstance(distribution, FewValues) else np.array(points)
+    values: list[float] = parameter.values(at).tolist()
+    return values
 
 
 def _sampled_ends(campaign: Campaign) -> dict[int, tuple[float, float]]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.distributions import LEAST_MASS, Choice, Distribution, Fixed, Normal
+from cranectl.campaign.distributions import LEAST_MASS, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.scenario import NANOSECONDS, Scenario, load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS, EffectSettings
@@ -51,13 +51,12 @@ def nominal_scenario(settings: CampaignSettings) -> Scenario:
     """What the controller assumes: the campaign's scenario, with every uncertain effect switched on."""
     scenario = load_scenario(settings.scenario, overrides=settings.set)
     named = {name.split(".")[1] for name in settings.uncertain if name.startswith("effects.")}
-    off = [
-        effect
+    switches = [
+        f"effects.{effect}={{}}"
         for effect in EffectSettings.model_fields
         if effect in named and getattr(scenario.effects, effect) is None
     ]
-    switches = [f"effects.{effect}={{}}" for effect in off]
-    return load_scenario(settings.scenario, overrides=[*settings.set, *switches]) if off else scenario
+    return load_scenario(settings.scenario, overrides=[*settings.set, *switches])
 
 
 def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parameter, ...]:
@@ -82,20 +81,16 @@ def _common_period(distribution: Distribution | None, nominal: Scenario) -> floa
     """What times must be multiples of [s], whatever control period a run has."""
     if distribution is None:
         return nominal.control.period
-    if not isinstance(distribution, Choice | Fixed):
+    period = nominal.control.period
+    if not isinstance(distribution, FewValues):
         raise InputError(
             f"uncertain.{PERIOD}: it takes single periods",
             allowed="distribution choice or fixed: periods that divide all times of the scenario",
-            remedy=f'take \'distribution = "choice"\' with "values", such as {_examples(nominal)}',
+            remedy='take \'distribution = "choice"\' with "values", such as '
+            f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]",
         )
-    at = distribution.grid(len(distribution.values)) if isinstance(distribution, Choice) else np.array([0.5])
-    periods = distribution.quantile(at, nominal.control.period)
-    return math.lcm(*(max(1, round(period * NANOSECONDS)) for period in periods)) / NANOSECONDS
-
-
-def _examples(nominal: Scenario) -> str:
-    period = nominal.control.period
-    return f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]"
+    periods = distribution.quantile(distribution.grid(), period)
+    return math.lcm(*(max(1, round(each * NANOSECONDS)) for each in periods)) / NANOSECONDS
 
 
 def _parameter(name: str, distribution: Distribution, values: dict[str, Any], time_step: float) -> Parameter:
@@ -136,20 +131,14 @@ def _parameter(name: str, distribution: Distribution, values: dict[str, Any], ti
         )
     timed = not distribution.discrete and (section == "disturbances" or rest.startswith("delay."))
     multiple = time_step if timed and name.rpartition(".")[2] in TIMES else 0.0
-    return _fitting(Parameter(name, distribution, float(nominal), whole, multiple))
-
-
-def _fitting(parameter: Parameter) -> Parameter:
-    low, high = parameter.ends
-    if parameter.multiple and math.isfinite(high - low):
-        step = parameter.multiple
-        if math.floor(high / step + 1e-6) < math.ceil(low / step - 1e-6):
-            raise InputError(
-                f"uncertain.{parameter.name}: no whole control period lies between {low:g} s and {high:g} s",
-                allowed=f"multiples of control.period = {step:g} s",
-                remedy="widen the range or take 'distribution = \"choice\"'",
-            )
-    return parameter
+    low, high = distribution.ends(nominal)
+    if multiple and np.floor(high / multiple + 1e-6) < np.ceil(low / multiple - 1e-6):
+        raise InputError(
+            f"uncertain.{name}: no whole control period lies between {low:g} s and {high:g} s",
+            allowed=f"multiples of control.period = {multiple:g} s",
+            remedy="widen the range or take 'distribution = \"choice\"'",
+        )
+    return Parameter(name, distribution, float(nominal), whole, multiple)
 
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:

@@ -3,7 +3,7 @@
 import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ class Replay:
     status: str
     max_error_m: float | None
     differences: tuple[str, ...]  # from what the result says, a phrase for each figure
-    software: tuple[str, ...]  # what is installed and has not made the run, a phrase each
+    software_differences: tuple[str, ...]  # what is installed and has not made the run, a phrase each
 
     @property
     def same(self) -> bool:
@@ -49,16 +49,7 @@ class Replay:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "sample": self.sample,
-            "plant": self.plant,
-            "controller": self.controller,
-            "log": str(self.log),
-            "status": self.status,
-            "same": self.same,
-            "differences": list(self.differences),
-            "software_differences": list(self.software),
-        }
+        return {**asdict(self), "log": str(self.log), "same": self.same}
 
 
 def chosen_rows(
@@ -78,26 +69,25 @@ def chosen_rows(
     if metric not in METRIC_COLUMNS:
         raise unknown_name("metric", metric, METRIC_COLUMNS)
     chosen = np.ones(len(results), dtype=np.bool_)
-    for kind, names, known in (
-        ("plant", plants, settings.plants),
-        ("controller", controllers, settings.controllers),
-    ):
+    asked = (("plant", plants, settings.plants), ("controller", controllers, settings.controllers))
+    for kind, names, known in asked:
         for name in names:
             if name not in known:
                 raise unknown_name(kind, name, known)
         if names:
             chosen &= np.isin(results.column(kind).astype(str), names)
     if not samples:
-        return [int(row) for row in worst_first(results, metric) if chosen[row]][:worst]
-    found = results.column("sample")
+        rows = worst_first(results, metric, np.flatnonzero(chosen))[:worst]
+        return [int(row) for row in rows]
+    column = results.column("sample")
     for sample in samples:
-        if not ((found == sample) & chosen).any():
+        if sample not in column[chosen]:
             raise InputError(
                 f"the result in {results.directory} has no run {sample}",
                 allowed=f"samples from 0 to {results.campaign.runs - 1} that have been run",
                 remedy="choose another with --run",
             )
-    return np.flatnonzero(np.isin(found, samples) & chosen).tolist()
+    return np.flatnonzero(np.isin(column, samples) & chosen).tolist()
 
 
 def replay_run(
@@ -141,6 +131,7 @@ def replay_run(
         "status": run.status.label,
         "end_s": run.end_s,
     }
+    installed = software_of(campaign.settings.plants)
     log = write_log(directory / f"{plant}-{controller}-{sample:07d}.mcap", [run], every=every)
     return Replay(
         sample=sample,
@@ -150,7 +141,7 @@ def replay_run(
         status=run.status.label,
         max_error_m=None if metrics is None else metrics.max_error_m,
         differences=tuple(differences(recorded, again)),
-        software=tuple(provenance_differences(origin.versions, software_of(campaign.settings.plants))),
+        software_differences=tuple(provenance_differences(origin.versions, installed)),
     )
 
 

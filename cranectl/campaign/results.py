@@ -29,7 +29,11 @@ from cranectl.support.files import exists, replacing
 from cranectl.support.interrupts import interrupts_wait
 from cranectl.support.provenance import FINGERPRINTS
 
-PATTERN = "part-*.parquet"
+RECORD_FILE = "campaign.json"
+PARTS = "parts"
+REPLAYS = "replays"
+SHOWN = 3  # damaged parts named in a message
+
 BATCH = (b"plant", b"controller", b"first")  # metadata that tells it
 DIGEST = b"columns"  # metadata: of what the part says of its columns
 FEW_VALUES = ["plant", "controller", "status", "reason"]  # columns that repeat themselves
@@ -128,12 +132,6 @@ def _digest(descriptions: Sequence[dict[bytes, bytes]]) -> bytes:
     return hashlib.sha256(text.encode()).hexdigest()[:16].encode()
 
 
-RECORD_FILE = "campaign.json"
-PARTS = "parts"
-REPLAYS = "replays"
-SHOWN = 3  # damaged parts named in a message
-
-
 @dataclass(frozen=True)
 class Results:
     """The runs of a campaign, by plant, controller and sample."""
@@ -142,13 +140,18 @@ class Results:
     campaign: Campaign
     record: Table  # the content of campaign.json
     missing: tuple[Batch, ...]  # none for a finished result
-    table: Any  # pyarrow.Table, columns as in `rows.row_columns`
+    table: Any  # pyarrow.Table, columns as in `table.row_columns`
     made_by: NDArray[np.int64]  # (runs,) index into `origins`
 
     @property
     def origins(self) -> list[Origin]:
         """What may have made runs, what began the result first."""
         return origins_of(self.record)
+
+    @property
+    def missing_runs(self) -> int:
+        """How many runs are missing."""
+        return sum(batch.runs for batch in self.missing)
 
     def __len__(self) -> int:
         return int(self.table.num_rows)
@@ -158,17 +161,14 @@ class Results:
         values: NDArray[Any] = self.table[name].to_numpy()
         return values
 
+    def rows(self, plant: str, controller: str) -> NDArray[np.intp]:
+        """Indices of the rows of one group, by sample."""
+        return np.flatnonzero((self.column("plant") == plant) & (self.column("controller") == controller))
+
     def row(self, index: int) -> Table:
         """One run as plain data; `index` counts rows of the table."""
         found: Table = self.table.slice(index, 1).to_pylist()[0]
         return found
-
-
-class Damaged(NamedTuple):
-    """A file among the parts that is not what it should be."""
-
-    path: Path
-    why: str
 
 
 class Survey(NamedTuple):
@@ -177,7 +177,7 @@ class Survey(NamedTuple):
     tables: dict[Batch, Any]  # good parts
     made_by: dict[Batch, Origin]
     missing: tuple[Batch, ...]  # with those whose part is damaged
-    damaged: tuple[Damaged, ...]
+    damaged: dict[Path, str]  # why, by file
 
 
 def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
@@ -194,7 +194,13 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     origins = origins_of(record)
     found = survey(directory, campaign, origins)
     if found.damaged:
-        raise _damaged(directory, found.damaged)
+        named = [f"{path.name}: {why}" for path, why in found.damaged.items()]
+        more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
+        raise InputError(
+            f"damaged parts in {directory / PARTS}: {'; '.join(named[:SHOWN])}{more}",
+            allowed="each part once, as it was written",
+            remedy="the command that began it, with --resume, puts them aside and runs their batches again",
+        )
     if found.missing and not unfinished:
         raise InputError(
             f"{directory} is not finished: {len(found.missing)} of {len(batches_of(campaign))} parts missing",
@@ -231,40 +237,18 @@ def read_record(directory: Path) -> Table:
 
 def survey(directory: Path, campaign: Campaign, origins: Sequence[Origin]) -> Survey:
     """Look at every part in `directory`, each of which one of `origins` must have made."""
-    parts = directory / PARTS
-    expected = {part_name(batch): batch for batch in batches_of(campaign)}
+    expected = {directory / PARTS / part_name(batch): batch for batch in batches_of(campaign)}
     tables: dict[Batch, Any] = {}
     made_by: dict[Batch, Origin] = {}
-    damaged = []
-    for name, batch in expected.items():
-        path = parts / name
+    damaged = {}
+    for path, batch in expected.items():
         if not path.exists():
             continue
         try:
             tables[batch], made_by[batch] = read_part(path, campaign, origins, batch)
         except DamageError as error:
-            damaged.append(Damaged(path, str(error)))
-    strays = sorted(path for path in parts.glob("*.parquet") if path.name not in expected)
-    damaged += [Damaged(path, _of_stray(path, campaign, origins)) for path in strays]
+            damaged[path] = str(error)
+    strays = sorted(path for path in (directory / PARTS).glob("*.parquet") if path not in expected)
+    damaged |= dict.fromkeys(strays, "its name is that of no batch")
     missing = tuple(batch for batch in expected.values() if batch not in tables)
-    return Survey(tables, made_by, missing, tuple(damaged))
-
-
-def _of_stray(path: Path, campaign: Campaign, origins: Sequence[Origin]) -> str:
-    for batch in batches_of(campaign):
-        try:
-            read_part(path, campaign, origins, batch)
-        except DamageError:
-            continue
-        return f"it repeats the batch of {part_name(batch)}"
-    return "its name is that of no batch"
-
-
-def _damaged(directory: Path, damaged: Sequence[Damaged]) -> InputError:
-    named = "; ".join(f"{each.path.name}: {each.why}" for each in damaged[:SHOWN])
-    more = f" and {len(damaged) - SHOWN} more" if len(damaged) > SHOWN else ""
-    return InputError(
-        f"damaged parts in {directory / PARTS}: {named}{more}",
-        allowed="each part once, as it was written",
-        remedy="the command that began it, with --resume, puts them aside and runs their batches again",
-    )
+    return Survey(tables, made_by, missing, damaged)

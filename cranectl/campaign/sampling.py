@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.correlation import correlated
 from cranectl.campaign.definition import Campaign
-from cranectl.campaign.distributions import TAILS, Choice
 from cranectl.campaign.parameters import Parameter
+
+Array = NDArray[np.float64]
 
 PER_COUNT = 4  # numbers that Philox-4x64 gives for each value of its counter
 
@@ -29,14 +30,11 @@ def stream(seed: int, label: str, *, counter: int = 0) -> np.random.Philox:
     return np.random.Philox(key=key, counter=counter)
 
 
-def uniform_block(seed: int, label: str, first: int, last: int) -> NDArray[np.float64]:
+def uniform_block(seed: int, label: str, first: int, last: int) -> Array:
     """Numbers [first, last) of the stream of `label`, multiples of 2⁻⁵³ in [0, 1), shape (last - first,)."""
     skipped = first % PER_COUNT
-    raw = stream(seed, label, counter=first // PER_COUNT).random_raw(last - first + skipped)
-    return np.ldexp((raw[skipped:] >> np.uint64(11)).astype(np.float64), -53)
-
-
-Array = NDArray[np.float64]
+    random = np.random.Generator(stream(seed, label, counter=first // PER_COUNT))
+    return random.random(last - first + skipped)[skipped:]
 
 
 def saltelli_blocks(campaign: Campaign, outputs: Array) -> dict[str, Array]:
@@ -121,14 +119,14 @@ def saltelli(campaign: Campaign, first: int, last: int) -> Array:
 
 def grid(campaign: Campaign, first: int, last: int) -> Array:
     """Every combination of levels, the last parameter fastest."""
-    axes = [p.distribution.grid(levels_of(p)) for p in campaign.parameters]
+    axes = [parameter.distribution.grid() for parameter in campaign.parameters]
     indices = np.unravel_index(np.arange(first, last), [len(axis) for axis in axes])
     return np.stack([axis[index] for axis, index in zip(axes, indices, strict=True)], axis=1)
 
 
 def one_at_a_time(campaign: Campaign, first: int, last: int) -> Array:
-    """The nominal values first, then each parameter at its tails, a choice at all its values."""
-    steps = [(k, u) for k, p in enumerate(campaign.parameters) for u in tails_of(p)]
+    """The nominal values first, then each parameter at its end points, a choice at all its values."""
+    steps = [(k, u) for k, p in enumerate(campaign.parameters) for u in p.distribution.end_points()]
     points = np.full((last - first, len(campaign.parameters)), math.nan)
     for column in set(range(len(campaign.parameters))) - set(campaign.varied):
         points[:, column] = 0.5  # what is fixed differs from its nominal value in every run
@@ -136,22 +134,6 @@ def one_at_a_time(campaign: Campaign, first: int, last: int) -> Array:
         column, u = steps[row - 1]
         points[row - first, column] = u
     return points
-
-
-def levels_of(parameter: Parameter) -> int:
-    """Number of a parameter's values on a grid; 0 where it is not said."""
-    distribution = parameter.distribution
-    if isinstance(distribution, Choice):
-        return len(distribution.values)
-    return (distribution.levels or 0) if distribution.varies else 1
-
-
-def tails_of(parameter: Parameter) -> tuple[float, ...]:
-    """Points of the unit interval at which a parameter is tried by itself."""
-    distribution = parameter.distribution
-    if isinstance(distribution, Choice) and distribution.varies:
-        return tuple(distribution.grid(len(distribution.values)).tolist())
-    return TAILS if distribution.varies else ()
 
 
 def sobol_points(dimensions: int, seed: int, first: int, last: int) -> Array:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.groups import MAIN_METRICS, Group, compared_parameters
 from cranectl.campaign.results import Results
-from cranectl.campaign.sampling import saltelli_blocks, tails_of
+from cranectl.campaign.sampling import saltelli_blocks
 from cranectl.campaign.statistics import (
     BINS,
     between_bins,
@@ -153,7 +153,7 @@ class Separation:
 
 
 @dataclass(frozen=True)
-class Swing:
+class OneAtATimeEffect:
     """One step of a one-at-a-time design; metrics as in MAIN_METRICS, NaN of runs that did not complete."""
 
     sample: int
@@ -222,12 +222,12 @@ def separations(results: Results, group: Group, values: Array) -> tuple[Separati
     return tuple(sorted(found, key=lambda each: -each.distance))
 
 
-def swings(results: Results, group: Group, values: Array) -> tuple[Swing, ...]:
+def one_at_a_time_effects(results: Results, group: Group, values: Array) -> tuple[OneAtATimeEffect, ...]:
     """The steps of a one-at-a-time design in order; sample 0 has the nominal values."""
     campaign = results.campaign
-    columns = [k for k, p in enumerate(campaign.parameters) for _ in tails_of(p)]
+    columns = [k for k, p in enumerate(campaign.parameters) for _ in p.distribution.end_points()]
     return tuple(
-        Swing(
+        OneAtATimeEffect(
             sample=sample,
             parameter=campaign.names[column],
             value=float(values[sample, column]),

@@ -59,6 +59,9 @@ class Correlation(Settings):
     )
     value: Annotated[float, Field(gt=-1.0, lt=1.0)] = Field(description="rank correlation")
 
+    def __str__(self) -> str:
+        return f"{' and '.join(self.between)}: {self.value:g}"
+
 
 class CampaignSettings(Settings):
     """What a campaign runs, and what is uncertain in it."""

@@ -20,31 +20,7 @@ LOCK_FILE = ".lock"
 ELSEWHERE = "choose another place with --out"
 
 
-@contextmanager
-def locked(directory: Path) -> Iterator[None]:
-    """Hold the lock of `directory`; raises InputError if another process has it.
-
-    The operating system lets go of it when its process ends, however that happens.
-    """
-    from filelock import FileLock, Timeout
-
-    lock = FileLock(directory / LOCK_FILE)
-    with writing(directory, remedy=ELSEWHERE):
-        try:
-            lock.acquire(blocking=False)
-        except Timeout:
-            raise InputError(
-                f"another process is writing {directory}",
-                allowed="one process for each result",
-                remedy="wait for it, or choose another place with --out",
-            ) from None
-    try:
-        yield
-    finally:
-        lock.release()
-
-
-ASIDE = ".corrupt"  # ending of a damaged part that was put aside
+QUARANTINED = ".corrupt"  # ending of a damaged part that was put aside
 SHOWN = 5  # differences named in a message
 
 
@@ -56,7 +32,7 @@ class Store:
     campaign: Campaign
     origin: Origin  # of the parts that this process makes
     missing: tuple[Batch, ...]  # what is still to be run
-    aside: tuple[str, ...]  # what was damaged and has been put aside, a phrase each
+    quarantined: tuple[str, ...]  # what was damaged and has been put aside, a phrase each
 
     def write(self, batch: Batch, rows: Sequence[Row]) -> None:
         """Keep the rows of `batch`; raises InputError if that cannot be done, the rest stays as it is."""
@@ -87,18 +63,31 @@ def open_store(
     says what to do with it; if the result to resume is of a campaign that differs or, unless
     `despite_differences`, was made by other software.
     """
+    from filelock import FileLock, Timeout
+
     _check_empty(directory)
-    _make(directory)
-    with locked(directory):
+    lock = FileLock(directory / LOCK_FILE)  # the system lets go of it when its process ends, however that is
+    with writing(directory, remedy=ELSEWHERE):
+        (directory / PARTS).mkdir(parents=True, exist_ok=True)
+        try:
+            held = lock.acquire(blocking=False)
+        except Timeout:
+            raise InputError(
+                f"another process is writing {directory}",
+                allowed="one process for each result",
+                remedy="wait for it, or choose another place with --out",
+            ) from None
+    with held:
         record = record_of(campaign)
         _check_empty(directory)  # again: another process may have been faster
         if overwrite:
             _clear(directory)
         if exists(directory / RECORD_FILE):
-            found = read_record(directory)
-            _check_same(directory, found, record, resume=resume)
-            record |= _software(directory, found, record["versions"], accepted=despite_differences)
-        _write_record(directory, record)
+            kept = read_record(directory)
+            _check_same(directory, kept, record, resume=resume)
+            record |= _software(directory, kept, record["versions"], accepted=despite_differences)
+        with writing(directory, remedy=ELSEWHERE):
+            write_text(directory / RECORD_FILE, json.dumps(record, indent=2, ensure_ascii=False) + "\n")
         try:
             yield _prepared(directory, campaign, record)
         except InputError:
@@ -123,36 +112,31 @@ def _check_empty(directory: Path) -> None:
         )
 
 
-def _make(directory: Path) -> None:
-    with writing(directory, remedy=ELSEWHERE):
-        (directory / PARTS).mkdir(parents=True, exist_ok=True)
-
-
-def _check_same(directory: Path, found: Table, wanted: Table, *, resume: bool) -> None:
+def _check_same(directory: Path, kept: Table, wanted: Table, *, resume: bool) -> None:
     if not resume:
         raise InputError(
-            f"{directory} holds a result of the campaign '{found['campaign']['name']}' already",
+            f"{directory} holds a result of the campaign '{kept['campaign']['name']}' already",
             allowed="a new or an empty directory",
             remedy="complete it with --resume, replace it with --overwrite, or choose another --out",
         )
-    apart = differences(found, wanted)
-    if apart:
-        more = f" and {len(apart) - SHOWN} more" if len(apart) > SHOWN else ""
+    different = differences(kept, wanted)
+    if different:
+        more = f" and {len(different) - SHOWN} more" if len(different) > SHOWN else ""
         raise InputError(
-            f"the result in {directory} is of another campaign: {'; '.join(apart[:SHOWN])}{more}",
+            f"the result in {directory} is of another campaign: {'; '.join(different[:SHOWN])}{more}",
             allowed="the campaign and scenario that the result was begun with; limits may differ",
             remedy="choose another place with --out, or replace the result with --overwrite",
         )
 
 
-def _software(directory: Path, found: Table, installed: dict[str, str], *, accepted: bool) -> Table:
+def _software(directory: Path, kept: Table, installed: dict[str, str], *, accepted: bool) -> Table:
     """What a resumed result says of what made it; raises InputError for new software unless `accepted`."""
-    known = [found["versions"], *found["accepted"]]
-    apart = [provenance_differences(each, installed) for each in known]
-    if all(apart):
+    known = [kept["versions"], *kept["accepted"]]
+    different = [provenance_differences(each, installed) for each in known]
+    if all(different):
         if not accepted:
             raise InputError(
-                f"the result in {directory} was made by other software: {'; '.join(apart[-1])}",
+                f"the result in {directory} was made by other software: {'; '.join(different[-1])}",
                 allowed="the sources, models, data and versions that made it",
                 remedy="install those, replace the result with --overwrite, or go on with --resume "
                 "--despite-differences: it then says which of its runs were made by what",
@@ -161,29 +145,17 @@ def _software(directory: Path, found: Table, installed: dict[str, str], *, accep
     return {"versions": known[0], "accepted": known[1:]}
 
 
-def _write_record(directory: Path, record: Table) -> None:
-    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
-    with writing(directory, remedy=ELSEWHERE):
-        write_text(directory / RECORD_FILE, text)
-
-
 def _prepared(directory: Path, campaign: Campaign, record: Table) -> Store:
-    """Remove what a kill has left half-written, put damaged parts aside, see what is missing."""
+    """Remove what a kill has left half-written, quarantine damaged parts, see what is missing."""
     for unfinished in (directory / PARTS).glob("part-*.parquet.*.part"):
         unfinished.unlink()
     found = survey(directory, campaign, origins_of(record))
-    aside = []
-    for path, why in found.damaged:
-        place = path.with_name(f"{path.name}{ASIDE}")
-        path.replace(place)
-        aside.append(f"{path.name} was damaged ({why}); now {place.name}")
-    return Store(
-        directory,
-        campaign,
-        origin_of(record, software_of(campaign.settings.plants)),
-        found.missing,
-        tuple(aside),
-    )
+    quarantined = []
+    for path, why in found.damaged.items():
+        place = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
+        quarantined.append(f"{path.name} was damaged ({why}); now {place.name}")
+    origin = origin_of(record, software_of(campaign.settings.plants))
+    return Store(directory, campaign, origin, found.missing, tuple(quarantined))
 
 
 def _clear(directory: Path) -> None:

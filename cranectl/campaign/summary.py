@@ -5,21 +5,22 @@ Worth a look are the runs with the largest errors, and an example of every way t
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.definition import Campaign
 from cranectl.campaign.results import Results
 from cranectl.campaign.settings import within
-from cranectl.campaign.table import FAILED, Row
+from cranectl.campaign.table import FAILED
 from cranectl.metrics import low_is_bad
 from cranectl.status import RunStatus
 
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+Columns = Callable[[str], Any]  # values (runs,) of a column by its name; None or NaN where absent
 
 CONFIDENCE = 0.95
 INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs stand for the distribution
@@ -51,40 +52,30 @@ class GroupSummary:
 
 def summarize(results: Results) -> tuple[GroupSummary, ...]:
     """One entry for each plant and controller, in the order of the campaign."""
-    settings = results.campaign.settings
-    groups = [(plant, name) for plant in settings.plants for name in settings.controllers]
-    return tuple(_group(results, plant, controller) for plant, controller in groups)
+    return tuple(_summary(results, plant, controller) for plant, controller in results.campaign.groups)
 
 
-def failed(results: Results) -> Mask:
+def broken_limits(column: Columns, limits: Mapping[str, float]) -> dict[str, Mask]:
+    """Which runs broke which limit, by metric; a metric that a run lacks breaks its limit."""
+    values = {metric: np.asarray(column(metric), dtype=np.float64) for metric in limits}
+    return {metric: ~within(metric, values[metric], limit) for metric, limit in limits.items()}
+
+
+def failed(column: Columns, limits: Mapping[str, float]) -> Mask:
     """Which runs failed, shape (runs,): they did not complete, or they broke a limit."""
-    bad: Mask = results.column("status") != RunStatus.COMPLETED.label
-    for mask in broken_limits(results).values():
-        bad = bad | mask
+    bad: Mask = np.asarray(column("status")) != RunStatus.COMPLETED.label
+    for broken in broken_limits(column, limits).values():
+        bad = bad | broken
     return bad
 
 
-def row_failed(campaign: Campaign, row: Row) -> bool:
-    """Whether one run failed."""
-    if row["status"] != RunStatus.COMPLETED.label:
-        return True
-    limits = campaign.settings.limits.given
-    values = {metric: np.nan if row[metric] is None else row[metric] for metric in limits}
-    return not all(within(metric, values[metric], limit) for metric, limit in limits.items())
-
-
-def broken_limits(results: Results) -> dict[str, Mask]:
-    """Which runs broke which limit, by metric; a metric that a run lacks breaks its limit."""
-    limits = results.campaign.settings.limits.given
-    return {metric: ~within(metric, results.column(metric), limit) for metric, limit in limits.items()}
-
-
-def worst_first(results: Results, metric: str) -> NDArray[np.intp]:
-    """Rows of the table, the worst `metric` first; runs that lack it are left out, equals in order."""
-    values = results.column(metric)
+def worst_first(results: Results, metric: str, among: Rows | None = None) -> Rows:
+    """Rows of the table, or `among` some, the worst `metric` first; those that lack it are left out."""
+    rows = np.arange(len(results)) if among is None else among
+    values = results.column(metric)[rows]
     order = np.argsort(values if low_is_bad(metric) else -values, kind="stable")
-    rows: NDArray[np.intp] = order[~np.isnan(values[order])]
-    return rows
+    worst: Rows = rows[order[~np.isnan(values[order])]]
+    return worst
 
 
 def failure_interval(failures: int, runs: int) -> tuple[float, float]:
@@ -95,32 +86,32 @@ def failure_interval(failures: int, runs: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def _group(results: Results, plant: str, controller: str) -> GroupSummary:
-    chosen = (results.column("plant") == plant) & (results.column("controller") == controller)
-    runs, failures = int(chosen.sum()), int((failed(results) & chosen).sum())
-    status = results.column("status")
-    completed = chosen & (status == RunStatus.COMPLETED.label)
-    labels, counts = np.unique(status[chosen & ~completed].astype(str), return_counts=True)
-    reasons = Counter(results.column("reason")[chosen & (status == FAILED)].tolist())
-    broken = {name: int((mask & completed).sum()) for name, mask in broken_limits(results).items()}
-    errors = results.column(MEASURE)
+def _summary(results: Results, plant: str, controller: str) -> GroupSummary:
+    rows, settings = results.rows(plant, controller), results.campaign.settings
+    columns = {
+        name: results.column(name)[rows] for name in ("status", "reason", MEASURE, *settings.limits.given)
+    }
+    status, reason, errors = columns["status"], columns["reason"], columns[MEASURE]
+    completed = status == RunStatus.COMPLETED.label
+    broken = broken_limits(columns.__getitem__, settings.limits.given)
+    runs, failures = len(rows), int(failed(columns.__getitem__, settings.limits.given).sum())
     median, q95 = np.quantile(errors[completed], (0.5, 0.95)).tolist() if completed.any() else (None, None)
-    worst = next((row for row in worst_first(results, MEASURE) if chosen[row]), None)
-    random = runs > 0 and results.campaign.settings.sampling in INDEPENDENT
+    worst = next(iter(worst_first(results, MEASURE, rows)), None)
+    random = runs > 0 and settings.sampling in INDEPENDENT
     return GroupSummary(
         plant=plant,
         controller=controller,
         runs=runs,
         failures=failures,
-        stopped=dict(zip(labels.tolist(), counts.tolist(), strict=True)),
-        not_run=dict(reasons.most_common()),
-        broken={name: count for name, count in broken.items() if count},
+        stopped=dict(sorted(Counter(status[~completed].tolist()).items())),
+        not_run=dict(Counter(reason[status == FAILED].tolist()).most_common()),
+        broken={name: int(count) for name, mask in broken.items() if (count := (mask & completed).sum())},
         failure_rate=failures / runs if runs else None,
         failure_rate_interval=failure_interval(failures, runs) if random else None,
         median_max_error_m=median,
         q95_max_error_m=q95,
         worst_sample=None if worst is None else int(results.column("sample")[worst]),
-        worst_max_error_m=None if worst is None else float(errors[worst]),
+        worst_max_error_m=None if worst is None else float(results.column(MEASURE)[worst]),
     )
 
 
@@ -142,38 +133,22 @@ class Example(NamedTuple):
 
 def examples(results: Results, *, worst: int) -> tuple[Example, ...]:
     """For each plant and controller the `worst` runs, then the first run of every further way to stop."""
-    settings = results.campaign.settings
-    plants, controllers = results.column("plant"), results.column("controller")
-    order = worst_first(results, MEASURE)
-    found: list[Example] = []
-    for plant in settings.plants:
-        for controller in settings.controllers:
-            chosen = (plants == plant) & (controllers == controller)
-            rows = order[chosen[order]][:worst].tolist()
-            found += [_example(results, row, "largest error") for row in rows]
-            found += _stops(results, np.flatnonzero(chosen), rows)
+    found = []
+    for plant, controller in results.campaign.groups:
+        rows = results.rows(plant, controller)
+        shown = worst_first(results, MEASURE, rows)[:worst].tolist()
+        why = dict.fromkeys(shown, "largest error") | _stops(results, rows, shown)
+        for row, reason in why.items():
+            run = {name: results.row(row)[name] for name in ("sample", "status", "end_s", "max_error_m")}
+            found.append(Example(plant=plant, controller=controller, why=reason, **run))
     return tuple(found)
 
 
-def _stops(results: Results, chosen: NDArray[np.intp], shown: Sequence[int]) -> Iterator[Example]:
-    """One of every reason why some of the `chosen` rows stopped, unless one of it is `shown`."""
+def _stops(results: Results, rows: Rows, shown: Sequence[int]) -> dict[int, str]:
+    """The first of `rows` to stop in each way that is not `shown`, with its reason; most frequent first."""
     status, reason = results.column("status"), results.column("reason")
     alike: dict[tuple[str, str], list[int]] = {}
-    for row in chosen[status[chosen] != RunStatus.COMPLETED.label].tolist():
+    for row in rows[status[rows] != RunStatus.COMPLETED.label].tolist():
         alike.setdefault((status[row], NUMBER.sub("#", reason[row])), []).append(row)
-    new = [rows for rows in alike.values() if not set(rows) & set(shown)]
-    for rows in sorted(new, key=lambda rows: -len(rows))[:MOST_STOPS]:
-        yield _example(results, rows[0], f"one of {len(rows)}: {reason[rows[0]]}")
-
-
-def _example(results: Results, row: int, why: str) -> Example:
-    run = results.row(row)
-    return Example(
-        plant=run["plant"],
-        controller=run["controller"],
-        sample=run["sample"],
-        why=why,
-        status=run["status"],
-        end_s=run["end_s"],
-        max_error_m=run["max_error_m"],
-    )
+    new = sorted((same for same in alike.values() if not set(same) & set(shown)), key=len, reverse=True)
+    return {same[0]: f"one of {len(same)}: {reason[same[0]]}" for same in new[:MOST_STOPS]}

@@ -7,7 +7,6 @@ none: all of a run without a sample, which a `failed` one is. Whole numbers amon
 """
 
 import re
-from collections.abc import Iterable
 from typing import Any, Literal, NamedTuple
 
 from cranectl.campaign.definition import Campaign
@@ -27,14 +26,6 @@ class Column(NamedTuple):
     optional: bool  # whether it may be None
     unit: str  # empty where there is none
     description: str
-
-
-class Key(NamedTuple):
-    """Which run of a campaign."""
-
-    sample: int
-    plant: str
-    controller: str
 
 
 RUN_COLUMNS = (
@@ -57,22 +48,6 @@ UNIT = re.compile(r"\[(.*?)\]")  # in the description of a setting
 def row_columns(campaign: Campaign) -> tuple[Column, ...]:
     """The columns of all rows of `campaign`, in order."""
     return (*RUN_COLUMNS, *(describe(campaign, name) for name in campaign.names), *METRIC_COLUMNS.values())
-
-
-def make_row(
-    campaign: Campaign,
-    key: Key,
-    values: Iterable[float],
-    metrics: RunMetrics | None,
-    *,
-    status: str,
-    reason: str,
-    end_s: float,
-) -> Row:
-    """The row of one run; `values` (d,) are those of `campaign.parameters`."""
-    parameters = zip(campaign.names, map(float, values), strict=True)
-    end: Row = {"status": status, "reason": reason, "end_s": end_s}
-    return {**key._asdict(), **end, **dict(parameters), **metric_values(metrics)}
 
 
 def metric_values(metrics: RunMetrics | None) -> Row:

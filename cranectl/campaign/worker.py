@@ -1,15 +1,15 @@
 """Runs samples one after the other, on plants of its own whose parameters are changed in place."""
 
-import functools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Batch, sampled_scenario
 from cranectl.campaign.prepared import Prepared
-from cranectl.campaign.table import FAILED, Key, Row, make_row
-from cranectl.metrics import Accumulator, MetricsSetup, accumulate, empty_accumulator, finish, metrics_setup
+from cranectl.campaign.table import FAILED, Row, metric_values
+from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import Plant
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -34,6 +34,15 @@ def never() -> bool:
     return False
 
 
+class Outcome(NamedTuple):
+    """How a run ended; `metrics` are None where there was none."""
+
+    status: str
+    reason: str
+    end_s: float
+    metrics: RunMetrics | None
+
+
 class Worker:
     """For one thread. Gives the same rows as any other worker, whatever it ran before."""
 
@@ -45,42 +54,54 @@ class Worker:
 
     def run_batch(self, batch: Batch, stop: Stop = never) -> list[Row]:
         """The rows of `batch`; raises StoppedError soon after `stop` says so."""
-        return [
-            self._row(Key(sample, batch.plant, batch.controller), stop)
-            for sample in range(batch.first, batch.last)
-        ]
+        return [self._row(batch, sample, stop) for sample in range(batch.first, batch.last)]
 
-    def _row(self, key: Key, stop: Stop) -> Row:
+    def _row(self, batch: Batch, sample: int, stop: Stop) -> Row:
         """One run; whatever goes wrong in it is the reason of a failed row."""
-        values = self._prepared.values(key.sample)
-        row = functools.partial(make_row, self._prepared.campaign, key, values)
+        campaign, values = self._prepared.campaign, self._prepared.values(sample)
         try:
-            return self._run(key, values, row, stop)
+            scenario = sampled_scenario(campaign, values, f"sample {sample}")
+            outcome = self._run(batch, scenario, stop)
         except StoppedError:
             raise
         except Exception as error:
             self._plants.clear()  # one of them is in an unknown state
-            return row(None, status=FAILED, reason=reason_of(error), end_s=0.0)
+            outcome = Outcome(FAILED, _reason(error), 0.0, None)
+        return {
+            "sample": sample,
+            "plant": batch.plant,
+            "controller": batch.controller,
+            "status": outcome.status,
+            "reason": outcome.reason,
+            "end_s": outcome.end_s,
+            **dict(zip(campaign.names, map(float, values), strict=True)),
+            **metric_values(outcome.metrics),
+        }
 
-    def _run(self, key: Key, values: Array, row: Callable[..., Row], stop: Stop) -> Row:
-        scenario = sampled_scenario(self._prepared.campaign, values, f"sample {key.sample}")
-        controller = self._prepared.controller(key.controller, scenario)
+    def _run(self, batch: Batch, scenario: Scenario, stop: Stop) -> Outcome:
+        controller = self._prepared.controller(batch.controller, scenario)
         plan = plan_run(controller.reference, scenario)
-        crane = self._plant(key.plant, scenario)
+        plant = self._plant(batch.plant, scenario)
         run = start_run(
-            crane,
+            plant,
             scenario,
             controller.tracker,
             plan,
             nominal=controller.nominal,
             path_record=self._path_record,
         )
-        setup, accumulator = metrics_setup(scenario, crane.drive), empty_accumulator()
-        record = self._record(controller.width)
-        end_ns, status = stream_run(run, plan, record, _measurement(setup, accumulator, stop))
+        setup, accumulator = metrics_setup(scenario, plant.drive), empty_accumulator()
+
+        def measure(block: Block) -> None:
+            accumulate(setup, accumulator, block.time_ns, block.record, block.reference, block.path)
+            if stop():
+                raise StoppedError
+
+        record = self._records.setdefault(controller.width, np.zeros((BLOCK, controller.width)))
+        end_ns, status = stream_run(run, plan, record, measure)
         metrics = finish(setup, accumulator, status, end_ns)
         reason = status.explanation if status.stopped else ""
-        return row(metrics, status=status.label, reason=reason, end_s=end_ns / NANOSECONDS)
+        return Outcome(status.label, reason, end_ns / NANOSECONDS, metrics)
 
     def _plant(self, name: str, scenario: Scenario) -> Plant:
         """The plant of `scenario`: one used before, changed in place, where that can be."""
@@ -93,22 +114,10 @@ class Worker:
         self._plants[name, scenario.substeps] = made = make_plant(name, scenario, drive)
         return made
 
-    def _record(self, width: int) -> Array:
-        return self._records.setdefault(width, np.zeros((BLOCK, width)))
 
-
-def reason_of(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     """An error on one line, with its type."""
     text = (
         f"{error.found}; {error.allowed}" if isinstance(error, InputError) else " ".join(str(error).split())
     )
     return f"{type(error).__name__}: {text}".rstrip(":; ")
-
-
-def _measurement(setup: MetricsSetup, accumulator: Accumulator, stop: Stop) -> Callable[[Block], None]:
-    def look(block: Block) -> None:
-        accumulate(setup, accumulator, block.time_ns, block.record, block.reference, block.path)
-        if stop():
-            raise StoppedError
-
-    return look

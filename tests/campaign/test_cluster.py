@@ -151,30 +151,17 @@ def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
     assert kept.items() < finished.items()
 
 
-@pytest.mark.parametrize("asked", [True, False])
-def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster, asked: bool) -> None:
-    """A batch of half a minute; `asked`: the loop is told to stop, else its client goes without a word."""
+def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> None:
+    """A batch of half a minute, whose client goes without a word."""
     long = small("set=['duration=600.0']", "uncertain.disturbances.0.magnitude.high=3.0")
-    workers = cluster.workers.values()
 
     def running() -> bool:
-        return any(worker.state.executing for worker in workers)
-
-    began: list[bool] = []
-
-    def stop() -> bool:
-        began.append(running())
-        return began[-1]
+        return any(worker.state.executing for worker in cluster.workers.values())
 
     with cluster_client(cluster.scheduler_address, 1) as client:
-        if asked:
-            assert list(run_batches_on(client, long, batches_of(long), stop=stop)) == []
-            assert began[-1]
-            wait_until(lambda: not running())
-        else:
-            future = client.submit(run_remotely, batches_of(long)[0], packed(long))
-            assert future.status == "pending"
-            wait_until(running)
+        future = client.submit(run_remotely, batches_of(long)[0], packed(long))
+        assert future.status == "pending"
+        wait_until(running)
     wait_until(lambda: not running())
 
 

@@ -88,7 +88,7 @@ def test_a_result_of_before_is_resumed_only_when_told_to(kept: Path) -> None:
         pass
     assert json.loads((kept / "format-1" / RECORD_FILE).read_text())["format"] == 1
     with open_store(before.campaign, Path("format-1"), resume=True, despite_differences=True) as store:
-        assert (store.missing, store.aside) == ((), ())
+        assert (store.missing, store.quarantined) == ((), ())
     after = read_results("format-1")
     assert after.table.equals(before.table)
     assert json.loads((kept / "format-1" / RECORD_FILE).read_text())["format"] == FORMAT

@@ -58,9 +58,9 @@ def caught(function: Any, *arguments: Any, **options: Any) -> InputError:
 
 
 def opened(*arguments: Any, **options: Any) -> tuple[int, tuple[str, ...]]:
-    """Number of missing batches and what was put aside."""
+    """Number of missing batches and what was quarantined."""
     with open_store(*arguments, **options) as store:
-        return len(store.missing), store.aside
+        return len(store.missing), store.quarantined
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -210,10 +210,10 @@ def test_damaged_parts_are_told_put_aside_and_run_again(directory: Path) -> None
     assert first.name in error.found
     assert f"{second.name}: it holds the batch mujoco lqr 32" in error.found
     assert "--resume" in error.remedy
-    missing, aside = opened(CAMPAIGN, directory, resume=True)
+    missing, quarantined = opened(CAMPAIGN, directory, resume=True)
     assert missing == 2
-    assert len(aside) == 2
-    assert all("was damaged" in note for note in aside)
+    assert len(quarantined) == 2
+    assert all("was damaged" in note for note in quarantined)
     assert sorted(path.name for path in (directory / PARTS).glob("*.corrupt")) == [
         f"{first.name}.corrupt",
         f"{second.name}.corrupt",
@@ -227,12 +227,9 @@ def test_damaged_parts_are_told_put_aside_and_run_again(directory: Path) -> None
 
 
 def test_repeated_parts_are_found(directory: Path) -> None:
-    name = part_name(batches_of(CAMPAIGN)[0])
     stray = directory / PARTS / "part-copy.parquet"
-    shutil.copy(directory / PARTS / name, stray)
-    assert f"part-copy.parquet: it repeats the batch of {name}" in caught(read_results, directory).found
-    stray.write_bytes(b"nonsense")
-    assert "its name is that of no batch" in caught(read_results, directory).found
+    shutil.copy(directory / PARTS / part_name(batches_of(CAMPAIGN)[0]), stray)
+    assert "part-copy.parquet: its name is that of no batch" in caught(read_results, directory).found
     assert opened(CAMPAIGN, directory, resume=True)[0] == 0
     assert not stray.exists()
 

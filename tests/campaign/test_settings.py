@@ -109,7 +109,7 @@ def uniform(low: float, high: float, **more: Any) -> dict[str, Any]:
             "deviations of the mean",
             "",
         ),
-        (of_mass(distribution="log-uniform", low=0.0, high=1.0), "low = 0.0 of a log-uniform", "", ""),
+        (of_mass(distribution="log-uniform", low=0.0, high=1.0), "low = 0.0", "greater than 0", ""),
         (of_mass(distribution="choice", values=[]), "values = []", "at least 1", ""),
         (of_mass(distribution="choice", values=[1.0, 1.0]), "must differ", "", ""),
         (of_mass(distribution="choice", values=[1.0, 2.0], weights=[1.0]), "1 weights for 2 values", "", ""),

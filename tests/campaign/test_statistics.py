@@ -11,10 +11,8 @@ from cranectl.campaign import Campaign, sample_values
 from cranectl.campaign.groups import (
     EFFORT,
     MAIN_METRICS,
-    agreement,
-    differences,
-    failures,
     groups_of,
+    pair_of,
     parameter_values,
 )
 from cranectl.campaign.sampling import saltelli_blocks
@@ -23,9 +21,9 @@ from cranectl.campaign.sensitivity import (
     Correlations,
     correlations,
     independent_rows,
+    one_at_a_time_effects,
     separations,
     sobol_indices,
-    swings,
 )
 from cranectl.campaign.statistics import (
     BINS,
@@ -343,18 +341,18 @@ def test_what_separates_failed_runs_comes_first() -> None:
     assert separations(everything, groups_of(everything)[0], parameter_values(everything)) == ()
 
 
-def test_swings_are_steps_from_the_nominal_run() -> None:
+def test_effects_one_at_a_time_are_steps_from_the_nominal_run() -> None:
     results = synthetic_results(three(sampling="one-at-a-time", runs=None), known)
     group, values = groups_of(results)[0], parameter_values(results)
-    found = swings(results, group, values)
-    assert [swing.parameter for swing in found] == [name for name in THREE_NAMES for _ in range(2)]
+    found = one_at_a_time_effects(results, group, values)
+    assert [step.parameter for step in found] == [name for name in THREE_NAMES for _ in range(2)]
     nominal = values[0].copy()
-    for swing in found:
-        changed = values[swing.sample] != nominal
-        assert np.flatnonzero(changed).tolist() == [THREE_NAMES.index(swing.parameter)]
-        assert values[swing.sample, changed] == swing.value
-        errors = group.metrics["max_error_m"][swing.sample]
-        np.testing.assert_equal(swing.metrics[MAIN_METRICS.index("max_error_m")], errors)
+    for step in found:
+        changed = values[step.sample] != nominal
+        assert np.flatnonzero(changed).tolist() == [THREE_NAMES.index(step.parameter)]
+        assert values[step.sample, changed] == step.value
+        errors = group.metrics["max_error_m"][step.sample]
+        np.testing.assert_equal(step.metrics[MAIN_METRICS.index("max_error_m")], errors)
 
 
 def apart(values: np.ndarray, plant: str, controller: str) -> dict[str, np.ndarray]:
@@ -381,11 +379,11 @@ def test_pairs_compare_the_same_samples() -> None:
     light = np.flatnonzero(parameter_values(results)[:, 0] < 0.6).tolist()
     assert 5 not in light
     assert len(light) > 2
-    found = failures(lqr, poles)
+    found = pair_of(lqr, poles).failures
     assert (found.first_only, found.second_only, found.both) == ((), tuple(light), 0)
     assert found.neither == 64 - len(light)
     assert found.p == pytest.approx(2.0 * 0.5 ** len(light))
-    by_metric = {each.metric: each for each in differences(lqr, poles)}
+    by_metric = {each.metric: each for each in pair_of(lqr, poles).differences}
     error = by_metric["max_error_m"]
     assert (error.samples, error.second_better, error.better_share) == (64 - len(light), 64 - len(light), 1.0)
     assert error.quantiles[2] < 0.0
@@ -393,11 +391,11 @@ def test_pairs_compare_the_same_samples() -> None:
     tension = by_metric["min_rope_tension_n"]
     assert (tension.second_better, tension.first_better) == (64 - len(light), 0), "more tension is better"
     assert by_metric["rms_error_m"].p == 1.0, "ties say nothing"
-    plants = agreement(lqr, lqr_mujoco, "max_error_m")
+    plants = pair_of(lqr, lqr_mujoco).agreement
     assert plants.largest[0] == (5, pytest.approx(1.001))
     assert plants.quantiles[:2] == pytest.approx((1e-3, 1e-3))
     assert 0.8 < plants.rho < 1.0
-    assert failures(lqr, lqr_mujoco).second_only == (5,)
+    assert pair_of(lqr, lqr_mujoco).failures.second_only == (5,)
 
 
 def test_groups_are_by_sample_also_where_runs_are_missing() -> None:

@@ -60,7 +60,7 @@ def constant(*_: Any) -> dict[str, np.ndarray]:
 
 
 def page_of(results: Results) -> str:
-    return render(campaign_page(analyse(results), (), "cranectl campaign report x"))
+    return render(campaign_page(analyse(results), "cranectl campaign report x"))
 
 
 def sections(page: str) -> list[str]:
@@ -101,7 +101,7 @@ def test_whatever_the_runs_were_like_there_is_a_page(
 ) -> None:
     """Warnings of NumPy, SciPy and Matplotlib are errors here."""
     analysis = analyse(synthetic_results(three(**changes), metrics))
-    page = render(campaign_page(analysis, (), "made"))
+    page = render(campaign_page(analysis, "made"))
     assert sections(page) == [name for name in EVERYTHING if name not in without]
     assert "nan" not in re.sub(r"<[^>]*>", "", page.lower().replace("analytic", "")).split()
     assert json.dumps(analysis_json(analysis))

@@ -5,7 +5,7 @@ import click
 from cranectl.cli.campaign.list import list_campaigns, show_campaign
 from cranectl.cli.campaign.replay import replay_campaign
 from cranectl.cli.campaign.report import report_campaign
-from cranectl.cli.campaign.run import run_campaign_command
+from cranectl.cli.campaign.run import run_campaign
 
 HELP = """Run one scenario many times under stated uncertainty.
 
@@ -21,5 +21,5 @@ Its result is a directory of Parquet files, the same for any number of workers.
 """
 
 campaign_command = click.Group("campaign", help=HELP)
-for command in (list_campaigns, show_campaign, run_campaign_command, report_campaign, replay_campaign):
+for command in (list_campaigns, show_campaign, run_campaign, report_campaign, replay_campaign):
     campaign_command.add_command(command)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli.campaign.options import campaign_options, chosen_campaign
+from cranectl.cli.campaign.options import campaign_argument
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option
 
@@ -32,14 +32,8 @@ def list_campaigns(json_file: str | None) -> None:
     campaigns = [load_campaign(name) for name in campaign_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
-        cells(
-            each.settings.name,
-            each.settings.scenario,
-            each.settings.sampling,
-            str(len(each.parameters)),
-            str(each.runs),
-        )
-        for each in campaigns
+        cells(each.name, each.scenario, each.sampling, str(len(campaign.parameters)), str(campaign.runs))
+        for campaign, each in ((campaign, campaign.settings) for campaign in campaigns)
     )
     screen = console(json_file)
     screen.print(Table("Campaigns", headings, rows, labels=3))
@@ -49,21 +43,10 @@ def list_campaigns(json_file: str | None) -> None:
 
 
 @click.command("show", cls=Command)
-@click.argument("campaign")
-@campaign_options
+@campaign_argument
 @click.option("--no-estimate", is_flag=True, help="Do not run anything to say how long it takes.")
 @json_option
-def show_campaign(
-    campaign: str,
-    runs: int | None,
-    controllers: tuple[str, ...],
-    plants: tuple[str, ...],
-    drive: str | None,
-    seed: int | None,
-    overrides: tuple[str, ...],
-    no_estimate: bool,
-    json_file: str | None,
-) -> None:
+def show_campaign(campaign: "Campaign", no_estimate: bool, json_file: str | None) -> None:
     """Say what is uncertain in CAMPAIGN, and how long it takes here.
 
     The time is that of nominal runs, one with each controller on each plant, times their number.
@@ -74,20 +57,11 @@ def show_campaign(
     """
     from cranectl.cli.output import console, progress_bar, write_json
 
-    loaded = chosen_campaign(
-        campaign,
-        runs=runs,
-        controllers=controllers,
-        plants=plants,
-        drive=drive,
-        seed=seed,
-        overrides=overrides,
-    )
     screen = console(json_file)
-    screen.print(parameters_table(loaded))
-    for line in _lines(loaded):
+    screen.print(_parameters_table(campaign))
+    for line in _lines(campaign):
         screen.print(line)
-    facts = _facts(loaded)
+    facts = _facts(campaign)
     if not no_estimate:
         from cranectl.campaign.threads import estimated_seconds
         from cranectl.cases.workers import available_cores
@@ -95,14 +69,20 @@ def show_campaign(
         cores = available_cores()
         with progress_bar(1.0, done="measured") as (_, describe):
             describe("running the nominal scenario")
-            seconds = estimated_seconds(loaded, workers=cores)
+            seconds = estimated_seconds(campaign, workers=cores)
         screen.print(f"time: about {duration(seconds)} on {cores} cores")
         facts |= {"estimated_s": seconds, "workers": cores}
     write_json(json_file, facts)
 
 
-def parameters_table(campaign: "Campaign") -> "Table":
-    """One row a parameter."""
+def duration(seconds: float) -> str:
+    """Time for people: two digits or so."""
+    if seconds < 90.0:
+        return f"{max(1, math.ceil(seconds))} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def _parameters_table(campaign: "Campaign") -> "Table":
     from cranectl.campaign.table import describe
     from cranectl.report.table import Table, cells
 
@@ -111,20 +91,13 @@ def parameters_table(campaign: "Campaign") -> "Table":
         cells(
             parameter.name,
             describe(campaign, parameter.name).unit,
-            parameter.distribution.model_dump()["distribution"],
+            parameter.distribution.distribution,
             *(f"{value:.4g}" for value in (parameter.nominal, *_quantiles(parameter))),
         )
         for parameter in campaign.parameters
     )
     note = "Quantiles are of what the plant gets; the controller knows the nominal values."
     return Table(f"Campaign {campaign.settings.name}", headings, rows, labels=3, note=note)
-
-
-def duration(seconds: float) -> str:
-    """Time for people: two digits or so."""
-    if seconds < 90.0:
-        return f"{max(1, math.ceil(seconds))} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
 def _quantiles(parameter: "Parameter") -> list[float]:
@@ -136,28 +109,26 @@ def _quantiles(parameter: "Parameter") -> list[float]:
 
 def _lines(campaign: "Campaign") -> list[str]:
     settings, limits = campaign.settings, campaign.settings.limits.given
-    runs = campaign.runs * len(settings.plants) * len(settings.controllers)
-    correlated = [f"{' and '.join(pair.between)}: {pair.value:g}" for pair in settings.correlation]
+    simulated = campaign.all_runs * campaign.nominal.duration
     return [
         *([settings.title] if settings.title else []),
         f"scenario: {settings.scenario}, {campaign.nominal.duration:g} s, {settings.drive} drives",
         f"controllers: {', '.join(settings.controllers)}",
         f"plants: {', '.join(settings.plants)}",
         f"sampling: {settings.sampling}, seed {settings.seed}",
-        *(f"correlation: {text}" for text in correlated),
+        *(f"correlation: {pair}" for pair in settings.correlation),
         *(f"limit: {name} = {limit:g}" for name, limit in limits.items()),
-        f"runs: {runs} of {campaign.runs} samples, {runs * campaign.nominal.duration:g} s simulated",
+        f"runs: {campaign.all_runs} of {campaign.runs} samples, {simulated:g} s simulated",
     ]
 
 
 def _facts(campaign: "Campaign") -> dict[str, Any]:
     from cranectl.campaign.table import describe
 
-    settings = campaign.settings
     return {
-        **settings.model_dump(mode="json", exclude={"uncertain", "runs"}),
+        **campaign.settings.model_dump(mode="json", exclude={"uncertain", "runs"}),
         "samples": campaign.runs,
-        "runs": campaign.runs * len(settings.plants) * len(settings.controllers),
+        "runs": campaign.all_runs,
         "parameters": [
             {
                 "name": parameter.name,

@@ -67,7 +67,8 @@ def replay_campaign(
     screen = console(json_file)
     for replay in replays:
         screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
-        for line in (*replay.differences, *(f"made by other software: {each}" for each in replay.software)):
+        software = (f"made by other software: {each}" for each in replay.software_differences)
+        for line in (*replay.differences, *software):
             screen.print(f"  {line}")
     write_json(json_file, {"replays": [replay.to_json() for replay in replays]})
     return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED

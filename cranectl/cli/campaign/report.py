@@ -1,7 +1,6 @@
 """`cranectl campaign report`."""
 
 import shlex
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -34,7 +33,7 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     """
     from cranectl.campaign.evaluation import analyse, analysis_json
     from cranectl.campaign.results import read_results
-    from cranectl.cli.campaign.output import failure_notes, show_result, summary_table
+    from cranectl.cli.campaign.output import show_result
     from cranectl.cli.output import console
     from cranectl.report.campaign.page import campaign_page
     from cranectl.report.page import write_page
@@ -44,13 +43,7 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     results = read_results(result, unfinished=unfinished)
     check_place(page, HTML, option="--out")
     analysis = analyse(results)
-    outcome = []
-    for plant in results.campaign.settings.plants:
-        groups = [part.summary for part in analysis.groups if part.group.plant == plant]
-        table = summary_table(groups, f"On {plant}")
-        notes = "; ".join(failure_notes(groups))
-        outcome.append(replace(table, note=f"{table.note} {notes}".strip()))
     command = f"cranectl campaign report {shlex.quote(str(result))}{' --unfinished' if unfinished else ''}"
-    write_page(campaign_page(analysis, outcome, command), page)
+    write_page(campaign_page(analysis, command), page)
     show_result(results, json_file, analysis_json(analysis))
     console(json_file).print(f"report: {page}")

@@ -1,18 +1,20 @@
 """`cranectl campaign run`."""
 
 import functools
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING
 
 import click
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from cranectl.cli import exit_codes
-from cranectl.cli.campaign.options import campaign_options, chosen_campaign, cluster_options
+from cranectl.cli.campaign.options import campaign_argument
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option
+from cranectl.cli.screen import progress
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
@@ -20,16 +22,33 @@ if TYPE_CHECKING:
     from cranectl.campaign.store import Store
     from cranectl.campaign.table import Row
 
-    Engine = Callable[..., Iterator[tuple[Batch, list[Row]]]]
+    Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
+
+BAR = (
+    TextColumn("{task.description}"),
+    BarColumn(),
+    MofNCompleteColumn(),
+    TextColumn("{task.fields[rates]}"),
+    TimeRemainingColumn(),
+)
 
 
 @click.command("run", cls=Command)
-@click.argument("campaign")
-@campaign_options
+@campaign_argument
 @click.option(
     "--workers", metavar="N", type=click.IntRange(min=1), help="Threads. Default: one for each core."
 )
-@cluster_options
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Run on the workers of this Dask scheduler: tcp://host:8786, or tls:// with certificates. "
+    "Whoever reaches it runs programs there: start it with --host, in a closed network.",
+)
+@click.option(
+    "--cluster",
+    type=click.Choice(["local"]),
+    help="local: run on a Dask cluster of --workers processes on this machine, to try it.",
+)
 @click.option(
     "--out",
     metavar="DIR",
@@ -45,14 +64,8 @@ if TYPE_CHECKING:
 )
 @click.option("--overwrite", is_flag=True, help="Replace a result that is there.")
 @json_option
-def run_campaign_command(
-    campaign: str,
-    runs: int | None,
-    controllers: tuple[str, ...],
-    plants: tuple[str, ...],
-    drive: str | None,
-    seed: int | None,
-    overrides: tuple[str, ...],
+def run_campaign(
+    campaign: "Campaign",
     workers: int | None,
     scheduler: str | None,
     cluster: str | None,
@@ -90,37 +103,21 @@ def run_campaign_command(
         raise click.UsageError("--despite-differences without --resume")
     if scheduler and (cluster or workers):
         raise click.UsageError("--scheduler has workers of its own: it excludes --workers and --cluster")
-    loaded = chosen_campaign(
-        campaign,
-        runs=runs,
-        controllers=controllers,
-        plants=plants,
-        drive=drive,
-        seed=seed,
-        overrides=overrides,
-    )
-    directory = out or Path("logs") / f"campaign-{loaded.settings.name}"
+    directory = out or Path("logs") / f"campaign-{campaign.settings.name}"
+    options = {"resume": resume, "despite_differences": despite_differences, "overwrite": overwrite}
     screen = console(json_file)
     with (
         _engine(scheduler, cluster, workers) as engine,
-        open_store(
-            loaded,
-            directory,
-            resume=resume,
-            despite_differences=despite_differences,
-            overwrite=overwrite,
-        ) as store,
+        open_store(campaign, directory, **options) as store,
     ):
-        for note in store.aside:
+        for note in store.quarantined:
             screen.print(f"  {note}")
-        interrupted = _run(loaded, store, engine)
+        interrupted = _run(campaign, store, engine)
         results = read_results(directory, unfinished=interrupted)
     show_result(results, json_file)
     if interrupted:
-        total = len(results) + sum(batch.last - batch.first for batch in results.missing)
-        screen.print(
-            f"interrupted: {len(results)} of {total} runs are kept; go on with the same command and --resume",
-        )
+        kept = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
+        screen.print(f"interrupted: {kept}; go on with the same command and --resume")
         return exit_codes.INTERRUPTED
     return exit_codes.RUN_STOPPED if set(results.column("status")) == {FAILED} else exit_codes.GOOD
 
@@ -146,16 +143,44 @@ def _run(campaign: "Campaign", store: "Store", engine: "Engine") -> bool:
     """Run what is missing; returns whether it was interrupted."""
     if not store.missing:
         return False
-    from cranectl.cli.campaign.progress import campaign_progress
-
-    left = threading.Event()
-    with campaign_progress(campaign, store.missing) as advance:
-        try:
-            for batch, rows in engine(campaign, store.missing, stop=left.is_set):
+    try:
+        with (
+            _progress(campaign, store.missing) as advance,
+            closing(engine(campaign, store.missing)) as finished,
+        ):
+            for batch, rows in finished:
                 store.write(batch, rows)
                 advance(rows)
-        except KeyboardInterrupt:
-            return True
-        finally:
-            left.set()
+    except KeyboardInterrupt:
+        return True
     return False
+
+
+@contextmanager
+def _progress(
+    campaign: "Campaign", missing: Sequence["Batch"]
+) -> Iterator[Callable[[Sequence["Row"]], None]]:
+    """A bar on standard error over all runs; yields what to call with new rows. Silent if no terminal."""
+    from cranectl.campaign.summary import failed
+
+    left = sum(batch.runs for batch in missing)
+    runs, failures, simulated, start = 0, 0, 0.0, monotonic()
+    with progress(*BAR) as shown:
+        task = shown.add_task(
+            campaign.settings.name,
+            total=campaign.all_runs,
+            completed=campaign.all_runs - left,
+            rates="preparing",
+        )
+
+        def advance(rows: Sequence["Row"]) -> None:
+            nonlocal runs, failures, simulated
+            runs += len(rows)
+            bad = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
+            failures += int(bad.sum())
+            simulated += sum(float(row["end_s"] or 0.0) for row in rows)
+            seconds = max(monotonic() - start, 1e-9)
+            rates = f"{runs / seconds:.1f} runs/s, {simulated / seconds:.0f} s simulated/s, {failures} failed"
+            shown.update(task, advance=len(rows), rates=rates)
+
+        yield advance

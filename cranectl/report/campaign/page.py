@@ -1,143 +1,140 @@
 """The result of a campaign as one page: outcome, worst runs, comparisons, what decides, what was run."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import count
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
 
-from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
-from cranectl.campaign.groups import MAIN_METRICS, compared_parameters
+from cranectl.campaign.evaluation import Analysis, GroupAnalysis
+from cranectl.campaign.groups import MAIN_METRICS, Pair, compared_parameters
 from cranectl.campaign.sensitivity import LEAST
 from cranectl.campaign.summary import MEASURE
-from cranectl.report.campaign import wording
-from cranectl.report.campaign.figures import distributions_svg, effort_svg, plants_svg
-from cranectl.report.campaign.influence_figures import (
-    bands_svg,
-    correlations_svg,
-    failure_rates_svg,
-    sobol_svg,
-    tornado_svg,
-)
+from cranectl.report.campaign import figures, influence_figures, pair_tables, tables, wording
 from cranectl.report.campaign.labels import metric_name
-from cranectl.report.campaign.pair_tables import (
-    controller_differences,
-    disagreements,
-    failures_by_controller,
-    failures_by_plant,
-    plants_agreement,
-)
-from cranectl.report.campaign.tables import (
-    metrics_quantiles,
-    separation_table,
-    sobol_table,
-    swings_table,
-    uncertainty_table,
-    worst_table,
-)
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.table import Cell, Table
+from cranectl.report.theme import inline_svg, styled
 
 SHOWN = 4  # parameters that have a panel of their own
 FAINT = 1e-6  # stands for what may be chance
 Array = NDArray[np.float64]
-Numbers = Iterator[int]  # of figures
 
 
-def campaign_page(analysis: Analysis, outcome: Sequence[Table], remade_by: str) -> Page:
-    """The page; `outcome` are the tables of the summary, as the terminal has them."""
+class Drawn:
+    """Figures, numbered as they are drawn."""
+
+    def __init__(self) -> None:
+        self._number = 0
+
+    def __call__(
+        self, title: str, verdict: str, draw: Callable[..., Drawing], *data: Any, alone: bool = False
+    ) -> Figure:
+        """What `draw(*data)` draws."""
+        self._number += 1
+        with styled():
+            svg = inline_svg(draw(*data), f"f{self._number}")
+        return Figure(str(self._number), title, svg, verdict, alone)
+
+
+def campaign_page(analysis: Analysis, remade_by: str) -> Page:
+    """The page."""
     settings = analysis.results.campaign.settings
-    numbers = count(1)
+    drawn = Drawn()
     sections = [
-        _outcome(analysis, outcome, numbers),
-        Section("worst", "Runs worth a look", tables=(worst_table(analysis),)),
-        *_controllers(analysis, numbers),
-        *_plants(analysis, numbers),
-        *_influence(analysis, numbers),
-        *_failures(analysis, numbers),
+        _outcome(analysis, drawn),
+        Section("worst", "Runs worth a look", tables=(tables.worst_table(analysis),)),
+        *_controllers(analysis, drawn),
+        *_plants(analysis, drawn),
+        *_influence(analysis, drawn),
+        *_failures(analysis, drawn),
         _uncertainty(analysis),
     ]
     return Page(f"Campaign {settings.name}", settings.title, tuple(sections), remade_by)
 
 
-def by_plant(analysis: Analysis) -> list[list[GroupAnalysis]]:
-    """The groups of each plant."""
-    plants = analysis.results.campaign.settings.plants
-    return [[part for part in analysis.groups if part.group.plant == plant] for plant in plants]
-
-
-def _outcome(analysis: Analysis, outcome: Sequence[Table], numbers: Numbers) -> Section:
+def _outcome(analysis: Analysis, drawn: Drawn) -> Section:
     limits = analysis.results.campaign.settings.limits.given
-    figures = []
-    for parts in by_plant(analysis):
-        groups, k = [part.group for part in parts], next(numbers)
-        title = f"distributions of the metrics on {groups[0].plant}"
-        svg = distributions_svg(groups, limits, f"f{k}")
-        figures.append(Figure(str(k), title, svg, wording.distributions_sentence(parts), alone=True))
+    summaries, quantiles, curves = [], [], []
+    for parts in analysis.by_plant:
+        plant = parts[0].group.plant
+        summaries.append(_summary(parts, plant))
+        quantiles.append(tables.metrics_quantiles(parts))
+        title, verdict = f"distributions of the metrics on {plant}", wording.distributions_sentence(parts)
+        groups = [part.group for part in parts]
+        curves.append(drawn(title, verdict, figures.distributions, groups, limits, alone=True))
     texts = (
         wording.incomplete(analysis),
         *wording.software(analysis),
         wording.about(analysis),
         wording.what_fails(analysis),
     )
-    tables = (*map(_on_one_line, outcome), *map(metrics_quantiles, by_plant(analysis)))
-    return Section("outcome", "Outcome", tuple(filter(None, texts)), tables, tuple(figures))
+    return Section("outcome", "Outcome", tuple(filter(None, texts)), (*summaries, *quantiles), tuple(curves))
 
 
-def _controllers(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
+def _summary(parts: Sequence[GroupAnalysis], plant: str) -> Table:
+    """The terminal's table and its notes."""
+    groups = [part.summary for part in parts]
+    table = tables.summary_table(groups, f"On {plant}")
+    rows = tuple(tuple(replace(cell, text=cell.text.replace("\n", "")) for cell in row) for row in table.rows)
+    note = " ".join(filter(None, (table.note, "; ".join(tables.failure_notes(groups)))))
+    return replace(table, rows=rows, note=note)
+
+
+def _controllers(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
     if not analysis.controllers:
         return
     sampling = analysis.results.campaign.settings.sampling
-    tables, figures = [], []
-    for parts in by_plant(analysis):
-        pairs = [pair for pair in analysis.controllers if pair.first.plant == parts[0].group.plant]
-        tables += [failures_by_controller(pairs, sampling), controller_differences(pairs, sampling)]
-        k = next(numbers)
-        title = f"error against effort on {parts[0].group.plant}"
+    compared, scatters = [], []
+    for parts in analysis.by_plant:
+        plant = parts[0].group.plant
+        pairs = [pair for pair in analysis.controllers if pair.first.plant == plant]
+        compared.append(pair_tables.failures_by_controller(pairs, sampling))
+        compared.append(pair_tables.controller_differences(pairs, sampling))
+        title = f"error against effort on {plant}"
         verdict = "Each cross spans 90 % of a controller's completed runs and meets at its medians."
-        svg = effort_svg([part.group for part in parts], f"f{k}")
-        figures.append(Figure(str(k), title, svg, verdict))
-    yield Section("controllers", "Controllers", tables=tuple(tables), figures=tuple(figures))
+        scatters.append(drawn(title, verdict, figures.effort_and_error, [part.group for part in parts]))
+    yield Section("controllers", "Controllers", tables=tuple(compared), figures=tuple(scatters))
 
 
-def _plants(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
+def _plants(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
     compared = dict.fromkeys((pair.first.plant, pair.second.plant) for pair in analysis.plants)
-    for number, plants in enumerate(compared):
+    for k, plants in enumerate(compared):
         pairs = [pair for pair in analysis.plants if (pair.first.plant, pair.second.plant) == plants]
-        yield _two_plants(analysis, pairs, f"plants-{number}" if number else "plants", next(numbers))
+        yield _two_plants(analysis, pairs, f"plants-{k}" if k else "plants", drawn)
 
 
-def _two_plants(analysis: Analysis, pairs: Sequence[Pair], name: str, k: int) -> Section:
+def _two_plants(analysis: Analysis, pairs: Sequence[Pair], anchor: str, drawn: Drawn) -> Section:
     sampling = analysis.results.campaign.settings.sampling
     one, other = pairs[0].first.plant, pairs[0].second.plant
-    svg = plants_svg(pairs, f"f{k}")
     title = f"largest error on {one} and on {other}, the same samples"
-    figure = Figure(str(k), title, svg, wording.agreement_sentence(pairs), alone=True)
-    tables = [plants_agreement(pairs), failures_by_plant(pairs, sampling)]
+    figure = drawn(title, wording.agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
+    shown = [pair_tables.plants_agreement(pairs), pair_tables.failures_by_plant(pairs, sampling)]
     if any(pair.agreement.largest for pair in pairs):
-        tables.append(disagreements(analysis, pairs))
-    return Section(name, f"{one.capitalize()} and {other}", tables=tuple(tables), figures=(figure,))
+        shown.append(pair_tables.disagreements(analysis, pairs))
+    return Section(anchor, f"{one.capitalize()} and {other}", tables=tuple(shown), figures=(figure,))
 
 
-def _influence(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
+def _influence(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
     campaign = analysis.results.campaign
     names = [campaign.names[k] for k in campaign.varied]
-    plants = by_plant(analysis)
-    if analysis.groups[0].swings:
-        figures = [_tornado(parts, names, next(numbers)) for parts in plants]
-        tables = [swings_table(part) for part in analysis.groups]
-        yield Section("influence", "What decides", (_STEPS,), tuple(tables), tuple(figures))
+    plants = analysis.by_plant
+    if analysis.groups[0].one_at_a_time:
+        steps = tuple(map(tables.one_at_a_time_table, analysis.groups))
+        drawings = tuple(_tornado(parts, names, drawn) for parts in plants)
+        yield Section("influence", "What decides", (_STEPS,), steps, drawings)
         return
-    tables = [sobol_table(parts, names) for parts in plants if any(part.sobol for part in parts)]
-    figures = [figure for parts in plants for figure in _sobol(parts, names, numbers)]
+    indices = [tables.sobol_table(parts, names) for parts in plants if any(part.sobol for part in parts)]
+    shown = [figure for parts in plants for figure in _sobol(parts, names, drawn)]
     if compared_parameters(analysis.results):
-        figures += [figure for parts in plants for figure in _correlations(parts, numbers)]
-        figures += [_bands(analysis, parts, next(numbers)) for parts in plants]
-    if figures:
-        few = campaign.settings.sampling == "saltelli" and not tables
+        shown += [figure for parts in plants for figure in _correlations(parts, drawn)]
+        shown += [_bands(analysis, parts, drawn) for parts in plants]
+    if shown:
+        few = campaign.settings.sampling == "saltelli" and not indices
         texts = (_SPREAD, _FEW) if few else (_SPREAD,)
-        yield Section("influence", "What decides", texts, tuple(tables), tuple(figures))
+        yield Section("influence", "What decides", texts, tuple(indices), tuple(shown))
 
 
 _SPREAD = (
@@ -148,23 +145,22 @@ _FEW = f"Sobol indices take {LEAST} base points all of whose runs completed, and
 _STEPS = "Each parameter by itself is put at a low and at a high value, the others stay nominal."
 
 
-def _correlations(parts: Sequence[GroupAnalysis], numbers: Numbers) -> Iterator[Figure]:
-    order = np.argsort(-_strengths(parts).max(axis=1), kind="stable")
+def _correlations(parts: Sequence[GroupAnalysis], drawn: Drawn) -> Iterator[Figure]:
+    order = np.argsort(-_strengths(parts).max(axis=1), kind="stable").tolist()
     for part in parts:
         if part.correlations is not None:
-            k = next(numbers)
-            svg = correlations_svg(part.correlations, order.tolist(), f"f{k}")
+            title = f"what goes with what, {part.group.name}"
             verdict = wording.correlations_sentence(part.correlations)
-            yield Figure(str(k), f"what goes with what, {part.group.name}", svg, verdict)
+            yield drawn(title, verdict, influence_figures.correlation_fields, part.correlations, order)
 
 
-def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis], k: int) -> Figure:
+def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis], drawn: Drawn) -> Figure:
     strengths = _strengths(parts)[:, MAIN_METRICS.index(MEASURE)]
     leading = _leading(strengths, int((strengths > FAINT).sum()))
     columns = [compared_parameters(analysis.results)[j] for j in leading]
-    svg = bands_svg(analysis, parts, columns, f"f{k}")
     title = f"largest error over what goes with it most, {parts[0].group.plant}"
-    return Figure(str(k), title, svg, "Median and 5 to 95 % of completed runs, in ranges of equal number.")
+    verdict = "Median and 5 to 95 % of completed runs, in ranges of equal number."
+    return drawn(title, verdict, influence_figures.error_bands, analysis, parts, columns)
 
 
 def _leading(values: Sequence[float] | Array, beyond_chance: int) -> list[int]:
@@ -182,20 +178,19 @@ def _strengths(parts: Sequence[GroupAnalysis]) -> Array:
     return strongest
 
 
-def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str], k: int) -> Figure:
-    column = MAIN_METRICS.index(MEASURE)
+def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn) -> Figure:
     widths = dict.fromkeys(names, 0.0)
     for part in parts:
-        for swing in part.swings:
-            width = abs(float(swing.metrics[column] - part.group.metrics[MEASURE][0]))
-            widths[swing.parameter] = max(widths[swing.parameter], float(np.nan_to_num(width)))
+        for effect in part.one_at_a_time:
+            change = effect.metrics[MAIN_METRICS.index(MEASURE)] - part.group.metrics[MEASURE][0]
+            widths[effect.parameter] = max(widths[effect.parameter], float(np.nan_to_num(abs(change))))
     order = sorted(names, key=lambda name: -widths[name])
-    verdict = " ".join(map(wording.tornado_sentence, parts))
     title = f"one parameter at a time on {parts[0].group.plant}"
-    return Figure(str(k), title, tornado_svg(parts, order, f"f{k}"), verdict, alone=True)
+    verdict = " ".join(map(wording.tornado_sentence, parts))
+    return drawn(title, verdict, influence_figures.tornado, parts, order, alone=True)
 
 
-def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str], numbers: Numbers) -> Iterator[Figure]:
+def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn) -> Iterator[Figure]:
     """A figure of the first metric, and of each for which other parameters matter than for those before."""
     seen: list[tuple[bytes, ...]] = []
     for metric in MAIN_METRICS:
@@ -203,15 +198,14 @@ def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str], numbers: Number
         matter = tuple(part.sobol[metric].important.tobytes() for part in having)
         if having and matter not in seen:
             seen.append(matter)
-            k = next(numbers)
             title = f"Sobol indices of the {metric_name(metric)}, {parts[0].group.plant}"
             verdict = wording.sobol_sentence(having, names, metric)
-            yield Figure(str(k), title, sobol_svg(having, names, metric, f"f{k}"), verdict)
+            yield drawn(title, verdict, influence_figures.sobol_bars, having, names, metric)
 
 
-def _failures(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
-    figures, tables = [], []
-    for parts in by_plant(analysis):
+def _failures(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
+    rates, separating = [], []
+    for parts in analysis.by_plant:
         having = [part for part in parts if part.separations]
         if not having:
             continue
@@ -220,13 +214,12 @@ def _failures(analysis: Analysis, numbers: Numbers) -> Iterator[Section]:
         distances = [max(each.distance for each in found if each.parameter == name) for name in names]
         beyond = len({each.parameter for each in found if each.significant})
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
-        k = next(numbers)
-        svg = failure_rates_svg(analysis, parts, columns, f"f{k}")
         title = f"failure rate over what separates most, {parts[0].group.plant}"
-        figures.append(Figure(str(k), title, svg, wording.failures_sentence(having)))
-        tables.append(separation_table(having))
-    if figures:
-        yield Section("failures", "What fails", tables=tuple(tables), figures=tuple(figures))
+        verdict = wording.failures_sentence(having)
+        rates.append(drawn(title, verdict, influence_figures.failure_rates, analysis, parts, columns))
+        separating.append(tables.separation_table(having))
+    if rates:
+        yield Section("failures", "What fails", tables=tuple(separating), figures=tuple(rates))
 
 
 def _uncertainty(analysis: Analysis) -> Section:
@@ -246,10 +239,4 @@ def _uncertainty(analysis: Analysis) -> Section:
     }
     rows = tuple((Cell(name), Cell(value)) for name, value in facts.items())
     made = Table("What was run, with what", ("", ""), rows, labels=2)
-    return Section("uncertainty", "What is uncertain", tables=(uncertainty_table(analysis), made))
-
-
-def _on_one_line(table: Table) -> Table:
-    """A table of the terminal, whose columns are narrow, for the page."""
-    rows = tuple(tuple(replace(cell, text=cell.text.replace("\n", "")) for cell in row) for row in table.rows)
-    return replace(table, rows=rows)
+    return Section("uncertainty", "What is uncertain", tables=(tables.uncertainty_table(analysis), made))

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cranectl.campaign.evaluation import Analysis, Pair
-from cranectl.campaign.groups import MAIN_METRICS
+from cranectl.campaign.evaluation import Analysis
+from cranectl.campaign.groups import MAIN_METRICS, Pair
 from cranectl.campaign.summary import CONFIDENCE, INDEPENDENT, MEASURE
 from cranectl.report.campaign.labels import (
     LEVELS,
@@ -109,10 +109,10 @@ def disagreements(analysis: Analysis, pairs: Sequence[Pair]) -> Table:
             replay_command(analysis.results.directory, sample, pair.first.controller),
             str(sample),
             *(number(float(group.metrics[MEASURE][sample]), 4) for group in (pair.first, pair.second)),
-            f"{apart:+.3g}",
+            f"{difference:+.3g}",
         )
         for pair in pairs
-        for sample, apart in pair.agreement.largest
+        for sample, difference in pair.agreement.largest
     )
     one, other = pairs[0].first.plant, pairs[0].second.plant
     headings = ("controller", "replay", "sample", f"error on {one} [m]", f"on {other} [m]", "difference [m]")

@@ -10,12 +10,56 @@ from cranectl.campaign.groups import EFFORT, MAIN_METRICS
 from cranectl.campaign.parameters import Parameter
 from cranectl.campaign.sensitivity import SobolIndices
 from cranectl.campaign.statistics import quantiles
-from cranectl.campaign.summary import CONFIDENCE
+from cranectl.campaign.summary import CONFIDENCE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
-from cranectl.report.campaign.labels import LEVELS, METRIC_LABELS, metric_name, number, replay_command
+from cranectl.report.campaign.labels import (
+    LEVELS,
+    METRIC_LABELS,
+    metric_name,
+    number,
+    percent,
+    replay_command,
+)
 from cranectl.report.table import Cell, Table, cells
 
+REASONS = 3  # why runs could not be run
 SEPARATING = 6  # parameters of a controller in the table of failures
+
+
+def summary_table(groups: Sequence[GroupSummary], title: str) -> Table:
+    """One row a controller; line breaks are for the terminal."""
+    rows = []
+    for group in groups:
+        ends = group.failure_rate_interval
+        errors = (group.median_max_error_m, group.q95_max_error_m)
+        row = cells(
+            group.controller.replace("+", "\n+"),
+            str(group.runs),
+            str(group.failures),
+            percent(group.failure_rate),
+            "–" if ends is None else "-".join(map(percent, ends)),
+            *("–" if error is None else f"{error:.4f}" for error in errors),
+            "–" if group.worst_sample is None else str(group.worst_sample),
+        )
+        rows.append(row)
+    headings = (
+        "controller", "runs", "failed", "failure\nrate %", "95 %\ninterval", "error [m]\nmedian",
+        "error [m]\n95 %", "worst\nrun",
+    )  # fmt: skip
+    note = "Error: the largest of a run, over completed runs. Worst: the run with the largest of all."
+    return Table(title, headings, tuple(rows), note=note)
+
+
+def failure_notes(groups: Sequence[GroupSummary]) -> list[str]:
+    """How runs failed, a line for each controller that has failures; then why some could not be run."""
+    lines = []
+    for group in groups:
+        how = [f"{count} {status}" for status, count in group.stopped.items()]
+        how += [f"{count} beyond {metric}" for metric, count in group.broken.items()]
+        if how:
+            lines.append(f"{group.controller}: {', '.join(how)}")
+        lines += [f"{count} could not be run: {why}" for why, count in list(group.not_run.items())[:REASONS]]
+    return lines
 
 
 def metrics_quantiles(parts: Sequence[GroupAnalysis]) -> Table:
@@ -74,11 +118,11 @@ def _sobol_cell(found: SobolIndices | None, k: int) -> Cell:
     return Cell(f"{found.total[k]:.2f} ({low:.2f}–{high:.2f})", "good" if found.important[k] else "")
 
 
-def swings_table(part: GroupAnalysis) -> Table:
+def one_at_a_time_table(part: GroupAnalysis) -> Table:
     """Every step of a one-at-a-time design."""
     nominal = [part.group.metrics[metric][0] for metric in MAIN_METRICS]
     steps: list[tuple[Any, ...]] = [("nominal", "", "0", nominal)]
-    steps += [(s.parameter, number(s.value, 4), str(s.sample), s.metrics) for s in part.swings]
+    steps += [(s.parameter, number(s.value, 4), str(s.sample), s.metrics) for s in part.one_at_a_time]
     rows = [cells(*texts, *(number(float(value), 4) for value in values)) for *texts, values in steps]
     headings = ("parameter", "value", "sample", *(METRIC_LABELS[metric] for metric in MAIN_METRICS))
     note = "A dash: the run did not complete, or has no such metric."
@@ -118,10 +162,9 @@ def uncertainty_table(analysis: Analysis) -> Table:
         texts = (parameter.name, describe(campaign, parameter.name).unit, _distribution(parameter))
         rows.append(cells(*texts, *(number(value, 4) for value in numbers)))
     headings = ("parameter", "unit", "distribution of what the plant has", "nominal", "sampled from", "to")
-    pairs = [f"{' and '.join(pair.between)}: {pair.value:g}" for pair in campaign.settings.correlation]
     note = "The controller and its reference know the nominal values only."
-    if pairs:
-        note += f" Rank correlations: {'; '.join(pairs)}."
+    if campaign.settings.correlation:
+        note += f" Rank correlations: {'; '.join(map(str, campaign.settings.correlation))}."
     return Table("What is uncertain", headings, tuple(rows), labels=3, note=note)
 
 

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
-from cranectl.campaign.groups import MAIN_METRICS
+from cranectl.campaign.evaluation import Analysis, GroupAnalysis
+from cranectl.campaign.groups import MAIN_METRICS, Pair
 from cranectl.campaign.sensitivity import Correlations
 from cranectl.campaign.software import software_notes
 from cranectl.campaign.summary import CONFIDENCE, MEASURE
+from cranectl.metrics import low_is_bad
 from cranectl.report.campaign.labels import metric_name, number
 
 NAMED = 3  # parameters in a sentence
@@ -30,12 +31,11 @@ def about(analysis: Analysis) -> str:
 def incomplete(analysis: Analysis) -> str:
     """What is missing and how to get it; empty for a whole result."""
     results = analysis.results
-    missing = sum(batch.last - batch.first for batch in results.missing)
-    if not missing:
+    if not results.missing:
         return ""
     return (
-        f"INCOMPLETE: {missing} of {missing + len(results)} runs are missing, and everything here is of the "
-        f"others. Complete it with the command that began it and --resume, such as "
+        f"INCOMPLETE: {results.missing_runs} of {results.campaign.all_runs} runs are missing, and "
+        f"everything here is of the others. Complete it with the command that began it and --resume, such as "
         f"'cranectl campaign run {results.campaign.settings.name} --out {results.directory} --resume'."
     )
 
@@ -49,8 +49,7 @@ def what_fails(analysis: Analysis) -> str:
     """When a run counts as failed."""
     limits = analysis.results.campaign.settings.limits.given
     beyond = "; ".join(
-        f"{metric} {'below' if metric.startswith('min_') else 'above'} {limit:g}"
-        for metric, limit in limits.items()
+        f"{metric} {'below' if low_is_bad(metric) else 'above'} {limit:g}" for metric, limit in limits.items()
     )
     return f"A run fails if it stops before its end{f', or with {beyond}' if beyond else ''}."
 
@@ -104,12 +103,12 @@ def sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str], me
 def tornado_sentence(part: GroupAnalysis) -> str:
     """The widest bar."""
     nominal = float(part.group.metrics[MEASURE][0])
-    swings = [(abs(float(s.metrics[COLUMN]) - nominal), s) for s in part.swings]
-    known = [(size, s) for size, s in swings if not np.isnan(size)]
+    effects = [(abs(float(s.metrics[COLUMN]) - nominal), s) for s in part.one_at_a_time]
+    known = [(size, s) for size, s in effects if not np.isnan(size)]
     if not known:
         return f"{part.group.controller}: no run completed to compare."
     size, widest = max(known, key=lambda pair: pair[0])
-    stopped = len(swings) - len(known)
+    stopped = len(effects) - len(known)
     text = (
         f"{part.group.controller}: {widest.parameter} = {widest.value:.3g} changes it most, by {size:.2g} m"
     )
