@@ -7,7 +7,6 @@ leaves the batches that came in to the caller, who can go on later with the rest
 import hashlib
 import importlib
 import logging
-import queue
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -36,14 +35,18 @@ def cluster_client(scheduler: str | None, workers: int) -> Iterator["Client"]:
 
     Raises InputError if Dask is not installed, if no scheduler answers, or if it has no workers.
     """
-    distributed = _import_distributed()
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError as error:
+        raise InputError(
+            f"a cluster needs Dask: {error}",
+            allowed="threads of this process, without --scheduler and --cluster",
+            remedy="pip install 'cranectl[cluster]', here, on the scheduler and on the workers",
+        ) from None
+    connect = _connected(distributed, scheduler) if scheduler else _local(distributed, workers)
     logging.disable(logging.CRITICAL)  # what Dask logs of lost connections is one message here
     try:
-        with (
-            _local(distributed, workers)
-            if scheduler is None
-            else _connected(distributed, scheduler) as client
-        ):
+        with connect as client:
             yield client
     finally:
         logging.disable(logging.NOTSET)
@@ -58,21 +61,17 @@ def run_batches_on(
     milliseconds. Raises InputError if the nominal crane cannot be run, if a worker has other
     software than this process, if workers die of a batch, or if the scheduler is gone.
     """
+    from distributed import as_completed
+
     _check_installed(client, software_of(campaign.settings.plants))
     record = packed(campaign)
-    left = dict(zip((_key(record, batch) for batch in batches), batches, strict=True))
-    futures = {
-        future.key: future
-        for future in client.map(run_remotely, batches, record=record, key=list(left), retries=TRIES - 1)
-    }
-    ended: queue.SimpleQueue[str] = queue.SimpleQueue()
-    for future in futures.values():
-        future.add_done_callback(lambda future: ended.put(future.key))
-    while left:
-        key = ended.get()
-        rows = _rows(client, futures[key])
-        futures.pop(key).release()
-        yield left.pop(key), rows
+    keys = [_key(record, batch) for batch in batches]
+    futures = client.map(run_remotely, batches, record=record, key=keys, retries=TRIES - 1)
+    by_key = dict(zip(keys, batches, strict=True))
+    for future in as_completed(futures, loop=client.loop):
+        rows = _rows(client, future)
+        future.release()
+        yield by_key[future.key], rows
 
 
 def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
@@ -106,7 +105,7 @@ def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
         found: list[Row] | InputError = _result(client, future)
     except (CancelledError, CommClosedError, ConnectionError) as error:
         raise InputError(
-            f"the scheduler at {_address(client)} is gone, or has dropped this campaign",
+            "the scheduler is gone, or has dropped this campaign",
             allowed="a scheduler that stays until the campaign is finished",
             remedy=f"start it and its workers again, then {RESUME}",
         ) from error
@@ -137,10 +136,6 @@ def _result(client: "Client", future: "Future[Any]") -> Any:
         except TimeoutError:
             continue
     raise ConnectionError
-
-
-def _address(client: "Client") -> str:
-    return str(client.scheduler.address) if client.scheduler else "its address"
 
 
 @contextmanager
@@ -196,14 +191,3 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         yield client
-
-
-def _import_distributed() -> Any:
-    try:
-        return importlib.import_module("distributed")
-    except ImportError as error:
-        raise InputError(
-            f"a cluster needs Dask: {error}",
-            allowed="threads of this process, without --scheduler and --cluster",
-            remedy="pip install 'cranectl[cluster]', here, on the scheduler and on the workers",
-        ) from None
