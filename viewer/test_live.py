@@ -86,5 +86,8 @@ def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
 
     live.process.send_signal(signal.SIGINT)
     assert live.process.wait(timeout=30) == 0
-    first, second = cranectl.read_log(live.record), cranectl.read_log(live.record.with_suffix(".take2.mcap"))
+    first, second = (
+        cranectl.read_log(live.record),
+        cranectl.read_log(live.record.with_suffix(".segment2.mcap")),
+    )
     assert first["mujoco"].design.name != second["mujoco"].design.name == "lqr+hinf"

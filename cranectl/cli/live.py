@@ -49,8 +49,8 @@ def live_command(
 ) -> int:
     """Run SCENARIO in real time, to be watched and steered.
 
-    In Foxglove, until Ctrl-C. Its parameters and services there: pause, speed, controller, gains; kick the
-    load, reset.
+    In Foxglove, until Ctrl-C. Its parameters and services there: pause, speed, controller, gains; a
+    disturbance pulse, reset.
 
     \b
     cranectl live settled-trajectory

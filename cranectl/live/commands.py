@@ -4,11 +4,13 @@ Called from the threads of a server; whoever advances the session takes the comm
 needs thought, a new design, is computed and checked here, so that the run need not wait for it.
 """
 
+import contextlib
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,11 +21,12 @@ from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.text import printable
 
 Value = bool | float | str
+T = TypeVar("T")
 
 SPEEDS = (0.05, 20.0)  # times real time
-MAX_KICK = 50.0  # [rad/s²]
-KICK_SECONDS = 0.2
-DEFAULT_KICK = {"kick_alpha": 2.0, "kick_beta": 0.0}  # [rad/s²]
+MAX_PULSE = 50.0  # [rad/s²]
+PULSE_SECONDS = 0.2
+DEFAULT_PULSE = {"pulse_alpha": 2.0, "pulse_beta": 0.0}  # [rad/s²]
 GAINS = ("k0", "k1", "k2", "k3")
 MAX_GAIN = 1e9
 MAX_CHANGES = 100  # in one request: each that is refused takes its time and a line
@@ -45,8 +48,8 @@ class Use:
 
 
 @dataclass(frozen=True)
-class Kick:
-    """Angular accelerations of alpha and beta [rad/s²] for `KICK_SECONDS`."""
+class Pulse:
+    """Angular accelerations of alpha and beta [rad/s²] for `PULSE_SECONDS`."""
 
     acceleration: tuple[float, float]
 
@@ -56,7 +59,7 @@ class Reset:
     """Start again."""
 
 
-Command = Say | Use | Kick | Reset
+Command = Say | Use | Pulse | Reset
 
 
 class Controls:
@@ -72,7 +75,7 @@ class Controls:
             "speed": checked_number("speed", speed, *SPEEDS),
             "controller": design.name,
             **_gains(design),
-            **DEFAULT_KICK,
+            **DEFAULT_PULSE,
         }
 
     @property
@@ -90,15 +93,10 @@ class Controls:
 
     def commands(self) -> list[Command]:
         """What has been asked for since the last call."""
-        found: list[Command] = []
-        while True:
-            try:
-                found.append(self._commands.get_nowait())
-            except Empty:
-                return found
+        return list(taken(self._commands))
 
     def set(self, changes: Mapping[str, object]) -> None:
-        """Change parameters by name. A wrong value is refused and said so; the parameter keeps its value.
+        """Change parameters by name. A wrong value is refused with a line in the log and changes nothing.
 
         Controller and gains that come together are one change, so gains need not be stable one by one.
         """
@@ -114,10 +112,10 @@ class Controls:
                 if name not in law:
                     self._try(name, lambda name=name, value=value: self._set(name, value))  # type: ignore[misc]
 
-    def kick(self) -> None:
-        """Push the load with the accelerations `kick_alpha` and `kick_beta`."""
-        alpha, beta = float(self._values["kick_alpha"]), float(self._values["kick_beta"])
-        self._commands.put(Kick((alpha, beta)))
+    def pulse(self) -> None:
+        """Disturb the load with the accelerations `pulse_alpha` and `pulse_beta`."""
+        alpha, beta = float(self._values["pulse_alpha"]), float(self._values["pulse_beta"])
+        self._commands.put(Pulse((alpha, beta)))
 
     def reset(self) -> None:
         """Start the scenario again."""
@@ -137,16 +135,16 @@ class Controls:
             raise unknown_name("parameter", name, self._values)
         if name == "pause":
             new: Value = _checked_bool(name, value)
-            said = "paused" if new else "resumed"
+            text = "paused" if new else "resumed"
         elif name == "speed":
             new = checked_number(name, value, *SPEEDS)
-            said = f"speed {new:g}"
+            text = f"speed {new:g}"
         else:
-            new = checked_number(name, value, -MAX_KICK, MAX_KICK)
-            said = f"{name} = {new:g} rad/s² with the next kick"
+            new = checked_number(name, value, -MAX_PULSE, MAX_PULSE)
+            text = f"{name} = {new:g} rad/s² with the next pulse"
         if new != self._values[name]:
             self._values[name] = new
-            self._say(said)
+            self._say(text)
 
     def _set_law(self, changes: Mapping[str, object]) -> None:
         """Another controller, other gains, or both."""
@@ -169,6 +167,13 @@ class Controls:
 
     def _say(self, message: str, *, warning: bool = False) -> None:
         self._commands.put(Say(message, warning))
+
+
+def taken(queue: "SimpleQueue[T]") -> Iterator[T]:
+    """What is in a queue now."""
+    with contextlib.suppress(Empty):
+        while True:
+            yield queue.get_nowait()
 
 
 def checked_number(name: str, value: object, low: float, high: float) -> float:

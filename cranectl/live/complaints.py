@@ -1,4 +1,4 @@
-"""What server and guard say of clients: the first complaint is told, the others are counted."""
+"""Warnings of server and guard about clients: the first is passed on, the others are counted."""
 
 import contextlib
 import logging
@@ -8,27 +8,25 @@ from cranectl.support.text import printable
 
 LOGGERS = ("foxglove.websocket", "cranectl.live.guard")
 
-Tell = Callable[[str], None]
-
 
 class _Counter(logging.Handler):
     """Clients can send nonsense as fast as the network carries it."""
 
-    def __init__(self, tell: Tell) -> None:
+    def __init__(self, report: Callable[[str], None]) -> None:
         super().__init__(logging.WARNING)
         self.count = 0
-        self._tell = tell
+        self._report = report
 
     def emit(self, record: logging.LogRecord) -> None:
         self.count += 1
         if self.count == 1:
-            self._tell(f"{printable(record.getMessage())}; more of this kind is only counted")
+            self._report(f"{printable(record.getMessage())}; more of this kind is only counted")
 
 
 @contextlib.contextmanager
-def complaints(tell: Tell) -> Iterator[None]:
-    """`tell` of the first during the block, and at its end how many there were."""
-    counter = _Counter(tell)
+def complaints(report: Callable[[str], None]) -> Iterator[None]:
+    """`report` the first during the block, and at its end how many there were."""
+    counter = _Counter(report)
     for name in LOGGERS:
         logging.getLogger(name).addHandler(counter)
     try:
@@ -37,4 +35,4 @@ def complaints(tell: Tell) -> Iterator[None]:
         for name in LOGGERS:
             logging.getLogger(name).removeHandler(counter)
         if counter.count > 1:
-            tell(f"{counter.count} complaints of clients in all")
+            report(f"{counter.count} complaints of clients in all")

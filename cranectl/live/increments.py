@@ -1,4 +1,4 @@
-"""Turn the pieces of a live session into messages: those that a log of the whole run would have.
+"""The increments of a live session as messages: those that a log of the whole run would have.
 
 Missing is the verdict over the whole run, `/diff/verdict`. What a log shows once at its start is shown again
 for each start and each recording.
@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 from cranectl.log import scene
 from cranectl.log.events import (
+    Conditions,
     Disturbed,
     Event,
     Saturated,
-    Standing,
+    StatusChange,
+    condition_events,
     end_event,
-    limit_events,
-    rope_events,
+    phases,
     saturation,
     scenario_events,
-    segments,
-    workspace_events,
+    start_event,
 )
 from cranectl.log.messages import design_info, differences, log_lines, run_info, samples, status
 from cranectl.log.stream import Stream
@@ -34,18 +34,16 @@ from cranectl.status import RunStatus
 Array = NDArray[np.float64]
 JOINTS = ("alpha", "beta")
 
-
-Key = tuple[bool, int, int, int]  # inside the workspace, number of the segment, Disturbed, Saturated
+# Inside the workspace, number of the reference's segment, Disturbed, Saturated.
+Key = tuple[bool, int, int, int]
 
 
 @dataclass
-class _Seen:
+class _Shown:
     """What has been shown of one plant since its start."""
 
     trail: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    slack: bool = False
-    limited: int = 0  # drives that have been at their limits, as `Saturated`
-    outside: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(3, dtype=bool))
+    conditions: Conditions = field(default_factory=Conditions)
     key: Key | None = None
     acting: tuple[float, ...] | None = None
     newest: Run | None = None  # its newest row
@@ -53,8 +51,8 @@ class _Seen:
     stopped: bool = False
 
 
-class Pieces:
-    """Makes the messages of consecutive pieces of runs of one scenario."""
+class Increments:
+    """Makes the messages of consecutive increments of runs of one scenario."""
 
     def __init__(self, scenario: Scenario, plan: Plan, plants: Sequence[str]) -> None:
         self._scenario, self._plan, self._period = scenario, plan, scenario.period_ns
@@ -63,62 +61,62 @@ class Pieces:
         logged = self._every * self._period / NANOSECONDS
         self._pose = self._every * max(1, round(1.0 / scene.RATE / logged))  # samples between poses
         self._dot = self._every * max(1, round(scene.TRAIL_STEP / logged))  # between points of a trail
-        self._segments = segments(scenario)
-        self._starts = np.array([start for start, _ in self._segments])
+        self._phases = phases(scenario)
         self._reference_ns = -1  # of the newest desired value that was sent
         self.start()
 
     def start(self) -> None:
         """The scenario starts, or starts again."""
-        self._seen = {plant: _Seen() for plant in self._opacities}
+        self._shown = {plant: _Shown() for plant in self._opacities}
 
-    def standing(self, runs: Sequence[Run]) -> list[Stream]:
-        """What shows what is run and where: all that a recording needs before its first piece."""
-        for seen in self._seen.values():
-            seen.key = seen.acting = None  # to be said again
+    def static_scene(self, runs: Sequence[Run], now_ns: int) -> list[Stream]:
+        """What is run and where, as of now: all that a recording needs before its first increment."""
+        for shown in self._shown.values():
+            shown.key = shown.acting = None  # to be sent again
         whole = replace(
             runs[0],
             time_ns=np.arange(0, len(self._plan.time_ns), self._every) * self._period,
             reference=self._plan.reference[:: self._every],
         )
-        found = [run_info(runs), design_info(runs[0].design), scene.path(whole), scene.workspace(whole)]
-        return found + [scene.model(plant, opacity) for plant, opacity in self._opacities.items()]
+        streams = [run_info(runs), design_info(runs[0].design), scene.path(whole), scene.workspace(whole)]
+        streams += [scene.model(plant, opacity) for plant, opacity in self._opacities.items()]
+        return [replace(stream, time_ns=np.full_like(stream.time_ns, now_ns)) for stream in streams]
 
-    def piece(self, runs: Sequence[Run], origin_ns: int) -> list[Stream]:
-        """The messages of one piece of each plant's run; `origin_ns` is when the scenario was started."""
-        found = [log_lines(event for run in runs for event in self._events(run, origin_ns))]
+    def messages(self, runs: Sequence[Run], origin_ns: int) -> list[Stream]:
+        """Of one increment of each plant's run; `origin_ns` is when the scenario was started."""
+        streams = [log_lines(event for run in runs for event in self._events(run, origin_ns))]
         for run in runs:
-            found += self._changes(run, origin_ns)
-            seen = self._seen[run.plant]
-            seen.stopped = run.status.stopped
+            streams += self._changes(run, origin_ns)
+            shown = self._shown[run.plant]
+            shown.stopped = run.status.stopped
             if len(run.time_ns):
-                seen.newest, seen.waiting = _chosen(run, np.array([-1])), True
+                shown.newest, shown.waiting = _chosen(run, np.array([-1])), True
         logged = [_chosen(run, self._rows(run, origin_ns, self._every)) for run in runs]
         logged = [run for run in logged if len(run.time_ns)]
         if not logged:
-            return found
+            return streams
         for run in logged:
-            newest = self._seen[run.plant].newest
-            self._seen[run.plant].waiting = newest is None or newest.time_ns[0] != run.time_ns[-1]
-        return found + self._samples(logged) + self._scene(logged, origin_ns)
+            newest = self._shown[run.plant].newest
+            self._shown[run.plant].waiting = newest is None or newest.time_ns[0] != run.time_ns[-1]
+        return streams + self._samples(logged) + self._scene(logged, origin_ns)
 
     def last(self) -> list[Stream]:
         """The newest sample of each plant where it has not been sent: a log ends with it."""
-        waiting = [seen for seen in self._seen.values() if seen.waiting]
-        for seen in waiting:
-            seen.waiting = False
-        return self._samples([seen.newest for seen in waiting if seen.newest is not None])
+        waiting = [shown for shown in self._shown.values() if shown.waiting]
+        for shown in waiting:
+            shown.waiting = False
+        return self._samples([shown.newest for shown in waiting if shown.newest is not None])
 
     def _samples(self, runs: Sequence[Run]) -> list[Stream]:
         """Signals, differences, and what is desired: once, though the plants' samples may come apart."""
         if not runs:
             return []
-        reference, *found = samples(runs)
+        reference, *recorded = samples(runs)
         new = np.flatnonzero(reference.time_ns > self._reference_ns).tolist()
         self._reference_ns = max(self._reference_ns, int(reference.time_ns[-1]))
         messages = [reference.messages[k] for k in new]
-        found.insert(0, replace(reference, time_ns=reference.time_ns[new], messages=messages))
-        return found + (differences(runs, [*self._opacities]))
+        reference = replace(reference, time_ns=reference.time_ns[new], messages=messages)
+        return [reference, *recorded, *differences(runs, [*self._opacities])]
 
     def _rows(self, run: Run, origin_ns: int, step: int) -> NDArray[np.intp]:
         """Every `step`-th sample since the start, and that at which a run stopped."""
@@ -128,74 +126,73 @@ class Pieces:
         return np.flatnonzero(chosen)
 
     def _events(self, run: Run, origin_ns: int) -> list[Event]:
-        """What is worth a line in this piece."""
-        seen, found = self._seen[run.plant], []
-        if len(run.time_ns):
-            if seen.newest is None:
-                text = f"{self._scenario.name} with {run.design.name}, {run.drive} drives"
-                found.append(Event(origin_ns, run.plant, text))
-            before = seen.newest.time_ns[0] if seen.newest is not None else origin_ns - 1
-            planned = [
-                replace(event, time_ns=event.time_ns + origin_ns)
-                for event in scenario_events(self._scenario, run.plant)
-            ]
-            found += [event for event in planned if before < event.time_ns <= run.time_ns[-1]]
-            found += workspace_events(run, seen.outside)
-            seen.outside = workspace_excess(run)[-1] > 0.0
-            found += limit_events(run, seen.limited)
-            found += rope_events(run, slack=seen.slack)
-            seen.slack = bool(run.signal("load.rope_tension")[-1] <= 0.0)
-            seen.limited |= int(np.bitwise_or.reduce(saturation(run)))
-        if run.status.stopped and not seen.stopped:
-            found.append(end_event(run))
-        return found
+        """What is worth a line in this increment."""
+        shown = self._shown[run.plant]
+        events, before = [], origin_ns - 1
+        if shown.newest is not None:
+            before = int(shown.newest.time_ns[0])
+        elif len(run.time_ns):
+            events.append(start_event(run, origin_ns))
+        planned = [
+            replace(event, time_ns=event.time_ns + origin_ns)
+            for event in scenario_events(self._scenario, run.plant)
+        ]
+        last = run.time_ns[-1:].max(initial=before)
+        events += [event for event in planned if before < event.time_ns <= last]
+        observed, shown.conditions = condition_events(run, shown.conditions)
+        events += observed
+        if run.status.stopped and not shown.stopped:
+            events.append(end_event(run))
+        return events
 
     def _changes(self, run: Run, origin_ns: int) -> list[Stream]:
-        """How the run stands and what pushes its load, where that changes."""
-        seen = self._seen[run.plant]
+        """The status of a run and what disturbs its load, where they change."""
+        shown = self._shown[run.plant]
         acting = [tuple(row) for row in run.block("disturbance").tolist()]
         keys = self._keys(run, origin_ns)
         times = run.time_ns.tolist()
-        changed = zip(times, keys, [seen.key, *keys], strict=False)
-        standings = [self._standing(time, RunStatus.RUNNING, key) for time, key, old in changed if key != old]
-        pushes = [t for t in zip(times, acting, [seen.acting, *acting], strict=False) if t[1] != t[2]]
+        changed = zip(times, keys, [shown.key, *keys], strict=False)
+        changes = [self._status(time, RunStatus.RUNNING, key) for time, key, old in changed if key != old]
+        edges = [t for t in zip(times, acting, [shown.acting, *acting], strict=False) if t[1] != t[2]]
         if keys:
-            seen.key, seen.acting = keys[-1], acting[-1]
-        if run.status.stopped and not seen.stopped:
-            standings.append(self._standing(run.end_ns, run.status, seen.key or (False, 0, 0, 0)))
-        found = [status(run.plant, standings)] if standings else []
-        if pushes:
-            arrows = [[(j, a) for j, a in zip(JOINTS, now, strict=True) if a] for _, now, _ in pushes]
-            found.append(scene.push(run.plant, [time for time, _, _ in pushes], arrows))
-        return found
+            shown.key, shown.acting = keys[-1], acting[-1]
+        if run.status.stopped and not shown.stopped:
+            changes.append(self._status(run.end_ns, run.status, shown.key or (False, 0, 0, 0)))
+        streams = [status(run.plant, changes)] if changes else []
+        if edges:
+            arrows = [[(j, a) for j, a in zip(JOINTS, now, strict=True) if a] for _, now, _ in edges]
+            streams.append(scene.arrows(run.plant, [time for time, _, _ in edges], arrows))
+        return streams
 
     def _keys(self, run: Run, origin_ns: int) -> list[Key]:
-        """How the run stands at each sample."""
+        """What the status says of each sample."""
         inside = workspace_excess(run).max(axis=1) <= 0.0
-        segment = np.searchsorted(self._starts, run.time_ns - origin_ns, side="right") - 1
+        starts = [start for start, _ in self._phases]
+        segment = np.searchsorted(starts, run.time_ns - origin_ns, side="right") - 1
         disturbed = (run.block("disturbance") != 0.0) @ np.array([1, 2])
         limited = saturation(run)
         return list(zip(inside.tolist(), segment.tolist(), disturbed.tolist(), limited.tolist(), strict=True))
 
-    def _standing(self, time_ns: int, status: RunStatus, key: Key) -> Standing:
+    def _status(self, time_ns: int, status: RunStatus, key: Key) -> StatusChange:
         inside, segment, disturbed, limited = key
-        phase = self._segments[segment][1]
-        return Standing(time_ns, status, inside, phase, Disturbed(disturbed), Saturated(limited))
+        phase = self._phases[segment][1]
+        return StatusChange(time_ns, status, inside, phase, Disturbed(disturbed), Saturated(limited))
 
     def _scene(self, logged: Sequence[Run], origin_ns: int) -> list[Stream]:
         """Poses, ropes and trails."""
         leader = max(logged, key=lambda run: len(run.time_ns))
         moving = {run.plant: run for run in logged}
-        shown = [moving.get(plant, seen.newest) for plant, seen in self._seen.items()]
+        drawn = [moving.get(plant, shown.newest) for plant, shown in self._shown.items()]
         rows = self._rows(leader, origin_ns, self._pose)
-        found = [scene.transforms([run for run in shown if run is not None], leader, rows)]
+        streams = [scene.transforms([run for run in drawn if run is not None], leader, rows)]
         for run in logged:
-            found.append(scene.cable(run, self._opacities[run.plant], self._rows(run, origin_ns, self._pose)))
-            seen, dots = self._seen[run.plant], self._rows(run, origin_ns, self._dot)
-            trail = np.vstack([seen.trail, run.load_position[dots]])
-            found.append(scene.trail(run.plant, run.time_ns[dots], trail))
-            seen.trail = trail[-scene.TRAIL_POINTS :]
-        return found
+            rows = self._rows(run, origin_ns, self._pose)
+            shown, dots = self._shown[run.plant], self._rows(run, origin_ns, self._dot)
+            trail = np.vstack([shown.trail, run.load_position[dots]])
+            streams.append(scene.rope(run, self._opacities[run.plant], rows))
+            streams.append(scene.trail(run.plant, run.time_ns[dots], trail))
+            shown.trail = trail[-scene.TRAIL_POINTS :]
+        return streams
 
 
 def _chosen(run: Run, rows: NDArray[np.intp]) -> Run:

@@ -1,9 +1,9 @@
-"""Where viewers connect and ask: server, parameters, services. Called from the server's threads."""
+"""Where viewers connect: server, parameters, services."""
 
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 
 import foxglove
 from foxglove.websocket import (
@@ -19,7 +19,7 @@ from foxglove.websocket import (
     WebSocketServer,
 )
 
-from cranectl.live.commands import Controls, Value
+from cranectl.live.commands import Controls, Value, taken
 from cranectl.live.guard import Guard, hidden_host
 from cranectl.log import schema
 from cranectl.support.errors import InputError
@@ -36,15 +36,15 @@ class Address:
     origins: tuple[str, ...] = ()
 
 
-class Desk(ServerListener):
-    """Where viewers ask for things; called from the server's threads."""
+class Listener(ServerListener):
+    """Hears what viewers ask for; called from the server's threads."""
 
     def __init__(self, controls: Controls) -> None:
         self._controls = controls
-        self._asked: SimpleQueue[str] = SimpleQueue()
+        self._subscribed: SimpleQueue[str] = SimpleQueue()
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002 (SDK's signature)
-        self._asked.put(channel.topic)
+        self._subscribed.put(channel.topic)
 
     def on_get_parameters(
         self,
@@ -66,19 +66,14 @@ class Desk(ServerListener):
         self._controls.set({parameter.name: parameter.get_value() for parameter in parameters})
         return as_parameters(self._controls.values())
 
-    def asked(self) -> set[str]:
+    def subscribed(self) -> set[str]:
         """Topics that have new subscribers since the last call."""
-        found = set()
-        while True:
-            try:
-                found.add(self._asked.get_nowait())
-            except Empty:
-                return found
+        return set(taken(self._subscribed))
 
     def services(self) -> list[Service]:
         """What viewers can call, with a request of `{}`."""
         return [
-            _service("kick", self._controls.kick, "kick_alpha and kick_beta say how hard"),
+            _service("pulse", self._controls.pulse, "pulse_alpha and pulse_beta say how strong"),
             _service("reset", self._controls.reset, "the scenario starts again, time goes on"),
             _service("pause", lambda: self._controls.set({"pause": True}), "/resume goes on"),
             _service("resume", lambda: self._controls.set({"pause": False}), "the run goes on"),
@@ -86,7 +81,7 @@ class Desk(ServerListener):
 
 
 def listen(
-    address: Address, name: str, desk: Desk, context: foxglove.Context
+    address: Address, name: str, listener: Listener, context: foxglove.Context
 ) -> tuple[WebSocketServer, Guard]:
     """Start the server and the guard before it; raises InputError for an address that cannot be had."""
     host = hidden_host()
@@ -95,9 +90,9 @@ def listen(
         host=host,
         port=0,
         capabilities=[Capability.Parameters, Capability.Services, Capability.Time],
-        server_listener=desk,
+        server_listener=listener,
         supported_encodings=["json"],
-        services=desk.services(),
+        services=listener.services(),
         context=context,
         message_backlog_size=BACKLOG,
     )
@@ -117,10 +112,10 @@ def as_parameters(values: Mapping[str, Value]) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
-def _service(name: str, act: Callable[[], None], said: str) -> Service:
+def _service(name: str, act: Callable[[], None], answer: str) -> Service:
     def handle(_request: ServiceRequest) -> bytes:
         act()
-        return json.dumps({"message": said}).encode()
+        return json.dumps({"message": answer}).encode()
 
     title = name.capitalize()
     text = {"message": {"type": "string"}}

@@ -1,4 +1,4 @@
-"""Where a live session records: `FILE`, `FILE.take2`, …, its own for as long as it lasts.
+"""Where a live session records: `FILE`, `FILE.segment2`, …, its own for as long as it lasts.
 
 What another session recorded is never removed or replaced.
 """
@@ -23,7 +23,7 @@ LOCK = ".lock"
 def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
     """Keep a place for the block; gives its first file, which does not exist yet.
 
-    Where a recording lies or another session records, LogError, or, if `numbered`, the first of `FILE-2`,
+    Where there is a recording or another session records, LogError, or, if `numbered`, the first of `FILE-2`,
     `FILE-3`, … that is free. Raises LogError if nothing can be written there. The operating system lets go of
     a place when its process ends, however that happens.
     """
@@ -38,8 +38,8 @@ def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
 
 def next_file(place: Path) -> Path:
     """The first file of a session's place that does not exist."""
-    takes = (place.with_suffix(f".take{number}{place.suffix}") for number in count(2))
-    return next(file for file in chain([place], takes) if not os.path.lexists(file))
+    more = (place.with_suffix(f".segment{number}{place.suffix}") for number in count(2))
+    return next(file for file in chain([place], more) if not os.path.lexists(file))
 
 
 def _first_free(path: Path) -> FileLock:
@@ -55,17 +55,18 @@ def _locked_if_free(path: Path) -> FileLock | None:
 
 
 def _locked(path: Path) -> FileLock:
-    """The lock of a place where no recording lies; raises LogError if one does or another session has it."""
+    """The lock of a place where nothing is recorded; raises LogError if another session has it."""
     lock = FileLock(path.with_name(path.name + LOCK))
     try:
         lock.acquire(blocking=False)
     except Timeout:
         raise _taken(f"another session records at {path}") from None
-    takes = re.compile(rf"{re.escape(path.stem)}(\.take\d+)?{re.escape(path.suffix)}")
-    lying = sorted(file.name for file in path.parent.iterdir() if takes.fullmatch(file.name))
-    if lying:
+    # Before 0.3 the segments of a session were called takes.
+    segments = re.compile(rf"{re.escape(path.stem)}(\.(segment|take)\d+)?{re.escape(path.suffix)}")
+    recorded = sorted(file.name for file in path.parent.iterdir() if segments.fullmatch(file.name))
+    if recorded:
         _let_go(lock)
-        raise _taken(f"{path.parent / lying[0]} is there already")
+        raise _taken(f"{path.parent / recorded[0]} is there already")
     return lock
 
 

@@ -4,55 +4,45 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 import foxglove
-import numpy as np
 from foxglove._foxglove_py import BaseChannel
 
 from cranectl.log import topics
-from cranectl.log.stream import Stream
+from cranectl.log.stream import Stream, in_order
 from cranectl.log.writer import open_channel
 
 
-class Outlet:
+class Publisher:
     """One channel a topic; callers send in the order of time."""
 
     def __init__(self, context: foxglove.Context) -> None:
         self.sent: Counter[str] = Counter()  # messages by topic
+        self.time_ns = 0  # of the newest message
         self._context = context
         self._channels: dict[str, BaseChannel] = {}
         self._latest: dict[str, bytes] = {}
-        self._time_ns = 0
 
-    @property
-    def time_ns(self) -> int:
-        """Of the newest message."""
-        return self._time_ns
-
-    def send(self, streams: Sequence[Stream], *, at_ns: int | None = None) -> None:
-        """Send all messages in the order of time, or all of them as of `at_ns`."""
+    def send(self, streams: Sequence[Stream]) -> None:
+        """Send all messages in the order of time."""
         if not streams:
             return
         for stream in streams:
             self._open(stream)
             if stream.messages and not stream.metadata and stream.topic != topics.LOG:
                 self._latest[stream.topic] = stream.messages[-1]
-        index = np.concatenate([np.full(len(stream.messages), k) for k, stream in enumerate(streams)])
-        time = np.concatenate([stream.time_ns for stream in streams])
-        order = np.lexsort((index, time)) if at_ns is None else np.arange(len(time))
-        waiting = [iter(stream.messages) for stream in streams]
-        for k, time_ns in zip(index[order].tolist(), time[order].tolist(), strict=True):
-            self._log(streams[k].topic, next(waiting[k]), time_ns if at_ns is None else at_ns)
+        for k, time_ns, message in in_order(streams):
+            self._log(streams[k].topic, message, time_ns)
 
-    def resend(self, asked: Iterable[str]) -> None:
+    def resend(self, topics: Iterable[str]) -> None:
         """Send the newest messages of topics again, for viewers that came after them.
 
-        Not those of signals and text: they are what happened at their time, not how things stand.
+        Not those of signals and text: they are what happened at their time, not how things are.
         """
-        for topic in sorted(self._latest.keys() & set(asked)):
-            self._log(topic, self._latest[topic], self._time_ns)
+        for topic in sorted(self._latest.keys() & set(topics)):
+            self._log(topic, self._latest[topic], self.time_ns)
 
     def _log(self, topic: str, message: bytes, time_ns: int) -> None:
         self._channels[topic].log(message, log_time=time_ns)
-        self._time_ns = time_ns
+        self.time_ns = time_ns
         self.sent[topic] += 1
 
     def _open(self, stream: Stream) -> None:

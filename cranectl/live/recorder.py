@@ -1,4 +1,4 @@
-"""Record a live session: a log for each start and each controller, `FILE`, `FILE.take2`, ….
+"""Record a live session in segments: a log for each start and each controller, `FILE`, `FILE.segment2`, ….
 
 A log has one design and one start. So a session that changes either goes on in another file; times go on
 through all of them, and a viewer that opens them together shows the session as one.
@@ -7,21 +7,19 @@ through all of them, and a viewer that opens them together shows the session as 
 import contextlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import foxglove
-from foxglove.mcap import MCAPWriteOptions
 
 from cranectl.live.place import REMEDY, next_file
-from cranectl.live.publisher import Outlet
+from cranectl.live.publisher import Publisher
 from cranectl.log import topics
 from cranectl.log.writer import (
-    CHUNK_SIZE,
     FAILURES,
     check_complete,
     file_attachments,
     file_metadata,
+    open_file,
     run_metadata,
     unfinished,
 )
@@ -36,12 +34,12 @@ class _DiscardedError(Exception):
 
 
 class Recorder:
-    """Writes what an outlet sends into files that are renamed once closed and checked."""
+    """Writes what a publisher sends into files that are renamed once closed and checked."""
 
-    def __init__(self, path: Path, context: foxglove.Context, outlet: Outlet) -> None:
+    def __init__(self, path: Path, context: foxglove.Context, publisher: Publisher) -> None:
         """`path` is where this session may write, as `own_place` gives it."""
         self.files: list[Path] = []  # that are closed
-        self._first, self._context, self._outlet = path, context, outlet
+        self._first, self._context, self._publisher = path, context, publisher
         self._path = path  # of the file that is open
         self._place = contextlib.ExitStack()
         self._part: Path | None = None
@@ -56,21 +54,15 @@ class Recorder:
         path = self._path = next_file(self._first)
         try:
             self._part = self._place.enter_context(replacing(path, keep_after=FAILURES))
-            options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
-            self._file = foxglove.open_mcap(
-                self._part, allow_overwrite=True, context=self._context, writer_options=options
-            )
-            outcomes = {f"run/{run.plant}" for run in runs}
-            for name, values in file_metadata(runs, runs[0].scenario.log.every).items():
-                if name not in outcomes:
-                    self._file.write_metadata(name, values)
-            take = {"take": str(len(self.files) + 1), "from_ns": str(from_ns), "reason": reason}
-            self._file.write_metadata("live", take)
-            for attachment in file_attachments(runs):
-                self._file.attach(**asdict(attachment))
+            metadata = file_metadata(runs, runs[0].scenario.log.every)
+            for run in runs:
+                del metadata[f"run/{run.plant}"]  # which is known at the end
+            number = str(len(self.files) + 1)
+            metadata["live"] = {"segment": number, "from_ns": str(from_ns), "reason": reason}
+            self._file = open_file(self._part, self._context, metadata, file_attachments(runs))
         except FAILURES as error:
             raise unfinished(path, self._part, error, remedy=REMEDY) from None
-        self._before = self._outlet.sent.copy()
+        self._before = self._publisher.sent.copy()
 
     def finish(self, runs: Sequence[Run], completed: bool) -> None:
         """Close the file, which then says how `runs` ended; one of a single sample or none is not kept.
@@ -82,7 +74,7 @@ class Recorder:
         path, part, file = self._path, self._part, self._file
         assert part is not None
         self._file = None
-        sent = self._outlet.sent - self._before
+        sent = self._publisher.sent - self._before
         running = RunStatus.COMPLETED if completed else RunStatus.INTERRUPTED
         try:
             with interrupts_wait(), contextlib.suppress(_DiscardedError), self._place:

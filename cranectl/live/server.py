@@ -9,18 +9,18 @@ from pathlib import Path
 
 import foxglove
 
-from cranectl.live.commands import KICK_SECONDS, Command, Controls, Kick, Reset, Say, Use
-from cranectl.live.increments import Pieces
-from cranectl.live.listener import Address, Desk, as_parameters, listen
+from cranectl.live.commands import PULSE_SECONDS, Command, Controls, Pulse, Reset, Say, Use
+from cranectl.live.increments import Increments
+from cranectl.live.listener import Address, Listener, as_parameters, listen
 from cranectl.live.pace import Pace
-from cranectl.live.publisher import Outlet
+from cranectl.live.publisher import Publisher
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
 from cranectl.log.events import Event
 from cranectl.log.messages import log_lines
 from cranectl.scenario import NANOSECONDS
 
-BLOCK = 0.02  # [s] of real time between two looks at what was asked for
+BLOCK = 0.02  # [s] of real time after which commands are carried out
 IDLE = 0.05  # [s] the same while nothing moves
 SOURCE = "live"  # of lines in the log that no plant says
 
@@ -33,14 +33,14 @@ class LiveServer:
         session.prepare()
         self._session, self._controls = session, controls
         self._context = foxglove.Context()
-        self._outlet = Outlet(self._context)
+        self._publisher = Publisher(self._context)
         self._runs = session.advance(0)
         self._recorded: set[str] = set()  # plants in the file that is open
         plants = [run.plant for run in self._runs]
-        self._pieces = Pieces(session.scenario, session.plan, plants)
-        self._desk = Desk(controls)
-        self._server, self._guard = listen(address, session.scenario.name, self._desk, self._context)
-        self._recorder = Recorder(record, self._context, self._outlet)
+        self._increments = Increments(session.scenario, session.plan, plants)
+        self._listener = Listener(controls)
+        self._server, self._guard = listen(address, session.scenario.name, self._listener, self._context)
+        self._recorder = Recorder(record, self._context, self._publisher)
         self.port = self._guard.port
 
     @property
@@ -64,14 +64,14 @@ class LiveServer:
         pace, idle, slow, values = Pace(), True, False, self._controls.values()
         while not stop.is_set():
             for command in self._controls.commands():
-                self._obey(command)
+                self._carry_out(command)
             if self._controls.values() != values:
                 values, slow = self._controls.values(), False
                 self._server.publish_parameter_values(as_parameters(values))
-            missed = self._desk.asked()
+            missed = self._listener.subscribed()
             if missed:
                 self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
-                self._outlet.resend(missed)
+                self._publisher.resend(missed)
             if self._controls.paused or not self._session.moving:
                 idle = True
                 stop.wait(IDLE)
@@ -98,13 +98,13 @@ class LiveServer:
         self._runs = self._session.advance(samples)
         # First the clock: open viewers take it as the time of the messages that follow.
         self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
-        self._outlet.send(self._pieces.piece(self._runs, self._session.origin_ns))
+        self._publisher.send(self._increments.messages(self._runs, self._session.origin_ns))
 
-    def _obey(self, command: Command) -> None:
+    def _carry_out(self, command: Command) -> None:
         if isinstance(command, Say):
             self._say(command.message, warning=command.warning)
-        elif isinstance(command, Kick):
-            self._kick(command)
+        elif isinstance(command, Pulse):
+            self._pulse(command)
         elif isinstance(command, Use):
             self._finish()
             self._session.use(command.design)
@@ -113,23 +113,23 @@ class LiveServer:
         elif isinstance(command, Reset):
             self._finish()
             self._session.reset()
-            self._pieces.start()
+            self._increments.start()
             self._begin("reset")
             self._step(1)  # shows the start, also to those who have paused
 
-    def _kick(self, command: Kick) -> None:
+    def _pulse(self, command: Pulse) -> None:
         alpha, beta = command.acceleration
-        text = f"kick of {alpha:g} rad/s² on alpha and {beta:g} rad/s² on beta for {KICK_SECONDS:g} s"
+        text = f"pulse of {alpha:g} rad/s² on alpha and {beta:g} rad/s² on beta for {PULSE_SECONDS:g} s"
         if self._session.moving:
-            self._session.kick(command.acceleration, KICK_SECONDS)
+            self._session.pulse(command.acceleration, PULSE_SECONDS)
             self._say(text)
         else:
             self._say(f"{text} refused: the run has stopped; call /reset", warning=True)
 
     def _say(self, message: str, *, warning: bool = False) -> None:
         """A line in `/log`, as of the newest message: a sample may yet follow before the next block."""
-        event = Event(self._outlet.time_ns, SOURCE, message, warning)
-        self._outlet.send([log_lines([event])])
+        event = Event(self._publisher.time_ns, SOURCE, message, warning)
+        self._publisher.send([log_lines([event])])
 
     def _begin(self, reason: str) -> None:
         """Start a recording with all that is needed to understand it; not where nothing moves."""
@@ -138,12 +138,12 @@ class LiveServer:
         self._recorded = {run.plant for run in moving}
         if moving:
             self._recorder.begin(moving, self._session.now_ns, reason)
-        self._outlet.send(self._pieces.standing(runs), at_ns=self._session.now_ns)
+        self._publisher.send(self._increments.static_scene(runs, self._session.now_ns))
         self._say(reason)
 
     def _finish(self) -> None:
         """Close the recording."""
-        self._outlet.send(self._pieces.last())
+        self._publisher.send(self._increments.last())
         session = self._session
         duration_ns = session.scenario.steps * session.scenario.period_ns
         completed = session.now_ns - session.origin_ns > duration_ns

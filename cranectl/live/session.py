@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass
-class _Lane:
+class _PlantState:
     """One plant under its own copy of the controller's memory."""
 
     plant: Plant
@@ -42,7 +42,7 @@ class _Lane:
 
 
 @dataclass(frozen=True)
-class _Kick:
+class _Pulse:
     """A disturbance over samples since the last start."""
 
     first: int
@@ -61,10 +61,10 @@ class Session:
         self.plan = plan_scenario(scenario)
         self.origin_ns = 0  # time of the last start
         self._samples = 0  # since the last start
-        self._kicks: list[_Kick] = []
+        self._pulses: list[_Pulse] = []
         tracker, start = tracker_of(scenario, design), self.plan.initial_state
-        self._lanes = [
-            _Lane(
+        self._states = [
+            _PlantState(
                 plant,
                 compiled_loop(plant),
                 inputs_of(scenario, tracker, make_actuation(scenario, start), self.plan, drive),
@@ -72,8 +72,8 @@ class Session:
             )
             for plant in (make_plant(name, scenario, drive) for name in plants)
         ]
-        for lane in self._lanes:
-            lane.plant.check_length(self.plan.shortest_rope)
+        for state in self._states:
+            state.plant.check_length(self.plan.shortest_rope)
         self._start()
 
     @property
@@ -84,7 +84,7 @@ class Session:
     @property
     def moving(self) -> bool:
         """Whether any plant has not stopped."""
-        return any(not lane.status.stopped for lane in self._lanes)
+        return any(not state.status.stopped for state in self._states)
 
     def prepare(self) -> None:
         """Compile now what has not been compiled on this machine, rather than in the first block."""
@@ -93,15 +93,15 @@ class Session:
         self._start()
 
     def advance(self, samples: int) -> list[Run]:
-        """The next piece of every plant's run, without rows where it had stopped before."""
+        """The next increment of every plant's run, without rows where it had stopped before."""
         index = np.arange(self._samples, self._samples + samples)
         time_ns = self.origin_ns + index * self.scenario.period_ns
         reference = self.plan.reference[np.minimum(index, self.scenario.steps)]
         disturbance = self._disturbance(index)
         wind = self.plan.wind[np.minimum(index, self.scenario.steps)]
-        found = [self._piece(lane, time_ns, reference, disturbance, wind) for lane in self._lanes]
+        found = [self._increment(state, time_ns, reference, disturbance, wind) for state in self._states]
         self._samples += samples
-        self._kicks = [kick for kick in self._kicks if kick.end > self._samples]
+        self._pulses = [pulse for pulse in self._pulses if pulse.end > self._samples]
         return found
 
     def use(self, design: Design) -> None:
@@ -113,62 +113,67 @@ class Session:
         tracker = tracker_of(self.scenario, design)
         kept = design.robustifier is self.design.robustifier
         self.design = design
-        for lane in self._lanes:
-            lane.inputs = lane.inputs._replace(tracker=tracker)
+        for state in self._states:
+            state.inputs = state.inputs._replace(tracker=tracker)
             if not kept:
                 states = np.zeros(3 * design.robustifier.sampled_order)
-                lane.memory = np.concatenate([lane.memory[:ROBUSTIFIER], states])
+                state.memory = np.concatenate([state.memory[:ROBUSTIFIER], states])
 
-    def kick(self, acceleration: tuple[float, float], seconds: float) -> None:
+    def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
         length = max(1, round(seconds * NANOSECONDS / self.scenario.period_ns))
-        self._kicks.append(_Kick(self._samples, self._samples + length, acceleration))
+        self._pulses.append(_Pulse(self._samples, self._samples + length, acceleration))
 
     def reset(self) -> None:
         """Start the scenario again from its initial state, at the time that it is now."""
-        self.origin_ns, self._samples, self._kicks = self.now_ns, 0, []
+        self.origin_ns, self._samples, self._pulses = self.now_ns, 0, []
         self._start()
 
     def _start(self) -> None:
         start = self.plan.initial_state
-        for lane in self._lanes:
-            lane.plant.reset(start)
-            lane.inputs.slack[:] = 0.0
-            lane.inputs.actuation.velocity[:] = start[1:6:2]
-            lane.memory = initial_memory(lane.inputs.tracker, self.plan.reference[0])
-            lane.path = make_signal_path(
+        for state in self._states:
+            state.plant.reset(start)
+            state.inputs.slack[:] = 0.0
+            state.inputs.actuation.velocity[:] = start[1:6:2]
+            state.memory = initial_memory(state.inputs.tracker, self.plan.reference[0])
+            state.path = make_signal_path(
                 self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns)
             )
-            lane.status, lane.end_ns = RunStatus.RUNNING, self.origin_ns
+            state.status, state.end_ns = RunStatus.RUNNING, self.origin_ns
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
-        """The scenario's and the kicks' at samples `index` (n,): shape (n, 2)."""
+        """The scenario's and the pulses' at samples `index` (n,): shape (n, 2)."""
         rows = self.plan.disturbance[np.minimum(index, self.scenario.steps)]
-        for kick in self._kicks:
-            rows[(index >= kick.first) & (index < kick.end)] += kick.acceleration
+        for pulse in self._pulses:
+            rows[(index >= pulse.first) & (index < pulse.end)] += pulse.acceleration
         return rows
 
-    def _piece(
-        self, lane: _Lane, time_ns: NDArray[np.int64], reference: Array, disturbance: Array, wind: Array
+    def _increment(
+        self,
+        state: _PlantState,
+        time_ns: NDArray[np.int64],
+        reference: Array,
+        disturbance: Array,
+        wind: Array,
     ) -> Run:
         record = np.zeros((len(time_ns), record_width(self.design)))
-        path, rows = lane.path, 0
+        path, rows = state.path, 0
         if path is not None:
             path = path._replace(record=np.zeros((len(time_ns), PATH_WIDTH)))
-        if not lane.status.stopped and len(time_ns):
-            inputs = lane.inputs._replace(reference=reference, disturbance=disturbance, wind=wind)
-            rows, end, code = lane.loop(inputs, path, record, lane.memory, 0, len(time_ns))
-            lane.status = RunStatus(code)
-            lane.end_ns = int(time_ns[end if lane.status.stopped else -1])
+        if not state.status.stopped and len(time_ns):
+            inputs = state.inputs._replace(reference=reference, disturbance=disturbance, wind=wind)
+            rows, end, code = state.loop(inputs, path, record, state.memory, 0, len(time_ns))
+            state.status = RunStatus(code)
+            state.end_ns = int(time_ns[end if state.status.stopped else -1])
         return Run(
             scenario=self.scenario,
             design=self.design,
-            plant=lane.plant.name,
+            plant=state.plant.name,
             drive=self.drive,
-            model=lane.plant.description,
+            model=state.plant.description,
             time_ns=time_ns[:rows],
             table=whole_record(record, path)[:rows],
             reference=reference[:rows],
-            status=lane.status,
-            end_ns=lane.end_ns,
+            status=state.status,
+            end_ns=state.end_ns,
         )

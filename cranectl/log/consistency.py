@@ -41,7 +41,7 @@ class Clock:
     period_ns: int
     every: int  # logged every n-th control sample, and the last
     duration_ns: int
-    from_ns: int | None = None  # where a take of a live session begins, which ends when it likes
+    from_ns: int | None = None  # where a segment of a live session begins, which ends when it likes
 
     @classmethod
     def of(cls, scenario: Scenario, every: int, from_ns: int | None = None) -> "Clock":

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +58,8 @@ class Saturated(IntEnum):
 
 
 @dataclass(frozen=True)
-class Standing:
-    """How a run stands from a time on."""
+class StatusChange:
+    """The status of a run from a time on."""
 
     time_ns: int
     status: RunStatus
@@ -66,6 +67,18 @@ class Standing:
     phase: Phase
     disturbed: Disturbed
     saturated: Saturated
+
+
+class Conditions(NamedTuple):
+    """What lines of a log have been written of by a time."""
+
+    outside: tuple[bool, ...] = (
+        False,
+        False,
+        False,
+    )  # of their range: bridge, trolley, rope
+    limited: int = 0  # drives that have reached their limits, as `Saturated`
+    slack: bool = False
 
 
 def saturation(run: Run) -> NDArray[np.int64]:
@@ -76,65 +89,63 @@ def saturation(run: Run) -> NDArray[np.int64]:
     return acting
 
 
-def standings(run: Run) -> list[Standing]:
+def status_changes(run: Run) -> list[StatusChange]:
     """At the start, at every change, and at the end."""
     inside: NDArray[np.bool_] = workspace_excess(run).max(axis=1) <= 0.0
     limited = saturation(run)
     crossings = run.time_ns[1:][np.diff(inside) | (np.diff(limited) != 0)] if len(inside) else run.time_ns
-    edges = {
-        0,
-        *(time for time, _ in segments(run.scenario)),
-        *(time for time, _, _ in disturbance_edges(run.scenario)),
-    }
-    times = sorted(edges | {int(time) for time in crossings})
-    before_end = [time for time in times if time < run.end_ns]
-    found = [_standing(run, time, RunStatus.RUNNING, inside, limited) for time in before_end]
-    return [*found, _standing(run, run.end_ns, run.status, inside, limited)]
+    times = {0, *(time for time, _ in phases(run.scenario)), *disturbance_times(run.scenario)}
+    times |= set(crossings.tolist())
+
+    def at(time_ns: int, status: RunStatus) -> StatusChange:
+        row = min(int(np.searchsorted(run.time_ns, time_ns)), len(inside) - 1)
+        phase = [phase for start, phase in phases(run.scenario) if start <= time_ns][-1]
+        joints = {joint for joint, _ in acting_disturbances(run.scenario, time_ns)}
+        disturbed = Disturbed(("alpha" in joints) + 2 * ("beta" in joints))
+        within, saturated = (bool(inside[row]), int(limited[row])) if len(inside) else (False, 0)
+        return StatusChange(time_ns, status, within, phase, disturbed, Saturated(saturated))
+
+    before_end = [at(time, RunStatus.RUNNING) for time in sorted(times) if time < run.end_ns]
+    return [*before_end, at(run.end_ns, run.status)]
 
 
-def _standing(
-    run: Run, time_ns: int, status: RunStatus, inside: NDArray[np.bool_], limited: NDArray[np.int64]
-) -> Standing:
-    row = min(int(np.searchsorted(run.time_ns, time_ns)), len(inside) - 1)
-    phase = [kind for start, kind in segments(run.scenario) if start <= time_ns][-1]
-    acting = {"alpha": 0, "beta": 0}
-    for time, joint, change in disturbance_edges(run.scenario):
-        acting[joint] += change if time <= time_ns else 0
-    disturbed = Disturbed((1 if acting["alpha"] else 0) + (2 if acting["beta"] else 0))
-    within, cut = (bool(inside[row]), int(limited[row])) if len(inside) else (False, 0)
-    return Standing(time_ns, status, within, phase, disturbed, Saturated(cut))
-
-
-def segments(scenario: Scenario) -> list[tuple[int, Phase]]:
+def phases(scenario: Scenario) -> list[tuple[int, Phase]]:
     """Start [ns] and kind of each segment of the reference; the last point is held."""
-    found, start = [], 0.0
+    starts, start = [], 0.0
     for segment in scenario.reference.segments:
-        found.append((round(start * NANOSECONDS), Phase[segment.kind.upper()]))
+        starts.append((round(start * NANOSECONDS), Phase[segment.kind.upper()]))
         start += segment.duration
-    return [*found, (round(start * NANOSECONDS), Phase.HOLD)]
+    return [*starts, (round(start * NANOSECONDS), Phase.HOLD)]
 
 
-def disturbance_edges(scenario: Scenario) -> list[tuple[int, str, int]]:
-    """(time [ns], joint, +1 on or -1 off) of each disturbance."""
-    edges: list[tuple[int, str, int]] = []
-    for step in scenario.disturbances:
-        edges.append((round(step.start * NANOSECONDS), step.joint, 1))
-        if step.end is not None:
-            edges.append((round(step.end * NANOSECONDS), step.joint, -1))
-    return edges
+def disturbance_times(scenario: Scenario) -> set[int]:
+    """When disturbances begin and end [ns]."""
+    times = [time for step in scenario.disturbances for time in (step.start, step.end)]
+    return {round(time * NANOSECONDS) for time in times if time is not None}
+
+
+def acting_disturbances(scenario: Scenario, time_ns: int) -> list[tuple[str, float]]:
+    """Joint and magnitude [rad/s²] of each disturbance that acts."""
+    return [
+        (step.joint, step.magnitude)
+        for step in scenario.disturbances
+        if step.magnitude
+        and round(step.start * NANOSECONDS) <= time_ns
+        and (step.end is None or time_ns < round(step.end * NANOSECONDS))
+    ]
 
 
 def events(run: Run) -> list[Event]:
     """The events of one run in the order of time."""
     planned = [event for event in scenario_events(run.scenario, run.plant) if event.time_ns < run.end_ns]
-    found = [
-        Event(0, run.plant, f"{run.scenario.name} with {run.design.name}, {run.drive} drives"),
-        *planned,
-        *workspace_events(run, np.zeros(3, dtype=bool)),
-        *limit_events(run, 0),
-        *rope_events(run, slack=False),
-    ]
-    return [*sorted(found, key=lambda event: event.time_ns), end_event(run)]
+    observed, _ = condition_events(run, Conditions())
+    during = sorted([start_event(run, 0), *planned, *observed], key=lambda event: event.time_ns)
+    return [*during, end_event(run)]
+
+
+def start_event(run: Run, time_ns: int) -> Event:
+    """What begins."""
+    return Event(time_ns, run.plant, f"{run.scenario.name} with {run.design.name}, {run.drive} drives")
 
 
 def end_event(run: Run) -> Event:
@@ -145,49 +156,44 @@ def end_event(run: Run) -> Event:
 
 def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
     """What is bound to happen: segments of the reference, then disturbances."""
-    found = []
+    planned = []
     if scenario.reference.segments:
-        for time_ns, phase in segments(scenario):
-            found.append(Event(time_ns, plant, f"reference: {phase.name.lower()}"))
+        for time_ns, phase in phases(scenario):
+            planned.append(Event(time_ns, plant, f"reference: {phase.name.lower()}"))
     for step in scenario.disturbances:
         name = f"disturbance of {step.magnitude:g} rad/s² on {step.joint}"
         for time, verb in ((step.start, "begins"), (step.end, "ends")):
             if time is not None:
-                found.append(Event(round(time * NANOSECONDS), plant, f"{name} {verb}"))
-    return found
+                planned.append(Event(round(time * NANOSECONDS), plant, f"{name} {verb}"))
+    return planned
 
 
-def limit_events(run: Run, before: int) -> list[Event]:
-    """When each drive reaches its limits for the first time; `before` says as `Saturated` which had already.
+def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditions]:
+    """When axes leave the workspace, drives reach their limits and the rope goes slack, and are back.
 
-    Later times are in the status: they can be as many as samples.
+    A drive at its limits is told of once: later times are in the status, and can be as many as samples. Also
+    returns the conditions at the end of the run, with which the events of its continuation go on.
     """
-    found, limited = [], saturation(run)
+    if not len(run.time_ns):
+        return [], before
+    found: list[Event] = []
+    outside, limited = workspace_excess(run) > 0.0, saturation(run)
+    slack = run.signal("load.rope_tension") <= 0.0
+    for name, axis, was in zip(WORKSPACE_SIGNALS, outside.T, before.outside, strict=True):
+        found += _changes(run, axis, was, f"{name} leaves the workspace", f"{name} is back in the workspace")
     for bit, drive in enumerate(("bridge", "trolley", "rope")):
         acting = np.flatnonzero(limited & (1 << bit))
-        if len(acting) and not before & (1 << bit):
+        if len(acting) and not before.limited & (1 << bit):
             time_ns = int(run.time_ns[acting[0]])
             found.append(Event(time_ns, run.plant, f"the {drive} drive reaches its limits", warning=True))
-    return found
+    found += _changes(run, slack, before.slack, "the rope goes slack", "the rope pulls again")
+    reached = before.limited | int(np.bitwise_or.reduce(limited))
+    return found, Conditions(tuple(outside[-1].tolist()), reached, bool(slack[-1]))
 
 
-def rope_events(run: Run, *, slack: bool) -> list[Event]:
-    """When the rope goes slack and when it pulls again; `slack` says whether it was before."""
-    now = run.signal("load.rope_tension") <= 0.0
-    found = []
-    for k in np.flatnonzero(np.diff(now.astype(np.int8), prepend=np.int8(slack))):
-        text = "the rope goes slack" if now[k] else "the rope pulls again"
-        found.append(Event(int(run.time_ns[k]), run.plant, text, warning=bool(now[k])))
-    return found
-
-
-def workspace_events(run: Run, outside: NDArray[np.bool_]) -> list[Event]:
-    """When bridge, trolley and rope cross their limits; `outside` (3,) says which were outside before."""
-    found = []
-    for name, excess, before in zip(WORKSPACE_SIGNALS, workspace_excess(run).T, outside, strict=True):
-        edges = np.diff((excess > 0.0).astype(np.int8), prepend=np.int8(before))
-        for k in np.flatnonzero(edges):
-            verb = "leaves" if edges[k] > 0 else "is back in"
-            text = f"{name} {verb} the workspace"
-            found.append(Event(int(run.time_ns[k]), run.plant, text, warning=bool(edges[k] > 0)))
-    return found
+def _changes(run: Run, holds: NDArray[np.bool_], before: bool, begins: str, ends: str) -> list[Event]:
+    """When something begins to hold, with a warning, and when it ends."""
+    return [
+        Event(int(run.time_ns[k]), run.plant, begins if holds[k] else ends, warning=bool(holds[k]))
+        for k in np.flatnonzero(np.diff(holds.astype(np.int8), prepend=np.int8(before)))
+    ]

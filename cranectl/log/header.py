@@ -24,7 +24,7 @@ class LogHeader:
     models: Mapping[str, str]  # the plants' own descriptions, by plant
     versions: Mapping[str, str]
     outcomes: Mapping[str, Outcome]  # by plant, where known
-    from_ns: int | None  # where a take of a live session begins
+    from_ns: int | None  # where a segment of a live session begins
 
     @property
     def plants(self) -> tuple[str, ...]:

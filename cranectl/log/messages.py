@@ -11,7 +11,7 @@ from cranectl.compare import against_reference, compare_runs, judge
 from cranectl.compare.limits import Limits, NoLimits
 from cranectl.design import Design
 from cranectl.log import schema, topics
-from cranectl.log.events import Event, Standing, events, standings
+from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams
 from cranectl.log.stream import Stream
 from cranectl.scenario import NANOSECONDS
@@ -27,7 +27,7 @@ def streams(runs: Sequence[Run], limits: Limits | NoLimits | None = None) -> lis
     """
     found = [run_info(runs), design_info(runs[0].design)]
     found.append(log_lines(event for run in runs for event in events(run)))
-    found += [status(run.plant, standings(run)) for run in runs]
+    found += [status(run.plant, status_changes(run)) for run in runs]
     found += samples(runs)
     for a, b in against_reference(runs):
         name = a.plant if len(runs) > 2 else ""
@@ -111,24 +111,14 @@ def _beside(largest: float, limit: float | None, unit: str, limits: str) -> str:
     return f"{found}, limit {limit:g} {unit}" + ("" if limits == Limits.source else f", {limits}")
 
 
-def status(plant: str, found: Sequence[Standing]) -> Stream:
-    """How the run of `plant` stands."""
+def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
+    """The status of the run of `plant`."""
     definition = schema.status_schema()
     messages = [
-        schema.encode(
-            definition,
-            "Status",
-            {
-                "status": int(standing.status),
-                "inside_workspace": standing.inside_workspace,
-                "phase": int(standing.phase),
-                "disturbed": int(standing.disturbed),
-                "saturated": int(standing.saturated),
-            },
-        )
-        for standing in found
+        schema.encode(definition, "Status", {name: getattr(change, name) for name in schema.STATUS_FIELDS})
+        for change in changes
     ]
-    time_ns = np.array([standing.time_ns for standing in found], dtype=np.int64)
+    time_ns = np.array([change.time_ns for change in changes], dtype=np.int64)
     return Stream(topics.status_topic(plant), f"{schema.PACKAGE}.Status", definition, time_ns, messages)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.log import scene
-from cranectl.log.events import events, standings
+from cranectl.log.events import events, status_changes
 from cranectl.log.messages import log_lines, samples, signals, status
 from cranectl.log.stream import Stream
 from cranectl.log.writer import check_writable, file_attachments, write_container
@@ -50,7 +50,7 @@ def distance_group(labels: list[str]) -> SignalGroup:
 
 def _streams(runs: list[Run]) -> list[Stream]:
     found = [log_lines(event for run in runs for event in events(run))]
-    found += [status(run.plant, standings(run)) for run in runs]
+    found += [status(run.plant, status_changes(run)) for run in runs]
     found += samples(runs, groups=GROUPS)
     drawn = [run for run in runs if len(run.time_ns)]
     if not drawn:
@@ -59,14 +59,12 @@ def _streams(runs: list[Run]) -> list[Stream]:
     if len(drawn) > 1:
         found.append(_distances(drawn, longest))
     top = replace(drawn[-1], plant=CRANE)
-    found.append(status(CRANE, standings(top)))
+    found.append(status(CRANE, status_changes(top)))
     rows = scene.rows_apart(top, 1.0 / scene.RATE)
     found += [scene.path(longest), scene.workspace(top), scene.transforms([top], top, rows)]
-    found += [scene.model(top.plant, 1.0), scene.cable(top, 1.0, rows)]
+    found += [scene.model(top.plant, 1.0), scene.rope(top, 1.0, rows)]
     for k, run in enumerate(drawn):
-        rows = scene.rows_apart(run, scene.TRAIL_STEP)
-        colour = VIEWER_SERIES[k % len(VIEWER_SERIES)]
-        found.append(scene.trail(run.plant, run.time_ns[rows], run.load_position[rows], colour=colour))
+        found.append(scene.whole_trail(run, colour=VIEWER_SERIES[k % len(VIEWER_SERIES)]))
     return found
 
 

@@ -7,6 +7,7 @@ piece by piece.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from foxglove.messages import (
@@ -14,20 +15,16 @@ from foxglove.messages import (
     CubePrimitive,
     CylinderPrimitive,
     FrameTransforms,
-    LinePrimitive,
-    LinePrimitiveLineType,
-    Point3,
     Pose,
-    Quaternion,
     SceneEntityDeletion,
     SceneEntityDeletionType,
     SceneUpdate,
     SpherePrimitive,
-    Vector3,
 )
 from numpy.typing import NDArray
 
 from cranectl.log import shapes, topics
+from cranectl.log.events import acting_disturbances, disturbance_times
 from cranectl.log.stream import Stream
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants.registry import plant_entry, reference_plant
@@ -45,6 +42,13 @@ GHOST = 0.3  # opacity
 ROPE_THICKNESS = 0.008  # [m]
 ARROW_LENGTH = 0.25  # [m] for 1 rad/s²
 
+# Of a solid, by its kind: where an entity has it, its class, what else that wants.
+PRIMITIVES: dict[str, tuple[str, Any, dict[str, float]]] = {
+    "box": ("cubes", CubePrimitive, {}),
+    "sphere": ("spheres", SpherePrimitive, {}),
+    "cylinder": ("cylinders", CylinderPrimitive, {"bottom_scale": 1.0, "top_scale": 1.0}),
+}
+
 
 def scene_streams(runs: Sequence[Run]) -> list[Stream]:
     """The 3-D topics of the runs."""
@@ -55,8 +59,12 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
     shown = opacities([run.plant for run in drawn])
     found = [transforms(drawn, longest, rows_apart(longest, 1.0 / RATE)), path(drawn[0]), workspace(drawn[0])]
     for run in drawn:
-        rope = cable(run, shown[run.plant], rows_apart(run, 1.0 / RATE))
-        found += [model(run.plant, shown[run.plant]), rope, _whole_trail(run), _arrows(run)]
+        found += [
+            model(run.plant, shown[run.plant]),
+            rope(run, shown[run.plant], rows_apart(run, 1.0 / RATE)),
+            whole_trail(run),
+            _arrows(run),
+        ]
     return found
 
 
@@ -102,33 +110,28 @@ def model(plant: str, opacity: float) -> Stream:
     """The rig's solids, once; a ghost needs no second frame around the same rig."""
     from cranectl.plants.mujoco.geometry import rig_solids  # MuJoCo, which reading a log does not need
 
-    solids = [solid for solid in rig_solids() if opacity == 1.0 or solid.body != "frame"]
-    entities = []
-    for body in dict.fromkeys(solid.body for solid in solids):
-        primitives: dict[str, list[CubePrimitive | CylinderPrimitive | SpherePrimitive]] = {}
-        for solid in (solid for solid in solids if solid.body == body):
-            pose = Pose(
+    entities: dict[str, dict[str, list[object]]] = {}
+    for solid in rig_solids():
+        if opacity < 1.0 and solid.body == "frame":
+            continue
+        name, primitive, more = PRIMITIVES[solid.kind]
+        shape = primitive(
+            pose=Pose(
                 position=shapes.vector(solid.position), orientation=shapes.quaternion(solid.orientation)
-            )
-            colour = shapes.colour(solid.colour[:3], solid.colour[3] * opacity)
-            size = shapes.vector(solid.size)
-            if solid.kind == "box":
-                primitives.setdefault("cubes", []).append(CubePrimitive(pose=pose, size=size, color=colour))
-            elif solid.kind == "sphere":
-                primitives.setdefault("spheres", []).append(
-                    SpherePrimitive(pose=pose, size=size, color=colour)
-                )
-            else:
-                cylinder = CylinderPrimitive(
-                    pose=pose, size=size, color=colour, bottom_scale=1.0, top_scale=1.0
-                )
-                primitives.setdefault("cylinders", []).append(cylinder)
-        frame = "world" if body == "frame" else f"{plant}/{body}"
-        entities.append(shapes.entity(frame, body, 0, **primitives))
-    return _scene(topics.plant_topic(plant, "model"), [0], [SceneUpdate(entities=entities)])
+            ),
+            size=shapes.vector(solid.size),
+            color=shapes.colour(solid.colour[:3], solid.colour[3] * opacity),
+            **more,
+        )
+        entities.setdefault(solid.body, {}).setdefault(name, []).append(shape)
+    drawn = [
+        shapes.entity("world" if body == "frame" else f"{plant}/{body}", body, 0, **primitives)
+        for body, primitives in entities.items()
+    ]
+    return _scene(topics.plant_topic(plant, "model"), [0], [SceneUpdate(entities=drawn)])
 
 
-def cable(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
+def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     """The rope from trolley to load at `rows`; coloured where it is nearly slack."""
     state, load = run.block("state")[rows], run.block("load")[rows]
     slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
@@ -138,14 +141,17 @@ def cable(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     for time_ns, (*trolley, x, y, z), colour in zip(
         run.time_ns[rows].tolist(), ends, colours.tolist(), strict=True
     ):
-        line = shapes.line([trolley, [x, y, z]], ROPE_THICKNESS, shapes.colour(colour, opacity))
+        line = shapes.line(
+            shapes.points([trolley, [x, y, z]]), ROPE_THICKNESS, color=shapes.colour(colour, opacity)
+        )
         updates.append(SceneUpdate(entities=[shapes.entity("world", "rope", time_ns, lines=[line])]))
     return _scene(topics.plant_topic(run.plant, "cable"), run.time_ns[rows].tolist(), updates)
 
 
-def _whole_trail(run: Run) -> Stream:
+def whole_trail(run: Run, *, colour: str | None = None) -> Stream:
+    """The trail of a whole run."""
     rows = rows_apart(run, TRAIL_STEP)
-    return trail(run.plant, run.time_ns[rows], run.load_position[rows])
+    return trail(run.plant, run.time_ns[rows], run.load_position[rows], colour=colour)
 
 
 def trail(plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: str | None = None) -> Stream:
@@ -153,43 +159,24 @@ def trail(plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: str | 
 
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows are the past of the first message.
     """
-    points = [Point3(x=x, y=y, z=z) for x, y, z in load.tolist()]
+    points = shapes.points(load.tolist())
     shade = rgb(colour or VIEWER[plant_entry(plant).colour])
     fading = [shapes.colour(shade, k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     updates = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):
         first = max(k - TRAIL_POINTS, 0)
-        line = LinePrimitive(
-            type=LinePrimitiveLineType.LineStrip,
-            pose=shapes.ORIGIN,
-            thickness=1.2 * ROPE_THICKNESS,
-            points=points[first : k + 1],
-            colors=fading[first - k - 1 :],
-        )
+        line = shapes.line(points[first : k + 1], 1.2 * ROPE_THICKNESS, colors=fading[first - k - 1 :])
         updates.append(SceneUpdate(entities=[shapes.entity("world", "trail", time, lines=[line])]))
     return _scene(topics.plant_topic(plant, "trail"), time_ns.tolist(), updates)
 
 
 def _arrows(run: Run) -> Stream:
     """The scenario's disturbances while they act."""
-    edges = {0}
-    for step in run.scenario.disturbances:
-        edges |= {round(time * NANOSECONDS) for time in (step.start, step.end) if time is not None}
-    times = sorted(edge for edge in edges if edge <= run.end_ns)
-    return push(run.plant, times, [_acting(run, time) for time in times])
+    times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
+    return arrows(run.plant, times, [acting_disturbances(run.scenario, time) for time in times])
 
 
-def _acting(run: Run, time_ns: int) -> list[tuple[str, float]]:
-    """Joint and magnitude of each disturbance that acts."""
-    found: list[tuple[str, float]] = []
-    for step in run.scenario.disturbances:
-        end = np.inf if step.end is None else round(step.end * NANOSECONDS)
-        if round(step.start * NANOSECONDS) <= time_ns < end and step.magnitude:
-            found.append((step.joint, step.magnitude))
-    return found
-
-
-def push(plant: str, times: Sequence[int], acting: Sequence[Sequence[tuple[str, float]]]) -> Stream:
+def arrows(plant: str, times: Sequence[int], acting: Sequence[Sequence[tuple[str, float]]]) -> Stream:
     """Arrows for what acts, by joint and magnitude [rad/s²]: each message deletes what was shown before."""
     everything = SceneEntityDeletion(type=SceneEntityDeletionType.All, timestamp=shapes.timestamp(0))
     updates = [
@@ -211,8 +198,8 @@ def _arrow(joint: str, magnitude: float) -> ArrowPrimitive:
     length = ARROW_LENGTH * float(np.clip(abs(magnitude), 0.4, 3.0))
     return ArrowPrimitive(
         pose=Pose(
-            position=Vector3(x=0.0, y=0.0, z=0.0),
-            orientation=Quaternion(x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half))),
+            position=shapes.vector([0.0] * 3),
+            orientation=shapes.quaternion([0.0, 0.0, float(np.sin(half)), float(np.cos(half))]),
         ),
         shaft_length=0.75 * length,
         shaft_diameter=0.018,
@@ -224,9 +211,10 @@ def _arrow(joint: str, magnitude: float) -> ArrowPrimitive:
 
 def path(run: Run) -> Stream:
     """The desired path as a line, the desired load as a small ball that moves with the frame `reference`."""
-    points, shade = run.reference[rows_apart(run, TRAIL_STEP), :3].tolist(), rgb(VIEWER["reference"])
-    line = shapes.line(points, 0.8 * ROPE_THICKNESS, shapes.colour(shade, 0.9))
-    size = Vector3(x=0.04, y=0.04, z=0.04)
+    shade = rgb(VIEWER["reference"])
+    points = shapes.points(run.reference[rows_apart(run, TRAIL_STEP), :3].tolist())
+    line = shapes.line(points, 0.8 * ROPE_THICKNESS, color=shapes.colour(shade, 0.9))
+    size = shapes.vector([0.04] * 3)
     ball = SpherePrimitive(pose=shapes.ORIGIN, size=size, color=shapes.colour(shade, 0.6))
     entities = [
         shapes.entity("world", "path", 0, lines=[line]),
@@ -240,17 +228,11 @@ def workspace(run: Run) -> Stream:
     x, y, rope = run.scenario.rig.workspace
     corners = np.array([(a, b, -c) for c in rope for b in y for a in x])
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
-    line = LinePrimitive(
-        type=LinePrimitiveLineType.LineList,
-        pose=shapes.ORIGIN,
-        thickness=1.5,
-        scale_invariant=True,
-        points=[shapes.point(corners[k].tolist()) for edge in edges for k in edge],
-        color=shapes.colour(rgb(VIEWER["reference"]), 0.5),
-    )
-    return _scene(
-        topics.WORKSPACE, [0], [SceneUpdate(entities=[shapes.entity("world", "workspace", 0, lines=[line])])]
-    )
+    points = shapes.points(corners[k].tolist() for edge in edges for k in edge)
+    shade = shapes.colour(rgb(VIEWER["reference"]), 0.5)
+    line = shapes.line(points, 1.5, scale_invariant=True, separate=True, color=shade)
+    entity = shapes.entity("world", "workspace", 0, lines=[line])
+    return _scene(topics.WORKSPACE, [0], [SceneUpdate(entities=[entity])])
 
 
 def rows_apart(run: Run, period: float) -> NDArray[np.intp]:

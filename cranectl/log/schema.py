@@ -150,6 +150,7 @@ def decode(schema: bytes, name: str, data: bytes) -> dict[str, Any]:
     return {field.name: value for field, value in message.ListFields()}
 
 
+@functools.cache
 def _message_type(schema: bytes, name: str) -> type[Message]:
     files = descriptor_pb2.FileDescriptorSet.FromString(schema)
     pool = descriptor_pool.DescriptorPool()

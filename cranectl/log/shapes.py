@@ -1,6 +1,6 @@
 """Building blocks of scene messages, with all fields set that viewers need: opacity, orientation, frame."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from foxglove.messages import (
     Color,
@@ -51,14 +51,25 @@ def transform(
     )
 
 
-def line(points: Rows, thickness: float, colour: Color) -> LinePrimitive:
-    """A connected line in one colour."""
+def line(
+    points: list[Point3],
+    thickness: float,
+    *,
+    scale_invariant: bool = False,
+    separate: bool = False,
+    color: Color | None = None,
+    colors: list[Color] | None = None,
+) -> LinePrimitive:
+    """A connected line, or of each two points a `separate` one, in one colour or in one for each point."""
+    kind = LinePrimitiveLineType.LineList if separate else LinePrimitiveLineType.LineStrip
     return LinePrimitive(
-        type=LinePrimitiveLineType.LineStrip,
+        type=kind,
         pose=ORIGIN,
         thickness=thickness,
-        points=[point(xyz) for xyz in points],
-        color=colour,
+        scale_invariant=scale_invariant,
+        points=points,
+        color=color,
+        colors=colors,
     )
 
 
@@ -67,25 +78,21 @@ def timestamp(time_ns: int) -> Timestamp:
     return Timestamp(*divmod(time_ns, NANOSECONDS))
 
 
-def vector(values: Sequence[float]) -> Vector3:
+def vector(xyz: Iterable[float]) -> Vector3:
     """From (x, y, z)."""
-    x, y, z = values
-    return Vector3(x=x, y=y, z=z)
+    return Vector3(**dict(zip("xyz", xyz, strict=True)))
 
 
-def point(values: Sequence[float]) -> Point3:
-    """From (x, y, z)."""
-    x, y, z = values
-    return Point3(x=x, y=y, z=z)
+def points(rows: Iterable[Iterable[float]]) -> list[Point3]:
+    """From rows (x, y, z)."""
+    return [Point3(x=x, y=y, z=z) for x, y, z in rows]
 
 
-def quaternion(values: Sequence[float]) -> Quaternion:
+def quaternion(xyzw: Iterable[float]) -> Quaternion:
     """From (x, y, z, w)."""
-    x, y, z, w = values
-    return Quaternion(x=x, y=y, z=z, w=w)
+    return Quaternion(**dict(zip("xyzw", xyzw, strict=True)))
 
 
 def colour(rgb: Sequence[float], opacity: float) -> Color:
     """From (r, g, b) and opacity."""
-    r, g, b = rgb
-    return Color(r=r, g=g, b=b, a=opacity)
+    return Color(**dict(zip("rgba", (*rgb, opacity), strict=True)))

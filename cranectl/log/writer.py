@@ -21,7 +21,7 @@ from cranectl.compare.limits import Limits, NoLimits
 from cranectl.log import formats
 from cranectl.log.consistency import check_runs
 from cranectl.log.messages import streams
-from cranectl.log.stream import Stream
+from cranectl.log.stream import Stream, in_order
 from cranectl.mcap_columns.contents import read_end
 from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
@@ -92,21 +92,30 @@ def write_container(
     """
     # The writer's channels die with the context: it must stay referenced until the file is closed.
     context = foxglove.Context()
-    options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
     part = None
     try:
         with interrupts_wait(), replacing(path, keep_after=FAILURES) as part:
-            with foxglove.open_mcap(
-                part, allow_overwrite=True, context=context, writer_options=options
-            ) as file:
-                for name, values in metadata.items():
-                    file.write_metadata(name, dict(values))
-                for attachment in attachments:
-                    file.attach(**asdict(attachment))
+            with open_file(part, context, metadata, attachments):
                 count = _send_in_order(context, sent)
             check_complete(part, count)
     except FAILURES as error:
         raise unfinished(path, part, error, remedy=REMEDY) from None
+
+
+def open_file(
+    part: Path,
+    context: foxglove.Context,
+    metadata: Mapping[str, Mapping[str, str]],
+    attachments: Sequence[Attachment],
+) -> foxglove.MCAPWriter:
+    """A file that begins with these and goes on with what is sent to `context`."""
+    options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
+    file = foxglove.open_mcap(part, allow_overwrite=True, context=context, writer_options=options)
+    for name, values in metadata.items():
+        file.write_metadata(name, dict(values))
+    for attachment in attachments:
+        file.attach(**asdict(attachment))
+    return file
 
 
 def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) -> LogError:
@@ -169,14 +178,10 @@ def _text(name: str, media_type: str, text: str) -> Attachment:
 def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
     """Send all messages in the order of time; returns their number."""
     channels = [open_channel(context, stream) for stream in sent]
-    time = np.concatenate([stream.time_ns for stream in sent])
-    index = np.concatenate([np.full(len(stream.messages), k) for k, stream in enumerate(sent)])
-    order = np.lexsort((index, time))
-    waiting = [iter(stream.messages) for stream in sent]
     logs = [channel.log for channel in channels]
-    for k, log_time in zip(index[order].tolist(), time[order].tolist(), strict=True):
-        logs[k](next(waiting[k]), log_time=log_time)
-    return len(time)
+    for k, log_time, message in in_order(sent):
+        logs[k](message, log_time=log_time)
+    return sum(len(stream.messages) for stream in sent)
 
 
 def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from cranectl.design import design_controller
-from cranectl.live.commands import Controls, Kick, Reset, Say, Use
+from cranectl.live.commands import Controls, Pulse, Reset, Say, Use
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.support.errors import InputError
 
-NAMES = ["pause", "speed", "controller", "k0", "k1", "k2", "k3", "kick_alpha", "kick_beta"]
+NAMES = ["pause", "speed", "controller", "k0", "k1", "k2", "k3", "pulse_alpha", "pulse_beta"]
 
 
 @pytest.fixture
@@ -40,12 +40,12 @@ def test_pause_and_speed(controls: Controls) -> None:
     assert controls.commands() == [], "nothing has changed"
 
 
-def test_kick_and_reset(controls: Controls) -> None:
-    controls.set({"kick_beta": -1.5})
-    controls.kick()
+def test_pulse_and_reset(controls: Controls) -> None:
+    controls.set({"pulse_beta": -1.5})
+    controls.pulse()
     controls.reset()
-    _, kick, reset = controls.commands()
-    assert kick == Kick((2.0, -1.5))
+    _, pulse, reset = controls.commands()
+    assert pulse == Pulse((2.0, -1.5))
     assert reset == Reset()
 
 
@@ -102,7 +102,7 @@ def test_gains_come_with_their_controller(controls: Controls) -> None:
         ({"speed": 0.0}, "speed = 0.0; allowed: a number from 0.05 to 20"),
         ({"speed": 1e9}, "speed"),
         ({"pause": 1.0}, "pause = 1.0; allowed: true or false"),
-        ({"kick_alpha": 1e3}, "kick_alpha"),
+        ({"pulse_alpha": 1e3}, "pulse_alpha"),
         ({"wind": 1.0}, "unknown parameter 'wind'"),
     ],
 )

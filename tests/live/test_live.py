@@ -22,7 +22,7 @@ from cranectl.cli.live import live_command
 from cranectl.compare import judge
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls
-from cranectl.live.increments import Pieces
+from cranectl.live.increments import Increments
 from cranectl.live.listener import Address
 from cranectl.live.server import LiveServer
 from cranectl.live.session import Session
@@ -38,7 +38,7 @@ from tests.log.viewer import Viewer
 
 QUIET = ["disturbances=[]"]
 STOP = ["disturbances=[{joint='alpha', start=0.1, magnitude=200.0}]", "duration=2"]
-STANDING = (
+STATIC = (
     *("/analytic/model", "/mujoco/model", "/reference/path", "/rig/workspace"),
     *("/run/info", "/controller/design", "/analytic/status", "/mujoco/status", "/mujoco/push"),
 )
@@ -108,12 +108,12 @@ def test_everything_is_advertised(tmp_path: Path, short: Scenario) -> None:
         del expected["/diff/verdict"]
         viewer.until(lambda: len(viewer.channels) >= len(expected))
         assert {topic: c["schemaName"] for topic, c in viewer.channels.items()} == expected
-        assert set(viewer.services) == {"/kick", "/reset", "/pause", "/resume"}
+        assert set(viewer.services) == {"/pulse", "/reset", "/pause", "/resume"}
         for service in viewer.services.values():
             assert service["request"]["encoding"] == "json"
             assert service["request"]["schemaEncoding"] == "jsonschema"
         assert list(viewer.get()) == [
-            "pause", "speed", "controller", "k0", "k1", "k2", "k3", "kick_alpha", "kick_beta",
+            "pause", "speed", "controller", "k0", "k1", "k2", "k3", "pulse_alpha", "pulse_beta",
         ]  # fmt: skip
         assert viewer.get("speed", "controller") == {"speed": 1.0, "controller": "lqr"}
 
@@ -126,8 +126,8 @@ def test_a_late_viewer_sees_the_whole_scene(tmp_path: Path) -> None:
         early.until(lambda: early.get("pause")["pause"])
         early.rest(0.2)
         with Viewer(running.server.port) as late:
-            late.subscribe(*STANDING, "/tf", "/mujoco/cable", "/mujoco/trail", "/log", "/mujoco/state")
-            for topic in (*STANDING, "/tf", "/mujoco/cable", "/mujoco/trail"):
+            late.subscribe(*STATIC, "/tf", "/mujoco/cable", "/mujoco/trail", "/log", "/mujoco/state")
+            for topic in (*STATIC, "/tf", "/mujoco/cable", "/mujoco/trail"):
                 late.wait_for(topic)
             late.until(lambda: late.clock_ns)
             assert late.clock_ns[-1] >= early.of("/tf")[-1][0]
@@ -193,7 +193,7 @@ def test_a_machine_too_slow_says_so_once(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_gains_change_the_run_and_its_recording(tmp_path: Path) -> None:
     record = tmp_path / "live.mcap"
-    old = tmp_path / "live.take9.mcap"
+    old = tmp_path / "live.segment9.mcap"
     old.touch()
     with live(record, *QUIET) as (running, viewer):
         viewer.subscribe("/controller/design", "/log", "/mujoco/controller")
@@ -212,7 +212,7 @@ def test_gains_change_the_run_and_its_recording(tmp_path: Path) -> None:
         assert len(shaped.DESCRIPTOR.fields) == 2 + 3 * order > 2
         viewer.rest(0.1)
         files = running.end()
-    assert files == [record, tmp_path / "live.take2.mcap", tmp_path / "live.take3.mcap"]
+    assert files == [record, tmp_path / "live.segment2.mcap", tmp_path / "live.segment3.mcap"]
     assert sorted(tmp_path.iterdir()) == sorted([*files, old]), "nothing half-written"
     runs = [read_log(file)["mujoco"] for file in files]
     assert [run.design.name for run in runs] == [
@@ -242,14 +242,14 @@ def test_what_is_wrong_is_refused_with_the_reason(tmp_path: Path) -> None:
         assert running.session.design.name == "lqr"
 
 
-def test_a_kick_moves_the_load_and_a_reset_takes_it_back(tmp_path: Path) -> None:
+def test_a_pulse_moves_the_load_and_a_reset_takes_it_back(tmp_path: Path) -> None:
     record = tmp_path / "live.mcap"
     with live(record, *QUIET, speed=2.0) as (running, viewer):
         topics = ("/mujoco/state", "/mujoco/disturbance", "/mujoco/push", "/mujoco/status", "/log")
         viewer.subscribe(*topics)
         viewer.wait_for("/mujoco/disturbance")
-        viewer.set(kick_alpha=3.0, kick_beta=-2.0)
-        assert viewer.call("/kick")["message"]
+        viewer.set(pulse_alpha=3.0, pulse_beta=-2.0)
+        assert viewer.call("/pulse")["message"]
         viewer.wait_for("/mujoco/status", lambda message: message.disturbed == 3)
         viewer.wait_for("/mujoco/status", lambda message: message.disturbed == 0)
         acted = decode_rows([data for _, data in viewer.of("/mujoco/disturbance")], len(DISTURBANCE))
@@ -295,7 +295,7 @@ def test_a_stop_is_shown_and_a_reset_starts_again(tmp_path: Path) -> None:
         viewer.wait_to_hear(expected.status.explanation)
         viewer.rest(0.2)
         count = len(viewer.of("/mujoco/state"))
-        viewer.call("/kick")
+        viewer.call("/pulse")
         viewer.wait_to_hear("refused: the run has stopped; call /reset")
         viewer.set(controller="pole-placement")
         viewer.rest(0.2)
@@ -345,12 +345,12 @@ def test_left_alone_it_records_the_run_bit_for_bit(tmp_path: Path) -> None:
         ("fixed-position", STOP, 20),
     ],
 )
-def test_pieces_make_the_messages_of_a_log(name: str, overrides: tuple[str, ...], block: int) -> None:
+def test_increments_make_the_messages_of_a_log(name: str, overrides: tuple[str, ...], block: int) -> None:
     """Except how the run ended, and the last pose where it lies between two others."""
     scenario = load_scenario(name, overrides=overrides)
     design = design_controller("lqr", scenario.design)
     running = Session(scenario, design)
-    pieces = Pieces(scenario, running.plan, ["analytic", "mujoco"])
+    increments = Increments(scenario, running.plan, ["analytic", "mujoco"])
     found: dict[str, list[tuple[int, bytes]]] = {}
 
     def keep(made: list) -> None:
@@ -359,12 +359,12 @@ def test_pieces_make_the_messages_of_a_log(name: str, overrides: tuple[str, ...]
                 zip(stream.time_ns.tolist(), stream.messages, strict=True)
             )
 
-    keep(pieces.standing(running.advance(0)))
+    keep(increments.static_scene(running.advance(0), 0))
     left = scenario.steps + 1
     while left > 0 and running.moving:
-        keep(pieces.piece(running.advance(min(block, left)), running.origin_ns))
+        keep(increments.messages(running.advance(min(block, left)), running.origin_ns))
         left -= block
-    keep(pieces.last())
+    keep(increments.last())
     runs = [
         simulate_run(scenario, plant=p, design=design).every(scenario.log.every)
         for p in ("analytic", "mujoco")
@@ -398,10 +398,10 @@ def test_the_reference_is_sent_once_though_one_plant_stops_and_the_other_waits()
     scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]"])
     design = design_controller("lqr", scenario.design)
     running = Session(scenario, design)
-    pieces = Pieces(scenario, running.plan, ["analytic", "mujoco"])
+    increments = Increments(scenario, running.plan, ["analytic", "mujoco"])
     first, second = running.advance(22)
     stopped = replace(first, status=RunStatus.WORKSPACE_LEFT, end_ns=21_000_000)
-    sent = [*pieces.piece([stopped, second], 0), *pieces.last()]
+    sent = [*increments.messages([stopped, second], 0), *increments.last()]
     times = {topic: [] for topic in ("/reference/load", "/analytic/state", "/mujoco/state")}
     for stream in sent:
         if stream.topic in times:
@@ -439,7 +439,7 @@ sys.exit(main.main(sys.argv[1:]))
         viewer.call("/resume")
         viewer.wait_to_hear("resumed")
         viewer.rest(0.3)
-        viewer.call("/kick")
+        viewer.call("/pulse")
         viewer.rest(0.3)
         viewer.call("/pause")
         viewer.wait_to_hear("paused")

@@ -30,7 +30,7 @@ def test_another_session_is_refused_or_gets_the_next_number(tmp_path: Path) -> N
         assert [first.name, second.name, third.name] == ["a.mcap", "a-2.mcap", "a-3.mcap"]
 
 
-@pytest.mark.parametrize("lying", ["a.mcap", "a.take2.mcap", "a.take37.mcap"])
+@pytest.mark.parametrize("lying", ["a.mcap", "a.segment2.mcap", "a.segment37.mcap"])
 def test_what_lies_there_stays(lying: str, tmp_path: Path) -> None:
     wanted, old = tmp_path / "a.mcap", tmp_path / lying
     old.write_text("a recording")
@@ -43,7 +43,7 @@ def test_what_lies_there_stays(lying: str, tmp_path: Path) -> None:
 
 
 def test_files_of_other_names_do_not_count(tmp_path: Path) -> None:
-    others = ["b.mcap", "a.take.mcap", "xa.mcap", "a.mcap.1234.part", "a.take2.json", "a-2.mcap"]
+    others = ["b.mcap", "a.segment.mcap", "xa.mcap", "a.mcap.1234.part", "a.segment2.json", "a-2.mcap"]
     for name in others:
         (tmp_path / name).touch()
     with own_place(tmp_path / "a.mcap") as place:
@@ -51,14 +51,14 @@ def test_files_of_other_names_do_not_count(tmp_path: Path) -> None:
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(others)
 
 
-def test_takes_have_the_first_free_number(tmp_path: Path) -> None:
+def test_segments_have_the_first_free_number(tmp_path: Path) -> None:
     place = tmp_path / "a.mcap"
     names = []
     for _ in range(3):
         file = next_file(place)
         names.append(file.name)
         file.touch()
-    assert names == ["a.mcap", "a.take2.mcap", "a.take3.mcap"]
+    assert names == ["a.mcap", "a.segment2.mcap", "a.segment3.mcap"]
 
 
 def test_a_place_of_a_session_that_was_killed_is_free(tmp_path: Path) -> None:

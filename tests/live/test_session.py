@@ -23,12 +23,12 @@ def session(scenario: Scenario, controller: str = "lqr", **options: object) -> S
 
 def advanced(running: Session, samples: int, block: int = 20) -> dict[str, np.ndarray]:
     """All rows of the next `samples` samples, by plant."""
-    pieces: dict[str, list[Run]] = {}
+    increments: dict[str, list[Run]] = {}
     while samples > 0:
         for run in running.advance(min(block, samples)):
-            pieces.setdefault(run.plant, []).append(run)
+            increments.setdefault(run.plant, []).append(run)
         samples -= block
-    return {plant: np.vstack([run.table for run in runs]) for plant, runs in pieces.items()}
+    return {plant: np.vstack([run.table for run in runs]) for plant, runs in increments.items()}
 
 
 @pytest.mark.parametrize("block", [1, 7, 20, 501])
@@ -72,7 +72,7 @@ def test_another_tracker_of_the_same_gains_changes_no_bit(short: Scenario, contr
 def test_another_robustifier_starts_at_rest_and_the_extension_carries_over(short: Scenario) -> None:
     running = session(short, "lqr+hinf")
     advanced(running, 300)
-    held = [np.concatenate([lane.memory[:2], lane.inputs.actuation.velocity]) for lane in running._lanes]
+    held = [np.concatenate([state.memory[:2], state.inputs.actuation.velocity]) for state in running._states]
     design = design_controller("pole-placement+loop-shaping", short.design)
     running.use(design)
     for run, memory in zip(running.advance(1), held, strict=True):
@@ -112,25 +112,25 @@ def test_with_gain_has_its_own_poles(short: Scenario) -> None:
     assert with_gain(design, design.gain).name == design.name
 
 
-@pytest.mark.parametrize(("kick", "column"), [((2.0, 0.0), 6), ((0.0, -3.0), 8)])
+@pytest.mark.parametrize(("pulse", "column"), [((2.0, 0.0), 6), ((0.0, -3.0), 8)])
 @pytest.mark.parametrize("plant", PLANTS)
-def test_a_kick_pushes_for_its_time_only(plant: str, kick: tuple[float, float], column: int) -> None:
+def test_a_pulse_pushes_for_its_time_only(plant: str, pulse: tuple[float, float], column: int) -> None:
     quiet = load_scenario("fixed-position", overrides=["disturbances=[]"])
     running = session(quiet, plants=[plant])
     running.advance(50)
-    running.kick(kick, 0.2)
+    running.pulse(pulse, 0.2)
     (run,) = running.advance(300)
-    assert np.array_equal(run.block("disturbance")[:200], np.tile(kick, (200, 1)))
+    assert np.array_equal(run.block("disturbance")[:200], np.tile(pulse, (200, 1)))
     assert not run.block("disturbance")[200:].any()
     rate = run.block("state")[:, column + 1]
-    assert rate[1] == pytest.approx(0.001 * sum(kick), rel=1e-3)
+    assert rate[1] == pytest.approx(0.001 * sum(pulse), rel=1e-3)
     assert abs(run.block("state")[200, column]) > 0.01
 
 
-def test_a_kick_adds_to_the_scenario(short: Scenario) -> None:
+def test_a_pulse_adds_to_the_scenario(short: Scenario) -> None:
     running = session(short, plants=["analytic"])
     running.advance(150)
-    running.kick((1.0, 0.5), 0.01)
+    running.pulse((1.0, 0.5), 0.01)
     (run,) = running.advance(20)
     assert run.block("disturbance")[[0, 9, 10]].tolist() == [[2.0, 0.5], [2.0, 0.5], [1.0, 0.0]]
     assert running.plan.disturbance[150].tolist() == [1.0, 0.0], "the plan itself stays"
@@ -139,11 +139,11 @@ def test_a_kick_adds_to_the_scenario(short: Scenario) -> None:
 def test_reset_starts_again_and_time_goes_on(short: Scenario) -> None:
     running = session(short)
     first = advanced(running, 333)
-    running.kick((5.0, 5.0), 1.0)
+    running.pulse((5.0, 5.0), 1.0)
     running.reset()
     assert (running.origin_ns, running.now_ns) == (333_000_000, 333_000_000)
-    pieces = running.advance(333)
-    for run in pieces:
+    increments = running.advance(333)
+    for run in increments:
         assert np.array_equal(run.table, first[run.plant]), run.plant
         assert run.time_ns[[0, -1]].tolist() == [333_000_000, 665_000_000]
 
@@ -152,8 +152,8 @@ def test_a_stop_ends_the_motion_until_the_next_start() -> None:
     scenario = load_scenario("fixed-position", overrides=STOP)
     running, rows = session(scenario), dict.fromkeys(PLANTS, 0)
     while running.moving:
-        pieces = running.advance(50)
-        for run in pieces:
+        increments = running.advance(50)
+        for run in increments:
             rows[run.plant] += len(run.time_ns)
     for run in running.advance(20):
         expected = simulate_run(scenario, plant=run.plant, controller="lqr")
