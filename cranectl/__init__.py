@@ -14,7 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cranectl.compare import Agreement, Comparison, compare_runs, judge
+    from cranectl.compare.runs import Agreement, Comparison, compare_runs, judge
     from cranectl.design import CONTROLLERS, Design, design_controller
     from cranectl.log import read_log, read_signal, write_log
     from cranectl.metrics import RunMetrics, run_metrics
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 _HOME = {
     "CONTROLLERS": "design",
-    "Agreement": "compare",
-    "Comparison": "compare",
+    "Agreement": "compare.runs",
+    "Comparison": "compare.runs",
     "CranectlError": "support.errors",
     "Design": "design",
     "InputError": "support.errors",
@@ -39,9 +39,9 @@ _HOME = {
     "RunMetrics": "metrics",
     "RunStatus": "status",
     "Scenario": "scenario",
-    "compare_runs": "compare",
+    "compare_runs": "compare.runs",
     "design_controller": "design",
-    "judge": "compare",
+    "judge": "compare.runs",
     "load_scenario": "scenario",
     "read_log": "log",
     "read_signal": "log",

@@ -277,7 +277,7 @@ def _warm_up() -> None:
     for module in (
         *TARGETS,
         "cranectl.simulate",
-        "cranectl.compare",
+        "cranectl.compare.runs",
         "mujoco",
         "numpy",
         "scipy.linalg",

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cranectl.compare import Agreement, against_reference
-from cranectl.compare.limits import Limits, NoLimits, Predict, limits_for
+from cranectl.compare.limits import Predict, limits_for
+from cranectl.compare.runs import Agreement, against_reference
 from cranectl.compare.step_length import judge_steps
 from cranectl.design import design_controller
 from cranectl.log import check_writable, write_log
@@ -176,19 +176,20 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     limits = limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
     runs: list[Run] = []
     for plant in case.plants:
-        run = simulate_run(
-            case.scenario,
-            plant=plant,
-            drive=case.drive,
-            design=design,
-            plan=plan,
-            progress=progress,
+        runs.append(
+            simulate_run(
+                case.scenario, plant=plant, drive=case.drive, design=design, plan=plan, progress=progress
+            )
         )
-        runs.append(run)
-        if run.status == RunStatus.INTERRUPTED:
+        if runs[-1].status == RunStatus.INTERRUPTED:
             break
     write_log(case.log, runs, limits=limits)
-    return _result(case, runs, limits, progress)
+    pairs = against_reference([run for run in runs if len(run.time_ns)], case.plants)
+    return CaseResult(
+        runs=tuple(RunSummary.of(run, case.log) for run in runs),
+        agreements=tuple(judge_steps(pair, limits, progress) for pair in pairs),
+        expected=case.scenario.expected,
+    )
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
@@ -197,15 +198,3 @@ def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         return run_case(case, progress=progress)
     except Exception as error:
         return Failure.of(error)
-
-
-def _result(
-    case: Case,
-    runs: Sequence[Run],
-    limits: Limits | NoLimits,
-    progress: Callable[[float], None] | None,
-) -> CaseResult:
-    summaries = tuple(RunSummary.of(run, case.log) for run in runs)
-    pairs = against_reference([run for run in runs if len(run.time_ns)], case.plants)
-    agreements = tuple(judge_steps(pair, limits, progress) for pair in pairs)
-    return CaseResult(summaries, agreements, case.scenario.expected)

@@ -77,8 +77,6 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
     """Evaluate the fidelity levels with the best controller, budget it, and write all of it."""
     from cranectl.analysis.budget.error_budget import error_budget
     from cranectl.analysis.certificate.certify import make_nominal_loop
-    from cranectl.analysis.certificate.linear_plant import linear_plant
-    from cranectl.analysis.certificate.loop import inner_loop_of
     from cranectl.analysis.ladder import evaluate_levels
     from cranectl.design import design_controller
     from cranectl.report.page import write_page
@@ -86,9 +84,8 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
 
     best, scenario = found.best, found.scenario
     assert best is not None
-    design = design_controller(best.controller, scenario.design)
-    nominal_loop = make_nominal_loop(scenario, design)
-    worst = inner_loop_of(linear_plant(scenario, best.certificate.worst.point, "velocity"), design.gain)
+    nominal_loop = make_nominal_loop(scenario, design_controller(best.controller, scenario.design))
+    worst = nominal_loop.inner_loop(scenario, best.certificate.worst.point, "velocity")
     results = list(evaluate_levels(scenario, best.controller))
     budget = error_budget(scenario, best.controller)
     write_page(rig_page(found, nominal_loop, worst, results, budget, command), report)

@@ -87,8 +87,7 @@ def certify_command(
     """
     from cranectl.analysis.certificate.certify import certify, make_nominal_loop
     from cranectl.analysis.certificate.conservatism import find_limits
-    from cranectl.analysis.certificate.linear_plant import LINEAR, NOT_LINEAR, linear_plant, present
-    from cranectl.analysis.certificate.loop import inner_loop_of
+    from cranectl.analysis.certificate.linear_plant import LINEAR, NOT_LINEAR, present
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
     from cranectl.analysis.certificate.structured import drive_margins
     from cranectl.cli import exit_codes
@@ -118,8 +117,7 @@ def certify_command(
     with progress_bar(len(points), done="points") as (advance, describe):
         describe(design.name)
         found = certify(nominal_loop, loaded, points, drive=checked, progress=advance)
-    worst = linear_plant(loaded, found.worst.point, checked)
-    inner = inner_loop_of(worst, design.gain)
+    inner = nominal_loop.inner_loop(loaded, found.worst.point, checked)
     margins = drive_margins(inner, nominal_loop.opening.robustifier, nominal_loop.period)
     lengths = sorted({point.rope_length for point in points})
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []

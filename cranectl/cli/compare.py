@@ -15,7 +15,7 @@ from cranectl.support.places import MCAP
 
 if TYPE_CHECKING:
     from cranectl.cli.screen import Screen
-    from cranectl.compare import Comparison
+    from cranectl.compare.runs import Comparison
     from cranectl.simulate import Run
 
 
@@ -99,7 +99,7 @@ def _compare(
     pairs: list[tuple["Run", "Run"]], software: Sequence[str], json_file: str | None, merged: Path | None
 ) -> None:
     from cranectl.cli.output import console, write_json
-    from cranectl.compare import compare_runs
+    from cranectl.compare.runs import compare_runs
 
     comparisons = [compare_runs(a, b) for a, b in pairs]
     screen = console(json_file)
@@ -132,7 +132,7 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
     """The plants of one log, judged as by the run that wrote it."""
     from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
-    from cranectl.compare import compare_runs, ended_as_expected, judge, least_good
+    from cranectl.compare.runs import compare_runs, ended_as_expected, judge, least_good
     from cranectl.report.run.agreement import agreement_table, limit_notes
 
     pairs = _pairs((log,))
@@ -169,8 +169,8 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:
     from cranectl.cli.output import FAILED, PASSED, console, write_json
-    from cranectl.compare import differing_fields
     from cranectl.compare.golden import judge_regression, load_tolerances
+    from cranectl.compare.runs import differing_fields
     from cranectl.log import read_log
     from cranectl.report.run.tables import regression_table
 
@@ -208,8 +208,8 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
 
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log; the pair that is in it."""
-    from cranectl.compare import differing_fields
     from cranectl.compare.merge import merged_pair, refuse_differences
+    from cranectl.compare.runs import differing_fields
     from cranectl.log import describe_log, read_log, write_logged
     from cranectl.support.provenance import provenance, provenance_differences
 
@@ -244,7 +244,7 @@ def _software_differences(log: Path, other: Path) -> list[str]:
 
 def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:
     """The runs to compare: the plants of one log, or each plant that two logs share."""
-    from cranectl.compare import against_reference
+    from cranectl.compare.runs import against_reference
     from cranectl.log import read_log
 
     runs = [read_log(log) for log in logs]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cranectl.cases import CaseResult
+    from cranectl.cases.case import CaseResult
     from cranectl.cases.workers import Result
 
 GOOD = 0
@@ -38,7 +38,7 @@ def of_validation(results: Sequence["Result"], *, interrupted: bool) -> int:
 
     A run that stops as its scenario expects is good.
     """
-    from cranectl.cases import CaseResult, Failure
+    from cranectl.cases.case import CaseResult, Failure
 
     if interrupted:
         return INTERRUPTED

@@ -10,7 +10,7 @@ from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, predict_option
 
 if TYPE_CHECKING:
-    from cranectl.compare import Agreement
+    from cranectl.compare.runs import Agreement
     from cranectl.log import LogDescription
     from cranectl.simulate import Run
 
@@ -30,7 +30,7 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     """
     from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
-    from cranectl.compare import against_reference, judge, least_good
+    from cranectl.compare.runs import against_reference, judge, least_good
     from cranectl.log import describe_log, read_log
     from cranectl.report.run.tables import topic_table
     from cranectl.support.provenance import provenance, provenance_differences

@@ -59,7 +59,7 @@ def ladder_command(
     cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
     """
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
-    from cranectl.cases import LOG_DIRECTORY
+    from cranectl.cases.case import LOG_DIRECTORY
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.log import check_writable
     from cranectl.log.overlay import write_overlay

@@ -57,7 +57,7 @@ def live_command(
     cranectl live fixed-position --controller lqr+hinf --plants mujoco --drive velocity
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
-    from cranectl.cases import LOG_DIRECTORY, default_log
+    from cranectl.cases.case import LOG_DIRECTORY, default_log
     from cranectl.design import design_controller
     from cranectl.live.commands import Controls
     from cranectl.live.complaints import complaints

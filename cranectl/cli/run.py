@@ -53,7 +53,7 @@ def run_command(
     cranectl run my-scenario.toml --out my.mcap --every 1
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity --predict
     """
-    from cranectl.cases import make_case, run_case
+    from cranectl.cases.case import make_case, run_case
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.plants.registry import PLANTS

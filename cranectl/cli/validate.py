@@ -10,7 +10,7 @@ from cranectl.cli.command import Command
 from cranectl.cli.options import drive_option, json_option, plants_option, predict_option, scenario_options
 
 if TYPE_CHECKING:
-    from cranectl.cases import Case, Failure
+    from cranectl.cases.case import Case, Failure
     from cranectl.scenario import Scenario
 
 
@@ -60,7 +60,7 @@ def validate_command(
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
-    from cranectl.cases import check_apart, default_log, make_case
+    from cranectl.cases.case import check_apart, default_log, make_case
     from cranectl.cases.workers import available_cores, run_cases
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import progress_bar
@@ -106,7 +106,7 @@ def _loaded(
     names: Sequence[str], rig: Path | None, overrides: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """The scenarios by the names they were asked for, and why others cannot be loaded."""
-    from cranectl.cases import Failure
+    from cranectl.cases.case import Failure
     from cranectl.scenario import load_scenario
 
     loaded, unloaded = {}, {}

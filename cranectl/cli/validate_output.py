@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from cranectl.cases import Case, CaseResult, Failure
+from cranectl.cases.case import Case, CaseResult, Failure
 from cranectl.cases.workers import Outcome
 from cranectl.cli import exit_codes
 from cranectl.cli.output import FAILED, PASSED, console, write_json

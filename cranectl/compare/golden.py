@@ -85,7 +85,11 @@ def tolerance_names() -> list[str]:
 
 def load_tolerances(name_or_path: str) -> Tolerances:
     """Load tolerances by name or from a TOML file; raises InputError for anything wrong in it."""
-    path = _tolerance_file(name_or_path)
+    path = Path(name_or_path)
+    if name_or_path in tolerance_names():
+        path = TOLERANCE_DIRECTORY / f"{name_or_path}.toml"
+    elif not (name_or_path.endswith(".toml") or "/" in name_or_path):
+        raise unknown_name("tolerance file", name_or_path, tolerance_names())
     return parse_settings(Tolerances, read_toml(path), path.name)
 
 
@@ -116,14 +120,6 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
         same_status=new.status == golden.status,
         ends_passed=apart_ns <= round(tolerances.end_s * NANOSECONDS),
     )
-
-
-def _tolerance_file(name: str) -> Path:
-    if name in tolerance_names():
-        return TOLERANCE_DIRECTORY / f"{name}.toml"
-    if name.endswith(".toml") or "/" in name:
-        return Path(name)
-    raise unknown_name("tolerance file", name, tolerance_names())
 
 
 def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, SignalLimit]:

@@ -7,8 +7,8 @@ import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
 from numpy.typing import NDArray
 
-from cranectl.compare import against_reference, compare_runs, judge
 from cranectl.compare.limits import Limits, NoLimits
+from cranectl.compare.runs import against_reference, compare_runs, judge
 from cranectl.design import Design
 from cranectl.log import schema, topics
 from cranectl.log.events import Event, StatusChange, events, status_changes

@@ -11,9 +11,15 @@
 from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
 from cranectl.metrics.metric import Measured, Metric, Row
 from cranectl.metrics.setup import SETTLING_TOLERANCE, MetricsSetup, metrics_setup
-from cranectl.metrics.summary import RunMetrics, finish, run_metrics, workspace_violations
+from cranectl.metrics.summary import (
+    RunMetrics,
+    WorkspaceViolation,
+    finish,
+    run_metrics,
+    workspace_excess,
+    workspace_violations,
+)
 from cranectl.metrics.table import all_metrics, low_is_bad
-from cranectl.metrics.workspace import WorkspaceViolation, workspace_excess
 
 __all__ = [
     "NEARLY_SLACK",

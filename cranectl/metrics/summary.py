@@ -7,16 +7,25 @@ from typing import Any
 import numpy as np
 
 from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
-from cranectl.metrics.metric import Measured, Value
+from cranectl.metrics.metric import Array, Measured, Value
 from cranectl.metrics.setup import NO_FLAGS, MetricsSetup, metrics_setup
 from cranectl.metrics.table import all_metrics
-from cranectl.metrics.workspace import WorkspaceViolation
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 
 OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # told axis by axis instead
+
+
+@dataclass(frozen=True)
+class WorkspaceViolation:
+    """Where, how far and for how long bridge, trolley or rope left its range."""
+
+    signal: str
+    first_time_s: float
+    max_excess_m: float
+    time_outside_s: float  # of all its excursions together
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,14 @@ def run_metrics(run: Run) -> RunMetrics | None:
     table, reference = np.ascontiguousarray(run.table), np.ascontiguousarray(run.reference)
     accumulate(setup, accumulator, run.time_ns, table, reference, table)
     return finish(setup, accumulator, run.status, run.end_ns)
+
+
+def workspace_excess(run: Run) -> Array:
+    """How far bridge, trolley and rope are outside their ranges [m], shape (N, 3), 0 inside."""
+    positions = run.block("state")[:, :6:2]
+    low, high = run.scenario.rig.workspace.T
+    excess: Array = np.maximum(np.maximum(low - positions, positions - high), 0.0)
+    return excess
 
 
 def workspace_violations(run: Run) -> tuple[WorkspaceViolation, ...]:

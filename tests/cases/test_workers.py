@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.cases import Case, CaseResult, Failure, check_apart, make_case
+from cranectl.cases.case import Case, CaseResult, Failure, check_apart, make_case
 from cranectl.cases.workers import available_cores, run_cases
 from cranectl.log import read_log
 from cranectl.scenario import load_scenario

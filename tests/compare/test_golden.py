@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.compare import COMPARED_GROUPS, named_signals
 from cranectl.compare.golden import (
     RegressionVerdict,
     Tolerances,
@@ -16,6 +15,7 @@ from cranectl.compare.golden import (
     load_tolerances,
     tolerance_names,
 )
+from cranectl.compare.runs import COMPARED_GROUPS, named_signals
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from cranectl.analysis.budget.predicted_limits import predicted_limits
-from cranectl.compare import judge
 from cranectl.compare.limits import (
     NOT_SHIPPED,
     OTHER_PAIR,
@@ -16,6 +15,7 @@ from cranectl.compare.limits import (
     is_shipped,
     limits_for,
 )
+from cranectl.compare.runs import judge
 from cranectl.design import design_controller
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import simulate_run

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cranectl.compare import (
+from cranectl.compare.limits import agreement_limits
+from cranectl.compare.runs import (
     compare_runs,
     compared_signals,
     differing_fields,
     judge,
     named_signals,
 )
-from cranectl.compare.limits import agreement_limits
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.compare import judge, step_length
+from cranectl.compare import step_length
 from cranectl.compare.limits import NoLimits, agreement_limits
+from cranectl.compare.runs import judge
 from cranectl.compare.step_length import judge_steps
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from cranectl import signals
-from cranectl.compare import compare_runs
+from cranectl.compare.runs import compare_runs
 from cranectl.log import check_writable, read_log, write_log
 from cranectl.log.events import Disturbed, Phase, Saturated
 from cranectl.log.schema import decode_rows, encode_rows, group_schema
@@ -392,7 +392,7 @@ def test_two_processes_writing_the_same_log_leave_a_whole_one(tmp_path: Path, lo
 
 FULL_DISK = """
 import resource, signal, sys
-from cranectl.compare import compare_runs
+from cranectl.compare.runs import compare_runs
 from cranectl.support.errors import LogError
 from cranectl.log import read_log, write_log
 runs = list(read_log(sys.argv[1]).values())

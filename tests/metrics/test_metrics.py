@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.cases import RunSummary
+from cranectl.cases.case import RunSummary
 from cranectl.cli.main import main
 from cranectl.design import design_controller
 from cranectl.metrics import (

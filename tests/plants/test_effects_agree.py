@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from cranectl.compare import compare_runs
+from cranectl.compare.runs import compare_runs
 from cranectl.plants.surroundings import air_velocity
 from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import Wind

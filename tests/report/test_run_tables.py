@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.cases import RunSummary
-from cranectl.compare import Agreement
+from cranectl.cases.case import RunSummary
+from cranectl.compare.runs import Agreement
 from cranectl.report.run.agreement import agreement_table
 from cranectl.report.run.tables import run_table
 from cranectl.report.table import Cell

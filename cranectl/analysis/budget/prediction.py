@@ -160,25 +160,17 @@ def _join(nominal: Nominal, effects: tuple[str, ...], loop: TrajectoryLoop, on: 
     """All `effects` on the motion `on`: their signals together."""
     if "servos" not in effects:
         return integrator_error(nominal.run, loop)
-    total = plant_errors(loop)  # with what the engine does to it, the same scheme and step
-    for name in effects:
-        if name in REPEATED:
-            found = _equivalent(nominal, name, loop, on)
-            total = Ports(*(a + b for a, b in zip(total, found, strict=True)))
-    return total
-
-
-def _equivalent(nominal: Nominal, name: str, loop: TrajectoryLoop, on: Deviation) -> Ports:
-    """The effect `name` on the motion `on`."""
     run, settings = nominal.run, nominal.effects
-    if name == "limits":
-        return limited_commands(run, loop, settings.limits, on)
-    if name == "observer":
-        ports = no_errors(loop)
+    parts = [plant_errors(loop)]  # with what the engine does to it, the same scheme and step
+    if "limits" in effects:
+        parts.append(limited_commands(run, loop, settings.limits, on))
+    if "observer" in effects:
         encoders = make_encoders(exact(settings.sensing), len(run.time_ns))
-        ports.measured[:] = measured_error(nominal, encoders, on)
-        return ports
-    return delayed(loop, run.block("input")[:-1, :3] + on.commanded, _delay(nominal, (name,)))
+        parts.append(no_errors(loop)._replace(measured=measured_error(nominal, encoders, on)))
+    if "delay" in effects:
+        commands = run.block("input")[:-1, :3] + on.commanded
+        parts.append(delayed(loop, commands, _delay(nominal, effects)))
+    return Ports(*(np.sum(signals, axis=0) for signals in zip(*parts, strict=True)))
 
 
 def _bound(estimate: float, left: float, other: float) -> float:

@@ -51,6 +51,10 @@ class NominalLoop:
     graph: Graph  # of the design model
     margin: CoprimeMargin
 
+    def inner_loop(self, scenario: Scenario, point: OperatingPoint, drive: Drive) -> InnerLoop:
+        """The plant of `scenario` frozen at `point`, under the design's state feedback."""
+        return inner_loop_of(linear_plant(scenario, point, drive), self.design.gain)
+
     def judge(self, inner: InnerLoop, point: OperatingPoint) -> "PointVerdict":
         """Compare the plant frozen at `point`."""
         graph = self.opening.graph(inner)
@@ -177,8 +181,7 @@ def certify(
     """Judge a controller at every point; drives, delay and observer are those of `scenario`."""
     verdicts = []
     for point in points:
-        inner = inner_loop_of(linear_plant(scenario, point, drive), nominal_loop.design.gain)
-        verdicts.append(nominal_loop.judge(inner, point))
+        verdicts.append(nominal_loop.judge(nominal_loop.inner_loop(scenario, point, drive), point))
         if progress is not None:
             progress(1.0)
     lag_x, lag_y, lag_l = (float(lag) for lag in scenario.rig.time_constants)

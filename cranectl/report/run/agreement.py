@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 
-from cranectl.cases import CaseResult, RunSummary
-from cranectl.compare import Agreement
+from cranectl.cases.case import CaseResult, RunSummary
 from cranectl.compare.limits import Limits
+from cranectl.compare.runs import Agreement
 from cranectl.report.table import VERDICTS, Cell, Table, cells
 
 Drives = dict[str, tuple[Agreement, bool]]  # by name; with whether the case passed

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cranectl.cases import RunSummary
-from cranectl.compare import Agreement, Comparison, against_reference, compare_runs, judge
+from cranectl.cases.case import RunSummary
 from cranectl.compare.limits import Limits, Predict, limits_for
+from cranectl.compare.runs import Agreement, Comparison, against_reference, compare_runs, judge
 from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.captions import agreement, caption

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from math import degrees
 
-from cranectl.cases import RunSummary
-from cranectl.compare import Comparison
+from cranectl.cases.case import RunSummary
 from cranectl.compare.golden import RegressionVerdict
+from cranectl.compare.runs import Comparison
 from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import VERDICTS, Cell, Table, cells

@@ -17,8 +17,8 @@ from cranectl.analysis.budget.prediction import LEVELS, predict_levels
 from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate
 from cranectl.analysis.deviation import Size, size_of
 from cranectl.cli.main import main
-from cranectl.compare import compare_runs
 from cranectl.compare.limits import agreement_limits
+from cranectl.compare.runs import compare_runs
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
