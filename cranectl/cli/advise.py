@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import json_option, scenario_options
+from cranectl.cli.command import Command
+from cranectl.cli.options import json_option, output_option, scenario_options
 from cranectl.support.places import HTML
 
 if TYPE_CHECKING:
@@ -20,11 +20,10 @@ if TYPE_CHECKING:
     "--controller", "controllers", multiple=True, metavar="NAME", help="Repeatable. Default: all six."
 )
 @scenario_options
-@click.option(
+@output_option(
     "--report",
-    metavar="FILE",
-    type=OutputFile(HTML),
-    help="HTML page with this, the certificate, the ladder and the error budget of the best controller.",
+    HTML,
+    "HTML page with this, the certificate, the ladder and the error budget of the best controller.",
 )
 @json_option
 def advise_command(

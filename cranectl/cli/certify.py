@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import drive_option, json_option, scenario_options
+from cranectl.cli.command import Command
+from cranectl.cli.options import drive_option, json_option, output_option, scenario_options
 from cranectl.support.places import PLOTS
 
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
@@ -50,11 +50,8 @@ DRIVES = ("bridge", "trolley", "winch")
 )
 @click.option("--limits", is_flag=True, help="Also the largest delay and lag certified and survived.")
 @scenario_options
-@click.option(
-    "--plot",
-    metavar="FILE",
-    type=OutputFile(endings=PLOTS),
-    help="Draw the map, and distance and margin over frequency (.svg, .pdf, .png).",
+@output_option(
+    "--plot", None, "Draw the map, and distance and margin over frequency (.svg, .pdf, .png).", endings=PLOTS
 )
 @json_option
 def certify_command(

@@ -1,15 +1,14 @@
 """`cranectl compare`."""
 
 import functools
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import json_option, predict_option
+from cranectl.cli.command import Command
+from cranectl.cli.options import json_option, output_option, predict_option
 from cranectl.support.errors import InputError
 from cranectl.support.places import MCAP
 
@@ -27,12 +26,7 @@ if TYPE_CHECKING:
     help="exact, rounding or a TOML file: judge the first LOG, NEW, by the second, GOLDEN; exit code 1 if a "
     "limit is exceeded.",
 )
-@click.option(
-    "--merge",
-    metavar="FILE",
-    type=OutputFile(MCAP),
-    help="Write two LOGs of different plants as one log of both.",
-)
+@output_option("--merge", MCAP, "Write two LOGs of different plants as one log of both.")
 @click.option(
     "--despite-differences",
     is_flag=True,
@@ -63,54 +57,39 @@ def compare_command(
     cranectl compare logs/fixed-position/lqr-ideal.mcap golden.mcap --tolerances exact
     cranectl compare analytic.mcap mujoco.mcap --merge both.mcap
     """
-    _check_usage(logs, tolerances, merge, despite_differences)
-    if predict and len(logs) > 1:
-        raise InputError(
-            "--predict and two logs", allowed="one log of both plants", remedy="leave one of them out"
-        )
+    one, judged, merged = len(logs) == 1, tolerances is not None, merge is not None
+    for wrong, found, allowed, remedy in (
+        (len(logs) > 2, f"{len(logs)} logs", "one log or two", "compare them two by two"),
+        (judged and merged, "--tolerances and --merge", "one of the two", "leave one out"),
+        (judged and one, "--tolerances and one log", "two logs, NEW and GOLDEN", "name a second log"),
+        (merged and one, "--merge and one log", "two logs, one of each plant", "name a second log"),
+        (despite_differences and not merged, "--despite-differences without --merge", "", "add --merge FILE"),
+        (predict and not one, "--predict and two logs", "one log of both plants", "leave one of them out"),
+    ):
+        if wrong:
+            raise InputError(found, allowed=allowed, remedy=remedy)
     if tolerances is not None:
         return _judge(logs[0], logs[1], tolerances, json_file)
-    if merge is not None:
-        _compare([_merged(logs[0], logs[1], merge, despite_differences)], (), json_file, merge)
-        return exit_codes.GOOD
-    if len(logs) == 1:
+    if one:
         return _compare_plants(logs[0], json_file, predict=predict)
-    _compare(_pairs(logs), _software_differences(*logs), json_file, None)
-    return exit_codes.GOOD
-
-
-def _check_usage(
-    logs: tuple[Path, ...], tolerances: str | None, merge: Path | None, despite_differences: bool
-) -> None:
-    if len(logs) > 2:
-        raise InputError(f"{len(logs)} logs", allowed="one log or two", remedy="compare them two by two")
-    if tolerances is not None and merge is not None:
-        raise InputError("--tolerances and --merge", allowed="one of the two", remedy="leave one out")
-    if len(logs) == 1 and (tolerances is not None or merge is not None):
-        option, two = (
-            ("--tolerances", "NEW and GOLDEN") if merge is None else ("--merge", "one of each plant")
-        )
-        raise InputError(f"{option} and one log", allowed=f"two logs, {two}", remedy="name a second log")
-    if despite_differences and merge is None:
-        raise InputError("--despite-differences without --merge", remedy="leave it out, or name --merge FILE")
-
-
-def _compare(
-    pairs: list[tuple["Run", "Run"]], software: Sequence[str], json_file: str | None, merged: Path | None
-) -> None:
     from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import compare_runs
 
+    if merge is None:
+        pairs, software = _pairs(logs), _software_differences(logs[0], logs[1])
+    else:
+        pairs, software = [_merged(logs[0], logs[1], merge, despite_differences)], []
     comparisons = [compare_runs(a, b) for a, b in pairs]
     screen = console(json_file)
     for comparison in comparisons:
         _print(screen, comparison)
     for difference in software:
         screen.print(f"made by other software: {difference}")
-    if merged is not None:
-        screen.print(f"log: {merged}")
-    found = {"comparisons": [comparison.to_json() for comparison in comparisons]}
-    write_json(json_file, {**found, "software_differences": list(software)})
+    if merge is not None:
+        screen.print(f"log: {merge}")
+    compared = [comparison.to_json() for comparison in comparisons]
+    write_json(json_file, {"comparisons": compared, "software_differences": software})
+    return exit_codes.GOOD
 
 
 def _print(screen: "Screen", comparison: "Comparison") -> None:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import json_option, scenario_options
+from cranectl.cli.command import Command
+from cranectl.cli.options import json_option, output_option, scenario_options
 from cranectl.support.places import PLOTS
 
 
@@ -17,11 +17,8 @@ from cranectl.support.places import PLOTS
     help="Whose [design], [control] and [rig] to take. Default: the defaults.",
 )
 @scenario_options
-@click.option(
-    "--plot",
-    metavar="FILE",
-    type=OutputFile(endings=PLOTS),
-    help="Draw singular values, loop gains and step responses (.svg, .pdf, .png).",
+@output_option(
+    "--plot", None, "Draw singular values, loop gains and step responses (.svg, .pdf, .png).", endings=PLOTS
 )
 @json_option
 def design_command(
@@ -53,9 +50,10 @@ def design_command(
     design = design_controller(name, loaded.design)
     tracker_of(loaded, design)  # raises if sampling makes it unstable
     if plot is not None:
-        from cranectl.report.design_figures import plot_design  # matplotlib, only where it is asked for
+        from cranectl.report.design_figures import design_figure  # matplotlib, only where it is asked for
+        from cranectl.report.figure_file import save_figure
 
-        plot_design(design, plot)
+        save_figure(design_figure(design), plot)
     screen = console(json_file)
     for table in design_tables(design):
         screen.print(table)

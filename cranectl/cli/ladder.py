@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import json_option, scenario_options
+from cranectl.cli.command import Command
+from cranectl.cli.options import controller_option, json_option, output_option, scenario_options
 from cranectl.support.places import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
@@ -14,16 +14,11 @@ EVERY = 10  # samples: a dozen runs in one file for viewers
 
 @click.command("ladder", cls=Command)
 @click.argument("scenario")
-@click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+@controller_option
 @click.option("--top", default="frame", show_default=True, metavar="LEVEL", help="The last level.")
 @scenario_options
-@click.option(
-    "--out",
-    metavar="FILE",
-    type=OutputFile(MCAP),
-    help="Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap",
-)
-@click.option("--report", metavar="FILE", type=OutputFile(HTML), help="HTML page of it.")
+@output_option("--out", MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap")
+@output_option("--report", HTML, "HTML page of it.")
 @json_option
 def ladder_command(
     scenario: str,

@@ -21,12 +21,13 @@ def list_command(json_file: str | None) -> None:
     from cranectl.design import CONTROLLERS
     from cranectl.plants.plant import DRIVES
     from cranectl.plants.registry import PLANTS
-    from cranectl.report.scenario_table import scenario_table
+    from cranectl.report.table import Table, cells
     from cranectl.scenario import load_scenario, scenario_names
 
     scenarios = [load_scenario(name) for name in scenario_names()]
     out = console(json_file)
-    out.print(scenario_table(scenarios))
+    rows = tuple(cells(each.name, f"{each.duration:g} s", each.controller, each.title) for each in scenarios)
+    out.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
     registries: dict[str, tuple[str, ...]] = {
         "controllers": CONTROLLERS,
         "plants": tuple(PLANTS),

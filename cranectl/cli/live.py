@@ -9,8 +9,15 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import drive_option, layout_for, plants_option, scenario_options
+from cranectl.cli.command import Command
+from cranectl.cli.options import (
+    controller_option,
+    drive_option,
+    layout_for,
+    output_option,
+    plants_option,
+    scenario_options,
+)
 from cranectl.support.interrupts import heed_interrupts, interrupt
 from cranectl.support.places import MCAP
 from cranectl.support.text import printable
@@ -20,18 +27,17 @@ HERE = ("127.0.0.1", "localhost", "::1")
 
 @click.command("live", cls=Command)
 @click.argument("scenario")
-@click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+@controller_option
 @plants_option("Default: all.")
 @drive_option(default="ideal")
 @click.option("--speed", type=float, default=1.0, show_default=True, metavar="X", help="Times real time.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=int, default=8765, show_default=True, help="Port to listen on; 0: any free one.")
 @click.option("--allow-origin", "origins", multiple=True, metavar="URL", help="A web page that may connect.")
-@click.option(
+@output_option(
     "--record",
-    metavar="FILE",
-    type=OutputFile(MCAP),
-    help="Log of the session, a new file. Default: logs/SCENARIO/CONTROLLER-DRIVE-live.mcap or …-2.mcap",
+    MCAP,
+    "Log of the session, a new file. Default: logs/SCENARIO/CONTROLLER-DRIVE-live.mcap or …-2.mcap",
 )
 @scenario_options
 def live_command(

@@ -8,20 +8,32 @@ import click
 
 from cranectl.cli.command import OutputFile
 from cranectl.support.errors import InputError
-from cranectl.support.places import JSON
+from cranectl.support.places import JSON, Kind
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def json_option(function: F) -> F:
-    """`--json FILE`."""
-    return click.option(
-        "--json",
-        "json_file",
-        metavar="FILE",
-        type=OutputFile(JSON, dash=True),
-        help="Write the result as JSON; - is standard output, tables then go to standard error.",
-    )(function)
+controller_option = click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+json_option = click.option(
+    "--json",
+    "json_file",
+    metavar="FILE",
+    type=OutputFile(JSON, dash=True),
+    help="Write the result as JSON; - is standard output, tables then go to standard error.",
+)
+predict_option = click.option(
+    "--predict",
+    is_flag=True,
+    help="Judge velocity drives of a scenario or rig that is not shipped by a bound computed for it, in "
+    "some seconds a case; without it they are not judged.",
+)
+
+
+def output_option(
+    name: str, kind: Kind | None, help_text: str, *, endings: tuple[str, ...] = ()
+) -> Callable[[F], F]:
+    """An option for a file to write: of one kind, or of that which one of `endings` names."""
+    return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
 
 
 def scenario_options(function: F) -> F:
@@ -80,16 +92,6 @@ def layout_for(plants: Sequence[str]) -> str:
         return f"single view.json --plant {plants[0]}"
     chosen = "" if len(plants) == len(PLANTS) else f" --plants {','.join(plants)}"
     return f"comparison view.json{chosen}"
-
-
-def predict_option(function: F) -> F:
-    """`--predict`."""
-    return click.option(
-        "--predict",
-        is_flag=True,
-        help="Judge velocity drives of a scenario or rig that is not shipped by a bound computed for it, in "
-        "some seconds a case; without it they are not judged.",
-    )(function)
 
 
 def drive_option(*, default: str) -> Callable[[F], F]:

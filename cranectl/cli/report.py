@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import predict_option
+from cranectl.cli.command import Command
+from cranectl.cli.options import output_option, predict_option
 from cranectl.support.places import HTML
 
 MAX_LOGS = 4  # as many as there are colours
@@ -14,12 +14,7 @@ MAX_LOGS = 4  # as many as there are colours
 
 @click.command("report", cls=Command)
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    metavar="FILE",
-    type=OutputFile(HTML),
-    help="Default: thesis.html without logs, otherwise the first log's name with .html.",
-)
+@output_option("--out", HTML, "Default: thesis.html without logs, otherwise the first log's name with .html.")
 @predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None, predict: bool) -> int:
     """Write runs, or the thesis, as one HTML page of figures and tables.

@@ -5,11 +5,13 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile
+from cranectl.cli.command import Command
 from cranectl.cli.options import (
+    controller_option,
     drive_option,
     json_option,
     layout_for,
+    output_option,
     plants_option,
     predict_option,
     scenario_options,
@@ -19,17 +21,12 @@ from cranectl.support.places import MCAP
 
 @click.command("run", cls=Command)
 @click.argument("scenario")
-@click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+@controller_option
 @plants_option("Default: all.")
 @drive_option(default="ideal")
 @scenario_options
 @click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
-@click.option(
-    "--out",
-    metavar="FILE",
-    type=OutputFile(MCAP),
-    help="Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap",
-)
+@output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
 @predict_option
 @json_option
 def run_command(

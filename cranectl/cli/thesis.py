@@ -1,28 +1,17 @@
 """`cranectl thesis`."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import json_option
+from cranectl.cli.command import Command
+from cranectl.cli.options import json_option, output_option
 from cranectl.support.places import HTML
-
-if TYPE_CHECKING:
-    from cranectl.simulate import Run
-    from cranectl.thesis.reproduction import Reproduction
 
 
 @click.command("thesis", cls=Command)
-@click.option(
-    "--report",
-    metavar="FILE",
-    type=OutputFile(HTML),
-    help="Also write tables and all figures of the thesis as one HTML page.",
-)
+@output_option("--report", HTML, "Also write tables and all figures of the thesis as one HTML page.")
 @json_option
 def thesis_command(report: Path | None, json_file: str | None) -> int:
     """Run chapter 5 of the thesis again, its numbers beside ours.
@@ -40,43 +29,34 @@ def thesis_command(report: Path | None, json_file: str | None) -> int:
 
 def run_thesis(json_file: str | None, report: Path | None) -> int:
     """Run, print, write what is asked for; returns the exit code."""
-    if report is None:
-        found = _reproduce()
-    else:
-        from cranectl.report.page import write_page
-        from cranectl.thesis.page import ChapterFigures, thesis_page
+    from cranectl.cli.output import FAILED, PASSED, console, progress_bar, write_json
+    from cranectl.thesis.reproduction import reproduce, total_simulated_seconds
+    from cranectl.thesis.tables import norms_table, printed_tables
+
+    figures = None
+    if report is not None:
+        from cranectl.thesis.page import ChapterFigures  # matplotlib, only where it is asked for
 
         figures = ChapterFigures()
-        found = _reproduce(figures.watch)
-        write_page(thesis_page(found, figures, "cranectl report"), report)
-    _print(found, json_file, report)
-    return exit_codes.GOOD if found.passed else exit_codes.LIMIT_EXCEEDED
-
-
-def _reproduce(watch: "Callable[[str, Run], None] | None" = None) -> "Reproduction":
-    from cranectl.cli.output import progress_bar
-    from cranectl.thesis.reproduction import reproduce, total_simulated_seconds
-
     with progress_bar(total_simulated_seconds()) as (advance, describe):
 
         def progress(name: str, seconds: float) -> None:
             describe(name)
             advance(seconds)
 
-        return reproduce(progress, watch)
-
-
-def _print(found: "Reproduction", json_file: str | None, report: Path | None) -> None:
-    from cranectl.cli.output import FAILED, PASSED, console, write_json
-    from cranectl.thesis.tables import norms_table, printed_tables
-
+        result = reproduce(progress, figures.watch if figures is not None else None)
     screen = console(json_file)
-    for table in (norms_table(found), *printed_tables(found).values()):
+    for table in (norms_table(result), *printed_tables(result).values()):
         screen.print(table)
-    for line in found.notes():
+    for line in result.notes():
         screen.print(line)
     verdict = f"{PASSED}: every printed number is within its tolerance, ? marks tolerances without a reason"
-    screen.print(verdict if found.passed else f"{FAILED}: see the numbers in red")
-    if report is not None:
+    screen.print(verdict if result.passed else f"{FAILED}: see the numbers in red")
+    if report is not None and figures is not None:
+        from cranectl.report.page import write_page
+        from cranectl.thesis.page import thesis_page
+
+        write_page(thesis_page(result, figures, "cranectl report"), report)
         screen.print(f"report: {report}")
-    write_json(json_file, found.to_json())
+    write_json(json_file, result.to_json())
+    return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED

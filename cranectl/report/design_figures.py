@@ -1,7 +1,5 @@
 """Figures of designs: singular values, shaped loops, step responses."""
 
-from pathlib import Path
-
 import control
 import matplotlib
 import numpy as np
@@ -12,7 +10,6 @@ from cranectl.design import Design
 from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import error_weight
 from cranectl.design.margins import open_loop
-from cranectl.report.figure_file import save_figure
 from cranectl.scenario import LoopShapingSettings
 
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]
@@ -26,11 +23,6 @@ def robustifier_system(design: Design) -> control.StateSpace:
     if not r.order:
         return control.ss([], [], [], [[r.d]])
     return control.ss(r.a, r.b[:, np.newaxis], r.c[np.newaxis], r.d)
-
-
-def plot_design(design: Design, path: Path) -> None:
-    """Draw `design` to `path`, format by its suffix; raises InputError if that cannot be done."""
-    save_figure(design_figure(design), path)
 
 
 def design_figure(design: Design) -> Figure:

@@ -12,16 +12,7 @@ from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.provenance import provenance
-
-SHORT = [
-    "--set", "duration=0.5", "--set", "disturbances.0.start=0.1", "--set", "disturbances.1.start=0.2",
-]  # fmt: skip
-STOP = ["--set", "disturbances=[{joint='alpha', start=0.1, magnitude=20.0}]", "--set", "duration=2"]
-
-
-@pytest.fixture(autouse=True)
-def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+from tests.cli.arguments import SHORT, STOP
 
 
 def run(out: str, *options: str, controller: str = "lqr", code: int = 0) -> None:

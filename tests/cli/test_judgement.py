@@ -10,6 +10,7 @@ from cranectl.cli.main import main
 from cranectl.compare.limits import Limits
 from cranectl.design import design_controller
 from cranectl.scenario import load_scenario
+from tests.cli.arguments import STOP
 from tests.log.test_log import messages_of
 
 OVERRIDES = ["duration=1.0", "disturbances=[]", "reference.segments=[]", "rig.load_mass=2.0"]
@@ -17,11 +18,6 @@ OVERRIDES += ["initial.load_offset=[0.02,0,0]"]
 OWN = ["fast-diagonal", *(part for override in OVERRIDES for part in ("--set", override))]
 OWN += ["--controller", "lqr", "--drive", "velocity"]
 LOG = "logs/fast-diagonal/lqr-velocity.mcap"
-
-
-@pytest.fixture(autouse=True)
-def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def judged(*arguments: str, code: int = 0) -> dict[str, object]:
@@ -83,8 +79,7 @@ def test_compare_ends_with_the_code_of_the_run_that_wrote_the_log(monkeypatch: p
     with monkeypatch.context() as patched:
         patched.setattr("cranectl.compare.limits.agreement_limits", lambda _: Limits(1e-16, 1e-16, 0.0, ""))
         assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 1
-    stop = ["--set", "duration=2", "--set", "disturbances=[{joint='alpha', start=0.1, magnitude=20.0}]"]
-    assert main(["run", *ideal, *stop]) == 3
+    assert main(["run", *ideal, *STOP]) == 3
     assert judged("compare", "a.mcap", code=1)["passed"] is True, "they stop alike, but should not stop"
     assert main(["run", "slack-rope", "--drive", "velocity", "--out", "b.mcap"]) == 3
     assert judged("compare", "b.mcap")["passed"] is True, "they stop as they should"

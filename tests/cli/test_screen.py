@@ -4,9 +4,10 @@ import io
 import re
 
 import pytest
+from rich.console import Console
 from rich.text import Text
 
-from cranectl.cli.screen import Screen, heading, styled
+from cranectl.cli.screen import Screen, heading, screen_table, styled
 from cranectl.report import table as report
 from cranectl.support.text import LONGEST, printable
 
@@ -103,3 +104,56 @@ def test_columns_move_together_before_a_table_goes_in_parts() -> None:
         assert shown(on).count("row") == 1
     widths = [len(max(shown(on).splitlines(), key=len)) for on in (wide, narrow)]
     assert widths[0] > 80 >= widths[1]
+
+
+TABLE = report.Table(
+    "Error [mm]",
+    ("rung", "estimate\nRMS", "estimate\nmax", "measured\nRMS", "bound [mm]"),
+    (
+        report.cells("sampled", "1", "2", "3", report.Cell("[4]", "bad")),
+        report.cells(report.Cell("all", "head"), *[""] * 4),
+    ),
+    note="effects.wind.mean = [0, 0]",
+)
+
+
+def test_a_table_on_the_screen() -> None:
+    """Brackets as they are, what neighbouring headings begin with said once, numbers on the right."""
+    on = screen()
+    on.print(TABLE)
+    title, first, second, _, row, *_, note = [
+        line.rstrip() for line in shown(on).splitlines() if line.strip()
+    ]
+    assert title == "Error [mm]"
+    assert first.split() == ["estimate", "measured"]
+    assert second.split() == ["rung", "RMS", "max", "RMS", "bound", "[mm]"]
+    assert row.split() == ["sampled", "1", "2", "3", "[4]"]
+    assert row.index("1") == second.index("RMS") + 2
+    assert note.strip() == "effects.wind.mean = [0, 0]"
+    on = screen()
+    on.print(report.Table("title", ("", ""), (report.cells("gain", "2"),)))
+    assert [line.split() for line in shown(on).splitlines() if line.strip()] == [["title"], ["gain", "2"]]
+
+
+def test_marks_have_colours() -> None:
+    coloured = Console(width=80, color_system="standard", force_terminal=True)
+    with coloured.capture() as capture:
+        coloured.print(screen_table(TABLE))
+    (sampled,) = (line for line in capture.get().splitlines() if "sampled" in line)
+    assert re.search(r"\x1b\[1;31m *\[4\]", sampled)
+    assert "\x1b[1mall" in capture.get()
+
+
+def test_texts_fold_where_there_is_no_room_but_never_the_first_column() -> None:
+    words = "what a scenario is for, in some words"
+    on = screen(40)
+    on.print(
+        report.Table(
+            "", ("name", "what it is", "[m]"), (report.cells("settled-trajectory", words, "1.5"),), 2
+        )
+    )
+    text = shown(on)
+    assert "settled-trajectory" in text
+    assert "1.5" in text
+    assert words not in text
+    assert [word for word in text.rpartition("─")[2].split() if word in words.split()] == words.split()

@@ -22,12 +22,11 @@ FOLLOWED = ["--controller", "lqr+hinf", "--drive", "ideal", "--json", "found.jso
 
 
 @pytest.fixture(autouse=True)
-def in_directory_with_scenarios(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("good.toml").write_text(GOOD)
-    Path("also.toml").write_text(GOOD)
-    Path("unstable.toml").write_text(UNSTABLE)
-    Path("broken.toml").write_text("name = 'broken'\nduration =")
+def scenarios(tmp_path: Path) -> None:
+    (tmp_path / "good.toml").write_text(GOOD)
+    (tmp_path / "also.toml").write_text(GOOD)
+    (tmp_path / "unstable.toml").write_text(UNSTABLE)
+    (tmp_path / "broken.toml").write_text("name = 'broken'\nduration =")
 
 
 def shipped(name: str) -> str:

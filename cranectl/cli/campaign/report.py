@@ -5,19 +5,14 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import json_option
+from cranectl.cli.command import Command
+from cranectl.cli.options import json_option, output_option
 from cranectl.support.places import HTML
 
 
 @click.command("report", cls=Command)
 @click.argument("result", type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    metavar="FILE",
-    type=OutputFile(HTML),
-    help="The page. Default: beside RESULT, with its name and .html.",
-)
+@output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
 @json_option
 def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file: str | None) -> None:

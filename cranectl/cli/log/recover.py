@@ -4,19 +4,14 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, OutputFile
-from cranectl.cli.options import json_option
+from cranectl.cli.command import Command
+from cranectl.cli.options import json_option, output_option
 from cranectl.support.places import MCAP
 
 
 @click.command("recover", cls=Command)
 @click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    metavar="FILE",
-    type=OutputFile(MCAP),
-    help="Log file. Default: the place the log should have had, if it is free",
-)
+@output_option("--out", MCAP, "Log file. Default: the place the log should have had, if it is free")
 @json_option
 def recover_log_command(file: Path, out: Path | None, json_file: str | None) -> None:
     """Save what is whole in FILE, a log that was cut off.
