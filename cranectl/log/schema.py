@@ -86,16 +86,8 @@ def encode_rows(values: NDArray[np.float64]) -> list[bytes]:
     return messages
 
 
-def decode_rows(messages: list[bytes], n_signals: int) -> NDArray[np.float64]:
-    """Values (N, signals) of messages made by `encode_rows`; ValueError for any other bytes."""
-    data = b"".join(messages)
-    if len(data) != len(messages) * row_layout(n_signals).itemsize:
-        raise ValueError("messages of unexpected length")
-    return decode_table(np.frombuffer(data, dtype=np.uint8), n_signals)
-
-
 def decode_table(data: NDArray[np.uint8], n_signals: int) -> NDArray[np.float64]:
-    """As `decode_rows`, of messages that follow each other without a gap."""
+    """Values (N, signals) of messages by `encode_rows`, one after the other; ValueError for other bytes."""
     rows = data.view(row_layout(n_signals)).reshape(-1)
     values = np.empty((len(rows), n_signals))
     for number in range(1, n_signals + 1):

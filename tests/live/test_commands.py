@@ -8,7 +8,6 @@ import pytest
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls, Pulse, Reset, Say, Use
 from cranectl.scenario import Scenario, load_scenario
-from cranectl.support.errors import InputError
 
 NAMES = ["pause", "speed", "controller", "k0", "k1", "k2", "k3", "pulse_alpha", "pulse_beta"]
 
@@ -145,8 +144,3 @@ def test_a_wrong_value_does_not_spoil_the_others(controls: Controls) -> None:
     assert controls.paused
     assert controls.speed == 1.0
     assert controls.values()["k0"] == 31.0
-
-
-def test_a_wrong_speed_at_the_start(scenario: Scenario) -> None:
-    with pytest.raises(InputError, match="speed = 100"):
-        Controls(scenario, design_controller("lqr", scenario.design), speed=100.0)

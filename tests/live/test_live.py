@@ -28,13 +28,12 @@ from cranectl.live.server import LiveServer
 from cranectl.live.session import Session
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.log.messages import streams
-from cranectl.log.schema import decode_rows
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.signals import DISTURBANCE, STATE
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
-from tests.log.viewer import Viewer
+from tests.log.viewer import Viewer, decode_rows
 
 QUIET = ["disturbances=[]"]
 STOP = ["disturbances=[{joint='alpha', start=0.1, magnitude=200.0}]", "duration=2"]
@@ -413,16 +412,9 @@ def test_the_reference_is_sent_once_though_one_plant_stops_and_the_other_waits()
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_closes_the_recording_of_what_was_sent(tmp_path: Path, sent: signal.Signals) -> None:
-    script = """
-import sys
-from cranectl.cli import main
-from cranectl.cli.live import live_command
-main.cli.add_command(live_command)
-sys.exit(main.main(sys.argv[1:]))
-"""
     host = ["--host", "0.0.0.0"] if sent == signal.SIGTERM else []
     process = subprocess.Popen(
-        [sys.executable, "-c", script, "live", "fixed-position", "--port", "0", "--plant", "mujoco", *host],
+        [sys.executable, "-m", "cranectl", "live", "fixed-position", "--port=0", "--plant=mujoco", *host],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
     )  # fmt: skip
     assert process.stdout is not None
@@ -472,17 +464,7 @@ sys.exit(main.main(sys.argv[1:]))
 
 def test_two_sessions_leave_all_that_they_print(tmp_path: Path) -> None:
     """At once and one after the other, where nobody says where to record."""
-    command = [
-        sys.executable,
-        "-m",
-        "cranectl",
-        "live",
-        "fixed-position",
-        "--port",
-        "0",
-        "--plant",
-        "analytic",
-    ]
+    command = [sys.executable, "-m", "cranectl", "live", "fixed-position", "--port=0", "--plant=analytic"]
     kept: dict[Path, bytes] = {}
     for together in (2, 1):
         sessions = [
@@ -561,15 +543,9 @@ def test_who_says_too_much_or_nothing_is_let_go(tmp_path: Path) -> None:
 
 def test_a_port_in_use_is_explained(tmp_path: Path) -> None:
     with live(tmp_path / "live.mcap") as (running, _):
-        arguments = [
-            "fixed-position",
-            "--port",
-            str(running.server.port),
-            "--record",
-            str(tmp_path / "b.mcap"),
-        ]
+        port, record = f"--port={running.server.port}", f"--record={tmp_path / 'b.mcap'}"
         with pytest.raises(InputError, match="Address already in use") as caught:
-            live_command.main(arguments, standalone_mode=False)
+            live_command.main(["fixed-position", port, record], standalone_mode=False)
         assert "--port" in caught.value.remedy
     assert not (tmp_path / "b.mcap").exists()
 

@@ -10,7 +10,6 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 
 from cranectl.log import describe_log, read_log, read_signal, write_log
-from cranectl.log.schema import decode_rows
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -19,6 +18,7 @@ from tests.conftest import closed_loop
 from tests.controllers.test_flat import robust_design
 from tests.log.corruption import SIGNAL, put_together, take_apart
 from tests.log.test_log import assert_same
+from tests.log.viewer import decode_rows
 
 
 def by_mcap(path: Path, topic: str) -> tuple[list[int], list[bytes]]:
@@ -73,12 +73,7 @@ def test_a_signal_that_the_log_does_not_have(log: Path, name: str) -> None:
     assert f"unknown signal '{name}'" in caught.value.found
     assert caught.value.allowed.count("mujoco/s" if "mujoco/s" in name else "/") >= 1
     assert len(caught.value.allowed) < 500
-
-
-def test_the_nearest_signal_is_proposed(log: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        read_signal(log, "mujoco/state.alfa")
-    assert caught.value.remedy == "did you mean 'mujoco/state.alpha'?"
+    assert name != "mujoco/state.alfa" or caught.value.remedy == "did you mean 'mujoco/state.alpha'?"
 
 
 def test_names_that_no_file_can_have() -> None:

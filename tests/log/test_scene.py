@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
 from cranectl.analysis.levels import NAMES
@@ -23,26 +22,18 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import colours, resources
 from tests.conftest import closed_loop
+from tests.log.viewer import message_type
 
 Messages = dict[str, list[tuple[int, Any]]]  # by topic: (time [ns], decoded message)
 
 
 def decode(path: Path) -> Messages:
-    """All foxglove messages of a log, decoded by the schemas inside it."""
-    classes: dict[int, Any] = {}
+    """All messages of a log's scene."""
     found: Messages = defaultdict(list)
     with path.open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
-            assert schema is not None
-            if schema.name in ("foxglove.FrameTransforms", "foxglove.SceneUpdate"):
-                if schema.id not in classes:
-                    pool = descriptor_pool.DescriptorPool()
-                    for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
-                        pool.Add(file)
-                    classes[schema.id] = message_factory.GetMessageClass(
-                        pool.FindMessageTypeByName(schema.name)
-                    )
-                content = classes[schema.id].FromString(message.data)
+            if schema is not None and schema.name in ("foxglove.FrameTransforms", "foxglove.SceneUpdate"):
+                content = message_type(schema.name, schema.data).FromString(message.data)
                 found[channel.topic].append((message.log_time, content))
     return found
 

@@ -1,15 +1,21 @@
 """A viewer: a client of the Foxglove WebSocket protocol that keeps what it is sent."""
 
 import base64
+import functools
 import json
 import struct
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from mcap.reader import make_reader
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
+
+from cranectl.log.schema import decode_table
 
 TIMEOUT = 30.0  # [s] for anything to arrive
 PATIENCE = 3.0  # [s] until topics are subscribed to again
@@ -179,9 +185,25 @@ class Viewer:
             self.answers[call] = message[13 + length :]
 
 
+@functools.cache
 def message_type(name: str, definition: bytes) -> Any:
     """The class of a protobuf message, from a FileDescriptorSet."""
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(definition).file:
         pool.Add(file)
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
+
+
+def messages_of(log: Path, topic: str) -> list[tuple[int, Any]]:
+    """Times [ns] and messages of a topic of a log, decoded by the types inside it."""
+    with log.open("rb") as stream:
+        return [
+            (message.log_time, message_type(schema.name, schema.data).FromString(message.data))
+            for schema, _, message in make_reader(stream).iter_messages(topic)
+            if schema is not None
+        ]
+
+
+def decode_rows(messages: list[bytes], n_signals: int) -> np.ndarray:
+    """The signals in messages of a group (N, signals)."""
+    return decode_table(np.frombuffer(b"".join(messages), dtype=np.uint8), n_signals)
