@@ -75,10 +75,10 @@ def export_table(runs: Sequence[Run], patterns: Sequence[str] = ()) -> ExportTab
     columns = {column.name: column for column in (*_recorded(runs, time_ns), *_reference(runs, time_ns))}
     chosen: set[str] = set()
     for pattern in patterns or ("*",):
-        found = matching(pattern, columns)
-        if not found:
+        matched = matching(pattern, columns)
+        if not matched:
             raise unmatched(pattern, columns)
-        chosen.update(found)
+        chosen.update(matched)
     return ExportTable(
         time=time_ns / NANOSECONDS,
         columns=tuple(column for name, column in columns.items() if name in chosen),

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -34,7 +34,7 @@ MAX_CHANGES = 100  # in one request: each that is refused takes its time and a l
 
 @dataclass(frozen=True)
 class Say:
-    """Something to tell everyone who watches."""
+    """A line for everyone who watches."""
 
     message: str
     warning: bool = False
@@ -107,10 +107,10 @@ class Controls:
         with self._lock:
             law = {name: value for name, value in changes.items() if name in ("controller", *GAINS)}
             if law:
-                self._try(", ".join(law), lambda: self._set_law(law))
-            for name, value in changes.items():
+                self._try(", ".join(law), self._set_law, law)
+            for name in changes:
                 if name not in law:
-                    self._try(name, lambda name=name, value=value: self._set(name, value))  # type: ignore[misc]
+                    self._try(name, self._set, name, changes[name])
 
     def pulse(self) -> None:
         """Disturb the load with the accelerations `pulse_alpha` and `pulse_beta`."""
@@ -121,14 +121,12 @@ class Controls:
         """Start the scenario again."""
         self._commands.put(Reset())
 
-    def _try(self, what: str, change: Callable[[], None]) -> None:
+    def _try(self, what: str, change: Callable[..., None], *arguments: Any) -> None:
         try:
-            change()
+            change(*arguments)
         except InputError as error:
             parts = (error.found, error.allowed and f"allowed: {error.allowed}", error.remedy)
-            self._say(
-                f"{printable(what)} refused: " + "; ".join(part for part in parts if part), warning=True
-            )
+            self._say(f"{printable(what)} refused: {'; '.join(filter(None, parts))}", warning=True)
 
     def _set(self, name: str, value: object) -> None:
         if name not in self._values:

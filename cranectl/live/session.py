@@ -99,10 +99,10 @@ class Session:
         reference = self.plan.reference[np.minimum(index, self.scenario.steps)]
         disturbance = self._disturbance(index)
         wind = self.plan.wind[np.minimum(index, self.scenario.steps)]
-        found = [self._increment(state, time_ns, reference, disturbance, wind) for state in self._states]
+        runs = [self._increment(state, time_ns, reference, disturbance, wind) for state in self._states]
         self._samples += samples
         self._pulses = [pulse for pulse in self._pulses if pulse.end > self._samples]
-        return found
+        return runs
 
     def use(self, design: Design) -> None:
         """Go on with another controller; raises InputError if its sampling makes it unstable.

@@ -62,16 +62,16 @@ class Clock:
 def check_outcome(plant: str, outcome: Outcome, clock: Clock) -> None:
     """Raise DamageError for an end that no run of this scenario can have."""
     status, end_ns, duration_ns = outcome.status, outcome.end_ns, clock.duration_ns
-    said = f"the run of {plant} is said to be {status.label} at {_seconds(end_ns)}"
+    claim = f"the run of {plant} is said to be {status.label} at {_seconds(end_ns)}"
     completed = status == RunStatus.COMPLETED
     if not (completed or status.stopped):
-        raise DamageError(f"{said}, which is no end")
+        raise DamageError(f"{claim}, which is no end")
     if end_ns % clock.period_ns or end_ns < clock.begin_ns:
-        raise DamageError(f"{said}, where it has no control sample")
+        raise DamageError(f"{claim}, where it has no control sample")
     if (completed and end_ns < duration_ns) or (clock.from_ns is None and end_ns > duration_ns):
-        raise DamageError(f"{said}, its scenario to end at {_seconds(duration_ns)}")
+        raise DamageError(f"{claim}, its scenario to end at {_seconds(duration_ns)}")
     if not outcome.samples and (completed or end_ns != clock.begin_ns):
-        raise DamageError(f"{said}, without a sample")
+        raise DamageError(f"{claim}, without a sample")
 
 
 def check_times(topic: str, time_ns: NDArray[np.int64], clock: Clock, outcomes: Sequence[Outcome]) -> None:
@@ -87,8 +87,8 @@ def check_times(topic: str, time_ns: NDArray[np.int64], clock: Clock, outcomes: 
         return
     first, last = int(time_ns[0]), int(time_ns[-1])
     if last not in ends:
-        found = " or ".join(_seconds(end) for end in sorted(ends))
-        raise DamageError(f"the last sample of {topic[1:]} is at {_seconds(last)}, the end at {found}")
+        where = " or ".join(_seconds(end) for end in sorted(ends))
+        raise DamageError(f"the last sample of {topic[1:]} is at {_seconds(last)}, the end at {where}")
     late = 0 if clock.from_ns is None else clock.step_ns - 1
     if not clock.begin_ns <= first <= clock.begin_ns + late or (first - clock.begin_ns) % clock.period_ns:
         raise DamageError(f"{topic[1:]} begins at {_seconds(first)} instead of {_seconds(clock.begin_ns)}")
@@ -159,12 +159,13 @@ def check_design(design: Design) -> None:
     with np.errstate(all="ignore"):  # of numbers that overflow
         loop = closed_loop_matrix(design.gain, design.robustifier)
         poles = np.linalg.eigvals(loop) if np.isfinite(loop).all() else np.full(len(loop), np.nan)
-        expected, said = np.poly(poles), np.atleast_1d(np.poly(design.closed_loop_poles))  # of none: a number
+        expected = np.poly(poles)
+        declared = np.atleast_1d(np.poly(design.closed_loop_poles))  # of none: a number
         tolerance = POLYNOMIAL_ERROR[design.robustifier.order > 0]
-        same = said.shape == expected.shape and (abs(said - expected) <= tolerance * abs(expected)).all()
+        close = declared.shape == expected.shape and abs(declared - expected) <= tolerance * abs(expected)
     if not poles.real.max() < 0.0:
         raise DamageError("the gains of its design do not stabilise the loop")
-    if not same:
+    if not np.all(close):
         raise DamageError("the poles of its design are not those of its gains")
 
 
@@ -176,7 +177,7 @@ def _check_reference(run: Run, sound: int, *, planned: bool) -> None:
         raise DamageError(f"the errors of {run.plant} are not from the reference")
     if planned and len(run.time_ns):
         rows = np.linspace(0, len(run.time_ns) - 1, COMPARED).round().astype(np.intp)
-        found = run.reference[rows]
+        logged = run.reference[rows]
         expected = build_trajectory(run.scenario.reference).sample(run.time_ns[rows] / NANOSECONDS)
-        if (np.abs(found - expected) > ROUNDING * np.maximum(1.0, np.abs(expected).max(axis=0))).any():
+        if (np.abs(logged - expected) > ROUNDING * np.maximum(1.0, np.abs(expected).max(axis=0))).any():
             raise DamageError("the reference is not that of its scenario")

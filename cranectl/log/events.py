@@ -171,24 +171,25 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
 def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditions]:
     """When axes leave the workspace, drives reach their limits and the rope goes slack, and are back.
 
-    A drive at its limits is told of once: later times are in the status, and can be as many as samples. Also
-    returns the conditions at the end of the run, with which the events of its continuation go on.
+    Only the first time of a drive at its limits: later ones are in the status, and can be as many as samples.
+    Also returns the conditions at the end of the run, with which the events of its continuation go on.
     """
     if not len(run.time_ns):
         return [], before
-    found: list[Event] = []
+    observed: list[Event] = []
     outside, limited = workspace_excess(run) > 0.0, saturation(run)
     slack = run.signal("load.rope_tension") <= 0.0
     for name, axis, was in zip(WORKSPACE_SIGNALS, outside.T, before.outside, strict=True):
-        found += _changes(run, axis, was, f"{name} leaves the workspace", f"{name} is back in the workspace")
+        texts = f"{name} leaves the workspace", f"{name} is back in the workspace"
+        observed += _changes(run, axis, was, *texts)
     for bit, drive in enumerate(("bridge", "trolley", "rope")):
         acting = np.flatnonzero(limited & (1 << bit))
         if len(acting) and not before.limited & (1 << bit):
             time_ns = int(run.time_ns[acting[0]])
-            found.append(Event(time_ns, run.plant, f"the {drive} drive reaches its limits", warning=True))
-    found += _changes(run, slack, before.slack, "the rope goes slack", "the rope pulls again")
+            observed.append(Event(time_ns, run.plant, f"the {drive} drive reaches its limits", warning=True))
+    observed += _changes(run, slack, before.slack, "the rope goes slack", "the rope pulls again")
     reached = before.limited | int(np.bitwise_or.reduce(limited))
-    return found, Conditions(tuple(outside[-1].tolist()), reached, bool(slack[-1]))
+    return observed, Conditions(tuple(outside[-1].tolist()), reached, bool(slack[-1]))
 
 
 def _changes(run: Run, holds: NDArray[np.bool_], before: bool, begins: str, ends: str) -> list[Event]:

@@ -25,20 +25,20 @@ def read_header(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[
     Raises DamageError where it contradicts itself; InputError, KeyError, TypeError, ValueError, IndexError,
     OverflowError or RecursionError where it is no such header.
     """
-    said = metadata["cranectl"]
+    declared = metadata["cranectl"]
     scenario = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
-    plants = said["plants"].split(",")
+    plants = declared["plants"].split(",")
     if not set(plants) <= set(PLANTS) or len(set(plants)) < len(plants):
-        raise ValueError(f"unknown plants {said['plants']}")
+        raise ValueError(f"unknown plants {declared['plants']}")
     design = _design(_json(attachments, "design.json"))
-    if (said["scenario"], said["controller"]) != (scenario.name, design.name):
-        raise ValueError(f"it is said to be of {said['scenario']} and {said['controller']}")
+    if (declared["scenario"], declared["controller"]) != (scenario.name, design.name):
+        raise ValueError(f"it is said to be of {declared['scenario']} and {declared['controller']}")
     check_design(design)
     header = LogHeader(
         scenario=scenario,
         design=design,
-        drive=checked_drive(said["drive"]),
-        every=_count(said["every"], least=1),
+        drive=checked_drive(declared["drive"]),
+        every=_count(declared["every"], least=1),
         models={plant: _model(attachments, plant) for plant in plants},
         versions=metadata["versions"],
         outcomes={p: _outcome(metadata[f"run/{p}"]) for p in plants if f"run/{p}" in metadata},
@@ -53,11 +53,11 @@ def _model(attachments: Mapping[str, bytes], plant: str) -> str:
     return attachments.get(f"{plant}.xml", attachments.get(f"{plant}.txt", b"")).decode()
 
 
-def _outcome(said: Mapping[str, str]) -> Outcome:
+def _outcome(declared: Mapping[str, str]) -> Outcome:
     statuses = {status.label: status for status in RunStatus}
-    if said["status"] not in statuses:
-        raise ValueError(f"unknown status '{said['status']}'")
-    return Outcome(statuses[said["status"]], _count(said["end_ns"]), _count(said["samples"]))
+    if declared["status"] not in statuses:
+        raise ValueError(f"unknown status '{declared['status']}'")
+    return Outcome(statuses[declared["status"]], _count(declared["end_ns"]), _count(declared["samples"]))
 
 
 def _count(text: str, *, least: int = 0) -> int:
@@ -83,7 +83,7 @@ def _design(data: dict[str, Any]) -> Design:
             continue
         if isinstance(number, bool) or not isinstance(number, int | float) or math.isnan(number):
             raise TypeError(f"design.json holds {number!r} where a number belongs")
-    said = design.to_json()
-    if any(said[name] != value for name, value in data.items()):
+    declared = design.to_json()
+    if any(declared[name] != value for name, value in data.items()):
         raise ValueError("the numbers of design.json do not fit together")
     return design

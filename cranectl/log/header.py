@@ -45,5 +45,5 @@ class LogHeader:
     def groups(self) -> dict[str, SignalGroup]:
         """The groups of signals that make up the runs, by topic."""
         recorded = groups_of(self.scenario, self.design, self.drive)
-        found = {topics.plant_topic(plant, group.name): group for plant in self.plants for group in recorded}
-        return {**found, topics.REFERENCE_LOAD: REFERENCE}
+        groups = {topics.plant_topic(plant, group.name): group for plant in self.plants for group in recorded}
+        return {**groups, topics.REFERENCE_LOAD: REFERENCE}

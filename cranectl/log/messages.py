@@ -25,30 +25,30 @@ def streams(runs: Sequence[Run], limits: Limits | NoLimits | None = None) -> lis
 
     Plants are judged by `limits`, as by `compare.judge`.
     """
-    found = [run_info(runs), design_info(runs[0].design)]
-    found.append(log_lines(event for run in runs for event in events(run)))
-    found += [status(run.plant, status_changes(run)) for run in runs]
-    found += samples(runs)
+    result = [run_info(runs), design_info(runs[0].design)]
+    result.append(log_lines(event for run in runs for event in events(run)))
+    result += [status(run.plant, status_changes(run)) for run in runs]
+    result += samples(runs)
     for a, b in against_reference(runs):
         name = a.plant if len(runs) > 2 else ""
         if differing := _differences(a, b, name):
             topic = topics.difference_topic(topics.VERDICT, name)
-            found += [*differing, _text(topic, "Verdict", _verdict(a, b, limits=limits))]
-    return found + scene_streams(runs)
+            result += [*differing, _text(topic, "Verdict", _verdict(a, b, limits=limits))]
+    return result + scene_streams(runs)
 
 
 def samples(runs: Sequence[Run], *, groups: Container[str] | None = None) -> list[Stream]:
     """The reference at the times of any run, and the signals of the runs: all, or those of some groups."""
     time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
     reference = np.concatenate([run.reference for run in runs])[rows]
-    found = [signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
+    result = [signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
     for run in runs:
-        found += [
+        result += [
             signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
             for group in run.groups
             if groups is None or group.name in groups
         ]
-    return found
+    return result
 
 
 def signals(
@@ -80,22 +80,22 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
     distances = np.column_stack(
         [np.linalg.norm(blocks["load"][:, :3], axis=1), np.abs(blocks["state"][:, [6, 8]]).max(axis=1)]
     )
-    found = [
+    result = [
         signals(topics.difference_topic(group.name, name), group, time_ns, blocks[group.name])
         for group in topics.DIFFERENCE_GROUPS
     ]
     topic = topics.difference_topic(topics.DISTANCE.name, name)
-    return [*found, signals(topic, topics.DISTANCE, time_ns, distances)]
+    return [*result, signals(topic, topics.DISTANCE, time_ns, distances)]
 
 
 def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, str]:
     """Whether the plants agree, and by how much every signal differs."""
     comparison = compare_runs(a, b)
-    found = judge(a, b, limits=limits, comparison=comparison)
+    agreement = judge(a, b, limits=limits, comparison=comparison)
     values = {
-        "verdict": found.verdict,
-        "load": _beside(found.max_load_error_m, found.limit_m, "m", found.limits),
-        "angles": _beside(found.max_angle_error_rad, found.limit_rad, "rad", found.limits),
+        "verdict": agreement.verdict,
+        "load": _beside(agreement.max_load_error_m, agreement.limit_m, "m", agreement.limits),
+        "angles": _beside(agreement.max_angle_error_rad, agreement.limit_rad, "rad", agreement.limits),
     }
     for row in comparison.signals:
         text = f"at most {row.max_abs:.1e} {row.unit} at {row.at_s:g} s, RMS {row.rms:.1e}"
@@ -105,10 +105,10 @@ def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, s
 
 def _beside(largest: float, limit: float | None, unit: str, limits: str) -> str:
     """The largest distance and its limit, or why there is none; of limits that are not the file's, whose."""
-    found = f"{largest:.1e} {unit}"
+    text = f"{largest:.1e} {unit}"
     if limit is None:
-        return f"{found}, no limit: {limits}"
-    return f"{found}, limit {limit:g} {unit}" + ("" if limits == Limits.source else f", {limits}")
+        return f"{text}, no limit: {limits}"
+    return f"{text}, limit {limit:g} {unit}" + ("" if limits == Limits.source else f", {limits}")
 
 
 def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
@@ -124,7 +124,7 @@ def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
 
 def log_lines(unordered: Iterable[Event]) -> Stream:
     """Events as text, in the order of time."""
-    found = sorted(unordered, key=lambda event: event.time_ns)
+    ordered = sorted(unordered, key=lambda event: event.time_ns)
     messages = [
         Log(
             timestamp=Timestamp(*divmod(event.time_ns, NANOSECONDS)),
@@ -132,9 +132,9 @@ def log_lines(unordered: Iterable[Event]) -> Stream:
             name=event.source,
             message=event.message,
         ).encode()
-        for event in found
+        for event in ordered
     ]
-    time_ns = np.array([event.time_ns for event in found], dtype=np.int64)
+    time_ns = np.array([event.time_ns for event in ordered], dtype=np.int64)
     definition = Log.get_schema()
     return Stream(topics.LOG, definition.name, definition.data, time_ns, messages)
 

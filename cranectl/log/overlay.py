@@ -41,31 +41,31 @@ def write_overlay(path: Path, runs: Mapping[str, Run], *, every: int) -> None:
 
 def distance_group(labels: list[str]) -> SignalGroup:
     """How far the load of each run is from that of the first."""
-    found = tuple(
+    distances = tuple(
         Signal(label, f"|Δz| {label}", "m", f"distance of the load of {label} from that of {labels[0]}")
         for label in labels[1:]
     )
-    return SignalGroup("distance", f"Distance{len(found)}", "distances of the loads", found)
+    return SignalGroup("distance", f"Distance{len(distances)}", "distances of the loads", distances)
 
 
 def _streams(runs: list[Run]) -> list[Stream]:
-    found = [log_lines(event for run in runs for event in events(run))]
-    found += [status(run.plant, status_changes(run)) for run in runs]
-    found += samples(runs, groups=GROUPS)
+    result = [log_lines(event for run in runs for event in events(run))]
+    result += [status(run.plant, status_changes(run)) for run in runs]
+    result += samples(runs, groups=GROUPS)
     drawn = [run for run in runs if len(run.time_ns)]
     if not drawn:
-        return found
+        return result
     longest = max(drawn, key=lambda run: len(run.time_ns))
     if len(drawn) > 1:
-        found.append(_distances(drawn, longest))
+        result.append(_distances(drawn, longest))
     top = replace(drawn[-1], plant=CRANE)
-    found.append(status(CRANE, status_changes(top)))
+    result.append(status(CRANE, status_changes(top)))
     rows = scene.rows_apart(top, 1.0 / scene.RATE)
-    found += [scene.path(longest), scene.workspace(top), scene.transforms([top], top, rows)]
-    found += [scene.model(top.plant, 1.0), scene.rope(top, 1.0, rows)]
+    result += [scene.path(longest), scene.workspace(top), scene.transforms([top], top, rows)]
+    result += [scene.model(top.plant, 1.0), scene.rope(top, 1.0, rows)]
     for k, run in enumerate(drawn):
-        found.append(scene.whole_trail(run, colour=VIEWER_SERIES[k % len(VIEWER_SERIES)]))
-    return found
+        result.append(scene.whole_trail(run, colour=VIEWER_SERIES[k % len(VIEWER_SERIES)]))
+    return result
 
 
 def _distances(runs: list[Run], longest: Run) -> Stream:

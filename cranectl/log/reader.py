@@ -32,7 +32,7 @@ from cranectl.support.errors import LogError, nearest_first, unknown_name
 
 Array = NDArray[np.float64]
 
-NEAREST = 8  # names told of a log's 200 where one is unknown
+NEAREST = 8  # names listed, of a log's 200, where one is unknown
 ALLOWED = "closed logs that cranectl wrote"
 
 

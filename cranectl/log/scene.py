@@ -57,15 +57,16 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
         return []
     longest = max(drawn, key=lambda run: run.end_ns)
     shown = opacities([run.plant for run in drawn])
-    found = [transforms(drawn, longest, rows_apart(longest, 1.0 / RATE)), path(drawn[0]), workspace(drawn[0])]
+    result = [transforms(drawn, longest, rows_apart(longest, 1.0 / RATE))]
+    result += [path(drawn[0]), workspace(drawn[0])]
     for run in drawn:
-        found += [
+        result += [
             model(run.plant, shown[run.plant]),
             rope(run, shown[run.plant], rows_apart(run, 1.0 / RATE)),
             whole_trail(run),
             _arrows(run),
         ]
-    return found
+    return result
 
 
 def opacities(plants: Sequence[str]) -> dict[str, float]:

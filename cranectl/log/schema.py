@@ -55,15 +55,15 @@ def signal_names(definition: bytes, name: str) -> tuple[str, ...]:
         files = descriptor_pb2.FileDescriptorSet.FromString(definition)
     except DecodeError:
         raise ValueError(f"the definition of {name} is no protobuf") from None
-    found = [m for file in files.file for m in file.message_type if f"{file.package}.{m.name}" == name]
-    if len(found) != 1:
-        raise ValueError(f"the definition of {name} has {len(found)} such types")
-    for number, field in enumerate(found[0].field, start=1):
+    types = [m for file in files.file for m in file.message_type if f"{file.package}.{m.name}" == name]
+    if len(types) != 1:
+        raise ValueError(f"the definition of {name} has {len(types)} such types")
+    for number, field in enumerate(types[0].field, start=1):
         if (field.number, field.type, field.label) != (number, Field.TYPE_DOUBLE, Field.LABEL_OPTIONAL):
             raise ValueError(f"{name} is no row of signals: its field {field.name}")
         if not isinstance(field.name, str):  # protobuf hands out what is no UTF-8 as bytes
             raise ValueError(f"{name} has a field without a proper name")
-    return tuple(field.name for field in found[0].field)
+    return tuple(field.name for field in types[0].field)
 
 
 @functools.cache
@@ -147,8 +147,8 @@ def _message_type(schema: bytes, name: str) -> type[Message]:
     files = descriptor_pb2.FileDescriptorSet.FromString(schema)
     pool = descriptor_pool.DescriptorPool()
     pool.Add(files.file[0])
-    found: type[Message] = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{PACKAGE}.{name}"))
-    return found
+    kind: type[Message] = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{PACKAGE}.{name}"))
+    return kind
 
 
 def _new_file(

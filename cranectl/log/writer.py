@@ -9,7 +9,6 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import foxglove
 import numpy as np
@@ -35,7 +34,11 @@ from cranectl.support.provenance import provenance
 # Small chunks: after a kill nearly everything can be salvaged, for 0.2 % more size.
 CHUNK_SIZE = 64 * 1024
 REMEDY = "choose another place with --out"
-FAILURES = (OSError, RuntimeError, DamageError)  # of writing; of a full disk the library tells as it likes
+FAILURES = (
+    OSError,
+    RuntimeError,
+    DamageError,
+)  # of writing: the library has several for a full disk
 
 
 def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:
@@ -153,26 +156,23 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
 def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
     """Everything needed to repeat the runs."""
     first = runs[0]
-    return [
-        _json("scenario.json", first.scenario.model_dump(mode="json")),
-        _json("parameters.json", first.scenario.rig.model_dump(mode="json")),
-        _json("design.json", first.design.to_json()),
-        *(_model(run) for run in runs),
+    documents = {
+        "scenario.json": first.scenario.model_dump(mode="json"),
+        "parameters.json": first.scenario.rig.model_dump(mode="json"),
+        "design.json": first.design.to_json(),
+    }
+    texts = [
+        (name, "application/json", json.dumps(document, indent=2, ensure_ascii=False))
+        for name, document in documents.items()
     ]
-
-
-def _model(run: Run) -> Attachment:
-    if run.model.startswith("<"):
-        return _text(f"{run.plant}.xml", "application/xml", run.model)
-    return _text(f"{run.plant}.txt", "text/plain", run.model)
-
-
-def _json(name: str, data: dict[str, Any]) -> Attachment:
-    return _text(name, "application/json", json.dumps(data, indent=2, ensure_ascii=False))
-
-
-def _text(name: str, media_type: str, text: str) -> Attachment:
-    return Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=text.encode())
+    for run in runs:
+        is_xml = run.model.startswith("<")
+        name, kind = ("xml", "application/xml") if is_xml else ("txt", "text/plain")
+        texts.append((f"{run.plant}.{name}", kind, run.model))
+    return [
+        Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=text.encode())
+        for name, media_type, text in texts
+    ]
 
 
 def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:

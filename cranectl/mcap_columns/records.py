@@ -78,10 +78,10 @@ def parse_attachment(record: Record) -> Attachment:
     return attachment
 
 
-def check_crc(found: int, expected: int, what: str) -> None:
+def check_crc(computed: int, expected: int, what: str) -> None:
     """Raise DamageError for a wrong checksum; 0 stands for none."""
-    if expected not in (0, found):
-        raise DamageError(f"the checksum of {what} is {found:08x} instead of {expected:08x}")
+    if expected not in (0, computed):
+        raise DamageError(f"the checksum of {what} is {computed:08x} instead of {expected:08x}")
 
 
 def section_crc(stream: BinaryIO, start: int, stop: int) -> int:

@@ -79,9 +79,13 @@ def _limited(parse: Callable[[Any], Any], text: str | bytes, source: str) -> Any
     _check_size(text, source)
     try:
         content = parse(text)
+        _check_depth(content)
     except RecursionError:
-        raise _too_deep(source) from None
-    _check_depth(content, source)
+        raise InputError(
+            f"{source} nests tables, lists or dotted keys more than {MAX_DEPTH} deep",
+            allowed=f"at most {MAX_DEPTH} levels; settings have five",
+            remedy="check that this is the right file",
+        ) from None
     return content
 
 
@@ -94,8 +98,8 @@ def _check_size(text: str | bytes, source: str) -> None:
         )
 
 
-def _check_depth(content: Any, source: str) -> None:
-    """Raise InputError for too deep nesting, ValueError for values that nothing could print."""
+def _check_depth(content: Any) -> None:
+    """Raise RecursionError for too deep nesting, ValueError for values that nothing could print."""
     level = [content]
     for _ in range(MAX_DEPTH):
         nested: list[Any] = []
@@ -112,15 +116,7 @@ def _check_depth(content: Any, source: str) -> None:
         if not nested:
             return
         level = nested
-    raise _too_deep(source)
-
-
-def _too_deep(source: str) -> InputError:
-    return InputError(
-        f"{source} nests tables, lists or dotted keys more than {MAX_DEPTH} deep",
-        allowed=f"at most {MAX_DEPTH} levels; settings have five",
-        remedy="check that this is the right file",
-    )
+    raise RecursionError
 
 
 def _invalid(source: str, kind: str, error: ValueError) -> InputError:

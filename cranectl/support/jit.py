@@ -143,12 +143,12 @@ def sources_digest(*paths: Path) -> str:
 @functools.cache
 def _imported(path: Path) -> frozenset[Path]:
     """Files of the package that the imports in a source file name."""
-    found: set[Path | None] = set()
+    files: set[Path | None] = set()
     for match in _IMPORT.finditer(_source(path)):
         module = _PACKAGE.joinpath(*match[1].split("."))
         parts = [_file(module / name) for name in re.findall(r"\w+", match[2] or "")]
-        found.update(parts if parts and all(parts) else [*parts, _file(module)])
-    return frozenset(file for file in found if file)
+        files.update(parts if parts and all(parts) else [*parts, _file(module)])
+    return frozenset(file for file in files if file)
 
 
 def _file(module: Path) -> Path | None:
