@@ -58,14 +58,6 @@ def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return captured.err
 
 
-def test_a_result_has_all_runs(finished: Path) -> None:
-    results = read_results(finished)
-    assert len(results) == 320
-    assert set(results.column("status")) == {"completed"}
-    assert results.record["versions"]["mujoco"]
-    assert results.campaign.settings.name == "small"
-
-
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT, signal.SIGHUP])
 def test_a_run_cut_short_is_resumed_to_the_same_table(
     finished: Path, sent: signal.Signals, capsys: pytest.CaptureFixture[str]
@@ -92,16 +84,9 @@ def test_a_run_cut_short_is_resumed_to_the_same_table(
     assert parts_of(Path("cut")) == parts_of(finished)
 
 
-def test_the_number_of_workers_changes_no_byte(finished: Path) -> None:
-    assert main(["campaign", "run", "small.toml", "--workers", "3"]) == 0
-    assert parts_of(Path("logs/campaign-small")) == parts_of(finished)
-
-
-def test_a_directory_whose_name_is_no_utf_8(finished: Path) -> None:
+def test_neither_workers_nor_a_directory_whose_name_is_no_utf_8_change_a_byte(finished: Path) -> None:
     name = os.fsdecode(b"\xff")
-    shutil.copytree(finished, name)
-    next((Path(name) / PARTS).iterdir()).unlink()
-    assert main(["campaign", "run", "small.toml", "--out", name, "--resume"]) == 0
+    assert main(["campaign", "run", "small.toml", "--workers", "3", "--out", name]) == 0
     assert parts_of(Path(name)) == parts_of(finished)
 
 
@@ -109,20 +94,7 @@ def parts_of(directory: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in (directory / PARTS).iterdir()}
 
 
-def test_summary_as_table_and_json(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    shutil.copytree(finished, "mine")
-    assert main(["campaign", "run", "small.toml", "--out", "mine", "--resume", "--json", "-"]) == 0
-    captured = capsys.readouterr()
-    found = json.loads(captured.out)
-    assert (found["finished"], found["runs"], found["missing"]) == (True, 320, 0)
-    assert [group["controller"] for group in found["groups"]] == ["lqr", "pole-placement"]
-    assert found["groups"][0]["failures"] == 0
-    assert "small on analytic" in captured.err
-    error = f"{found['groups'][0]['median_max_error_m']:.4f}"
-    assert error in captured.err
-
-
-def test_limits_given_later_judge_without_running(
+def test_a_finished_result_is_judged_by_other_limits_without_running(
     finished: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(finished, "mine")
@@ -133,10 +105,16 @@ def test_limits_given_later_judge_without_running(
     monkeypatch.setattr("cranectl.campaign.threads.run_batches", nothing_is_run)
     limit = ["--set", "limits.max_error_m=0.5", "--resume", "--out", "mine", "--json", "-"]
     assert main(["campaign", "run", "small.toml", *limit]) == 0
-    found = json.loads(capsys.readouterr().out)
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
+    assert (found["finished"], found["runs"], found["missing"]) == (True, 320, 0)
+    lqr, poles = found["groups"]
+    assert (lqr["controller"], poles["controller"]) == ("lqr", "pole-placement")
     results = read_results("mine")
     beyond = int((results.column("max_error_m")[:160] > 0.5).sum())
-    assert 0 < beyond == found["groups"][0]["failures"] == found["groups"][0]["broken"]["max_error_m"]
+    assert 0 < beyond == lqr["failures"] == lqr["broken"]["max_error_m"]
+    assert "small on analytic" in captured.err
+    assert f"{lqr['median_max_error_m']:.4f}" in captured.err
 
 
 def test_replayed_runs_are_the_same_to_the_bit(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -220,6 +198,7 @@ def test_list_and_show(capsys: pytest.CaptureFixture[str]) -> None:
         (["run", "small.toml", "--set", "duraton=1"], "unknown key 'duraton'"),
         (["run", "small.toml", "--workers", "0"], "0 is not in the range"),
         (["run", "small.toml", "--resume", "--overwrite"], "exclude each other"),
+        (["run", "small.toml", "--despite-differences"], "--despite-differences without --resume"),
         (["run", "small.toml", "--out", "small.toml"], "cannot write small.toml"),
         (["run", "small.toml", "--out", "a" * 300], "File name too long"),
         (["report", "a" * 300], "holds no result"),
