@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from distributed import Client, LocalCluster
+from distributed import LocalCluster
 
 from cranectl.campaign import Campaign, load_campaign
 from cranectl.campaign.cluster import cluster_client, run_batches_on
 from cranectl.campaign.definition import Batch, batches_of
-from cranectl.campaign.remote import check_software, packed, run_remotely
+from cranectl.campaign.remote import packed, run_remotely
 from cranectl.campaign.results import PARTS
 from cranectl.campaign.store import Store, open_store
 from cranectl.campaign.threads import run_batches
@@ -166,16 +166,12 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> N
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("numpy", ", here 1.0"),
-        ("cranectl", "the scheduler has"),
-        ("sources", "the worker tcp://"),
-    ],
+    ("name", "told"),
+    [("numpy", ", here 1.0"), ("cranectl", "the scheduler has"), ("sources", "the worker tcp://")],
 )
 def test_other_software_is_refused(
     name: str,
-    said: str,
+    told: str,
     cluster: LocalCluster,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -185,20 +181,8 @@ def test_other_software_is_refused(
     error = bad_input(capsys, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
     assert f" {name} " in error
-    assert said in error
+    assert told in error
     assert not Path("logs/campaign-small/campaign.json").exists()
-
-
-def test_software_differs_by_a_version_a_package_or_a_source() -> None:
-    same = {"mujoco": "4.0.0", "sources": "ab", "models": "ab", "data": "ab"}
-    check_software(same, same, "worker")
-    for changed, said in (
-        ({"mujoco": "4.0.1"}, "mujoco 4.0.1, here 4.0.0"),
-        ({"sources": "ac"}, "sources ac, here ab"),
-        ({"numba": "1"}, "numba 1, here unknown"),
-    ):
-        with pytest.raises(InputError, match=said):
-            check_software(same | changed, same, "worker")
 
 
 def test_a_crane_that_cannot_be_run_is_refused(
@@ -250,14 +234,7 @@ def test_a_scheduler_without_workers(
     monkeypatch.setattr("cranectl.campaign.cluster.WORKERS_S", 0.2)
     with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address=None) as empty:
         error = bad_input(capsys, "--scheduler", empty.scheduler_address)
-    assert "has no workers" in error
-    assert "--nworkers 16" in error
-
-
-def test_the_client_is_a_plain_one(cluster: LocalCluster) -> None:
-    with cluster_client(cluster.scheduler_address, 1) as client:
-        assert isinstance(client, Client)
-        assert len(client.scheduler_info()["workers"]) == 2
+    assert re.search(r"has no workers[^$]*--nworkers 16", error)
 
 
 def test_no_recipe_opens_a_scheduler_to_everybody(capsys: pytest.CaptureFixture[str]) -> None:

@@ -49,16 +49,12 @@ def random(*shape: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=shape)
 
 
-def test_quantiles_leave_gaps_out() -> None:
+def test_quantiles_and_distributions_leave_gaps_out() -> None:
     assert quantiles(np.array([3.0, NAN, 1.0, 2.0]), (0.0, 0.5, 1.0)).tolist() == [1.0, 2.0, 3.0]
     assert np.isnan(quantiles(np.full(3, NAN))).all()
     assert np.isnan(quantiles(np.empty(0))).all()
-
-
-def test_an_empirical_distribution_ends_below_one_where_values_are_absent() -> None:
     x, share = empirical_distribution(np.array([2.0, NAN, 1.0, 3.0]))
-    assert x.tolist() == [1.0, 2.0, 3.0]
-    assert share.tolist() == [0.25, 0.5, 0.75]
+    assert (x.tolist(), share.tolist()) == ([1.0, 2.0, 3.0], [0.25, 0.5, 0.75]), "it ends below 1"
     assert empirical_distribution(np.empty(0))[0].size == 0
 
 
@@ -103,16 +99,12 @@ def test_the_noise_floor_is_where_scipys_p_value_is_bonferronis() -> None:
     assert not all(beyond)
 
 
-def test_few_runs_cannot_show_anything() -> None:
+def test_few_runs_cannot_show_anything_and_chance_is_seldom_called_an_influence() -> None:
+    """Of 400 tables of 12 inert parameters, about one in twenty has anything above the floor."""
     assert noise_floor(4, 1) == 1.0, "4 ranks are in order by chance in 1 of 12"
-    assert noise_floor(5, 10) == 1.0
-    assert noise_floor(0, 1) == 1.0
+    assert noise_floor(5, 10) == noise_floor(0, 1) == 1.0
     assert noise_floor(6, 1) < 1.0
     assert noise_floor(10**6, 100) < 0.005
-
-
-def test_chance_is_seldom_called_an_influence() -> None:
-    """Of 400 tables of 12 inert parameters, about one in twenty has anything above the floor."""
     floor = noise_floor(40, 12)
     alarms = sum(
         bool((np.abs(rank_correlations(random(40, 12, seed=k), random(40, seed=1000 + k))) > floor).any())
@@ -154,18 +146,13 @@ def test_between_bins_without_an_answer() -> None:
         assert p == 1.0
 
 
-def test_kolmogorov_smirnov() -> None:
+def test_tests_of_two_samples() -> None:
     a, b = random(40), random(60, seed=1) + 0.5
     expected = scipy.stats.ks_2samp(a, b, method="asymp")
     assert kolmogorov_smirnov(np.append(a, NAN), b) == (expected.statistic, expected.pvalue)
     assert kolmogorov_smirnov(np.arange(4.0), np.arange(4.0) + 2.0)[0] == 0.5
-    assert kolmogorov_smirnov(np.arange(4.0), np.arange(4.0) + 9.0)[0] == 1.0
     assert all(map(math.isnan, kolmogorov_smirnov(np.empty(0), a)))
-
-
-def test_the_sign_test() -> None:
-    assert sign_test(0, 10) == pytest.approx(2 / 1024)
-    assert sign_test(10, 0) == sign_test(0, 10)
+    assert sign_test(0, 10) == sign_test(10, 0) == pytest.approx(2 / 1024)
     assert sign_test(5, 5) == sign_test(0, 0) == 1.0
 
 
@@ -200,7 +187,8 @@ def designed() -> Campaign:
 
 def test_sobol_indices_of_ishigami(designed: Campaign) -> None:
     """First 0.3139, 0.4424, 0; total 0.5576, 0.4424, 0.2437: Ishigami and Homma (1990)."""
-    found = sobol_indices(designed, ishigami(designed))
+    outputs = ishigami(designed)
+    found = sobol_indices(designed, outputs)
     assert found is not None
     assert found.first == pytest.approx([0.3139, 0.4424, 0.0], abs=0.02)
     assert found.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
@@ -210,14 +198,8 @@ def test_sobol_indices_of_ishigami(designed: Campaign) -> None:
         assert (interval[1] - interval[0] < 0.15).all()
     assert found.important.all()
     assert (found.base_points, found.left_out) == (2048, 0)
-
-
-def test_sobol_indices_are_scipys(designed: Campaign) -> None:
-    outputs = ishigami(designed)
-    found = sobol_indices(designed, outputs)
     blocks = saltelli_blocks(designed, outputs[:, np.newaxis])
     expected = scipy.stats.sobol_indices(func=blocks, n=2048)
-    assert found is not None
     assert found.first == pytest.approx(expected.first_order, abs=1e-12)
     assert found.total == pytest.approx(expected.total_order, abs=1e-12)
 
@@ -236,23 +218,20 @@ def test_intervals_hold_the_index_as_often_as_they_say() -> None:
     assert sum(held) > 0.85 * len(held)
 
 
-def test_sobol_indices_without_some_runs(designed: Campaign) -> None:
+def test_sobol_indices_without_some_runs_or_any_answer(designed: Campaign) -> None:
     outputs = ishigami(designed)
     outputs[3] = outputs[4] = outputs[5 * 700] = NAN
     found = sobol_indices(designed, outputs)
     assert found is not None
     assert (found.base_points, found.left_out) == (2046, 2)
     assert found.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
-
-
-def test_sobol_indices_of_nothing(designed: Campaign) -> None:
     assert sobol_indices(designed, np.ones(designed.runs)) is None
-    outputs = np.full(designed.runs, NAN)
-    assert sobol_indices(designed, outputs) is None
-    outputs[: 5 * LEAST] = ishigami(designed)[: 5 * LEAST]
-    assert sobol_indices(designed, outputs) is not None
-    outputs[0] = NAN
-    assert sobol_indices(designed, outputs) is None
+    few = np.full(designed.runs, NAN)
+    assert sobol_indices(designed, few) is None
+    few[: 5 * LEAST] = ishigami(designed)[: 5 * LEAST]
+    assert sobol_indices(designed, few) is not None
+    few[0] = NAN
+    assert sobol_indices(designed, few) is None
 
 
 def test_an_inert_parameter_has_no_total_index(designed: Campaign) -> None:
@@ -301,30 +280,21 @@ def test_influence_is_found_and_nothing_else(sampling: str) -> None:
 def test_only_completed_runs_that_have_a_metric_count() -> None:
     of = three(runs=640)
     found, _, column = found_of(of)
-    values = sample_values(of, 0, of.runs)
-    completed = values[:, of.names.index("rig.load_mass")] <= 1.4
-    settled = completed & (values[:, of.names.index("initial.load_offset.0")] > 0.0)
+    mass, _, offset = sample_values(of, 0, of.runs).T
+    completed = mass <= 1.4
     assert found.runs[column["max_error_m"]] == completed.sum() < 640
-    assert found.runs[column["settling_time_s"]] == settled.sum() < completed.sum()
+    assert found.runs[column["settling_time_s"]] == (completed & (offset > 0.0)).sum() < completed.sum()
 
 
-def test_rows_of_a_saltelli_design_that_repeat_others_are_left_out() -> None:
+def test_seeds_constants_and_repeated_rows_are_left_out() -> None:
+    """Of a Saltelli design the rows of A and B count, the others repeat their coordinates."""
     results = synthetic_results(three(sampling="saltelli", runs=40), known)
     assert independent_rows(results).tolist() == [base + k for base in range(0, 40, 5) for k in (0, 1)]
-    assert independent_rows(synthetic_results(three(), known)).size == 64
-
-
-def test_seeds_and_constants_have_no_influence() -> None:
-    uncertain = THREE | {
-        "effects": {
-            "sensing": {
-                "seed": {"distribution": "integers"},
-                "angle_noise": {"distribution": "fixed", "value": 1e-4},
-            }
-        }
-    }
-    of = campaign(uncertain, plants=["mujoco"])
+    noise = {"distribution": "fixed", "value": 1e-4}
+    sensing = {"seed": {"distribution": "integers"}, "angle_noise": noise}
+    of = campaign(THREE | {"effects": {"sensing": sensing}}, plants=["mujoco"])
     results = synthetic_results(of, lambda values, *_: known(values[:, :3], *_))
+    assert independent_rows(results).size == 64
     found = correlations(results, groups_of(results)[0], parameter_values(results))
     assert found.parameters == THREE_NAMES
 
@@ -399,21 +369,19 @@ def test_pairs_compare_the_same_samples() -> None:
 
 
 def test_groups_are_by_sample_also_where_runs_are_missing() -> None:
-    results = synthetic_results(three(), known, missing=3)
-    *_, last = groups_of(results)
+    parts = {"bridge": 2.0, "trolley": 3.0, "rope": 6.0}
+    efforts = {f"rms_acceleration_m_s2_{drive}": np.full(64, value) for drive, value in parts.items()}
+    assert set(efforts) <= set(METRIC_COLUMNS)
+    results = synthetic_results(
+        three(), lambda values, *_: {k: v[: len(values)] for k, v in efforts.items()}, missing=3
+    )
+    first, *_, last = groups_of(results)
+    assert first.metrics[EFFORT] == pytest.approx(7.0), "of all drives"
     assert last.name == "pole-placement on mujoco"
     assert last.there.tolist() == [k < 16 for k in range(64)]
     assert np.isnan(last.metrics["max_error_m"][16:]).all()
     assert not last.failed[16:].any()
     assert not np.isnan(parameter_values(results)).any(), "of other groups"
-
-
-def test_effort_is_of_all_drives() -> None:
-    parts = {"bridge": 2.0, "trolley": 3.0, "rope": 6.0}
-    each = {f"rms_acceleration_m_s2_{drive}": np.full(64, value) for drive, value in parts.items()}
-    assert set(each) <= set(METRIC_COLUMNS)
-    results = synthetic_results(three(), lambda *_: each)
-    assert groups_of(results)[0].metrics[EFFORT] == pytest.approx(7.0)
 
 
 def test_examples_are_the_worst_and_one_of_each_stop() -> None:
