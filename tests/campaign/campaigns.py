@@ -5,20 +5,30 @@ from typing import Any
 from cranectl.campaign import Campaign, make_campaign
 from cranectl.campaign.settings import parse_campaign
 
-MASS = {"distribution": "uniform", "low": 0.5, "high": 1.5}
-LAG = {"distribution": "log-uniform", "low": 0.01, "high": 0.04}
+
+def uniform(low: float, high: float, **more: Any) -> dict[str, Any]:
+    return {"distribution": "uniform", "low": low, "high": high, **more}
+
+
+def choice(*values: float, **more: Any) -> dict[str, Any]:
+    return {"distribution": "choice", "values": list(values), **more}
+
+
+def fixed(value: float) -> dict[str, Any]:
+    return {"distribution": "fixed", "value": value}
+
+
+MASS, LAG = uniform(0.5, 1.5), uniform(0.01, 0.04, distribution="log-uniform")
 PUSH = {"distribution": "normal", "deviation": 0.5}
+SEED = {"distribution": "integers"}
 MIXED = {
-    "rig": {"load_mass": MASS, "winch_time_constant": LAG},
-    "disturbances": {"0": {"magnitude": PUSH}},
-    "effects": {
-        "friction": {
-            "coulomb": {"1": {"distribution": "choice", "values": [0.5, 1.0, 2.0], "weights": [1, 2, 1]}}
-        },
-        "sensing": {"seed": {"distribution": "integers"}},
-        "delay": {"seconds": {"distribution": "uniform", "low": 0.0, "high": 0.01}},
-    },
-    "initial": {"load_offset": {"0": {"distribution": "fixed", "value": 0.01}}},
+    "rig.load_mass": MASS,
+    "rig.winch_time_constant": LAG,
+    "disturbances.0.magnitude": PUSH,
+    "effects.friction.coulomb.1": choice(0.5, 1.0, 2.0, weights=[1, 2, 1]),
+    "effects.sensing.seed": SEED,
+    "effects.delay.seconds": uniform(0.0, 0.01),
+    "initial.load_offset.0": fixed(0.01),
 }
 PAIR = [{"between": ["rig.load_mass", "rig.winch_time_constant"], "value": 0.7}]
 

@@ -3,31 +3,15 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from cranectl.campaign import Campaign, sample_values
 from cranectl.campaign.definition import Batch, batches_of
+from cranectl.campaign.results import PARTS
 from cranectl.campaign.store import open_store
 from cranectl.campaign.table import METRIC_COLUMNS, Row
+from cranectl.cli.main import main
 from tests.campaign.campaigns import campaign
-
-SMALL = """\
-name = "small"
-scenario = "fixed-position"
-controllers = ["lqr", "pole-placement"]
-plants = ["analytic"]
-runs = 160
-set = ["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
-
-[uncertain.rig.winch_time_constant]
-distribution = "log-uniform"
-low = 0.01
-high = 0.04
-
-[uncertain.disturbances.0.magnitude]
-distribution = "uniform"
-low = 0.0
-high = 30.0
-"""
 
 
 def two_controllers(**changes: object) -> Campaign:
@@ -61,3 +45,17 @@ def write_all(of: Campaign, directory: Path, *, leave: int = 0) -> None:
     with open_store(of, directory) as store:
         for batch in reversed(batches_of(of)[: len(batches_of(of)) - leave]):
             store.write(batch, invented_rows(of, batch))
+
+
+def parts_of(directory: Path | str) -> dict[str, bytes]:
+    """The parts of a result by name."""
+    return {path.name: path.read_bytes() for path in (Path(directory) / PARTS).iterdir()}
+
+
+def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Standard error of a `cranectl campaign` that must end with exit code 2 and no traceback."""
+    assert main(["campaign", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+    return captured.err

@@ -12,11 +12,12 @@ from cranectl.campaign.definition import batches_of
 from cranectl.campaign.manifest import record_of
 from cranectl.campaign.results import Results
 from cranectl.campaign.table import METRIC_COLUMNS, arrow_schema
-from tests.campaign.campaigns import LAG, MASS, campaign
+from tests.campaign.campaigns import LAG, MASS, campaign, uniform
 
 THREE = {
-    "rig": {"load_mass": MASS, "winch_time_constant": LAG},
-    "initial": {"load_offset": {"0": {"distribution": "uniform", "low": -0.03, "high": 0.03}}},
+    "rig.load_mass": MASS,
+    "rig.winch_time_constant": LAG,
+    "initial.load_offset.0": uniform(-0.03, 0.03),
 }
 BOTH = {"plants": ["analytic", "mujoco"], "controllers": ["lqr", "pole-placement"], "runs": 64}
 

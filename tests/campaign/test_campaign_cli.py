@@ -18,8 +18,10 @@ from cranectl.cli.main import main
 from cranectl.log import read_log
 from cranectl.metrics import run_metrics
 from cranectl.status import RunStatus
-from tests.campaign.results import SMALL
+from tests.campaign.conftest import SMALL
+from tests.campaign.results import bad_input, parts_of
 
+pytestmark = pytest.mark.usefixtures("in_directory_with_campaign")
 ANNOUNCED = """\
 import sys, time
 from cranectl.campaign.store import Store
@@ -32,30 +34,6 @@ Store.write = announced
 from cranectl.cli.main import main
 sys.exit(main(["campaign", "run", "small.toml", "--out", "cut"]))
 """
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A result that was never interrupted, not to be changed."""
-    folder = tmp_path_factory.mktemp("finished")
-    (folder / "small.toml").write_text(SMALL)
-    assert main(["campaign", "run", str(folder / "small.toml"), "--out", str(folder / "result")]) == 0
-    return folder / "result"
-
-
-@pytest.fixture(autouse=True)
-def in_directory_with_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("small.toml").write_text(SMALL)
-
-
-def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Standard error of a call that must end with exit code 2 and no traceback."""
-    assert main(["campaign", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert "Traceback" not in captured.err
-    assert captured.out == ""
-    return captured.err
 
 
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT, signal.SIGHUP])
@@ -81,17 +59,13 @@ def test_a_run_cut_short_is_resumed_to_the_same_table(
     assert "is not finished" in bad_input(capsys, "report", "cut")
     assert main(["campaign", *resume]) == 0
     assert read_results("cut").table.equals(read_results(finished).table, check_metadata=True)
-    assert parts_of(Path("cut")) == parts_of(finished)
+    assert parts_of("cut") == parts_of(finished)
 
 
 def test_neither_workers_nor_a_directory_whose_name_is_no_utf_8_change_a_byte(finished: Path) -> None:
     name = os.fsdecode(b"\xff")
     assert main(["campaign", "run", "small.toml", "--workers", "3", "--out", name]) == 0
-    assert parts_of(Path(name)) == parts_of(finished)
-
-
-def parts_of(directory: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in (directory / PARTS).iterdir()}
+    assert parts_of(name) == parts_of(finished)
 
 
 def test_a_finished_result_is_judged_by_other_limits_without_running(

@@ -17,32 +17,15 @@ from cranectl.campaign import Campaign, load_campaign
 from cranectl.campaign.cluster import cluster_client, run_batches_on
 from cranectl.campaign.definition import Batch, batches_of
 from cranectl.campaign.remote import packed, run_remotely
-from cranectl.campaign.results import PARTS
 from cranectl.campaign.store import Store, open_store
-from cranectl.campaign.threads import run_batches
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance
-from tests.campaign.results import SMALL
+from tests.campaign.results import bad_input, parts_of
 from tests.conftest import ROOT
 
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """The parts that threads write."""
-    folder = tmp_path_factory.mktemp("threads")
-    (folder / "small.toml").write_text(SMALL)
-    small = load_campaign(folder / "small.toml")
-    with open_store(small, folder / "result") as store:
-        for batch, rows in run_batches(small, store.missing):
-            store.write(batch, rows)
-    return parts_of(folder / "result")
-
-
-@pytest.fixture(autouse=True)
-def in_directory_with_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("small.toml").write_text(SMALL)
+pytestmark = pytest.mark.usefixtures("in_directory_with_campaign")
+RUN = ("run", "small.toml")
 
 
 @pytest.fixture
@@ -60,21 +43,8 @@ def cluster() -> Iterator[LocalCluster]:
         yield cluster
 
 
-def parts_of(directory: Path | str) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in (Path(directory) / PARTS).iterdir()}
-
-
 def small(*overrides: str) -> Campaign:
     return load_campaign("small.toml", overrides=overrides)
-
-
-def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Standard error of a call that must end with exit code 2 and no traceback."""
-    assert main(["campaign", "run", "small.toml", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert "Traceback" not in captured.err
-    assert captured.out == ""
-    return captured.err
 
 
 def wait_until(true: Callable[[], bool]) -> None:
@@ -84,14 +54,14 @@ def wait_until(true: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def test_a_cluster_writes_the_bytes_of_the_threads(finished: dict[str, bytes], cluster: LocalCluster) -> None:
+def test_a_cluster_writes_the_bytes_of_the_threads(finished: Path, cluster: LocalCluster) -> None:
     run = ["campaign", "run", "small.toml", "--scheduler", cluster.scheduler_address]
     assert main([*run, "--out", "mine"]) == 0
-    assert parts_of("mine") == finished
+    assert parts_of("mine") == parts_of(finished)
     assert main([*run, "--out", "other", "--set", "uncertain.disturbances.0.magnitude.high=29.9"]) == 0
-    other = parts_of("other")
-    assert other.keys() == finished.keys()
-    assert not any(other[name] == finished[name] for name in finished)
+    one, other = parts_of("mine"), parts_of("other")
+    assert other.keys() == one.keys()
+    assert not any(other[name] == one[name] for name in one)
     assert not cluster.scheduler.tasks  # nothing of ours is left there
     assert logging.root.manager.disable == logging.NOTSET
 
@@ -101,7 +71,7 @@ def die(_batch: Batch, **_: Any) -> None:
 
 
 def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
-    finished: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
+    finished: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = small()
     with cluster_client(None, 2) as client, open_store(made, Path("mine")) as store:
@@ -112,7 +82,7 @@ def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
             if not killed:
                 killed = next(address for address, keys in client.processing().items() if keys)
                 os.kill(before[killed], signal.SIGKILL)
-        assert parts_of("mine") == finished
+        assert parts_of("mine") == parts_of(finished)
         wait_until(lambda: killed not in client.scheduler_info()["workers"])
         monkeypatch.setattr("cranectl.campaign.cluster.run_remotely", die)
         client.cluster.scheduler.allowed_failures = 0
@@ -126,7 +96,7 @@ def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
 
 
 def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
-    finished: dict[str, bytes],
+    finished: Path,
     cluster: LocalCluster,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -141,14 +111,14 @@ def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
 
     with monkeypatch.context() as patched:
         patched.setattr(Store, "write", write_and_end)
-        error = bad_input(capsys, "--out", "cut", "--scheduler", cluster.scheduler_address)
+        error = bad_input(capsys, *RUN, "--out", "cut", "--scheduler", cluster.scheduler_address)
     assert "is gone" in error
     assert "--resume: finished batches are kept" in error
     kept = parts_of("cut")
     assert len(kept) == 2
     assert main(["campaign", "run", "small.toml", "--out", "cut", "--resume"]) == 0
-    assert parts_of("cut") == finished
-    assert kept.items() < finished.items()
+    assert parts_of("cut") == parts_of(finished)
+    assert kept.items() < parts_of(finished).items()
 
 
 def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> None:
@@ -178,7 +148,7 @@ def test_other_software_is_refused(
 ) -> None:
     for room in ("cluster", "manifest"):  # the command's, not the worker's
         monkeypatch.setattr(f"cranectl.campaign.{room}.software_of", lambda _: provenance() | {name: "1.0"})
-    error = bad_input(capsys, "--scheduler", cluster.scheduler_address)
+    error = bad_input(capsys, *RUN, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
     assert f" {name} " in error
     assert told in error
@@ -190,7 +160,7 @@ def test_a_crane_that_cannot_be_run_is_refused(
 ) -> None:
     unstable = ["design.state_weights=[1e9,1.0,1.0,1.0]", "design.input_weight=1e-9", "control.period=0.05"]
     options = [part for each in unstable for part in ("--set", each)]
-    error = bad_input(capsys, *options, "--scheduler", cluster.scheduler_address)
+    error = bad_input(capsys, *RUN, *options, "--scheduler", cluster.scheduler_address)
     assert "unstable when sampled" in error
 
 
@@ -198,7 +168,7 @@ def test_without_dask(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mo
     Path("mine").mkdir()
     monkeypatch.setitem(sys.modules, "distributed", None)
     for where in (["--cluster", "local"], ["--scheduler", "tcp://127.0.0.1:1"]):
-        error = bad_input(capsys, *where, "--out", "mine", "--overwrite")
+        error = bad_input(capsys, *RUN, *where, "--out", "mine", "--overwrite")
         assert "a cluster needs Dask" in error
         assert "pip install 'cranectl[cluster]'" in error
     assert not list(Path("mine").iterdir())
@@ -224,7 +194,7 @@ def test_a_place_that_is_none(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("cranectl.campaign.cluster.CONNECT_S", 0.3)
-    assert expected in bad_input(capsys, *arguments)
+    assert expected in bad_input(capsys, *RUN, *arguments)
     assert [path.name for path in Path().iterdir()] == ["small.toml"]
 
 
@@ -233,7 +203,7 @@ def test_a_scheduler_without_workers(
 ) -> None:
     monkeypatch.setattr("cranectl.campaign.cluster.WORKERS_S", 0.2)
     with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address=None) as empty:
-        error = bad_input(capsys, "--scheduler", empty.scheduler_address)
+        error = bad_input(capsys, *RUN, "--scheduler", empty.scheduler_address)
     assert re.search(r"has no workers[^$]*--nworkers 16", error)
 
 

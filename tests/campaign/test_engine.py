@@ -24,21 +24,22 @@ from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
-from tests.campaign.campaigns import LAG, MASS, PUSH, campaign
+from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fixed, uniform
 
 SHORT = ["duration=0.25", "disturbances.0.start=0.05", "disturbances.0.end=0.2", "disturbances.1.start=0.1"]
-OFFSET = {"distribution": "uniform", "low": -0.02, "high": 0.02}
+OFFSET = uniform(-0.02, 0.02)
 UNCERTAIN = {
-    "rig": {"load_mass": MASS, "winch_time_constant": LAG, "gravity": {**OFFSET, "low": 9.7, "high": 9.9}},
-    "disturbances": {"0": {"magnitude": PUSH}},
-    "effects": {
-        "friction": {"pivot_viscous": {"distribution": "uniform", "low": 0.0, "high": 0.01}},
-        "sensing": {"seed": {"distribution": "integers"}},
-        "delay": {"seconds": {"distribution": "uniform", "low": 0.0, "high": 0.005}},
-        "wind": {"seed": {"distribution": "integers"}},
-    },
-    "initial": {"load_offset": {"0": OFFSET}, "alpha_offset": OFFSET},
-    "control": {"period": {"distribution": "choice", "values": [0.001, 0.002]}},
+    "rig.load_mass": MASS,
+    "rig.winch_time_constant": LAG,
+    "rig.gravity": uniform(9.7, 9.9),
+    "disturbances.0.magnitude": PUSH,
+    "effects.friction.pivot_viscous": uniform(0.0, 0.01),
+    "effects.sensing.seed": SEED,
+    "effects.delay.seconds": uniform(0.0, 0.005),
+    "effects.wind.seed": SEED,
+    "initial.load_offset.0": OFFSET,
+    "initial.alpha_offset": OFFSET,
+    "control.period": choice(0.001, 0.002),
 }
 NO_FORCES = ["effects.friction.coulomb=[0.0,0.0,0.0]", "effects.friction.viscous=[0.0,0.0,0.0]"]
 HEAVY = "lqr+hinf"
@@ -95,8 +96,7 @@ def test_rows_are_those_of_single_runs(both: Campaign, plant: str, controller: s
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_sampled_control_period_is_that_of_the_scenario(plant: str) -> None:
     """The controller is made for the period that it runs at, and so is the plant's number of steps."""
-    period = {"control": {"period": {"distribution": "choice", "values": [0.001, 0.005]}}}
-    mass = {"rig": {"load_mass": {"distribution": "fixed", "value": 1.0}}}
+    period, mass = {"control.period": choice(0.001, 0.005)}, {"rig.load_mass": fixed(1.0)}
     fine = short(period, sampling="grid", runs=None, plants=[plant])
     coarse = short(mass, "control.period=0.005", "control.physics_step=0.001", runs=1, plants=[plant])
     found = run_batch(fine, Batch(plant, "lqr", 0, 2))[1]
@@ -107,29 +107,25 @@ def test_a_sampled_control_period_is_that_of_the_scenario(plant: str) -> None:
     assert [found[name] for name in names] == [expected[name] for name in names]
 
 
-EFFECTS: dict[str, dict[str, Any]] = {
-    "limits": {"force": {"2": {"distribution": "uniform", "low": 10.5, "high": 14.0}}},
-    "friction": {"coulomb": {"0": MASS}, "viscous": {"1": MASS}},
-    "rope": {
-        "stiffness": {"distribution": "log-uniform", "low": 2e4, "high": 8e4},
-        "damping_ratio": {"distribution": "uniform", "low": 0.0, "high": 0.3},
-        "mass": {"distribution": "choice", "values": [0.0, 0.003, 0.02]},
-    },
-    "body": {
-        "hook_offset": {"distribution": "uniform", "low": 0.0, "high": 0.1},
-        "inertia": {"distribution": "uniform", "low": 1e-3, "high": 3e-3},
-        "swing_damping": {"distribution": "uniform", "low": 0.0, "high": 3e-3},
-    },
-    "frame": {
-        "frequency": {"0": {"distribution": "uniform", "low": 6.0, "high": 12.0}},
-        "damping_ratio": {"distribution": "uniform", "low": 0.0, "high": 0.05},
-        "mass": {"distribution": "uniform", "low": 10.0, "high": 30.0},
-    },
+EFFECTS = {
+    "rig.load_mass": MASS,
+    "effects.limits.force.2": uniform(10.5, 14.0),
+    "effects.friction.coulomb.0": MASS,
+    "effects.friction.viscous.1": MASS,
+    "effects.rope.stiffness": uniform(2e4, 8e4, distribution="log-uniform"),
+    "effects.rope.damping_ratio": uniform(0.0, 0.3),
+    "effects.rope.mass": choice(0.0, 0.003, 0.02),
+    "effects.body.hook_offset": uniform(0.0, 0.1),
+    "effects.body.inertia": uniform(1e-3, 3e-3),
+    "effects.body.swing_damping": uniform(0.0, 3e-3),
+    "effects.frame.frequency.0": uniform(6.0, 12.0),
+    "effects.frame.damping_ratio": uniform(0.0, 0.05),
+    "effects.frame.mass": uniform(10.0, 30.0),
 }
 
 
 def test_rows_are_those_of_single_runs_with_every_effect_of_the_engine() -> None:
-    made = short({"rig": {"load_mass": MASS}, "effects": EFFECTS}, "control.physics_step=0.0005", runs=4)
+    made = short(EFFECTS, "control.physics_step=0.0005", runs=4)
     for row in run_batch(made, Batch("mujoco", "lqr", 0, 4)):
         assert row["reason"] == ""
         assert_row_is(row, alone(made, int(row["sample"] or 0), "mujoco", "lqr"))
@@ -267,11 +263,8 @@ def test_rows_depend_neither_on_workers_nor_on_order(both: Campaign) -> None:
 
 
 def test_a_sample_that_is_no_scenario_or_too_stiff_is_a_failed_row_and_the_next_one_runs() -> None:
-    ends = {
-        "start": {"distribution": "uniform", "low": 0.01, "high": 0.19},
-        "end": {"distribution": "uniform", "low": 0.06, "high": 0.2},
-    }
-    rows = run_batch(short({"disturbances": {"0": ends}}, runs=40), Batch("analytic", "lqr", 0, 40))
+    ends = {"disturbances.0.start": uniform(0.01, 0.19), "disturbances.0.end": uniform(0.06, 0.2)}
+    rows = run_batch(short(ends, runs=40), Batch("analytic", "lqr", 0, 40))
     failed = [row for row in rows if row["status"] == "failed"]
     assert 0 < len(failed) < 40
     assert "InputError: " in str(failed[0]["reason"])
@@ -279,9 +272,7 @@ def test_a_sample_that_is_no_scenario_or_too_stiff_is_a_failed_row_and_the_next_
     assert failed[0]["end_s"] == 0.0
     assert all(failed[0][name] is None for name in METRIC_COLUMNS)
     assert failed[0]["disturbances.0.start"] is not None
-    made = short(
-        {"effects": {"rope": {"stiffness": {"distribution": "choice", "values": [5e4, 1e9]}}}}, runs=8
-    )
+    made = short({"effects.rope.stiffness": choice(5e4, 1e9)}, runs=8)
     rows = run_batch(made, Batch("mujoco", "lqr", 0, 8))
     values = [row["effects.rope.stiffness"] for row in rows]
     assert {5e4, 1e9} == set(values)
@@ -293,8 +284,7 @@ def test_a_sample_that_is_no_scenario_or_too_stiff_is_a_failed_row_and_the_next_
 
 
 def test_a_run_that_stops_says_why_and_keeps_its_metrics() -> None:
-    far = {"distribution": "fixed", "value": 400.0}
-    made = short({"disturbances": {"1": {"magnitude": far}}}, runs=1)
+    made = short({"disturbances.1.magnitude": fixed(400.0)}, runs=1)
     (row,) = run_batch(made, Batch("mujoco", "lqr", 0, 1))
     assert row["status"] == "slack-rope"
     assert row["reason"] == "the rope went slack, in the plant or as the tracker sees it"
@@ -318,7 +308,7 @@ def test_errors_in_the_program_are_told_of_a_sample_and_raised_of_a_worker(
 
 
 def test_a_controller_unstable_on_the_nominal_crane_is_refused_at_once() -> None:
-    made = short({"rig": {"load_mass": MASS}}, "control.period=0.05", "control.physics_step=0.001",
+    made = short({"rig.load_mass": MASS}, "control.period=0.05", "control.physics_step=0.001",
                  "design.state_weights=[1e9,1.0,1.0,1.0]", "design.input_weight=1e-9")  # fmt: skip
     with pytest.raises(InputError, match="unstable when sampled"):
         list(run_batches(made, [Batch("mujoco", "lqr", 0, 1)]))

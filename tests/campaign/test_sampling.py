@@ -10,10 +10,10 @@ from scipy import stats
 
 from cranectl.campaign import Campaign, load_campaign, sample_values
 from cranectl.campaign.sampling import METHODS, uniform_block, unit_points
-from tests.campaign.campaigns import LAG, MASS, MIXED, PAIR, campaign
+from tests.campaign.campaigns import LAG, MASS, MIXED, PAIR, campaign, choice, uniform
 
 RANDOM = ("monte-carlo", "latin-hypercube", "sobol")
-TWO = {"rig": {"load_mass": MASS, "winch_time_constant": LAG}}
+TWO = {"rig.load_mass": MASS, "rig.winch_time_constant": LAG}
 
 
 def of_method(method: str) -> Campaign:
@@ -21,7 +21,7 @@ def of_method(method: str) -> Campaign:
     if method in RANDOM:
         return campaign(sampling=method, runs=203, correlation=PAIR)
     if method == "grid":
-        uncertain = {"rig": {name: each | {"levels": 5} for name, each in TWO["rig"].items()}}
+        uncertain = {name: each | {"levels": 5} for name, each in TWO.items()}
         return campaign(uncertain, sampling=method, runs=None)
     return campaign(sampling=method, runs=16 * 8 if method == "saltelli" else None)
 
@@ -61,7 +61,7 @@ def test_more_runs_keep_the_first(method: str) -> None:
 
 @pytest.mark.parametrize("method", ["monte-carlo", "latin-hypercube"])
 def test_another_parameter_leaves_the_values_of_the_others(method: str) -> None:
-    one = campaign({"rig": {"winch_time_constant": LAG}}, sampling=method)
+    one = campaign({"rig.winch_time_constant": LAG}, sampling=method)
     two = campaign(TWO, sampling=method)
     assert (sample_values(one, 0, 64)[:, 0] == sample_values(two, 0, 64)[:, 1]).all()
 
@@ -86,10 +86,8 @@ def test_samples_have_their_distributions(method: str) -> None:
 
 
 def test_times_lie_on_control_periods_and_within_their_range() -> None:
-    uncertain = {
-        "effects": {"delay": {"seconds": {"distribution": "uniform", "low": 0.0013, "high": 0.0058}}}
-    }
-    delays = sample_values(campaign(uncertain, runs=500), 0, 500)[:, 0]
+    made = campaign({"effects.delay.seconds": uniform(0.0013, 0.0058)}, runs=500)
+    delays = sample_values(made, 0, 500)[:, 0]
     np.testing.assert_allclose(np.unique(delays), [0.002, 0.003, 0.004, 0.005], atol=1e-15)
 
 
@@ -142,9 +140,8 @@ def test_random_numbers_are_those_of_numpy_by_counter() -> None:
 
 
 def test_a_grid_has_every_combination_once() -> None:
-    levels = {"rig": {"load_mass": MASS | {"levels": 3}, "winch_time_constant": LAG | {"levels": 2}}}
-    choice = {"initial": {"load_offset": {"0": {"distribution": "choice", "values": [0.0, 0.01]}}}}
-    made = campaign(levels | choice, sampling="grid", runs=None)
+    levels = {"rig.load_mass": MASS | {"levels": 3}, "rig.winch_time_constant": LAG | {"levels": 2}}
+    made = campaign(levels | {"initial.load_offset.0": choice(0.0, 0.01)}, sampling="grid", runs=None)
     expected = list(itertools.product([0.5, 1.0, 1.5], [0.01, 0.04], [0.0, 0.01]))
     np.testing.assert_allclose(sample_values(made, 0, made.runs), expected, rtol=1e-12)
 

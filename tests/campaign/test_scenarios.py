@@ -7,7 +7,7 @@ from cranectl.campaign import campaign_names, load_campaign, sample_values, samp
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.scenario.effects import Friction
 from cranectl.support.errors import InputError
-from tests.campaign.campaigns import campaign
+from tests.campaign.campaigns import campaign, uniform
 
 
 def test_nominal_is_the_scenario_with_the_uncertain_effects_on_and_the_campaigns_settings() -> None:
@@ -57,9 +57,8 @@ def test_it_is_what_set_would_have_made() -> None:
 
 def test_values_wrong_only_together_are_found_in_the_sample() -> None:
     """Each end by itself is fine; a disturbance that starts after its end is not."""
-    start = {"distribution": "uniform", "low": 1.0, "high": 1.65}
-    end = {"distribution": "uniform", "low": 1.55, "high": 2.0}
-    made = campaign({"disturbances": {"0": {"start": start, "end": end}}})
+    start, end = uniform(1.0, 1.65), uniform(1.55, 2.0)
+    made = campaign({"disturbances.0.start": start, "disturbances.0.end": end})
     assert isinstance(sampled_scenario(made, [1.2, 1.6]), Scenario)
     with pytest.raises(InputError, match="must end after its start") as caught:
         sampled_scenario(made, [1.64, 1.56], "sample 12")

@@ -9,7 +9,7 @@ import pytest
 from cranectl.campaign import load_campaign, read_campaign
 from cranectl.campaign.settings import parse_campaign
 from cranectl.support.errors import InputError
-from tests.campaign.campaigns import LAG, MASS, PAIR, PUSH, campaign, table
+from tests.campaign.campaigns import LAG, MASS, PAIR, PUSH, campaign, choice, fixed, table, uniform
 
 GOOD = """
 name = "mine"
@@ -27,18 +27,6 @@ def error(uncertain: dict[str, Any] | None = None, **changes: Any) -> InputError
     with pytest.raises(InputError) as caught:
         campaign(uncertain, **changes)
     return caught.value
-
-
-def of_mass(**numbers: Any) -> dict[str, Any]:
-    return {"rig": {"load_mass": numbers}}
-
-
-def uniform(low: float, high: float, **more: Any) -> dict[str, Any]:
-    return {"distribution": "uniform", "low": low, "high": high, **more}
-
-
-def choice(*values: float, **more: Any) -> dict[str, Any]:
-    return {"distribution": "choice", "values": list(values), **more}
 
 
 def normal(**numbers: float) -> dict[str, Any]:
@@ -101,7 +89,7 @@ def nested(name: str, leaf: Any) -> dict[str, Any]:
         # values that the scenario refuses, at whichever end they lie
         ("rig.load_mass", uniform(-0.1, 1.0), ["rig.load_mass reaches -0.1: rig.load_mass = -0.1", "0.001"]),
         ("rig.load_mass", normal(deviation=0.5), ["uncertain.rig.load_mass reaches -", "0.001"]),
-        ("rig.load_mass", {"distribution": "fixed", "value": 0.0}, ["reaches 0: rig.load_mass = 0.0"]),
+        ("rig.load_mass", fixed(0.0), ["reaches 0: rig.load_mass = 0.0"]),
         ("rig.load_mass", choice(1.0, -2.0, 3.0), ["reaches -2"]),
         ("rig.winch_time_constant", LAG | {"low": 1e-4}, ["at least control.physics_step"]),
         ("effects.frame.damping_ratio", uniform(0.0, 1.5), ["damping_ratio reaches 1.5", "equal to 1"]),
@@ -140,7 +128,7 @@ def between(a: str, b: str, value: float = 0.7) -> dict[str, Any]:
         ({"sampling": "saltelli", "runs": 65},
          ["runs = 65 with saltelli sampling of 6", "8 times a power of two"]),
         ({"sampling": "saltelli", "runs": 24}, ["runs = 24 with saltelli", "near it 16 and 32"]),
-        ({"sampling": "saltelli", "uncertain": of_mass(distribution="fixed", value=1.0)},
+        ({"sampling": "saltelli", "uncertain": {"rig.load_mass": fixed(1.0)}},
          ["nothing that varies"]),
         ({"sampling": "grid", "runs": None,
           "uncertain": {"rig": dict.fromkeys(("load_mass", "trolley_mass"), uniform(0.9, 1.1, levels=2000))}},

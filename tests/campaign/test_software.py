@@ -14,10 +14,9 @@ from cranectl.campaign.definition import Batch
 from cranectl.campaign.results import PARTS, RECORD_FILE, part_name, read_results, write_part
 from cranectl.cli.main import main
 from cranectl.support.provenance import fingerprints
-from tests.campaign.results import SMALL
 from tests.support.test_provenance import copy_checkout
 
-LAST = Batch("analytic", "pole-placement", 64, 128)
+LAST = Batch("analytic", "pole-placement", 128, 160)
 RESUME = ["campaign", "run", "small.toml", "--out", "result", "--resume"]
 CHANGED = {"sources": "00ff00ff00ff00ff"}
 FROM_ELSEWHERE = """\
@@ -28,20 +27,11 @@ sys.exit(main())
 """
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A result of 2 x 128 runs without its last part, not to be changed."""
-    folder = tmp_path_factory.mktemp("finished")
-    (folder / "small.toml").write_text(SMALL.replace("160", "128"))
-    assert main(["campaign", "run", str(folder / "small.toml"), "--out", str(folder / "result")]) == 0
-    (folder / "result" / PARTS / part_name(LAST)).unlink()
-    return folder
-
-
 @pytest.fixture(autouse=True)
-def in_directory_of_result(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copytree(finished, tmp_path / "work")
-    monkeypatch.chdir(tmp_path / "work")
+def in_directory_of_result(in_directory_with_campaign: Path, finished: Path) -> None:
+    """And a result without its last part."""
+    shutil.copytree(finished, in_directory_with_campaign / "result")
+    Path("result", PARTS, part_name(LAST)).unlink()
 
 
 def contents() -> dict[str, bytes]:
@@ -76,10 +66,10 @@ def test_what_is_accepted_is_told(
         capsys.readouterr()
         assert main([*RESUME, "--despite-differences", "--json", "found.json"]) == 0
         out = capsys.readouterr().out
-        mixed = "ade by 2 sets of sources or versions: 192 runs, 64 runs"
-        note = f"192 runs by other software than what is installed: sources {own['sources']}, now 00ff"
+        mixed = "ade by 2 sets of sources or versions: 288 runs, 32 runs"
+        note = f"288 runs by other software than what is installed: sources {own['sources']}, now 00ff"
         makers = json.loads(Path("found.json").read_text())["software"]
-        assert [(maker["runs"], bool(maker["differences"])) for maker in makers] == [(192, True), (64, False)]
+        assert [(maker["runs"], bool(maker["differences"])) for maker in makers] == [(288, True), (32, False)]
         assert makers[1]["versions"]["sources"] == CHANGED["sources"]
         assert main(["campaign", "report", "result", "--out", "page.html"]) == 0
         page = Path("page.html").read_text()
@@ -89,7 +79,7 @@ def test_what_is_accepted_is_told(
         assert "sources, software 2" in page
         assert main(RESUME) == 0, "accepted once"
     results = read_results("result")
-    assert len(results) == 256
+    assert len(results) == 320
     last = (results.column("controller") == LAST.controller) & (results.column("sample") >= LAST.first)
     assert np.array_equal(results.made_by, last)
     assert main(RESUME) == 0, "what began it may go on"
@@ -99,7 +89,7 @@ def test_one_program_says_nothing_but_in_record_and_parts(capsys: pytest.Capture
     assert main([*RESUME, "--json", "found.json"]) == 0
     assert "software" not in capsys.readouterr().out
     (maker,) = json.loads(Path("found.json").read_text())["software"]
-    assert (maker["runs"], maker["differences"]) == (256, [])
+    assert (maker["runs"], maker["differences"]) == (320, [])
     assert json.loads(Path("result", RECORD_FILE).read_text())["accepted"] == []
     metadata = parquet.read_schema(next(Path("result", PARTS).iterdir())).metadata
     assert {name: metadata[name.encode()].decode() for name in fingerprints()} == fingerprints()

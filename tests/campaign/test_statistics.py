@@ -38,11 +38,11 @@ from cranectl.campaign.statistics import (
 )
 from cranectl.campaign.summary import Example, examples
 from cranectl.campaign.table import METRIC_COLUMNS
-from tests.campaign.campaigns import campaign
+from tests.campaign.campaigns import SEED, campaign, fixed
 from tests.campaign.synthetic import THREE, synthetic_results, three
 
 NAN = math.nan
-THREE_NAMES = ("rig.load_mass", "rig.winch_time_constant", "initial.load_offset.0")
+THREE_NAMES = tuple(THREE)
 
 
 def random(*shape: int, seed: int = 0) -> np.ndarray:
@@ -290,9 +290,8 @@ def test_seeds_constants_and_repeated_rows_are_left_out() -> None:
     """Of a Saltelli design the rows of A and B count, the others repeat their coordinates."""
     results = synthetic_results(three(sampling="saltelli", runs=40), known)
     assert independent_rows(results).tolist() == [base + k for base in range(0, 40, 5) for k in (0, 1)]
-    noise = {"distribution": "fixed", "value": 1e-4}
-    sensing = {"seed": {"distribution": "integers"}, "angle_noise": noise}
-    of = campaign(THREE | {"effects": {"sensing": sensing}}, plants=["mujoco"])
+    inert = {"effects.sensing.seed": SEED, "effects.sensing.angle_noise": fixed(1e-4)}
+    of = campaign(THREE | inert, plants=["mujoco"])
     results = synthetic_results(of, lambda values, *_: known(values[:, :3], *_))
     assert independent_rows(results).size == 64
     found = correlations(results, groups_of(results)[0], parameter_values(results))

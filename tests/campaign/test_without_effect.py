@@ -16,7 +16,7 @@ from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.support.errors import InputError
-from tests.campaign.campaigns import campaign
+from tests.campaign.campaigns import campaign, fixed, uniform
 
 # A crane pushed about there and back, with drives at their limits.
 SCENARIO = "off-reference"
@@ -65,10 +65,6 @@ def other_value(name: str, nominal: float) -> float:
     return OTHER.get(name, nominal + 1 if name.endswith("seed") else 0.8 * nominal if nominal else 0.05)
 
 
-def uncertain(name: str, value: float) -> dict[str, Any]:
-    return {name: {"distribution": "fixed", "value": value}}
-
-
 def outcome(made: Campaign) -> list[Any]:
     (row,) = run_batch(made, Batch(made.settings.plants[0], "lqr", 0, 1))
     assert row["status"] != "failed", row["reason"]
@@ -77,7 +73,7 @@ def outcome(made: Campaign) -> list[Any]:
 
 def made_campaign(name: str, value: float, plant: str, drive: Drive) -> Campaign:
     options = {"set": overrides_of(plant, drive), "plants": [plant], "drive": drive}
-    return campaign(uncertain(name, value), scenario=SCENARIO, runs=1, **options)
+    return campaign({name: fixed(value)}, scenario=SCENARIO, runs=1, **options)
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -130,12 +126,11 @@ def expected(plant: str, drive: str) -> Iterator[str]:
 def test_a_factor_that_is_always_zero_is_found(name: str, zeros: list[str]) -> None:
     told = [*MOVING, "effects.wind={}", "effects.sensing={}"]
     value = other_value(name, 1.0)
-    campaign(uncertain(name, value), scenario=SCENARIO, set=told, runs=1)
+    campaign({name: fixed(value)}, scenario=SCENARIO, set=told, runs=1)
     with pytest.raises(InputError, match="is 0 in all runs"):
-        campaign(uncertain(name, value), scenario=SCENARIO, set=[*told, *zeros], runs=1)
+        campaign({name: fixed(value)}, scenario=SCENARIO, set=[*told, *zeros], runs=1)
 
 
 def test_a_factor_that_is_uncertain_itself_is_not_zero() -> None:
-    gust = {"distribution": "uniform", "low": 0.0, "high": 1.0}
-    both = uncertain("effects.wind.seed", 3.0) | {"effects.wind.gust": gust}
+    both = {"effects.wind.seed": fixed(3.0), "effects.wind.gust": uniform(0.0, 1.0)}
     campaign(both, scenario=SCENARIO, set=[*MOVING, "effects.wind.gust=0.0"], runs=1)

@@ -18,7 +18,7 @@ from cranectl.cli.campaign.replay import replay_campaign
 from cranectl.cli.main import main
 from cranectl.report.campaign.page import campaign_page
 from cranectl.report.page import render
-from tests.campaign.campaigns import LAG, MASS, campaign
+from tests.campaign.campaigns import LAG, MASS, campaign, fixed
 from tests.campaign.results import two_controllers, write_all
 from tests.campaign.synthetic import synthetic_results, three
 
@@ -68,8 +68,8 @@ def sections(page: str) -> list[str]:
 
 ONE = {"plants": ["mujoco"], "controllers": ["lqr"]}
 TWO = {"plants": ["mujoco"]}
-FIXED = {"rig": {"load_mass": MASS, "winch_time_constant": {"distribution": "fixed", "value": 0.02}}}
-GRID = {"rig": {"load_mass": MASS | {"levels": 5}}}
+FIXED = {"rig.load_mass": MASS, "rig.winch_time_constant": fixed(0.02)}
+GRID = {"rig.load_mass": MASS | {"levels": 5}}
 EVERYTHING = ["outcome", "worst", "controllers", "plants", "influence", "failures", "uncertainty"]
 
 
@@ -116,7 +116,7 @@ def test_whatever_the_runs_were_like_there_is_a_page(
             {"sampling": "grid", "runs": None},
             ["influence", "failures"],
         ),
-        ({"rig": {"load_mass": {"distribution": "fixed", "value": 1.2}}}, {"runs": 20}, []),
+        ({"rig.load_mass": fixed(1.2)}, {"runs": 20}, []),
     ],
 )
 def test_constant_parameters_and_grids(
@@ -209,7 +209,7 @@ def test_the_command_writes_page_and_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    uncertain = {"rig": {"load_mass": MASS, "winch_time_constant": LAG}}
+    uncertain = {"rig.load_mass": MASS, "rig.winch_time_constant": LAG}
     write_all(two_controllers(plants=["mujoco"], uncertain=uncertain), Path("kept"))
     assert main(["campaign", "report", "kept", "--json", "-"]) == 0
     captured = capsys.readouterr()
