@@ -1,16 +1,12 @@
 """Advice: grades mean what they say, each improvement changes one thing, the best comes first."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from cranectl.analysis.advice import GIVEN, IMPROVEMENTS, Advice, advise, improved, visited_points
 from cranectl.analysis.levels import with_effects
-from cranectl.cli.main import cli
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
@@ -80,16 +76,3 @@ def test_points_are_what_the_scenario_visits() -> None:
     assert {point.tilt for point in points} == {(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)}
     assert 0.0 in {point.hoisting_speed for point in points}
     assert max(point.hoisting_speed for point in points) > 0.05
-
-
-def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    arguments = ["advise", "fixed-position", "--controller", "lqr+loop-shaping", "--json", "advice.json"]
-    for override in SHORT:
-        arguments += ["--set", override]
-    done = CliRunner().invoke(cli, arguments, catch_exceptions=False, standalone_mode=False)
-    assert done.return_value == 0
-    assert "Take lqr+loop-shaping: guaranteed" in done.output
-    said = json.loads(Path("advice.json").read_text())
-    assert said["recommended"] == "lqr+loop-shaping"
-    assert len(said["improvements"]) == IMPROVEMENTS

@@ -1,13 +1,11 @@
 """The ladder: every level is what it says, and its log overlays them."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from mcap.reader import make_reader
 from numpy.testing import assert_array_equal
 
@@ -15,12 +13,12 @@ from cranectl.analysis.budget.error_budget import error_budget
 from cranectl.analysis.deviation import deviation
 from cranectl.analysis.ladder import evaluate_levels
 from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, with_effects
-from cranectl.cli.main import cli
+from cranectl.cli.main import main
 from cranectl.log.overlay import DISTANCE, write_overlay
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
-from cranectl.simulate import simulate_run
+from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 
 
@@ -30,29 +28,26 @@ def test_there_is_a_level_for_every_effect_and_in_the_same_order() -> None:
     assert NAMES.index(BASE) == NAMES.index(EFFECTS[0]) - 1
 
 
-def test_levels_add_one_effect_each(short: Scenario) -> None:
-    steps = list(evaluate_levels(short, "lqr", top="delay"))
-    assert [step.level for step in steps] == list(LEVELS[: len(steps)])
-    effects = [step.run.scenario.effects.names for step in steps]
+def test_levels_add_one_effect_each_and_are_the_runs_that_a_person_would_make(short: Scenario) -> None:
+    results = list(evaluate_levels(short, "lqr", top="delay"))
+    assert [result.level for result in results] == list(LEVELS[: len(results)])
+    effects = [result.run.scenario.effects.names for result in results]
     assert effects == [(), (), (), (), ("limits",), ("limits", "sensing"), ("limits", "sensing", "delay")]
-    assert [(step.run.plant, step.run.drive) for step in steps[:4]] == [
+    assert [(result.run.plant, result.run.drive) for result in results[:4]] == [
         ("analytic", "ideal"),
         ("analytic", "ideal"),
         ("mujoco", "ideal"),
         ("mujoco", "velocity"),
     ]
-    assert [step.alone is not None for step in steps] == [False] * 4 + [True] * 3
+    assert [result.alone is not None for result in results] == [False] * 4 + [True] * 3
 
+    def run(*names: str) -> Run:
+        return simulate_run(with_effects(short, names), plant="mujoco", drive="velocity", controller="lqr")
 
-def test_a_level_is_the_run_that_a_person_would_make(short: Scenario) -> None:
-    step = list(evaluate_levels(short, "lqr", top="delay"))[-1]
-    scenario = with_effects(short, ["limits", "sensing", "delay"])
-    run = simulate_run(scenario, plant="mujoco", drive="velocity", controller="lqr")
-    assert_array_equal(step.run.table, run.table)
-    alone = simulate_run(with_effects(short, ["delay"]), plant="mujoco", drive="velocity", controller="lqr")
-    base = simulate_run(short, plant="mujoco", drive="velocity", controller="lqr")
-    assert step.alone == deviation(alone, base)
-    assert step.alone.max > 1e-6
+    last = results[-1]
+    assert_array_equal(last.run.table, run("limits", "sensing", "delay").table)
+    assert last.alone == deviation(run("delay"), run())
+    assert last.alone.max > 1e-6
 
 
 def test_the_scenario_s_own_settings_are_taken(short: Scenario) -> None:
@@ -124,29 +119,8 @@ def test_the_overlay_has_every_run(tmp_path: Path, short: Scenario) -> None:
     assert path.read_bytes() == before
 
 
-def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    short = [
-        "--set",
-        "duration=0.5",
-        "--set",
-        "disturbances.0.start=0.1",
-        "--set",
-        "disturbances.1.start=0.2",
-    ]
-    arguments = ["ladder", "fixed-position", "--top", "sensing", "--json", "ladder.json", *short]
-    done = CliRunner().invoke(cli, arguments, catch_exceptions=False, standalone_mode=False)
-    assert done.return_value == 0
-    assert "sensing" in done.output
-    said = json.loads(Path("ladder.json").read_text())
-    assert [level["level"] for level in said["levels"]] == list(NAMES[:6])
-    assert said["levels"][5]["cumulative"]["max"] > 0.0
-    assert Path("logs/fixed-position/pole-placement-ladder.mcap").exists()
-
-
 def test_a_level_that_stops_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     arguments = ["ladder", "fixed-position", "--top", "delay", "--set", "effects.delay.seconds=0.5"]
-    done = CliRunner().invoke(cli, arguments, catch_exceptions=False, standalone_mode=False)
-    assert done.return_value == 3
+    assert main(arguments) == 3
     assert Path("logs/fixed-position/pole-placement-ladder.mcap").exists()

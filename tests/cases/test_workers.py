@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cases.case import Case, CaseResult, Failure, check_apart, make_case
-from cranectl.cases.workers import available_cores, run_cases
+from cranectl.cases.workers import run_cases
 from cranectl.log import read_log
 from cranectl.scenario import load_scenario
 from cranectl.status import RunStatus
@@ -82,16 +83,10 @@ def test_two_cases_of_one_log_are_refused(tmp_path: Path) -> None:
 
 
 def test_errors_survive_the_way_between_processes() -> None:
-    import pickle
-
     for kind in (InputError, LogError):
         error = pickle.loads(pickle.dumps(kind("a", allowed="b", remedy="c")))
         assert type(error) is kind
         assert (error.found, error.allowed, error.remedy) == ("a", "b", "c")
-
-
-def test_cores_are_counted() -> None:
-    assert 1 <= available_cores() <= (os.cpu_count() or 1)
 
 
 VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=25", "--jobs", "2"]
@@ -108,7 +103,6 @@ def descendants(pid: int) -> list[tuple[int, int]]:
 
 
 def children(pid: int) -> list[int]:
-    """All descendants of a process."""
     return [child for child, _ in descendants(pid)]
 
 
@@ -119,9 +113,9 @@ def wait_until(condition, timeout: float = 60.0) -> None:
         time.sleep(0.05)
 
 
-def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
-    """`cranectl validate` in a session of its own, once its workers simulate."""
-    process = subprocess.Popen(
+def validating(directory: Path) -> subprocess.Popen[str]:
+    """`cranectl validate` in a session of its own."""
+    return subprocess.Popen(
         [sys.executable, *VALIDATE],
         cwd=directory,
         stdout=subprocess.PIPE,
@@ -129,7 +123,11 @@ def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
         text=True,
         start_new_session=True,
     )
-    logs = directory / "logs" / "fixed-position"
+
+
+def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
+    """The same, once its workers simulate."""
+    process, logs = validating(directory), directory / "logs" / "fixed-position"
     wait_until(logs.is_dir)
     time.sleep(0.5)
     return process, logs
@@ -137,12 +135,7 @@ def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
 
 @pytest.mark.parametrize(
     ("sent", "to_group"),
-    [
-        (signal.SIGINT, True),
-        (signal.SIGTERM, True),
-        (signal.SIGTERM, False),
-        (signal.SIGHUP, True),
-    ],
+    [(signal.SIGINT, True), (signal.SIGTERM, True), (signal.SIGTERM, False), (signal.SIGHUP, True)],
 )
 def test_a_signal_ends_all_workers_and_closes_their_logs(
     tmp_path: Path, sent: signal.Signals, to_group: bool
@@ -150,10 +143,7 @@ def test_a_signal_ends_all_workers_and_closes_their_logs(
     """Sent to the parent alone, as `kill` does, or to all, as a terminal and service managers do."""
     process, logs = started(tmp_path)
     workers = children(process.pid)
-    if to_group:
-        os.killpg(process.pid, sent)
-    else:
-        process.send_signal(sent)
+    (os.killpg if to_group else os.kill)(process.pid, sent)
     out, error = process.communicate(timeout=60)
     assert process.returncode == 130, error
     assert "Traceback" not in error
@@ -171,14 +161,7 @@ def test_a_signal_ends_all_workers_and_closes_their_logs(
 @pytest.mark.parametrize("generation", [1, 2])
 def test_an_interrupt_in_the_first_seconds(tmp_path: Path, generation: int) -> None:
     """While the server that forks workers loads, or while the first worker starts."""
-    process = subprocess.Popen(
-        [sys.executable, *VALIDATE],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    process = validating(tmp_path)
     wait_until(lambda: any(age == generation for _, age in descendants(process.pid)))
     os.killpg(process.pid, signal.SIGINT)
     _, error = process.communicate(timeout=60)

@@ -82,9 +82,8 @@ def test_relative_limits_are_of_the_golden_runs_largest_magnitude(run: Run) -> N
     assert judge_regression(shifted(golden, LOAD_X, 2.0), golden, limits).passed
     assert not judge_regression(shifted(golden, LOAD_X, 2.01), golden, limits).passed
     wider = tolerances(("load.load_x", 3.0, 0.25), ("*", 0.0))
-    assert judge_regression(shifted(golden, LOAD_X, 3.0), golden, wider).passed, (
-        "the larger of the two counts"
-    )
+    larger = judge_regression(shifted(golden, LOAD_X, 3.0), golden, wider)
+    assert larger.passed, "the larger of the two counts"
     huge = shifted(golden, LOAD_X, 100.0)
     assert not judge_regression(huge, golden, limits).passed, "the new run's own magnitude widens nothing"
 
@@ -179,12 +178,10 @@ def test_a_new_run_must_have_the_golden_samples(short: Scenario, run: Run) -> No
     [
         ("limits = []", "'end_s' is missing"),
         ("end_s = 0.0", "'limits' is missing"),
-        ("end_s = -1.0\nlimits = []", "greater than or equal to 0"),
         ("end_s = nan\nlimits = []", "finite"),
         ("end_s = 0\nlimit = []\nlimits = []", "did you mean 'limits'?"),
         ("end_s = 0\n[[limits]]\nsignals = '*'", "'limits.0.absolute' is missing"),
         ("end_s = 0\n[[limits]]\nsignals = '*'\nabsolut = 0.0\nabsolute = 0.0", "did you mean 'absolute'?"),
-        ("end_s = 0\n[[limits]]\nsignals = '*'\nabsolute = '1'", "valid number"),
         ("end_s = 0\n[[limits]]\nsignals = 1\nabsolute = 1", "valid string"),
         (
             "end_s = 0\n[[limits]]\nsignals = '*'\nabsolute = 0\nrelative = -1e-3",
@@ -200,11 +197,6 @@ def test_files_are_read_strictly(tmp_path: Path, text: str, expected: str) -> No
         load_tolerances(str(path))
     assert expected in str(caught.value)
     assert "limits.toml" in str(caught.value)
-
-
-def test_unknown_names_and_absent_files() -> None:
-    with pytest.raises(InputError, match="did you mean 'exact'"):
-        load_tolerances("exat")
     with pytest.raises(InputError, match=r"cannot read absent\.toml"):
         load_tolerances("absent.toml")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from cranectl.analysis.advice import IMPROVEMENTS
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 
@@ -16,12 +17,17 @@ def anchors(page: str) -> list[str]:
     return re.findall(r'<(?:section|figure)[^>]* id="([^"]+)"', page)
 
 
-def test_the_page_of_a_ladder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_of_a_ladder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
     command = ["ladder", "fixed-position", *SHORT, "--top", "delay", "--report", "a.html", "--json", "a.json"]
     assert main(command) == 0
+    assert "sensing" in capsys.readouterr().out
+    assert Path("logs/fixed-position/pole-placement-ladder.mcap").exists()
     page = Path("a.html").read_text()
     said = json.loads(Path("a.json").read_text())
+    assert [level["level"] for level in said["levels"]] == list(NAMES[:7])
     for level in said["levels"]:
         assert f">{level['level']}<" in page
         if level["cumulative"]:
@@ -29,17 +35,21 @@ def test_the_page_of_a_ladder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert "friction" not in page
     assert page.count("<svg") == 2
     assert len(anchors(page)) == len(set(anchors(page)))
-    before = page
     assert main(command) == 0
-    assert Path("a.html").read_text() == before
+    assert Path("a.html").read_text() == page
 
 
-def test_the_page_of_a_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_of_a_rig(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
     command = ["advise", "fixed-position", *SHORT, "--controller", "lqr+loop-shaping"]
     assert main([*command, "--report", "rig.html", "--json", "rig.json"]) == 0
+    assert "Take lqr+loop-shaping: guaranteed" in capsys.readouterr().out
     page, said = Path("rig.html").read_text(), json.loads(Path("rig.json").read_text())
     assert "Take lqr+loop-shaping: guaranteed" in page
+    assert said["recommended"] == "lqr+loop-shaping"
+    assert len(said["improvements"]) == IMPROVEMENTS
     for improvement in said["improvements"]:
         assert improvement["change"] in page
     assert all(f">{name}<" in page for name in NAMES), "the whole ladder"
