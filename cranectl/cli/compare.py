@@ -119,7 +119,8 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
     limits = limits_of(runs, predict=predict)
     comparisons = [compare_runs(*pair) for pair in pairs]
     agreements = [
-        judge(*pair, limits=limits, comparison=found) for pair, found in zip(pairs, comparisons, strict=True)
+        judge(*pair, limits=limits, comparison=comparison)
+        for pair, comparison in zip(pairs, comparisons, strict=True)
     ]
     unexpected = [run for run in runs if not ended_as_expected(run)]
     passed = [agreement.passed is not False and not unexpected for agreement in agreements]

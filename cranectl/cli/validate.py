@@ -91,7 +91,7 @@ def validate_command(
     ]
     check_apart(cases)
     if cases:
-        check_writable(out / "any.mcap")  # told once, not by every case
+        check_writable(out / "any.mcap")  # once, not by every case
     with progress_bar(sum(case.simulated_seconds for case in cases)) as (advance, describe):
 
         def done(case: "Case") -> None:

@@ -13,7 +13,7 @@ from cranectl.cli.output import FAILED, PASSED, console, write_json
 from cranectl.cli.screen import styled
 from cranectl.report.run.agreement import agreement_table, limit_notes, run_notes
 
-SHOWN = 10  # failures told on the screen
+SHOWN = 10  # failures shown on the screen
 
 
 class Failed(NamedTuple):
@@ -23,21 +23,6 @@ class Failed(NamedTuple):
     controller: str | None
     drive: str | None
     failure: Failure
-
-    @property
-    def name(self) -> str:
-        """For people."""
-        return ", ".join(part for part in (self.scenario, self.controller, self.drive) if part is not None)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "scenario": self.scenario,
-            "controller": self.controller,
-            "drive": self.drive,
-            "reason": self.failure.reason,
-            "bad_input": self.failure.bad_input,
-        }
 
 
 def report_validation(
@@ -51,10 +36,10 @@ def report_validation(
     pairs = list(zip(cases, outcome.results, strict=True))
     failed = [Failed(name, None, None, failure) for name, failure in unloaded.items()]
     failed += [
-        Failed(c.source, c.controller, c.drive, found) for c, found in pairs if isinstance(found, Failure)
+        Failed(c.source, c.controller, c.drive, result) for c, result in pairs if isinstance(result, Failure)
     ]
-    finished = [found for _, found in pairs if isinstance(found, CaseResult)]
-    lost = [case for case, found in pairs if found is None]
+    finished = [result for _, result in pairs if isinstance(result, CaseResult)]
+    lost = [case for case, result in pairs if result is None]
     code = exit_codes.of_validation([*outcome.results, *unloaded.values()], interrupted=outcome.interrupted)
     if finished or lost:
         screen = console(json_file)
@@ -81,7 +66,8 @@ def _tell(failed: Sequence[Failed]) -> None:
     screen = console("-")
     alike: dict[tuple[str, Failure], list[str]] = {}
     for each in failed:
-        alike.setdefault((each.scenario, each.failure), []).append(each.name)
+        name = ", ".join(part for part in (each.scenario, each.controller, each.drive) if part is not None)
+        alike.setdefault((each.scenario, each.failure), []).append(name)
     for (scenario, failure), names in list(alike.items())[:SHOWN]:
         name = names[0] if len(names) == 1 else f"{scenario}, {len(names)} cases"
         screen.print(f"{name}: could not be run" if failure.bad_input else f"{name}: unforeseen")
@@ -98,8 +84,17 @@ def _json(
     return {
         "passed": passed,
         "runs": [run.to_json() for result in finished for run in result.runs],
-        "agreements": [found.to_json() for result in finished for found in result.agreements],
-        "failed": [each.to_json() for each in failed],
+        "agreements": [agreement.to_json() for result in finished for agreement in result.agreements],
+        "failed": [
+            {
+                "scenario": each.scenario,
+                "controller": each.controller,
+                "drive": each.drive,
+                "reason": each.failure.reason,
+                "bad_input": each.failure.bad_input,
+            }
+            for each in failed
+        ],
         "lost": [
             {"scenario": case.scenario.name, "controller": case.controller, "drive": case.drive}
             for case in lost

@@ -31,11 +31,10 @@ def design_figure(design: Design) -> Figure:
     loop = open_loop(design.gain, robustifier)
     figure = Figure(figsize=(10.0, 7.5), layout="constrained")
     figure.suptitle(f"{design.name}, one axis")
-    sensitivities, shaped, reference, disturbance = figure.subplots(2, 2).flat
+    sensitivities, shaped, initial, disturbed = figure.subplots(2, 2).flat
     _draw_sensitivities(sensitivities, loop)
     _draw_loops(shaped, design, loop, robustifier)
-    _draw_reference_step(reference, loop)
-    _draw_disturbance_step(disturbance, loop)
+    _draw_responses(initial, disturbed, loop)
     return figure
 
 
@@ -79,22 +78,16 @@ def _draw_loops(
     _finish(axes, "loop gains", FREQUENCY, "magnitude")
 
 
-def _draw_reference_step(axes: Axes, loop: control.StateSpace) -> None:
-    """Response of the load to an error of 1 m at the start, everything else at rest."""
-    n = loop.nstates
-    closed = control.ss(loop.A - loop.B @ loop.C, np.zeros((n, 1)), np.eye(n)[:1], 0.0)
-    start = np.eye(n)[0]
-    response = control.initial_response(closed, STEP_TIME, start)
-    axes.plot(response.time, response.outputs, label="z, from 1 m off")
-    _finish(axes, "initial error", "time [s]", "error [m]")
-
-
-def _draw_disturbance_step(axes: Axes, loop: control.StateSpace) -> None:
-    """Response of the load to a step of 1 m/s⁴ added to v."""
-    closed = control.ss(loop.A - loop.B @ loop.C, loop.B, np.eye(loop.nstates)[:1], 0.0)
+def _draw_responses(initial: Axes, disturbed: Axes, loop: control.StateSpace) -> None:
+    """Of the load to an error of 1 m at the start, all else at rest, and to a step of 1 m/s⁴ added to v."""
+    unit = np.eye(loop.nstates)
+    closed = control.ss(loop.A - loop.B @ loop.C, loop.B, unit[:1], 0.0)
+    response = control.initial_response(closed, STEP_TIME, unit[0])
+    initial.plot(response.time, np.squeeze(response.outputs), label="z, from 1 m off")
+    _finish(initial, "initial error", "time [s]", "error [m]")
     response = control.step_response(closed, STEP_TIME)
-    axes.plot(response.time, np.squeeze(response.outputs) * 1e3, label="z, step on v")
-    _finish(axes, "disturbance of 1 m/s⁴ on v", "time [s]", "displacement [mm]")
+    disturbed.plot(response.time, np.squeeze(response.outputs) * 1e3, label="z, step on v")
+    _finish(disturbed, "disturbance of 1 m/s⁴ on v", "time [s]", "displacement [mm]")
 
 
 def _finish(axes: Axes, title: str, x_label: str, y_label: str) -> None:

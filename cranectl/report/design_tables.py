@@ -25,7 +25,7 @@ def design_tables(design: Design) -> tuple[Table, Table]:
         ("bandwidth", f"{margins.bandwidth:.2f} rad/s", "T 3 dB below 1"),
     )
     closed_loop, robustifier = (
-        [_pole_text(pole) for pole in sorted(poles.tolist(), key=_pole_order)]
+        [_pole_text(pole) for pole in sorted(poles.tolist(), key=lambda pole: (-pole.real, pole.imag))]
         for poles in (design.closed_loop_poles, np.linalg.eigvals(design.robustifier.a))
     )
     poles = zip_longest(closed_loop, robustifier, fillvalue="")
@@ -47,10 +47,5 @@ def _gamma_rows(design: Design) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _pole_order(pole: complex) -> tuple[float, float]:
-    return (-complex(pole).real, complex(pole).imag)
-
-
 def _pole_text(pole: complex) -> str:
-    pole = complex(pole)
     return f"{pole.real:.4g}" + (f" {pole.imag:+.4g}i" if pole.imag else "")

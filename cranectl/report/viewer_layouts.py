@@ -5,19 +5,22 @@ Plots take their fields and units from the table of signals, topics from the log
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from cranectl.analysis.levels import NAMES
 from cranectl.log import overlay, topics
 from cranectl.plants.registry import PLANTS, in_order, reference_plant
-from cranectl.signals import REFERENCE, Signal, SignalGroup, flat_groups, recorded_groups
+from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
 from cranectl.support.errors import unknown_name
 
 Panels = dict[str, Any]  # configurations by panel id
 Layout = str | dict[str, Any]  # a panel id, or two layouts side by side
 
-GROUPS: dict[str, SignalGroup] = {group.name: group for group in recorded_groups(flat_groups(0))}
+SIGNALS: dict[tuple[str, str], Signal] = {
+    (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
+}
 CAMERA = {  # looks at the middle of the rig from outside a corner
     "perspective": True,
     "phi": 68.0,
@@ -54,8 +57,9 @@ def layout_json(name: str, *, plants: Iterable[str] = PLANTS) -> str:
 def _single(panels: Panels, plants: Sequence[str]) -> Layout:
     """One run: the crane, where the load is, how far off, angles, inputs, tension."""
     plant = reference_plant(plants)
+    load = [(_path(plant, "load", f"load_{axis}", k), _reference(axis)) for k, axis in enumerate("xyz")]
     plots = [
-        _load_plot(panels, [plant]),
+        _plot(panels, "load", [line for pair in load for line in pair]),
         _axes_plot(panels, plant, "error", "error", "tracking error"),
         _joint_plot(panels, plant, "state", ("alpha", "beta"), "cardan angles"),
         _drive_plot(panels, plant),
@@ -103,11 +107,11 @@ def _ladder(panels: Panels, _plants: Sequence[str]) -> Layout:
     """All fidelity levels on top of each other, and how far each is from theory."""
     labels = list(NAMES)
     colours = dict(zip(labels, VIEWER_SERIES, strict=True))
-    apart = [
-        {**_line(f"{overlay.DISTANCE}.{s.name}.@log10", s, s.name, colours[s.name])}
+    distances = [
+        _line(f"{overlay.DISTANCE}.{s.name}.@log10", s, s.name, colours[s.name])
         for s in overlay.distance_group(labels).signals
     ]
-    plots = [_plot(panels, f"log₁₀ of distance from {labels[0]}", apart, minYValue=-9.0)]
+    plots = [_plot(panels, f"log₁₀ of distance from {labels[0]}", distances, minYValue=-9.0)]
     titles = {("error", f"error_{axis}"): f"error {axis}" for axis in "xyz"}
     titles |= {("state", "alpha"): "alpha", ("load", "rope_tension"): "rope tension"}
     for (group, name), title in titles.items():
@@ -130,17 +134,9 @@ LAYOUTS: Mapping[str, Callable[[Panels, Sequence[str]], Layout]] = {
 }
 
 
-def _load_plot(panels: Panels, plants: Sequence[str]) -> str:
-    paths = []
-    for k, axis in enumerate("xyz"):
-        paths += [_path(plant, "load", f"load_{axis}", k) for plant in plants]
-        paths.append(_reference(axis))
-    return _plot(panels, "load", paths)
-
-
 def _axes_plot(panels: Panels, plant: str, group: str, stem: str, title: str, suffix: str = "") -> str:
     """The three axes of a quantity."""
-    return _plot(panels, title, [_path(plant, group, f"{stem}_{a}{suffix}", k) for k, a in enumerate("xyz")])
+    return _joint_plot(panels, plant, group, [f"{stem}_{axis}{suffix}" for axis in "xyz"], title)
 
 
 def _drive_plot(panels: Panels, plant: str) -> str:
@@ -163,25 +159,25 @@ def _of_each(plants: Sequence[str], group: str, name: str) -> list[dict[str, Any
 
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
     """One line of a plot."""
-    signal = _signal(GROUPS[group], name)
+    signal = SIGNALS[group, name]
     return _line(f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, VIEWER_SERIES[k])
 
 
 def _distances(plants: Sequence[str], signal: Signal, k: int) -> list[dict[str, Any]]:
     """How far the plants are apart: on a linear axis nanometres beside millimetres would be a flat line."""
-    several, found = len(plants) > 2, []
+    several, lines = len(plants) > 2, []
     for name in plants:
         if name != reference_plant(plants):
             topic = topics.difference_topic(topics.DISTANCE.name, name if several else "")
             colour = VIEWER[PLANTS[name].colour] if several else VIEWER_SERIES[k]
             label = PLANTS[name].label if several else signal.symbol
-            found.append(_line(f"{topic}.{signal.name}.@log10", signal, label, colour))
-    return found
+            lines.append(_line(f"{topic}.{signal.name}.@log10", signal, label, colour))
+    return lines
 
 
 def _reference(axis: str) -> dict[str, Any]:
-    signal = _signal(REFERENCE, f"load_{axis}")
-    return _line(f"{topics.REFERENCE_LOAD}.load_{axis}", signal, signal.symbol, VIEWER["reference"])
+    (signal,) = (signal for signal in REFERENCE.signals if signal.name == f"load_{axis}")
+    return _line(f"{topics.REFERENCE_LOAD}.{signal.name}", signal, signal.symbol, VIEWER["reference"])
 
 
 def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]:
@@ -193,10 +189,6 @@ def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]
         "timestampMethod": "receiveTime",
         "unit": signal.unit,
     }
-
-
-def _signal(group: SignalGroup, name: str) -> Signal:
-    return next(signal for signal in group.signals if signal.name == name)
 
 
 def _plot(panels: Panels, title: str, paths: Sequence[dict[str, Any]], **limits: float) -> str:
@@ -257,12 +249,13 @@ def _scene(panels: Panels, drawn: Sequence[str], *, distance: float = 5.0) -> st
 
 def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
     """How the runs stand, and the events in words; reference and disturbances are the same for both."""
+    names = {name: plant.label for name, plant in PLANTS.items()}  # the crane of a ladder has none
     standings: dict[str, tuple[str, ...]] = dict.fromkeys(plants, ("status",))
     standings[plants[-1]] = ("status", "phase", "disturbed", "saturated")
     paths = [
         {
             "value": f"{topics.status_topic(plant)}.{field}",
-            "label": f"{_label(plant)} {field.replace('_', ' ')}",
+            "label": f"{names.get(plant, plant)} {field.replace('_', ' ')}",
             "timestampMethod": "receiveTime",
         }
         for plant, fields in standings.items()
@@ -275,10 +268,6 @@ def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
     return _row([states, events], (55, 45))
 
 
-def _label(plant: str) -> str:
-    return PLANTS[plant].label if plant in PLANTS else plant  # or the crane of a ladder
-
-
 def _add(panels: Panels, kind: str, title: str, configuration: dict[str, Any]) -> str:
     """Register a panel and return its id; both open viewers have their own key for the title."""
     name = f"{kind}!{len(panels) + 1}"
@@ -286,21 +275,17 @@ def _add(panels: Panels, kind: str, title: str, configuration: dict[str, Any]) -
     return name
 
 
-def _row(parts: Sequence[Layout], shares: Sequence[float] | None = None) -> Layout:
-    return _split("row", parts, shares or [1.0] * len(parts))
-
-
-def _column(parts: Sequence[Layout], shares: Sequence[float] | None = None) -> Layout:
-    return _split("column", parts, shares or [1.0] * len(parts))
-
-
-def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float]) -> Layout:
-    """Parts one after the other with these shares, as nested pairs."""
+def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:
+    """Parts one after the other with these shares, by default equal ones, as nested pairs."""
     if len(parts) == 1:
         return parts[0]
+    shares = shares or [1.0] * len(parts)
     return {
         "direction": direction,
         "first": parts[0],
         "second": _split(direction, parts[1:], shares[1:]),
         "splitPercentage": round(100.0 * shares[0] / sum(shares), 2),
     }
+
+
+_row, _column = partial(_split, "row"), partial(_split, "column")

@@ -43,9 +43,9 @@ class ChapterFigures:
         return tuple(sorted(self.figures[scenario], key=lambda figure: _place(figure.number)))
 
 
-def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) -> Page:
+def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: str) -> Page:
     """The whole page."""
-    tables = printed_tables(found)
+    tables = printed_tables(reproduction)
     return Page(
         title="The thesis, run again",
         lead="Chapter 5 of J. L. Zárate Moya, Tracking Controller Design for a Nonlinear Model of a Gantry "
@@ -53,7 +53,7 @@ def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) ->
         "and MuJoCo.",
         remade_by=remade_by,
         sections=(
-            Section("summary", "In short", paragraphs=_summary(found)),
+            Section("summary", "In short", paragraphs=_summary(reproduction)),
             Section(
                 "structure",
                 "Model and control loop",
@@ -66,8 +66,8 @@ def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) ->
             Section(
                 "designs",
                 "Designs",
-                tables=(gain_table(found), norms_table(found), robustifier_table(found)),
-                figures=tuple(_design_figures(found)),
+                tables=(gain_table(reproduction), norms_table(reproduction), robustifier_table(reproduction)),
+                figures=tuple(_design_figures(reproduction)),
             ),
             Section(
                 "fixed-position",
@@ -89,11 +89,11 @@ def thesis_page(found: Reproduction, figures: ChapterFigures, remade_by: str) ->
     )
 
 
-def _summary(found: Reproduction) -> tuple[str, ...]:
-    numbers = [number for *_, number in found.numbers()]
+def _summary(reproduction: Reproduction) -> tuple[str, ...]:
+    numbers = [number for *_, number in reproduction.numbers()]
     within = sum(number.within for number in numbers)
     count = f"{within} of {len(numbers)} printed numbers are within their tolerance on both plants."
-    return (count, *(f"{note[0].upper()}{note[1:]}." for note in found.notes()))
+    return (count, *(f"{note[0].upper()}{note[1:]}." for note in reproduction.notes()))
 
 
 def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterable[Figure]:
@@ -112,7 +112,7 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
         places["space"] = first
     for name, place in places.items():
         family = FAMILIES[name]
-        apart = [
+        agreements = [
             agreement(family, [(runs[r, "analytic"], runs[r, source]) for r in ROBUSTIFIERS], what)
             for source, what in (
                 ("mujoco", "Analytic and MuJoCo curves differ by at most"),
@@ -123,7 +123,7 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
             f"5.{place}",
             f"{family.title}, {FEEDBACK[feedback]}",
             family_svg(family, curves, f"f5-{place}"),
-            f"{caption(family, shown)} {', '.join(apart)}.",
+            f"{caption(family, shown)} {', '.join(agreements)}.",
             alone=name == "space",
         )
 
@@ -167,11 +167,11 @@ def _time_law_figure() -> Figure:
     )
 
 
-def _design_figures(found: Reproduction) -> Iterable[Figure]:
+def _design_figures(reproduction: Reproduction) -> Iterable[Figure]:
     """5.7 and 5.8: the loops that loop shaping makes of both feedbacks."""
     settings = load_scenario("fixed-position").design.loop_shaping
     for number, (feedback, name) in zip(("5.7", "5.8"), FEEDBACK.items(), strict=True):
-        design = found.designs[f"{feedback}+loop-shaping"]
+        design = reproduction.designs[f"{feedback}+loop-shaping"]
         with styled():
             svg = inline_svg(loop_shaping_figure(design, settings), f"f{number.replace('.', '-')}")
         margins = design.margins

@@ -166,7 +166,7 @@ def reproduce(
     tables: dict[str, dict[str, Any]] = printed["tables"]
     scenarios = _scenarios(tables)
     norms = {entry["controller"]: entry["gamma"] for entry in printed["norms"]}
-    found: dict[tuple[str, str, str], dict[str, float]] = {}  # by table, controller, source; by column
+    readings: dict[tuple[str, str, str], dict[str, float]] = {}  # by table, controller, source; by column
     designs: dict[str, Design] = {}
     departures = []
     for scenario in scenarios:
@@ -178,7 +178,7 @@ def reproduce(
                 run = simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan)
                 for name, table in tables.items():
                     if table["scenario"] == scenario.name:
-                        found[name, controller, source] = _readings(run, table)
+                        readings[name, controller, source] = _readings(run, table)
                 if watch is not None:
                     watch(source, run)
                 if progress is not None:
@@ -189,7 +189,7 @@ def reproduce(
         designs=designs,
         norms=tuple(_norm_row(entry, tolerances["norms"], scenarios[0].design) for entry in printed["norms"]),
         tables=tuple(
-            _table(name, table, tolerances["tables"][name], found) for name, table in tables.items()
+            _table(name, table, tolerances["tables"][name], readings) for name, table in tables.items()
         ),
         departures=tuple(departures),
     )
@@ -230,28 +230,28 @@ def _readings(run: Run, table: dict[str, Any]) -> dict[str, float]:
 
     An extreme is the maximum where print is positive, else the minimum.
     """
-    found = {}
+    readings = {}
     printed = table["rows"][run.design.name]
     for column, value in zip(table["columns"], printed, strict=True):
         group = "load" if column in LOAD.names else "input"
         rows = (run.time >= table.get("from", {}).get(column, 0.0)) & (run.time <= table["until"])
         signal = run.signal(f"{group}.{column}")[rows]
         extreme = signal.max() if value > 0.0 else signal.min()
-        found[column] = float(signal[-1] if group == "load" else extreme)
-    return found
+        readings[column] = float(signal[-1] if group == "load" else extreme)
+    return readings
 
 
 def _table(
     name: str,
     table: dict[str, Any],
     tolerances: dict[str, Any],
-    found: dict[tuple[str, str, str], dict[str, float]],
+    readings: dict[tuple[str, str, str], dict[str, float]],
 ) -> ThesisTable:
     rows = []
     for controller, values in table["rows"].items():
         numbers = {}
         for column, printed in zip(table["columns"], values, strict=True):
-            ours = {source: found[name, controller, source][column] for source in SOURCES}
+            ours = {source: readings[name, controller, source][column] for source in SOURCES}
             numbers[column] = _number(printed, ours, tolerances[column], controller)
         rows.append(Row(controller, numbers))
     return ThesisTable(name, table["title"], table["page"], tuple(rows))

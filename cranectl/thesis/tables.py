@@ -7,20 +7,20 @@ from cranectl.thesis.reproduction import SOURCES, SYMBOLS, Number, Reproduction,
 SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
 
 
-def gain_table(found: Reproduction) -> Table:
+def gain_table(reproduction: Reproduction) -> Table:
     """Gains of both feedbacks."""
     rows = tuple(
         (Cell(FEEDBACK[name]), *(Cell(f"{gain:.5g}") for gain in gains))
-        for name, gains in found.gains.items()
+        for name, gains in reproduction.gains.items()
     )
     headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
     return Table("State feedback gains, one axis", headings, rows, note="Not printed in the thesis.")
 
 
-def robustifier_table(found: Reproduction) -> Table:
+def robustifier_table(reproduction: Reproduction) -> Table:
     """What each robustifier does to a lasting error, and how much of it goes through its fastest mode."""
     rows = []
-    for name, design in found.designs.items():
+    for name, design in reproduction.designs.items():
         if design.gamma_achieved is not None:
             pole, gain = design.robustifier.fastest_mode
             left = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
@@ -35,16 +35,16 @@ def robustifier_table(found: Reproduction) -> Table:
     )
 
 
-def norms_table(found: Reproduction) -> Table:
+def norms_table(reproduction: Reproduction) -> Table:
     """H∞ norms, a line a number."""
-    return _comparison("H∞ norms γ, section 5.2.1", found.norms)
+    return _comparison("H∞ norms γ, section 5.2.1", reproduction.norms)
 
 
-def printed_tables(found: Reproduction) -> dict[str, Table]:
+def printed_tables(reproduction: Reproduction) -> dict[str, Table]:
     """The thesis's tables by their number."""
     return {
         table.name: _comparison(f"Table {table.name}, p. {table.page}: {table.title}", table.rows)
-        for table in found.tables
+        for table in reproduction.tables
     }
 
 

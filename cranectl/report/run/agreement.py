@@ -23,13 +23,13 @@ def agreement_table(agreements: Sequence[Agreement], passed: Sequence[bool]) -> 
         for what, limit in zip(("load [m]", "angle [rad]"), limits or (None, None), strict=True)
     ]
     several = len({agreement.plant for agreement in agreements}) > 1
-    found: dict[str, dict[str, Drives]] = {}
+    scenarios: dict[str, dict[str, Drives]] = {}
     for agreement, good in zip(agreements, passed, strict=True):
-        of_scenario = found.setdefault(agreement.scenario, {})
+        of_scenario = scenarios.setdefault(agreement.scenario, {})
         name = f"{agreement.controller}, {agreement.plant}" if several else agreement.controller
         of_scenario.setdefault(name, {})[agreement.drive] = (agreement, good)
     rows: list[tuple[Cell, ...]] = []
-    for scenario, of_scenario in found.items():
+    for scenario, of_scenario in scenarios.items():
         rows.append(cells(Cell(scenario, "head"), *[""] * (len(headings) + 1)))
         rows += [
             cells(f" {name}", *_numbers(of_drives, shared), _verdict(of_drives))
@@ -45,10 +45,10 @@ def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
     return None if others or load_m is None or angle_rad is None else (load_m, angle_rad)
 
 
-def _numbers(found: Drives, shared: dict[str, tuple[float, float] | None]) -> Iterator[Cell | str]:
+def _numbers(drives: Drives, shared: dict[str, tuple[float, float] | None]) -> Iterator[Cell | str]:
     for drive, limits in shared.items():
-        if drive in found:
-            agreement, _ = found[drive]
+        if drive in drives:
+            agreement, _ = drives[drive]
             yield _apart(agreement.max_load_error_m, agreement.limit_m, beside=limits is None)
             yield _apart(agreement.max_angle_error_rad, agreement.limit_rad, beside=limits is None)
         else:
@@ -72,9 +72,11 @@ def _verdict(drives: Drives) -> Cell:
 def limit_notes(agreements: Sequence[Agreement]) -> list[str]:
     """Of which scenarios the limits are their own, and which have none, and why."""
     where: dict[tuple[bool, str, str], dict[str, None]] = {}
-    for found in agreements:
-        if found.limits != Limits.source:  # from elsewhere than the shipped file
-            where.setdefault((found.passed is None, found.drive, found.limits), {})[found.scenario] = None
+    for agreement in agreements:
+        if agreement.limits != Limits.source:  # from elsewhere than the shipped file
+            where.setdefault((agreement.passed is None, agreement.drive, agreement.limits), {})[
+                agreement.scenario
+            ] = None
     return [
         f"{', '.join(names)}, {drive} drives: {'not judged' if unjudged else 'limits'}: {why}"
         for (unjudged, drive, why), names in where.items()
@@ -97,11 +99,11 @@ def run_notes(results: Sequence[CaseResult]) -> list[str]:
         for (scenario, status), times in expected_stops.items()
     ]
     steps = [
-        f"{found.scenario}, {found.controller}: the steps are too long for the plants to agree; with "
-        f"control.physics_step = {found.curing_step_s:g} they do"
+        f"{agreement.scenario}, {agreement.controller}: the steps are too long for the plants to agree; with "
+        f"control.physics_step = {agreement.curing_step_s:g} they do"
         for result in results
-        for found in result.agreements
-        if found.curing_step_s is not None
+        for agreement in result.agreements
+        if agreement.curing_step_s is not None
     ]
     return [f"{name}: {note} ({', '.join(places)})" for (name, note), places in where.items()] + stops + steps
 

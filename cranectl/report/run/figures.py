@@ -221,8 +221,8 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
     for plant, curve in {curve.run.plant: curve for curve in curves}.items():
         name = plant_entry(plant).label
         width, opacity = (5.0, 0.35) if curve.wide else (1.1, 1.0)
-        look: dict[str, Any] = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
-        lines.append(Line2D([], [], color=STAND_IN["ink"], label=name, **look))
+        style: dict[str, Any] = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
+        lines.append(Line2D([], [], color=STAND_IN["ink"], label=name, **style))
     if any(panel.reference for panel in family.panels):
         lines.append(Line2D([], [], label="reference", **_REFERENCE))
     if any(_near_limits(panel, curves) for panel in family.panels):

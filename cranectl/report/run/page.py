@@ -33,9 +33,11 @@ def log_page(
     runs = [run for log in logs.values() for run in log.values()]
     scenarios = dict.fromkeys(run.scenario.name for run in runs)
     title = runs[0].scenario.title if len(scenarios) == 1 else ""
-    found = {label: [RunSummary.of(run, Path(label)) for run in log.values()] for label, log in logs.items()}
-    metrics = {f"{label}, {run.plant}": run.metrics for label, log in found.items() for run in log}
-    run_tables = (run_table(found, _verdicts(agreements)), metrics_table(metrics))
+    summaries = {
+        label: [RunSummary.of(run, Path(label)) for run in log.values()] for label, log in logs.items()
+    }
+    metrics = {f"{label}, {run.plant}": run.metrics for label, log in summaries.items() for run in log}
+    run_tables = (run_table(summaries, _verdicts(agreements)), metrics_table(metrics))
     sections = [
         Section("runs", "Runs", tuple(notes), run_tables),
         Section("figures", "Figures", figures=_figures(logs, agreements)),
@@ -54,12 +56,12 @@ def _judged(a: Run, b: Run, predict: Predict | None) -> Agreement:
 def _verdicts(agreements: Mapping[str, Agreement]) -> str:
     """Whether the plants of each log agree."""
     sentences = []
-    for label, found in agreements.items():
-        known = found.limit_m is not None and found.limit_rad is not None
-        limits = f"limits {found.limit_m:g} m and {found.limit_rad:g} rad" if known else found.limits
+    for label, judged in agreements.items():
+        known = judged.limit_m is not None and judged.limit_rad is not None
+        limits = f"limits {judged.limit_m:g} m and {judged.limit_rad:g} rad" if known else judged.limits
         sentences.append(
-            f"{label}: plants at most {found.max_load_error_m:.1e} m and {found.max_angle_error_rad:.1e} rad "
-            f"apart, {limits}: {found.verdict}."
+            f"{label}: plants at most {judged.max_load_error_m:.1e} m and "
+            f"{judged.max_angle_error_rad:.1e} rad apart, {limits}: {judged.verdict}."
         )
     return " ".join(sentences)
 
@@ -67,9 +69,9 @@ def _verdicts(agreements: Mapping[str, Agreement]) -> str:
 def _lines(agreements: Mapping[str, Agreement]) -> dict[str, float]:
     """The limits [m] to be drawn: those of a kind of drive once, a log's own by its label."""
     return {
-        f"{found.drive} drives" if found.limits == Limits.source else label: found.limit_m
-        for label, found in agreements.items()
-        if found.limit_m is not None
+        f"{judged.drive} drives" if judged.limits == Limits.source else label: judged.limit_m
+        for label, judged in agreements.items()
+        if judged.limit_m is not None
     }
 
 
@@ -112,7 +114,7 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
 
 def _comparisons(logs: Logs) -> list[tuple[str, Comparison]]:
     """The plants of each log, and each plant of the first log with that of every other."""
-    found = [
+    comparisons = [
         (f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b)) for label, (a, b) in _pairs(logs).items()
     ]
     (first_label, first), *others = logs.items()
@@ -120,5 +122,5 @@ def _comparisons(logs: Logs) -> list[tuple[str, Comparison]]:
         for plant in first:
             if plant in log and len(first[plant].time_ns) and len(log[plant].time_ns):
                 name = f"{plant}: {label} minus {first_label}"
-                found.append((name, compare_runs(first[plant], log[plant])))
-    return found
+                comparisons.append((name, compare_runs(first[plant], log[plant])))
+    return comparisons

@@ -20,14 +20,14 @@ def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table
         "controller": [run.controller for run in runs],
         "drives": [f"{run.drive} drives" for run in runs],
     }
-    apart = {name: texts for name, texts in facts.items() if len(set(texts)) > 1}
-    shared = [facts[name][0] for name in ("scenario", "controller", "drives") if name not in apart]
-    apart["plant"] = [run.plant for run in runs]
+    differing = {name: texts for name, texts in facts.items() if len(set(texts)) > 1}
+    shared = [facts[name][0] for name in ("scenario", "controller", "drives") if name not in differing]
+    differing["plant"] = [run.plant for run in runs]
     rows = tuple(
-        (*cells(*identity), *_outcome(run)) for *identity, run in zip(*apart.values(), runs, strict=True)
+        (*cells(*identity), *_outcome(run)) for *identity, run in zip(*differing.values(), runs, strict=True)
     )
-    headings = (*apart, "ended", "at [s]", "max error [m]", "outside rig [m]")
-    return Table(", ".join(["Runs", *shared]), headings, rows, labels=len(apart) + 1, note=note)
+    headings = (*differing, "ended", "at [s]", "max error [m]", "outside rig [m]")
+    return Table(", ".join(["Runs", *shared]), headings, rows, labels=len(differing) + 1, note=note)
 
 
 def _outcome(run: RunSummary) -> tuple[Cell, ...]:
@@ -39,19 +39,19 @@ def _outcome(run: RunSummary) -> tuple[Cell, ...]:
     return cells(*ended, f"{run.metrics.max_error_m:.4f}", outside)
 
 
-def metrics_table(found: Mapping[str, RunMetrics | None]) -> Table:
+def metrics_table(runs: Mapping[str, RunMetrics | None]) -> Table:
     """One row a metric, one column a run, by its label."""
-    told = sorted((metric for metric in all_metrics() if metric.row.label), key=lambda m: m.row.place)
+    shown = sorted((metric for metric in all_metrics() if metric.row.label), key=lambda m: m.row.place)
     rows = tuple(
         cells(
             metric.row.label,
             "°" if metric.unit == "rad" else metric.unit,
-            *(_text(metric, metrics) for metrics in found.values()),
+            *(_text(metric, metrics) for metrics in runs.values()),
         )
-        for metric in told
+        for metric in shown
     )
     note = "Settling, overshoot and what is residual count from when the reference has come to rest."
-    return Table("Metrics", ("metric", "unit", *found), rows, labels=2, note=note)
+    return Table("Metrics", ("metric", "unit", *runs), rows, labels=2, note=note)
 
 
 def _text(metric: Metric, metrics: RunMetrics | None) -> str:
