@@ -29,9 +29,15 @@ def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
     """
     with writing(path, remedy=REMEDY, error=LogError):
         check_replaceable(path)
-        lock = _first_free(path) if numbered else _locked(path)
+        for place in _numbered(path) if numbered else [path]:
+            lock = FileLock(place.with_name(place.name + LOCK))
+            obstacle = _obstacle(place, lock)
+            if not obstacle:
+                break
+        else:
+            raise LogError(obstacle, allowed="a place where nothing is recorded", remedy=REMEDY)
     try:
-        yield Path(lock.lock_file.removesuffix(LOCK))
+        yield place
     finally:
         _let_go(lock)
 
@@ -42,36 +48,23 @@ def next_file(place: Path) -> Path:
     return next(file for file in chain([place], more) if not os.path.lexists(file))
 
 
-def _first_free(path: Path) -> FileLock:
-    places = (path if number == 1 else path.with_stem(f"{path.stem}-{number}") for number in count(1))
-    return next(lock for place in places if (lock := _locked_if_free(place)) is not None)
+def _numbered(path: Path) -> Iterator[Path]:
+    return chain([path], (path.with_stem(f"{path.stem}-{number}") for number in count(2)))
 
 
-def _locked_if_free(path: Path) -> FileLock | None:
-    try:
-        return _locked(path)
-    except LogError:
-        return None
-
-
-def _locked(path: Path) -> FileLock:
-    """The lock of a place where nothing is recorded; raises LogError if another session has it."""
-    lock = FileLock(path.with_name(path.name + LOCK))
+def _obstacle(place: Path, lock: FileLock) -> str:
+    """Why a session cannot record at `place`; empty if it can, which then has the lock."""
     try:
         lock.acquire(blocking=False)
     except Timeout:
-        raise _taken(f"another session records at {path}") from None
+        return f"another session records at {place}"
     # Before 0.3 the segments of a session were called takes.
-    segments = re.compile(rf"{re.escape(path.stem)}(\.(segment|take)\d+)?{re.escape(path.suffix)}")
-    recorded = sorted(file.name for file in path.parent.iterdir() if segments.fullmatch(file.name))
+    segments = re.compile(rf"{re.escape(place.stem)}(\.(segment|take)\d+)?{re.escape(place.suffix)}")
+    recorded = sorted(file.name for file in place.parent.iterdir() if segments.fullmatch(file.name))
     if recorded:
         _let_go(lock)
-        raise _taken(f"{path.parent / recorded[0]} is there already")
-    return lock
-
-
-def _taken(found: str) -> LogError:
-    return LogError(found, allowed="a place where nothing is recorded", remedy=REMEDY)
+        return f"{place.parent / recorded[0]} is there already"
+    return ""
 
 
 def _let_go(lock: FileLock) -> None:

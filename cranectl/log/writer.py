@@ -34,11 +34,8 @@ from cranectl.support.provenance import provenance
 # Small chunks: after a kill nearly everything can be salvaged, for 0.2 % more size.
 CHUNK_SIZE = 64 * 1024
 REMEDY = "choose another place with --out"
-FAILURES = (
-    OSError,
-    RuntimeError,
-    DamageError,
-)  # of writing: the library has several for a full disk
+# Of writing; for a full disk the library has several.
+FAILURES = (OSError, RuntimeError, DamageError)
 
 
 def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:

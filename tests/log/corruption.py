@@ -3,7 +3,6 @@
 import json
 import struct
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,19 +14,14 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
-    AttachmentIndex,
     Channel,
     Chunk,
-    ChunkIndex,
     DataEnd,
     Footer,
     Header,
     McapRecord,
     Message,
-    MessageIndex,
     Metadata,
-    MetadataIndex,
-    Schema,
     Statistics,
 )
 from mcap.stream_reader import StreamReader, breakup_chunk
@@ -88,8 +82,28 @@ def take_apart(path: Path) -> Parts:
 def put_together(
     parts: Parts, edit: Edit = lambda record: [record], *, compression: str = "zstd", crcs: bool = True
 ) -> bytes:
-    """A file of these parts; `edit` may replace, repeat or drop every record outside chunks."""
-    return _Assembler(edit, compression, crcs).file(parts)
+    """A file of these parts, without indexes; `edit` may replace, repeat or drop records outside chunks."""
+    data = bytearray(MAGIC)
+
+    def add(record: McapRecord) -> None:
+        for edited in edit(record):
+            data.extend(written(edited))
+
+    def crc(content: bytes) -> int:
+        return zlib.crc32(content) if crcs else 0
+
+    for record in (Header("", "tests"), *parts.metadata, *parts.attachments):
+        add(record)
+    for chunk in parts.chunks:
+        content = b"".join(map(written, chunk))
+        add(Chunk(compression, COMPRESS[compression](content), 0, 0, crc(content), len(content)))
+    add(DataEnd(crc(data)))
+    start = len(data)
+    messages = sum(isinstance(record, Message) for chunk in parts.chunks for record in chunk)
+    add(Statistics(0, 0, {}, 0, messages, 0, 0, 0, 0))
+    head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, 0)
+    add(Footer(start, 0, crc(data[start:] + head)))
+    return bytes(data + MAGIC)
 
 
 def written(record: McapRecord | bytes) -> bytes:
@@ -100,92 +114,24 @@ def written(record: McapRecord | bytes) -> bytes:
     return builder.end()
 
 
-class _Assembler:
-    def __init__(self, edit: Edit, compression: str, crcs: bool) -> None:
-        self.edit, self.compression, self.crcs = edit, compression, crcs
-        self.data = bytearray(MAGIC)
-        self.indexes: list[McapRecord] = []
+def places(data: bytes) -> list[tuple[int, int, int]]:
+    """Opcode, start and stop of every record outside chunks."""
+    found, at = [], 8
+    while at < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        found.append((opcode, at, at + 9 + length))
+        at += 9 + length
+    return found
 
-    def add(self, record: McapRecord) -> list[tuple[McapRecord, int, int]]:
-        """(record, start, length) of what was written for `record`."""
-        places = []
-        for edited in self.edit(record):
-            raw = written(edited)
-            places.append((edited, len(self.data), len(raw)))
-            self.data += raw
-        return places
 
-    def file(self, parts: Parts) -> bytes:
-        self.add(Header("", "tests"))
-        for metadata in parts.metadata:
-            for m, start, length in self.add(metadata):
-                self.indexes.append(MetadataIndex(start, length, m.name))
-        for attachment in parts.attachments:
-            for a, start, length in self.add(attachment):
-                if not isinstance(a, Attachment):
-                    continue
-                index = AttachmentIndex(start, length, 0, 0, len(a.data), a.name, a.media_type)
-                self.indexes.append(index)
-        for chunk in parts.chunks:
-            self.chunk(chunk)
-        self.add(DataEnd(zlib.crc32(self.data) if self.crcs else 0))
-        start = len(self.data)
-        schemas, channels = parts.definitions(Schema), parts.definitions(Channel)
-        for record in (*schemas, *channels, self.statistics(parts, schemas, channels), *self.indexes):
-            self.add(record)
-        head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, 0)
-        self.add(Footer(start, 0, zlib.crc32(self.data[start:] + head) if self.crcs else 0))
-        return bytes(self.data + MAGIC)
-
-    def chunk(self, records: list[McapRecord | bytes]) -> None:
-        content, offsets = bytearray(), {}
-        for record in records:
-            if isinstance(record, Message):
-                offsets.setdefault(record.channel_id, []).append((record.log_time, len(content)))
-            content += written(record)
-        times = [time for entries in offsets.values() for time, _ in entries]
-        chunk = Chunk(
-            compression=self.compression,
-            data=COMPRESS[self.compression](bytes(content)),
-            message_start_time=min(times, default=0),
-            message_end_time=max(times, default=0),
-            uncompressed_crc=zlib.crc32(content) if self.crcs else 0,
-            uncompressed_size=len(content),
-        )
-        for made, start, length in self.add(chunk):
-            before = len(self.data)
-            places = {}
-            for channel, entries in offsets.items():
-                for _, at, _ in self.add(MessageIndex(channel, entries)):
-                    places[channel] = at
-            self.indexes.append(
-                ChunkIndex(
-                    chunk_length=length,
-                    chunk_start_offset=start,
-                    compression=made.compression,
-                    compressed_size=len(made.data),
-                    message_end_time=made.message_end_time,
-                    message_index_length=len(self.data) - before,
-                    message_index_offsets=places,
-                    message_start_time=made.message_start_time,
-                    uncompressed_size=made.uncompressed_size,
-                )
-            )
-
-    def statistics(self, parts: Parts, schemas: list[McapRecord], channels: list[McapRecord]) -> Statistics:
-        messages = [r for chunk in parts.chunks for r in chunk if isinstance(r, Message)]
-        times = [index for index in self.indexes if isinstance(index, ChunkIndex)]
-        return Statistics(
-            attachment_count=sum(isinstance(i, AttachmentIndex) for i in self.indexes),
-            channel_count=len(channels),
-            channel_message_counts=dict(Counter(message.channel_id for message in messages)),
-            chunk_count=len(times),
-            message_count=len(messages),
-            message_end_time=max((index.message_end_time for index in times), default=0),
-            message_start_time=min((index.message_start_time for index in times), default=0),
-            metadata_count=sum(isinstance(i, MetadataIndex) for i in self.indexes),
-            schema_count=len(schemas),
-        )
+def put_right(data: bytearray) -> bytes:
+    """Data and summary get the checksums of what is in them, as far as the file can still be walked."""
+    size = len(data)
+    start = struct.unpack_from("<Q", data, size - 28)[0]
+    if 21 < start <= size - 37:
+        struct.pack_into("<I", data, start - 4, zlib.crc32(data[: start - 13]))
+        struct.pack_into("<I", data, size - 12, zlib.crc32(data[start : size - 12]))
+    return bytes(data)
 
 
 # What is changed.

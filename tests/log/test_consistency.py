@@ -19,7 +19,7 @@ from cranectl.log.formats import parse_header
 from cranectl.log.header import LogHeader
 from cranectl.log.writer import file_attachments, file_metadata, write_logged
 from cranectl.mcap_columns.records import DamageError
-from cranectl.scenario import DesignSettings, default_scenario, load_scenario
+from cranectl.scenario import DesignSettings, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
@@ -296,8 +296,3 @@ def test_every_design_has_the_poles_of_its_gains(controller: str, changes: dict[
     design = design_controller(controller, DesignSettings(**changes))
     check_design(design)
     check_design(Design.from_json(json.loads(json.dumps(design.to_json()))))
-
-
-def test_the_default_scenario_is_consistent() -> None:
-    run = simulate_run(default_scenario(overrides=["duration=0.05"]), plant="analytic")
-    check_runs([run], 1)

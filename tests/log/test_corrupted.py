@@ -13,19 +13,16 @@ import pytest
 import zstandard
 from google.protobuf import descriptor_pb2
 from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
-    AttachmentIndex,
     Channel,
     Chunk,
-    ChunkIndex,
     DataEnd,
     Footer,
     McapRecord,
     Message,
-    MessageIndex,
     Metadata,
-    MetadataIndex,
     Schema,
     Statistics,
 )
@@ -38,20 +35,21 @@ from tests.log.corruption import (
     Change,
     Edit,
     Parts,
-    also,
-    both,
     claims,
     every_message,
     meta,
     moved,
     number,
     on,
+    places,
     put,
+    put_right,
     put_together,
     take_apart,
     without,
     written,
 )
+from tests.log.test_log import assert_same
 
 
 def refuse(data: bytes, directory: Path, text: str, runs: dict[str, Run]) -> None:
@@ -118,40 +116,35 @@ def test_a_file_that_contradicts_itself(log: Path, tmp_path: Path, runs: dict[st
     refuse(put_together(take_apart(log), edit), tmp_path, text, runs)
 
 
-ASIDE: dict[str, Edit] = {
-    "times of a chunk": claims(Chunk, message_start_time=2**63),
-    "chunk index elsewhere": moved(ChunkIndex, chunk_start_offset=1),
-    "chunk index at another chunk": claims(ChunkIndex, chunk_start_offset=8),
-    "chunk index of another length": moved(ChunkIndex, chunk_length=-1, message_index_length=1),
-    "chunk index of a bomb": claims(ChunkIndex, uncompressed_size=2**62),
-    "chunk index twice": on(ChunkIndex, lambda index: [index, index]),
-    "chunk index missing": on(ChunkIndex, lambda _: []),
-    "messages indexed elsewhere": claims(ChunkIndex, message_index_offsets={1: 8}),
-    "message index of another channel": moved(MessageIndex, channel_id=1),
-    "attachment index elsewhere": moved(AttachmentIndex, offset=1),
-    "metadata index missing": on(MetadataIndex, lambda _: []),
-    "other counts": moved(
-        Statistics, channel_count=1, chunk_count=-1, attachment_count=1, message_end_time=1
-    ),
-    "no counts by channel": claims(Statistics, channel_message_counts={}),
-    "channel of another topic": claims(Channel, topic="/notes"),
-    "schema of the summary missing": on(Schema, lambda _: []),
-    "unknown record in the summary": on(Statistics, lambda s: [Private(), s]),
+ASIDE = {
+    Opcode.MESSAGE_INDEX: 0,
+    Opcode.SCHEMA: 0,
+    Opcode.CHANNEL: 0,
+    Opcode.CHUNK_INDEX: 0,
+    Opcode.ATTACHMENT_INDEX: 0,
+    Opcode.METADATA_INDEX: 0,
+    Opcode.SUMMARY_OFFSET: 0,
+    Opcode.STATISTICS: 8,  # bytes of the number of messages
 }
 
 
-@pytest.mark.parametrize("name", ASIDE)
-def test_nothing_is_taken_from_indexes(log: Path, tmp_path: Path, runs: dict[str, Run], name: str) -> None:
+@pytest.mark.parametrize("opcode", ASIDE)
+def test_nothing_is_taken_from_indexes(
+    log: Path, tmp_path: Path, runs: dict[str, Run], opcode: Opcode
+) -> None:
     """What only readers need that jump may be wrong: what is read and said is that of the records."""
-    path = tmp_path / "small.mcap"
-    path.write_bytes(put_together(take_apart(log), ASIDE[name]))
-    assert path.read_bytes() != put_together(take_apart(log))
+    data, path = bytearray(log.read_bytes()), tmp_path / "small.mcap"
+    bodies = [(start + 9 + ASIDE[opcode], stop) for kind, start, stop in places(data) if kind == opcode]
+    assert bodies
+    if opcode == Opcode.STATISTICS:  # whose maps must have their length
+        bodies = [(start, start + 34) for start, _ in bodies]
+    for start, stop in bodies:
+        data[start:stop] = b"\xff" * (stop - start)
+    path.write_bytes(put_right(data))
     for plant, run in read_log(path).items():
-        assert run.table.tobytes() == runs[plant].table.tobytes()
-        assert run.reference.tobytes() == runs[plant].reference.tobytes()
+        assert_same(run, runs[plant])
     assert read_signal(path, SIGNAL)[1].tobytes() == runs["mujoco"].signal("state.alpha").tobytes()
-    described = [replace(describe_log(each), path="", size_bytes=0) for each in (path, log)]
-    assert described[0] == described[1]
+    assert replace(describe_log(path), path="") == replace(describe_log(log), path="")
 
 
 # What it contains.
@@ -319,7 +312,6 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "message of a strange channel": (message(7, channel_id=400), "channel that is not defined"),
     "message at another time": (message(7, log_time=28_000_001), "other times"),
     "message before the start": (message(0, log_time=2**64 - 1), "other times"),
-    "message after the end": (message(-1, log_time=300_000_001), "other times"),
     "message missing": (drop_message, "75 of 76 samples"),
     "sample missing": (every_message(lambda m: None if m.log_time == 28_000_000 else m), "75 of 76 samples"),
     "messages exchanged": (swap_messages, "do not increase"),
@@ -327,7 +319,6 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "chunks in another order": (swap_chunks, "do not increase"),
     "unknown record in a chunk": (add(written(Private())), "begins no record"),
     "record that runs over its chunk": (add(b"\x05" + (500).to_bytes(8, "little")), "begins no record"),
-    "record of absurd length": (add(b"\x05" + b"\xff" * 8 + bytes(50)), "begins no record"),
     "message without a head": (add(b"\x05" + (15).to_bytes(8, "little") + bytes(15)), "begins no record"),
     "rest in a chunk": (add(b"\0"), "begins no record"),
     "chunk within a chunk": (add(Chunk("", b"", 0, 0, 0, 0)), "begins no record"),
@@ -339,29 +330,16 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "another drive": (meta("cranectl", drive="steam"), "unknown drive"),
     "another scenario": (meta("cranectl", scenario="slack-rope"), "said to be of slack-rope"),
     "another controller": (meta("cranectl", controller="lqr"), "said to be of fixed-position and lqr"),
-    "rate that is no number": (meta("cranectl", every="four"), "'four' is no number"),
     "rate of nothing": (meta("cranectl", every="0"), "no number from 1"),
     "strange status": (meta("run/mujoco", status="splendid"), "unknown status 'splendid'"),
     "fewer samples": (meta("run/mujoco", samples="75"), "76 of 75 samples"),
-    "negative samples": (meta("run/mujoco", samples="-76"), "'-76' is no number"),
-    "end that is no sample": (meta("run/mujoco", end_ns="299999999"), "where it has no control sample"),
-    "end in another century": (meta("run/mujoco", end_ns=str(2**62)), "is no number from 0"),
     "end that is none": (meta("run/mujoco", status="running"), "is no end"),
-    "every 7": (meta("cranectl", every="7"), "not logged every 7 control samples"),
     "times halved": (halved, "is at 0.15 s, the end at 0.3 s"),
-    "times and duration halved": (
-        also(halved, both(end_ns="150000000"), put("scenario.json", duration=0.15, disturbances=[])),
-        "not logged every 4 control samples",
-    ),
     "segment of a session that begins later": (live("4000000"), "begins at 0 s instead of 0.004 s"),
     "no reference": (without_reference, "0 of 76 samples"),
     "no topic of the reference": (without_topic_of_reference, "0 of 76 samples"),
     "reference of another crane": (number(REFERENCE, 7, 2, lambda z: z + 1e-12), "not from the reference"),
     "reference of another scenario": (raised_reference, "not that of its scenario"),
-    "scenario of another reference": (
-        put("scenario.json", reference={"start": [1.0, 0.77, -0.71]}), "not that of its scenario",
-    ),
-    "state that is no number": (number(STATE, 7, 6, lambda _: NAN), "state.alpha is nan in sample 7"),
     "no end": (meta("run/mujoco", end_ns=None), "end_ns"),
     "no outcome": (without("run/mujoco"), "how the run of mujoco ended"),
     "no versions": (without("versions"), "versions"),
@@ -371,18 +349,11 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "metadata twice": (lambda parts: parts.metadata.append(parts.meta("cranectl")), "twice"),
     "scenario twice": (lambda parts: parts.attachments.append(parts.attachment("scenario.json")), "twice"),
     "scenario that is no JSON": (text("scenario.json", b"{"), "not valid JSON"),
-    "scenario that is no text": (text("scenario.json", b"\xff\xfe\xfa"), "not valid JSON"),
     "scenario that is a list": (text("scenario.json", b"[]"), "no table"),
-    "scenario without bottom": (text("scenario.json", b"[" * 100_000), "nests"),
-    "scenario without end": (text("scenario.json", b" " * 2_000_000), "is larger than"),
-    "scenario of NaN": (put("scenario.json", duration=NAN), "duration"),
-    "title of half a character": (put("scenario.json", title="\ud800"), "surrogates not allowed"),
     "scenario of more": (put("scenario.json", extra=1), "unknown key 'extra'"),
     "model that is no text": (text("mujoco.xml", b"\xff"), "not a log"),
     "design of NaN": (put("design.json", gain=[NAN, 1.0, 1.0, 1.0]), "where a number belongs"),
-    "design of text": (put("design.json", gamma="large"), "where a number belongs"),
     "design of too few gains": (put("design.json", gain=[1.0]), "not a log"),
-    "design of huge gains": (put("design.json", gain=[10**400] * 4), "hundreds of digits"),
     "design of more": (put("design.json", extra=1), "not a log"),
     "design without margins": (put("design.json", margins=None), "not a log"),
     "design of another order": (more_order, "controller has the signals"),
@@ -478,16 +449,9 @@ BOMBS: dict[str, Edit] = {
 def of_messages(log: Path, length: int) -> bytes:
     """A chunk of 15 MiB full of messages of one topic, which compress to nothing."""
     parts = take_apart(log)
-    message = replace(parts.messages("/tf")[0], data=bytes(length))
-    parts.chunks.append([written(message) * (15 * 2**20 // len(written(message)))])
-    return put_together(
-        parts,
-        on(
-            Chunk,
-            lambda c: [replace(c, message_start_time=message.log_time, message_end_time=message.log_time)],
-            nth=len(parts.chunks) - 1,
-        ),
-    )
+    message = written(replace(parts.messages("/tf")[0], data=bytes(length)))
+    parts.chunks.append([message * (15 * 2**20 // len(message))])
+    return put_together(parts)
 
 
 def hollow(log: Path, path: Path) -> None:

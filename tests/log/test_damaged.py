@@ -1,7 +1,6 @@
 """Thousands of damaged logs: each is refused with a LogError, or gives exactly the runs that were written."""
 
 import struct
-import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,31 +11,9 @@ from mcap.opcode import Opcode
 from cranectl.log import describe_log, read_log, read_signal
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError
-from tests.log.corruption import SIGNAL
+from tests.log.corruption import SIGNAL, places, put_right
 
-Place = tuple[int, int, int]  # opcode, start, stop of a record
 Case = tuple[str, bytes]
-
-
-def places(data: bytes) -> list[Place]:
-    """Every record outside chunks."""
-    found, at = [], 8
-    while at < len(data) - 8:
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        found.append((opcode, at, at + 9 + length))
-        at += 9 + length
-    return found
-
-
-def same(read: dict[str, Run], runs: dict[str, Run]) -> bool:
-    return list(read) == list(runs) and all(
-        (a.table.tobytes(), a.reference.tobytes(), a.time_ns.tobytes())
-        == (b.table.tobytes(), b.reference.tobytes(), b.time_ns.tobytes())
-        and (a.scenario, a.plant, a.drive, a.model, a.status, a.end_ns)
-        == (b.scenario, b.plant, b.drive, b.model, b.status, b.end_ns)
-        and a.design.to_json() == b.design.to_json()
-        for a, b in zip(read.values(), runs.values(), strict=True)
-    )
 
 
 def check(
@@ -86,12 +63,6 @@ def truncated(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Cas
         yield f"first {stop} bytes", data[:stop]
 
 
-def cut_out(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        start, stop = sorted(rng.integers(len(data), size=2).tolist())
-        yield f"without {start} to {stop}", data[:start] + data[stop + 1 :]
-
-
 def noise(_: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
     magic = b"\x89MCAP0\r\n"
     for number in range(count):
@@ -99,30 +70,11 @@ def noise(_: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
         yield f"noise {number}", [inner, magic + inner, magic + inner + magic][number % 3]
 
 
-def exchanged(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """Two records of any kind change places."""
-    found = places(data)
-    for _ in range(count):
-        (_, a, b), (_, c, d) = (found[k] for k in sorted(rng.choice(len(found), size=2, replace=False)))
-        yield f"{a}-{b} and {c}-{d}", data[:a] + data[c:d] + data[b:c] + data[a:b] + data[d:]
-
-
-def repeated(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """A record stands twice, or comes back elsewhere."""
-    found = places(data)
-    for _ in range(count):
-        (_, a, b), (_, c, _) = (found[k] for k in rng.integers(len(found), size=2))
-        yield f"{a}-{b} again at {c}", data[:c] + data[a:b] + data[c:]
-
-
 ACCIDENTS: list[tuple[Callable[[bytes, np.random.Generator, int], Iterator[Case]], int]] = [
     (flipped, 1500),
     (overwritten, 300),
     (truncated, 300),
-    (cut_out, 300),
     (noise, 600),
-    (exchanged, 300),
-    (repeated, 300),
 ]
 
 
@@ -130,30 +82,20 @@ ACCIDENTS: list[tuple[Callable[[bytes, np.random.Generator, int], Iterator[Case]
 def test_accidents(
     log: Path,
     tmp_path: Path,
-    runs: dict[str, Run],
     damage: Callable[[bytes, np.random.Generator, int], Iterator[Case]],
     count: int,
 ) -> None:
+    """Every byte of a log is under a checksum."""
     data = log.read_bytes()
     cases = ((name, case) for name, case in damage(data, np.random.default_rng(1), count) if case != data)
-    refused, taken = check(cases, tmp_path, lambda read: same(read, runs))
+    refused, taken = check(cases, tmp_path, lambda _: False)
     assert refused >= 0.9 * count
-    assert taken == 0, "every byte of a log is under a checksum"
+    assert taken == 0
 
 
 # Not by accident: lengths and numbers are edited, and every checksum is put right again.
 
 ABSURD = [0, 1, 8, 2**16 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63, 2**64 - 1]
-
-
-def put_right(data: bytearray) -> bytes:
-    """Data and summary get the checksums of what is in them, as far as the file can still be walked."""
-    size = len(data)
-    start = struct.unpack_from("<Q", data, size - 28)[0]
-    if 21 < start <= size - 37:
-        struct.pack_into("<I", data, start - 4, zlib.crc32(data[: start - 13]))
-        struct.pack_into("<I", data, size - 12, zlib.crc32(data[start : size - 12]))
-    return bytes(data)
 
 
 def edited_lengths(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:

@@ -22,8 +22,7 @@ from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
-from tests.log.corruption import put_together, take_apart
-from tests.log.test_damaged import places
+from tests.log.corruption import places, put_together, take_apart
 from tests.log.viewer import messages_of
 
 CHUNK = 6  # opcode

@@ -150,7 +150,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Scenario) -> Pa
         "advise s.toml --report s.toml",
         "thesis --report notes.txt",
         "certify lqr --plot notes.txt",
-        "budget s.toml lqr --json s.toml",
+        "budget s.toml --controller lqr --json s.toml",
     ],
 )
 def test_no_command_writes_where_it_must_not(
