@@ -16,7 +16,7 @@ mu(M) is at most the norm of D M D^-1 for every positive diagonal D, and equal t
 three channels. That norm is convex in the logarithms of D (Sezginer, Overton, IEEE TAC 35 (1990) 1163), so
 the ellipsoid method with deep cuts finds it, for all frequencies side by side (Bland, Goldfarb, Todd,
 Operations Research 29 (1981) 1039). SLICOT's AB13MD does the same, but as translated in ctrlsys it never
-returns from some matrices; one of them is in the tests.
+returns from some matrices.
 """
 
 from collections.abc import Sequence

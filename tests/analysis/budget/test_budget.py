@@ -64,17 +64,6 @@ def test_bounds_hold_and_estimates_are_near(scenario: str, controller: str) -> N
         assert entry.remark or entry.looseness <= 5.0 or not entry.measured.max
 
 
-def test_noise_is_predicted_over_seeds() -> None:
-    """One seed is one draw: the mean square over a few is within 30 % of the variance predicted."""
-    measured = []
-    for seed in range(3):
-        seeded = [*SHORT["fast-diagonal"], f"effects.sensing.seed={seed}"]
-        found = error_budget(load_scenario("fast-diagonal", overrides=seeded), "lqr", top="noise")
-        measured.append(found.entries[-1].measured.rms)
-    predicted = found.entries[-1].estimate.rms
-    assert np.sqrt(np.mean(np.square(measured))) == pytest.approx(predicted, rel=0.3)
-
-
 def test_above_a_level_without_a_bound_no_estimate_looks_like_the_others() -> None:
     """A start far aside asks the limits for tens of m/s²: what comes after them is rough, and says why."""
     where = nominal_run(

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.crane_equations import STRETCH, advance, derivative, make_work
+from cranectl.analysis.budget.crane_equations import STRETCH, advance, make_work
 from cranectl.analysis.budget.real_crane import load_positions, make_crane, nominal_states
 from cranectl.analysis.levels import assumed_effects
-from cranectl.model.dynamics import mass_matrix
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import EffectSettings
@@ -84,19 +83,3 @@ def test_another_crane_moves_otherwise(effect: str, changed: dict[str, float]) -
     other = effects.model_copy(update={effect: getattr(effects, effect).model_copy(update=changed)})
     limit = {"wind": LATE, "body": TURN}.get(effect, EXACT)
     assert drive(effects, (0.0, 0.0), other)[0] > 1.5 * limit
-
-
-def test_rigid_it_has_the_mass_matrix_of_the_equations_of_motion() -> None:
-    """Known forces of the drives on a crane at rest: what is not weight is M times the acceleration."""
-    rig, state = SCENARIO.rig, np.zeros(20)
-    state[:10] = START
-    crane, work, rate = make_crane(SCENARIO, EffectSettings(), START[4]), make_work(), np.zeros(20)
-    setpoint = np.array([0.02, -0.01, 0.03])
-    derivative(crane, state, setpoint, np.zeros(2), np.zeros(3), work, rate)
-    q = START[0::2]
-    alpha, beta = q[3], q[4]
-    height = np.array([-np.cos(alpha) * np.cos(beta), 0.0, 0.0])
-    height[1:] = q[2] * np.sin(alpha) * np.cos(beta), q[2] * np.cos(alpha) * np.sin(beta)
-    gravity = np.array([0.0, 0.0, *(rig.weight * height)])
-    force = np.array([*(rig.velocity_gains * setpoint - [0.0, 0.0, rig.weight]), 0.0, 0.0])
-    assert mass_matrix(q, rig) @ rate[1:10:2] + gravity == pytest.approx(force, abs=1e-12)

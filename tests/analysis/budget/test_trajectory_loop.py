@@ -60,20 +60,6 @@ def test_a_small_start_error_develops_as_predicted(controller: str, offset: str)
     assert np.abs(x[13:] - memory).max() < 1e-3 * np.abs(memory).max()
 
 
-def test_a_small_disturbance_develops_as_predicted() -> None:
-    run, loop = nominal("lqr+hinf")
-    stronger = ["disturbances.0.magnitude=2.00001"]
-    disturbed = simulate_run(
-        load_scenario("fast-diagonal", overrides=[*HOISTING, *stronger]),
-        plant="analytic",
-        controller="lqr+hinf",
-    )
-    ports = no_errors(loop)
-    ports.disturbance[:] = (disturbed.block("disturbance") - run.block("disturbance"))[:-1]
-    found = disturbed.load_position - run.load_position
-    assert np.abs(propagate(loop, ports).load - found).max() < 1e-3 * np.abs(found).max()
-
-
 def test_a_delay_is_a_delay() -> None:
     """A command error of one sample reaches the plant so many samples later."""
     _, loop = nominal("lqr")

@@ -13,7 +13,7 @@ from cranectl.analysis.certificate.certify import NominalLoop, certify, make_nom
 from cranectl.analysis.certificate.conservatism import find_limits, last_good, with_further_lag
 from cranectl.analysis.certificate.linear_plant import ARRIVING, linear_plant
 from cranectl.analysis.certificate.loop import closed_loop_radius, design_inner_loop, inner_loop_of
-from cranectl.analysis.certificate.nu_gap import Graph, nu_gap
+from cranectl.analysis.certificate.nu_gap import nu_gap
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.structured import GUARD, drive_loop, drive_margins
 from cranectl.cli.main import main
@@ -90,22 +90,6 @@ def test_gaps_of_an_uncompensated_loop(lag: float, delay: float, pole_placement:
         assert gap_of(nominal_loop, scenario_of(lag, delay), HANGING) < 0.5 * found
 
 
-def test_axis_by_axis_a_tilt_is_underrated() -> None:
-    """The thesis's disturbance couples the axes: beyond the margin together, far within it each alone."""
-    nominal_loop, point = nominal_loop_of("pole-placement+loop-shaping"), OperatingPoint(0.7, (1.0, 1.0))
-    inner = nominal_loop.inner_loop(scenario_of(0.02, 0.01), point, "velocity")
-    graph = nominal_loop.opening.graph(inner)
-
-    def axis(whole: Graph, k: int) -> Graph:
-        return Graph(lambda z: whole.response(z)[:, k::3, k : k + 1], whole.poles)
-
-    together = nu_gap(graph, nominal_loop.graph).gap
-    alone = max(nu_gap(axis(graph, k), axis(nominal_loop.graph, k)).gap for k in range(3))
-    assert together == pytest.approx(0.419, rel=0.02)
-    assert together > nominal_loop.margin.margin
-    assert alone < 0.5 * nominal_loop.margin.margin
-
-
 def test_a_nu_gap_of_the_design_model_to_itself_is_nothing() -> None:
     nominal_loop = nominal_loop_of("lqr+loop-shaping")
     verdict = nominal_loop.judge(design_inner_loop(nominal_loop.design.gain, PERIOD), HANGING)
@@ -169,22 +153,6 @@ def test_an_effect_makes_a_run_grow_as_fast_as_its_linear_loop(
         assert late < 0.5 * early
     else:
         assert np.log(late / early) / 3.0 == pytest.approx(rate, rel=0.15)
-
-
-def test_rope_body_and_frame_cost_what_they_cost() -> None:
-    """At v the body's second mode is beyond the margin, at v-bar next to nothing; the rope is neither."""
-    effects = {name: scenario_of(0.02, 0.01, f"effects.{name}={{}}") for name in ("rope", "body", "frame")}
-    plain = scenario_of(0.02, 0.01)
-    at_v, at_v_bar = nominal_loop_of("lqr"), nominal_loop_of("lqr+loop-shaping")
-    without = gap_of(at_v, plain, HANGING)
-    found = {name: gap_of(at_v, scenario, HANGING) for name, scenario in effects.items()}
-    assert found["body"] > 2.0 * at_v.margin.margin
-    assert 2.0 * without < found["frame"] < at_v.margin.margin
-    assert found["rope"] == pytest.approx(without, rel=0.05)
-    for scenario in effects.values():
-        assert gap_of(at_v_bar, scenario, HANGING) == pytest.approx(
-            gap_of(at_v_bar, plain, HANGING), abs=2e-3
-        )
 
 
 def test_drive_margins_are_safe_and_not_far_off() -> None:

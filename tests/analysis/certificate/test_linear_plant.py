@@ -172,32 +172,6 @@ def test_the_winch_is_told_to_haul_up_a_heavy_rope() -> None:
     assert command == pytest.approx([0.0, 0.0, expected], abs=1e-9)
 
 
-def test_a_body_swings_as_a_double_pendulum() -> None:
-    """Both modes of a massless rope of length L with a body under it, a below its hook, drives held."""
-    a, inertia, length = 0.06, 1e-3, 0.64
-    scenario = default_scenario(overrides=["effects.body.swing_damping=0.0"])
-    system = linear_plant(scenario, OperatingPoint(length + a), "ideal").system
-    mass = np.array([[length**2, length * a], [length * a, a**2 + inertia]])
-    stiffness = G * np.diag([length, a])
-    expected = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)))
-    crane = len(system.a) - 2  # without zeta and its rate
-    found = np.abs(np.angle(np.linalg.eigvals(system.a[:crane, :crane]))) / PERIOD
-    for omega in expected:
-        assert (np.abs(found - omega) < 1e-5 * omega).sum() == 4  # two directions, complex pairs
-    assert sorted(expected)[1] == pytest.approx(2.0 * np.pi * 4.0, rel=0.03)
-
-
-def test_a_frame_rings_where_it_is_said_to() -> None:
-    """The empty rig's frequency and damping, with next to no load, the drives held."""
-    scenario = default_scenario(overrides=["effects.frame={}", "rig.load_mass=0.001"])
-    system = linear_plant(scenario, OperatingPoint(0.7), "ideal").system
-    poles = np.log(np.linalg.eigvals(system.a[:14, :14]).astype(complex)) / PERIOD
-    for frequency in (9.0, 12.0):
-        nearest = poles[np.abs(np.abs(poles) - 2.0 * np.pi * frequency).argmin()]
-        assert np.abs(nearest) == pytest.approx(2.0 * np.pi * frequency, rel=1e-3)
-        assert -nearest.real / np.abs(nearest) == pytest.approx(0.02, rel=0.02)
-
-
 def test_effects_are_taken_in_or_named() -> None:
     kept = plant_effects(ALL_EFFECTS)
     assert kept.names == ("friction", "rope", "body", "wind", "frame")

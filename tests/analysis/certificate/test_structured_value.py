@@ -54,18 +54,3 @@ def test_closed_forms() -> None:
     assert 1.0 <= found[1] < 1.01
     assert found[2] == pytest.approx(2.0, rel=1e-4)
     assert structured_values(np.zeros((1, 3, 3), dtype=complex))[0][0] < 1e-200
-
-
-def test_a_matrix_on_which_slicot_does_not_return() -> None:
-    matrix = np.array(
-        [
-            [-2.1719294562243703 - 0.0025285297537775094j, -0.9521545807766246 + 0.009431981860894514j,
-             -4.168636239242526 + 0.009420520202564965j],
-            [-8.46153800767549 + 0.08258461798623025j, 10.216404180215706 - 0.11101612814299196j,
-             5.849099254747553 - 0.04223335138979574j],
-            [-4.942256275191577 + 0.010785301404317759j, 1.9610081219869753 - 0.010198286124335649j,
-             7.231417411620941 - 0.02579801591684845j],
-        ]
-    )  # fmt: skip
-    found, _ = structured_values(matrix[np.newaxis])
-    assert np.abs(np.linalg.eigvals(matrix)).max() <= found[0] <= np.linalg.norm(matrix, 2)
