@@ -24,7 +24,7 @@ from cranectl.support.text import printable
 FOXGLOVE = frozenset({"https://app.foxglove.dev", "https://studio.foxglove.dev"})
 HEAD = 16 * 1024  # [bytes] of a request; browsers send one or two
 PATIENCE = 10.0  # [s] to send it, or to go
-PIECE = 64 * 1024  # [bytes]
+BUFFER = 64 * 1024  # [bytes]
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -67,7 +67,7 @@ class _Visitor(socketserver.BaseRequestHandler):
         self.request.settimeout(PATIENCE)
         head = b""
         while b"\r\n\r\n" not in head:
-            piece = self.request.recv(PIECE)
+            piece = self.request.recv(BUFFER)
             head += piece
             if not piece or len(head) > HEAD:
                 return
@@ -95,7 +95,7 @@ class _Visitor(socketserver.BaseRequestHandler):
 
 def _pass_on(source: socket.socket, sink: socket.socket) -> None:
     with contextlib.suppress(OSError):
-        while data := source.recv(PIECE):
+        while data := source.recv(BUFFER):
             sink.sendall(data)
     with contextlib.suppress(OSError):
         sink.shutdown(socket.SHUT_WR)

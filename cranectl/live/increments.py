@@ -6,6 +6,7 @@ for each start and each recording.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,8 @@ from cranectl.status import RunStatus
 Array = NDArray[np.float64]
 JOINTS = ("alpha", "beta")
 
-# Inside the workspace, number of the reference's segment, Disturbed, Saturated.
-Key = tuple[bool, int, int, int]
+# Before anything is shown, so that whatever comes is a change.
+NO_STATUS, NO_DISTURBANCE = np.full((1, 4), -1), np.full((1, 2), np.nan)
 
 
 @dataclass
@@ -44,8 +45,8 @@ class _Shown:
 
     trail: Array = field(default_factory=lambda: np.zeros((0, 3)))
     conditions: Conditions = field(default_factory=Conditions)
-    key: Key | None = None
-    acting: tuple[float, ...] | None = None
+    status: NDArray[np.int64] = field(default_factory=lambda: NO_STATUS)  # as `_statuses` has it
+    disturbance: Array = field(default_factory=lambda: NO_DISTURBANCE)
     newest: Run | None = None  # its newest row
     waiting: bool = False  # whether that row has not been sent
     stopped: bool = False
@@ -72,7 +73,7 @@ class Increments:
     def static_scene(self, runs: Sequence[Run], now_ns: int) -> list[Stream]:
         """What is run and where, as of now: all that a recording needs before its first increment."""
         for shown in self._shown.values():
-            shown.key = shown.acting = None  # to be sent again
+            shown.status, shown.disturbance = NO_STATUS, NO_DISTURBANCE  # to be sent again
         whole = replace(
             runs[0],
             time_ns=np.arange(0, len(self._plan.time_ns), self._every) * self._period,
@@ -148,35 +149,36 @@ class Increments:
     def _changes(self, run: Run, origin_ns: int) -> list[Stream]:
         """The status of a run and what disturbs its load, where they change."""
         shown = self._shown[run.plant]
-        acting = [tuple(row) for row in run.block("disturbance").tolist()]
-        keys = self._keys(run, origin_ns)
+        statuses, disturbance = self._statuses(run, origin_ns), run.block("disturbance")
         times = run.time_ns.tolist()
-        changed = zip(times, keys, [shown.key, *keys], strict=False)
-        changes = [self._status(time, RunStatus.RUNNING, key) for time, key, old in changed if key != old]
-        edges = [t for t in zip(times, acting, [shown.acting, *acting], strict=False) if t[1] != t[2]]
-        if keys:
-            shown.key, shown.acting = keys[-1], acting[-1]
+        changes = [
+            self._status(times[k], RunStatus.RUNNING, statuses[k]) for k in _changed(shown.status, statuses)
+        ]
+        edges = _changed(shown.disturbance, disturbance)
+        shown.status = np.vstack([shown.status, statuses])[-1:]
+        shown.disturbance = np.vstack([shown.disturbance, disturbance])[-1:]
         if run.status.stopped and not shown.stopped:
-            changes.append(self._status(run.end_ns, run.status, shown.key or (False, 0, 0, 0)))
+            changes.append(self._status(run.end_ns, run.status, np.maximum(shown.status[0], 0)))
         streams = [status(run.plant, changes)] if changes else []
         if edges:
-            arrows = [[(j, a) for j, a in zip(JOINTS, now, strict=True) if a] for _, now, _ in edges]
-            streams.append(scene.arrows(run.plant, [time for time, _, _ in edges], arrows))
+            acting = [
+                [(j, a) for j, a in zip(JOINTS, disturbance[k].tolist(), strict=True) if a] for k in edges
+            ]
+            streams.append(scene.arrows(run.plant, [times[k] for k in edges], acting))
         return streams
 
-    def _keys(self, run: Run, origin_ns: int) -> list[Key]:
-        """What the status says of each sample."""
+    def _statuses(self, run: Run, origin_ns: int) -> NDArray[np.int64]:
+        """Inside the workspace, number of the reference's segment, Disturbed, Saturated: shape (N, 4)."""
         inside = workspace_excess(run).max(axis=1) <= 0.0
         starts = [start for start, _ in self._phases]
         segment = np.searchsorted(starts, run.time_ns - origin_ns, side="right") - 1
         disturbed = (run.block("disturbance") != 0.0) @ np.array([1, 2])
-        limited = saturation(run)
-        return list(zip(inside.tolist(), segment.tolist(), disturbed.tolist(), limited.tolist(), strict=True))
+        return np.column_stack([inside, segment, disturbed, saturation(run)])
 
-    def _status(self, time_ns: int, status: RunStatus, key: Key) -> StatusChange:
-        inside, segment, disturbed, limited = key
+    def _status(self, time_ns: int, status: RunStatus, row: NDArray[np.int64]) -> StatusChange:
+        inside, segment, disturbed, limited = row.tolist()
         phase = self._phases[segment][1]
-        return StatusChange(time_ns, status, inside, phase, Disturbed(disturbed), Saturated(limited))
+        return StatusChange(time_ns, status, bool(inside), phase, Disturbed(disturbed), Saturated(limited))
 
     def _scene(self, logged: Sequence[Run], origin_ns: int) -> list[Stream]:
         """Poses, ropes and trails."""
@@ -197,3 +199,9 @@ class Increments:
 
 def _chosen(run: Run, rows: NDArray[np.intp]) -> Run:
     return replace(run, time_ns=run.time_ns[rows], table=run.table[rows], reference=run.reference[rows])
+
+
+def _changed(before: NDArray[Any], rows: NDArray[Any]) -> list[int]:
+    """The rows that differ from those before them; `before` (1, M) is that before the first."""
+    changed: list[int] = np.flatnonzero((np.diff(rows, axis=0, prepend=before) != 0).any(axis=1)).tolist()
+    return changed

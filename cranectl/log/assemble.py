@@ -16,8 +16,6 @@ from cranectl.mcap_columns.records import DamageError
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, groups_of
 
-MAX_DEFINITION = 2**16  # [bytes] of the type of a row of signals; the longest have about 1000
-
 
 class Block(NamedTuple):
     """All samples of one topic of signals."""
@@ -26,22 +24,10 @@ class Block(NamedTuple):
     values: NDArray[np.float64]  # (N, signals)
 
 
-def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
-    """The signals of a channel, from its type; raises DamageError if it does not carry rows of signals."""
-    if {channel.message_encoding, definition.encoding} != {"protobuf"}:
-        raise DamageError(f"{channel.topic} is not protobuf")
-    if len(definition.data) > MAX_DEFINITION:
-        raise DamageError(f"the type of {channel.topic} takes {len(definition.data)} bytes")
-    try:
-        return schema.signal_names(definition.data, definition.name)
-    except ValueError as error:
-        raise DamageError(f"the type of {channel.topic} is not what it should be: {error}") from None
-
-
 def row_width(channel: Channel, definition: Schema) -> int:
     """The bytes of a message of a channel; 0 if it does not carry rows of signals."""
     try:
-        return schema.row_layout(len(signal_names(channel, definition))).itemsize
+        return schema.row_layout(len(schema.signal_names(channel, definition))).itemsize
     except DamageError:
         return 0
 
@@ -70,7 +56,7 @@ def checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> d
 
 
 def _check_group(channel: Channel, definition: Schema, group: SignalGroup) -> None:
-    names = signal_names(channel, definition)
+    names = schema.signal_names(channel, definition)
     if names != group.names:
         raise DamageError(f"{channel.topic} has the signals {', '.join(names)[:200]} instead of its own")
     for signal in group.signals:

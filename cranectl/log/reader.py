@@ -18,14 +18,14 @@ from cranectl.log.assemble import (
     checked_channels,
     decoded,
     row_width,
-    signal_names,
 )
 from cranectl.log.consistency import check_numbers, check_times, finite_samples
 from cranectl.log.formats import parse_header
 from cranectl.log.header import LogHeader
+from cranectl.log.schema import signal_names
 from cranectl.mcap_columns.chunks import Column
 from cranectl.mcap_columns.contents import Contents, End, check_end, columns_of, read_end
-from cranectl.mcap_columns.records import MAGIC, PIECE, DamageError
+from cranectl.mcap_columns.records import BUFFER, MAGIC, DamageError
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError, nearest_first, unknown_name
@@ -74,7 +74,7 @@ def opened(path: str | Path, *, remedy: str = "") -> Iterator[BinaryIO]:
     """The file at `path`; every mishap with it becomes a LogError."""
     with contextlib.ExitStack() as stack:
         try:
-            stream = stack.enter_context(Path(path).open("rb", buffering=PIECE))
+            stream = stack.enter_context(Path(path).open("rb", buffering=BUFFER))
         except (OSError, ValueError) as error:  # ValueError: a null character in the name
             raise _unreadable(path, error) from None
         try:

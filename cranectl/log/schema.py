@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError, Message
+from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
 from cranectl.log.events import Disturbed, Phase, Saturated
+from cranectl.mcap_columns.records import DamageError
 from cranectl.signals import SignalGroup
 from cranectl.status import RunStatus
 
 PACKAGE = "cranectl"
+MAX_DEFINITION = 2**16  # [bytes] of the type of a row of signals; the longest have about 1000
 Field = descriptor_pb2.FieldDescriptorProto
 
 # Fields of `cranectl.Status`; None is a bool.
@@ -35,7 +38,7 @@ _FIXED64 = 1  # protobuf wire type of a double
 @functools.cache
 def group_schema(group: SignalGroup) -> bytes:
     """FileDescriptorSet of a signal group."""
-    file, message = _new_file(group.schema)
+    message = descriptor_pb2.DescriptorProto(name=group.schema)
     for number, name in enumerate(group.names, start=1):
         message.field.add(
             name=name,
@@ -46,24 +49,33 @@ def group_schema(group: SignalGroup) -> bytes:
             oneof_index=number - 1,
         )
         message.oneof_decl.add(name=f"_{name}")
-    return _serialised(file)
+    return _definition(message)
 
 
-def signal_names(definition: bytes, name: str) -> tuple[str, ...]:
-    """Field names of a message type that is laid out as a row of signals; ValueError for any other type."""
+def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
+    """The signals of a channel, from its type; raises DamageError if it does not carry rows of signals."""
+    if {channel.message_encoding, definition.encoding} != {"protobuf"}:
+        raise DamageError(f"{channel.topic} is not protobuf")
+    if len(definition.data) > MAX_DEFINITION:
+        raise DamageError(f"the type of {channel.topic} takes {len(definition.data)} bytes")
     try:
-        files = descriptor_pb2.FileDescriptorSet.FromString(definition)
+        files = descriptor_pb2.FileDescriptorSet.FromString(definition.data).file
     except DecodeError:
-        raise ValueError(f"the definition of {name} is no protobuf") from None
-    types = [m for file in files.file for m in file.message_type if f"{file.package}.{m.name}" == name]
+        raise DamageError(f"the type of {channel.topic} is no protobuf") from None
+    types = [
+        message.field
+        for file in files
+        for message in file.message_type
+        if f"{file.package}.{message.name}" == definition.name
+    ]
     if len(types) != 1:
-        raise ValueError(f"the definition of {name} has {len(types)} such types")
-    for number, field in enumerate(types[0].field, start=1):
-        if (field.number, field.type, field.label) != (number, Field.TYPE_DOUBLE, Field.LABEL_OPTIONAL):
-            raise ValueError(f"{name} is no row of signals: its field {field.name}")
-        if not isinstance(field.name, str):  # protobuf hands out what is no UTF-8 as bytes
-            raise ValueError(f"{name} has a field without a proper name")
-    return tuple(field.name for field in types[0].field)
+        raise DamageError(f"the type of {channel.topic} has {len(types)} such types: {definition.name}")
+    for number, field in enumerate(types[0], start=1):
+        signal = (number, Field.TYPE_DOUBLE, Field.LABEL_OPTIONAL)
+        # Protobuf hands out a name that is no UTF-8 as bytes.
+        if (field.number, field.type, field.label) != signal or not isinstance(field.name, str):
+            raise DamageError(f"the type of {channel.topic} is no row of signals: its field {field.name}")
+    return tuple(field.name for field in types[0])
 
 
 @functools.cache
@@ -98,20 +110,15 @@ def decode_table(data: NDArray[np.uint8], n_signals: int) -> NDArray[np.float64]
 
 
 def _tag(number: int) -> bytes:
-    """Protobuf tag of a double field: a varint of field number and wire type."""
+    """Protobuf tag of a double field, at most the 2047th: a varint of field number and wire type."""
     tag = number << 3 | _FIXED64
-    encoded = bytearray()
-    while tag >= 0x80:
-        encoded.append(tag & 0x7F | 0x80)
-        tag >>= 7
-    encoded.append(tag)
-    return bytes(encoded)
+    return bytes([tag]) if tag < 0x80 else bytes([tag & 0x7F | 0x80, tag >> 7])
 
 
 @functools.cache
 def status_schema() -> bytes:
     """FileDescriptorSet of `cranectl.Status`: how a run stands, as named enumerations."""
-    file, message = _new_file("Status")
+    message = descriptor_pb2.DescriptorProto(name="Status")
     for number, (name, enumeration) in enumerate(STATUS_FIELDS.items(), start=1):
         field = message.field.add(name=name, number=number, label=Field.LABEL_OPTIONAL, type=Field.TYPE_BOOL)
         if enumeration is not None:
@@ -119,16 +126,16 @@ def status_schema() -> bytes:
             values = message.enum_type.add(name=enumeration.__name__).value
             for value in enumeration:
                 values.add(name=value.name, number=value.value)
-    return _serialised(file)
+    return _definition(message)
 
 
 @functools.cache
 def text_schema(name: str, fields: tuple[str, ...]) -> bytes:
     """FileDescriptorSet of a message of strings."""
-    file, message = _new_file(name)
+    message = descriptor_pb2.DescriptorProto(name=name)
     for number, field in enumerate(fields, start=1):
         message.field.add(name=field, number=number, label=Field.LABEL_OPTIONAL, type=Field.TYPE_STRING)
-    return _serialised(file)
+    return _definition(message)
 
 
 def encode(schema: bytes, name: str, values: dict[str, Any]) -> bytes:
@@ -151,15 +158,8 @@ def _message_type(schema: bytes, name: str) -> type[Message]:
     return kind
 
 
-def _new_file(
-    name: str,
-) -> tuple[descriptor_pb2.FileDescriptorProto, descriptor_pb2.DescriptorProto]:
+def _definition(message: descriptor_pb2.DescriptorProto) -> bytes:
     file = descriptor_pb2.FileDescriptorProto(
-        name=f"{PACKAGE}/{name}.proto", package=PACKAGE, syntax="proto3"
+        name=f"{PACKAGE}/{message.name}.proto", package=PACKAGE, syntax="proto3", message_type=[message]
     )
-    return file, file.message_type.add(name=name)
-
-
-def _serialised(file: descriptor_pb2.FileDescriptorProto) -> bytes:
-    files = descriptor_pb2.FileDescriptorSet(file=[file])
-    return bytes(files.SerializeToString(deterministic=True))
+    return bytes(descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString(deterministic=True))

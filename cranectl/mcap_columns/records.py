@@ -14,7 +14,7 @@ from mcap.records import Attachment
 MAGIC = b"\x89MCAP0\r\n"
 PREFIX = struct.Struct("<BQ")  # opcode, length of the body that follows
 MAX_RECORD = 64 * 2**20  # [bytes]; the largest that cranectl writes are chunks of 64 KiB
-PIECE = 2**20  # [bytes] read at a time
+BUFFER = 2**20  # [bytes] read at a time
 
 R = TypeVar("R")
 
@@ -89,7 +89,7 @@ def section_crc(stream: BinaryIO, start: int, stop: int) -> int:
     stream.seek(start)
     crc = 0
     while start < stop:
-        piece = stream.read(min(PIECE, stop - start))
+        piece = stream.read(min(BUFFER, stop - start))
         if not piece:
             raise DamageError(f"it ends at byte {start}")
         crc = zlib.crc32(piece, crc)
