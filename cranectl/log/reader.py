@@ -1,39 +1,37 @@
 """Read logs back to NumPy, bit for bit what was written, or say what is wrong with them."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
+from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from cranectl.log import topics
-from cranectl.log.assemble import (
-    Block,
-    assembled,
-    blocks_of,
-    channels_of,
-    check_samples,
-    checked_channels,
-    decoded,
-    row_width,
-)
-from cranectl.log.consistency import check_numbers, check_times, finite_samples
+from cranectl.log import schema, topics
+from cranectl.log.consistency import Outcome, check_numbers, check_run, check_times, finite_samples
 from cranectl.log.formats import parse_header
 from cranectl.log.header import LogHeader
-from cranectl.log.schema import signal_names
 from cranectl.mcap_columns.chunks import Column
 from cranectl.mcap_columns.contents import Contents, End, check_end, columns_of, read_end
 from cranectl.mcap_columns.records import BUFFER, MAGIC, DamageError
 from cranectl.scenario import NANOSECONDS
-from cranectl.simulate import Run
+from cranectl.signals import SignalGroup
+from cranectl.simulate import Run, groups_of
 from cranectl.support.errors import LogError, nearest_first, unknown_name
 
 Array = NDArray[np.float64]
 
 NEAREST = 8  # names listed, of a log's 200, where one is unknown
 ALLOWED = "closed logs that cranectl wrote"
+
+
+class Block(NamedTuple):
+    """All samples of one topic of signals."""
+
+    time_ns: NDArray[np.int64]  # (N,)
+    values: Array  # (N, signals)
 
 
 def read_log(path: str | Path) -> dict[str, Run]:
@@ -58,13 +56,13 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
     with opened(path) as stream:
         contents, columns = _read(path, stream, lambda other: other == topic)
         header = header_of(path, contents)
-        checked_channels(contents, header.groups())
+        _checked_channels(contents, header.groups())
         known = _signals(contents)
         if field not in known.get(topic, ()):
             names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
             raise unknown_name("signal", name, nearest_first(name, names)[:NEAREST])
-        column = columns[channels_of(contents, (topic,))[topic].id]
-        block = decoded(topic, column, len(known[topic]))
+        column = columns[_channels_of(contents, (topic,))[topic].id]
+        block = _decoded(topic, column, len(known[topic]))
         _check_block(header, topic, known[topic], block)
         return block.time_ns / NANOSECONDS, block.values[:, known[topic].index(field)].copy()
 
@@ -126,12 +124,113 @@ def _read(
     return contents, columns
 
 
+def row_width(channel: Channel, definition: Schema) -> int:
+    """The bytes of a message of a channel; 0 if it does not carry rows of signals."""
+    try:
+        return schema.row_layout(len(schema.signal_names(channel, definition))).itemsize
+    except DamageError:
+        return 0
+
+
+def blocks_of(header: LogHeader, contents: Contents, columns: dict[int, Column]) -> dict[str, Block]:
+    """The blocks of the runs' groups by topic, empty where one has no channel; takes them out of `columns`.
+
+    Raises DamageError unless each channel carries the signals of its group, in their order and units.
+    """
+    groups = header.groups()
+    channels = _checked_channels(contents, groups)
+    return {
+        topic: _decoded(topic, columns.pop(channels[topic].id), len(group))
+        if topic in channels
+        else Block(np.zeros(0, dtype=np.int64), np.zeros((0, len(group))))
+        for topic, group in groups.items()
+    }
+
+
+def _checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> dict[str, Channel]:
+    """The channels of groups of signals by topic; raises DamageError for one that carries others."""
+    channels = _channels_of(contents, groups)
+    for topic, channel in channels.items():
+        _check_group(channel, contents.schemas[channel.schema_id], groups[topic])
+    return channels
+
+
+def _check_group(channel: Channel, definition: Schema, group: SignalGroup) -> None:
+    names = schema.signal_names(channel, definition)
+    if names != group.names:
+        raise DamageError(f"{channel.topic} has the signals {', '.join(names)[:200]} instead of its own")
+    for signal in group.signals:
+        meaning = channel.metadata.get(signal.name, "")
+        if f"[{signal.unit}]" not in meaning:
+            raise DamageError(
+                f"{channel.topic} has {signal.name} as '{meaning[:100]}' instead of [{signal.unit}]"
+            )
+
+
+def _channels_of(contents: Contents, wanted: Container[str]) -> dict[str, Channel]:
+    """The channel of each of the topics `wanted` that has one; raises DamageError if one has several."""
+    channels: dict[str, Channel] = {}
+    for channel in contents.channels.values():
+        if channel.topic in wanted and channels.setdefault(channel.topic, channel) is not channel:
+            raise DamageError(f"{channel.topic} has several channels")
+    return channels
+
+
+def _decoded(topic: str, column: Column, n_signals: int) -> Block:
+    """The signals in the messages of a topic; raises DamageError for other messages."""
+    if (np.diff(column.time_ns) <= 0).any():
+        raise DamageError(f"the times of {topic} do not increase")
+    try:
+        return Block(column.time_ns, schema.decode_table(column.messages, n_signals))
+    except ValueError as error:
+        raise DamageError(f"a message of {topic} is not what it should be: {error}") from None
+
+
+def _check_samples(topic: str, block: Block, outcome: Outcome) -> None:
+    """Raise DamageError unless a topic has all samples of a run that ended so."""
+    if len(block.time_ns) != outcome.samples:
+        raise DamageError(f"{len(block.time_ns)} of {outcome.samples} samples of {topic[1:]}")
+
+
+def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcome: Outcome) -> Run:
+    """The run of `plant` from the blocks of its topics; raises DamageError if it contradicts itself."""
+    groups = groups_of(header.scenario, header.design, header.drive)
+    own = {(topic := topics.plant_topic(plant, group.name)): blocks[topic] for group in groups}
+    time_ns = next(iter(own.values())).time_ns
+    for topic, block in own.items():
+        _check_samples(topic, block, outcome)
+        if (block.time_ns != time_ns).any():
+            raise DamageError(f"{topic[1:]} has other times than {plant}/{groups[0].name}")
+    run = Run(
+        scenario=header.scenario,
+        design=header.design,
+        plant=plant,
+        drive=header.drive,
+        model=header.models[plant],
+        time_ns=time_ns,
+        table=np.hstack([block.values for block in own.values()]),
+        reference=_at(blocks[topics.REFERENCE_LOAD], time_ns),
+        status=outcome.status,
+        end_ns=outcome.end_ns,
+    )
+    check_run(run, header.clock)
+    return run
+
+
+def _at(block: Block, time_ns: NDArray[np.int64]) -> Array:
+    """The rows of the reference at `time_ns`; raises DamageError if it has not all of them."""
+    common, _, rows = np.intersect1d(time_ns, block.time_ns, assume_unique=True, return_indices=True)
+    if len(common) < len(time_ns):
+        raise DamageError(f"the reference has {len(common)} of {len(time_ns)} samples")
+    return block.values[rows]
+
+
 def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: Block) -> None:
     """Raise DamageError unless one topic agrees with what is said of the runs."""
     plant = topic.split("/")[1]
     if plant in header.plants:
         outcome = header.outcome(plant)
-        check_samples(topic, block, outcome)
+        _check_samples(topic, block, outcome)
         check_times(topic, block.time_ns, header.clock, [outcome])
         check_numbers(topic, names, block.values[: finite_samples(outcome)])
     elif topic == topics.REFERENCE_LOAD:
@@ -146,7 +245,7 @@ def _signals(contents: Contents) -> dict[str, tuple[str, ...]]:
     names = {}
     for channel in contents.channels.values():
         with contextlib.suppress(DamageError):  # of another kind
-            names[channel.topic] = signal_names(channel, contents.schemas[channel.schema_id])
+            names[channel.topic] = schema.signal_names(channel, contents.schemas[channel.schema_id])
     return names
 
 

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from cranectl.log import schema, topics
-from cranectl.log.assemble import Block, assembled, blocks_of, row_width
 from cranectl.log.consistency import Outcome
 from cranectl.log.header import LogHeader
 from cranectl.log.messages import streams
-from cranectl.log.reader import check_begin, header_of, opened
+from cranectl.log.reader import Block, assembled, blocks_of, check_begin, header_of, opened, row_width
 from cranectl.log.stream import Stream
 from cranectl.log.writer import check_writable, run_metadata, write_container
 from cranectl.mcap_columns.chunks import Content

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from cranectl.cli.main import cli
 
-MALICE = ["", "-", "[red]x[/]", "[/]", "\x1b[2J\x07", "a\nfound: forged", "a\r", "\0", "\u202e", "\udcff"]
-MALICE += [
+HOSTILE = ["", "-", "[red]x[/]", "[/]", "\x1b[2J\x07", "a\nfound: forged", "a\r", "\0", "\u202e", "\udcff"]
+HOSTILE += [
     "é" * 300,
     "a" * 100_000,
     ":smile:",
@@ -25,7 +25,7 @@ MALICE += [
     "\ufeff",
     "\x9b",
 ]
-TEXTS = st.one_of(st.sampled_from(MALICE), st.text(max_size=12))
+TEXTS = st.one_of(st.sampled_from(HOSTILE), st.text(max_size=12))
 NUMBERS = st.one_of(
     st.sampled_from(
         [0, -1, 1, 2, 0.5, -0.0, 1e-9, 1e9, 1e300, math.nan, math.inf, -math.inf, 2**63, 10**400]
@@ -174,7 +174,7 @@ def assignments(draw: st.DrawFn) -> str:
     return f"{key}{draw(st.sampled_from(['=', '=', '=', '']))}{value}"
 
 
-BROKEN = st.sampled_from(["no.toml", "notes.txt", "sub", "", "x.mcap", "rig.toml", "\udcff", "./\0", *MALICE])
+BROKEN = st.sampled_from(["no.toml", "notes.txt", "sub", "", "x.mcap", "\udcff", "./\0", *HOSTILE])
 LASTING = {"live", "validate", "advise"}  # commands, by what they do with a scenario
 LEFT_OUT = {"thesis"}
 UNREACHABLE = {"--scheduler", "--cluster", "--help", "--workers"}
@@ -222,5 +222,5 @@ def command_lines(draw: st.DrawFn) -> list[str]:
         words += [[draw(_argument(argument, path[0]))] for _ in range(count)]
     words = draw(st.permutations(words))
     if draw(st.integers(0, 15)) == 0:
-        words.append([draw(st.sampled_from(["--nonsense", "--help", "extra", "--", *MALICE]))])
+        words.append([draw(st.sampled_from(["--nonsense", "--help", "extra", "--", *HOSTILE]))])
     return [*path, *(word for group in words for word in group)]

@@ -1,4 +1,4 @@
-"""The places of live sessions: each its own, and what lies there stays."""
+"""The places of live sessions: each its own, and what is there stays."""
 
 import signal
 import subprocess
@@ -30,11 +30,11 @@ def test_another_session_is_refused_or_gets_the_next_number(tmp_path: Path) -> N
         assert [first.name, second.name, third.name] == ["a.mcap", "a-2.mcap", "a-3.mcap"]
 
 
-@pytest.mark.parametrize("lying", ["a.mcap", "a.segment2.mcap", "a.segment37.mcap"])
-def test_what_lies_there_stays(lying: str, tmp_path: Path) -> None:
-    wanted, old = tmp_path / "a.mcap", tmp_path / lying
+@pytest.mark.parametrize("recorded", ["a.mcap", "a.segment2.mcap", "a.segment37.mcap"])
+def test_what_is_there_stays(recorded: str, tmp_path: Path) -> None:
+    wanted, old = tmp_path / "a.mcap", tmp_path / recorded
     old.write_text("a recording")
-    with pytest.raises(LogError, match=f"{lying} is there already"):
+    with pytest.raises(LogError, match=f"{recorded} is there already"):
         own_place(wanted).__enter__()
     with own_place(wanted, numbered=True) as place:
         assert place == tmp_path / "a-2.mcap"

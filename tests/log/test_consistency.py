@@ -157,23 +157,23 @@ def test_only_the_last_sample_of_a_run_that_stopped_may_hold_what_stopped_it() -
     assert "reference/load" in refused(replace(run, reference=changed(run.reference, (-1, 3), np.nan)))
 
 
-def test_takes_of_a_session_begin_where_they_say_and_end_when_they_like() -> None:
+def test_segments_of_a_session_begin_where_they_say_and_end_when_they_like() -> None:
     whole = completed()
-    take = replace(
+    segment = replace(
         whole,
         time_ns=whole.time_ns + 7_000_000,
         end_ns=whole.end_ns + 7_000_000,
         status=RunStatus.INTERRUPTED,
     )
-    clock = Clock.of(take.scenario, EVERY, 7_000_000)
-    check_run(take, clock)
-    check_run(take, replace(clock, from_ns=4_000_000))
-    check_run(replace(take, status=RunStatus.COMPLETED), clock)
+    clock = Clock.of(segment.scenario, EVERY, 7_000_000)
+    check_run(segment, clock)
+    check_run(segment, replace(clock, from_ns=4_000_000))
+    check_run(replace(segment, status=RunStatus.COMPLETED), clock)
     for from_ns in (3_000_000, 8_000_000, 6_999_999):
         with pytest.raises(DamageError, match=r"begins at|no control sample"):
-            check_run(take, replace(clock, from_ns=from_ns))
+            check_run(segment, replace(clock, from_ns=from_ns))
     with pytest.raises(DamageError, match="every 4 control samples"):
-        check_run(row_removed(take, 3), clock)
+        check_run(row_removed(segment, 3), clock)
 
 
 def test_runs_of_one_log_record_the_same() -> None:
