@@ -128,13 +128,13 @@ def advise(
     """Assess the controllers with velocity drives and the effects GIVEN, the scenario's or the defaults."""
     rig = with_effects(scenario, [*GIVEN, *(n for n in scenario.effects.names if n not in GIVEN)])
     points = tuple(visited_points(rig))
-    found = []
+    assessments = []
     for name in controllers:
-        found.append(assess(rig, name, points))
+        assessments.append(assess(rig, name, points))
         if progress is not None:
             progress(1.0)
-    found.sort(key=_rank)
-    best = found[0]
+    assessments.sort(key=_rank)
+    best = assessments[0]
     improvements = []
     for name, change, better in improved(rig) if best.survived else []:
         after = assess(better, best.controller, points)
@@ -142,7 +142,7 @@ def advise(
         if progress is not None:
             progress(1.0)
     improvements.sort(key=lambda improvement: -improvement.gain)
-    return Advice(rig, points, tuple(found), tuple(improvements))
+    return Advice(rig, points, tuple(assessments), tuple(improvements))
 
 
 def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]) -> Assessment:
@@ -181,7 +181,7 @@ def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
     half = round(0.5 * scenario.period_ns) / NANOSECONDS
     delay = round(0.5 * effects.delay.seconds / control.period) * control.period
     sensing = effects.sensing
-    found: list[tuple[str, str, dict[str, Any]]] = [
+    changes: list[tuple[str, str, dict[str, Any]]] = [
         (
             "servos",
             f"time constants {_list(1e3 * rig.time_constants)} to {_list(5e2 * rig.time_constants)} ms",
@@ -216,7 +216,7 @@ def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
     table = scenario.model_dump(mode="json", exclude_none=True)
     return [
         (name, change, parse_settings(Scenario, merged(table, new), f"{scenario.name}, better {name}"))
-        for name, change, new in found
+        for name, change, new in changes
     ]
 
 
@@ -226,9 +226,9 @@ def _held(scenario: Scenario, tilts: list[tuple[float, float]], length: float) -
     return [tilt for tilt in tilts if float(np.hypot(*tilt)) < limit]
 
 
-def _rank(found: Assessment) -> tuple[bool, bool, float]:
-    error = found.metrics.rms_error_m if found.metrics else np.inf
-    return not found.survived, not found.guaranteed, error
+def _rank(assessment: Assessment) -> tuple[bool, bool, float]:
+    error = assessment.metrics.rms_error_m if assessment.metrics else np.inf
+    return not assessment.survived, not assessment.guaranteed, error
 
 
 def _saved(before: Assessment, after: Assessment) -> float:

@@ -73,11 +73,11 @@ class AssumedEffects(NamedTuple):
 def assumed_effects(scenario: Scenario) -> AssumedEffects:
     """The scenario's own settings of each effect, else the defaults; delay in whole control periods."""
     names = AssumedEffects._fields
-    found = AssumedEffects(*(getattr(scenario.effects, n) or getattr(ALL_EFFECTS, n) for n in names))
+    effects = AssumedEffects(*(getattr(scenario.effects, n) or getattr(ALL_EFFECTS, n) for n in names))
     if scenario.effects.delay:
-        return found
-    periods = -(-round(found.delay.seconds * NANOSECONDS) // scenario.period_ns)
-    return found._replace(delay=Delay(seconds=periods * scenario.period_ns / NANOSECONDS))
+        return effects
+    periods = -(-round(effects.delay.seconds * NANOSECONDS) // scenario.period_ns)
+    return effects._replace(delay=Delay(seconds=periods * scenario.period_ns / NANOSECONDS))
 
 
 def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:

@@ -104,12 +104,14 @@ class CaseResult:
     @property
     def judged(self) -> list[tuple[Agreement, bool]]:
         """Each agreement, and whether it holds and all runs ended as expected."""
-        return [(found, self.as_expected and found.passed is not False) for found in self.agreements]
+        return [
+            (agreement, self.as_expected and agreement.passed is not False) for agreement in self.agreements
+        ]
 
     @property
     def passed(self) -> bool:
         """Whether the runs ended as expected and the plants agree, as far as that can be judged."""
-        return self.as_expected and all(found.passed is not False for found in self.agreements)
+        return self.as_expected and all(agreement.passed is not False for agreement in self.agreements)
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ def make_case(
     return Case(scenario, controller, drive, in_order(plants), log, source or scenario.name, predict)
 
 
-def check_apart(cases: Sequence[Case]) -> None:
+def check_logs_differ(cases: Sequence[Case]) -> None:
     """Raise InputError if two cases have one log: the later one would replace the earlier one's."""
     places: dict[Path, Case] = {}
     for case in cases:
@@ -154,7 +156,7 @@ def check_apart(cases: Sequence[Case]) -> None:
             raise InputError(
                 f"{other.source} and {case.source} would share the log {case.log}",
                 allowed="scenarios of different names, each of them once",
-                remedy="change the 'name' in one of the files, or run them apart with other --out",
+                remedy="change the 'name' in one of the files, or run them one by one with other --out",
             )
 
 

@@ -72,7 +72,7 @@ def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Outcome:
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop,)) as pool:
         futures: dict[Future[Result], int] = {}
         try:
-            with interrupts_wait():  # or a worker would be told half of what it needs
+            with interrupts_wait():  # or a worker would get half of what it needs
                 futures |= {pool.submit(_work, case): k for k, case in enumerate(cases)}
             _collect(futures, cases, results, done)
         except KeyboardInterrupt:
@@ -131,7 +131,7 @@ _stop: Event | None = None
 
 
 def _start(stop: Event) -> None:
-    """Make a worker end with its parent and, in order, when told to; the parent alone takes Ctrl-C."""
+    """Make a worker end with its parent and, in order, when asked to; the parent alone takes Ctrl-C."""
     global _stop
     _stop = stop
     for number in SIGNALS:
@@ -150,10 +150,10 @@ def _work(case: Case) -> Result:
     assert _stop is not None
     if _stop.is_set():
         return None
-    return try_case(case, progress=_interrupt_if_told)
+    return try_case(case, progress=_interrupt_if_asked)
 
 
-def _interrupt_if_told(_seconds: float) -> None:
+def _interrupt_if_asked(_seconds: float) -> None:
     assert _stop is not None
     if _stop.is_set():
         raise KeyboardInterrupt

@@ -99,7 +99,7 @@ def _print(screen: "Screen", comparison: "Comparison") -> None:
 
     screen.print(comparison_table(f"{comparison.b} minus {comparison.a}", comparison))
     screen.print(
-        f"loads at most {comparison.max_load_error_m:.3e} m apart, "
+        f"loads differ by at most {comparison.max_load_error_m:.3e} m, "
         f"at {comparison.max_load_error_at_s:g} s; "
         f"angles {comparison.max_angle_error_rad:.3e} rad; {comparison.samples} common samples",
     )
@@ -205,7 +205,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     descriptions = [describe_log(log) for log in (a_log, b_log)]
     if not despite_differences:
         first, second = (run.plant for run in pair)
-        refuse = functools.partial(refuse_differences, told_of=first)
+        refuse = functools.partial(refuse_differences, described=first)
         refuse(f"the runs of {first} and {second} differ in", differing_fields(*pair))
         for description in descriptions:
             different = provenance_differences(description.versions, provenance(), harmless=True)

@@ -60,7 +60,7 @@ def validate_command(
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
-    from cranectl.cases.case import check_apart, default_log, make_case
+    from cranectl.cases.case import check_logs_differ, default_log, make_case
     from cranectl.cases.workers import available_cores, run_cases
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import progress_bar
@@ -89,7 +89,7 @@ def validate_command(
         for name in names
         for kind in drives
     ]
-    check_apart(cases)
+    check_logs_differ(cases)
     if cases:
         check_writable(out / "any.mcap")  # once, not by every case
     with progress_bar(sum(case.simulated_seconds for case in cases)) as (advance, describe):

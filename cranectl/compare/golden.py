@@ -36,7 +36,7 @@ class SignalLimit(Settings):
 class Tolerances(Settings):
     """Limits of a regression test. Of the limits that match a signal the first one counts."""
 
-    end_s: Bound = Field(description="how far apart the runs may end [s]")
+    end_s: Bound = Field(description="by how much the ends of the runs may differ [s]")
     limits: Annotated[tuple[SignalLimit, ...], Field(strict=False)] = Field(
         description="a list of {signals, absolute, relative}, the first match counts"
     )
@@ -62,8 +62,8 @@ class RegressionVerdict:
     samples: int  # compared
     status: str
     golden_status: str
-    ends_apart_s: float
-    ends_apart_limit_s: float
+    end_difference_s: float
+    end_difference_limit_s: float
     signals: tuple[SignalVerdict, ...]
     same_status: bool
     ends_passed: bool
@@ -102,7 +102,7 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
     _check_samples(new, golden)
     limits = _limits(new, golden, tolerances.limits)
     comparison = compare_runs(golden, new, signals=list(limits))
-    apart_ns = abs(new.end_ns - golden.end_ns)
+    difference_ns = abs(new.end_ns - golden.end_ns)
     verdicts = []
     for row in comparison.signals:
         bound = _bound(golden, row.signal, limits[row.signal])
@@ -114,11 +114,11 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
         samples=comparison.samples,
         status=new.status.label,
         golden_status=golden.status.label,
-        ends_apart_s=apart_ns / NANOSECONDS,
-        ends_apart_limit_s=tolerances.end_s,
+        end_difference_s=difference_ns / NANOSECONDS,
+        end_difference_limit_s=tolerances.end_s,
         signals=tuple(verdicts),
         same_status=new.status == golden.status,
-        ends_passed=apart_ns <= round(tolerances.end_s * NANOSECONDS),
+        ends_passed=difference_ns <= round(tolerances.end_s * NANOSECONDS),
     )
 
 
@@ -126,34 +126,34 @@ def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, S
     """The limit of each signal that has one, in the order of the signals."""
     in_golden, in_new = named_signals(golden), named_signals(new)
     names = list(dict.fromkeys((*in_golden, *in_new)))
-    found: dict[str, SignalLimit] = {}
+    chosen: dict[str, SignalLimit] = {}
     for limit in limits:
         matched = matching(limit.signals, names)
         if not matched:
             raise unmatched(limit.signals, names)
-        if all(name in found for name in matched):
-            earlier = ", ".join(dict.fromkeys(f"'{found[name].signals}'" for name in matched))
+        if all(name in chosen for name in matched):
+            earlier = ", ".join(dict.fromkeys(f"'{chosen[name].signals}'" for name in matched))
             raise InputError(
                 f"the limit for '{limit.signals}' never counts: {earlier} before it has all its signals",
                 allowed="limits in the order in which they count, the first match wins",
                 remedy="put the special before the general",
             )
-        found = {**dict.fromkeys(matched, limit), **found}
-    alone = [name for name in found if name not in in_golden or name not in in_new]
+        chosen = {**dict.fromkeys(matched, limit), **chosen}
+    alone = [name for name in chosen if name not in in_golden or name not in in_new]
     if alone:
         raise InputError(
             f"only one of the runs has {', '.join(alone)}",
             allowed="runs of controllers with the same states",
             remedy="compare runs of the same controller, or limit only signals that both have",
         )
-    bare = [name for name in compared_signals(golden) if name not in found]
+    bare = [name for name in compared_signals(golden) if name not in chosen]
     if bare:
         raise InputError(
             f"no limit for {', '.join(bare)}",
             allowed=f"tolerances for every signal of {', '.join(COMPARED_GROUPS)}",
             remedy="add limits for them",
         )
-    return {name: found[name] for name in names if name in found}
+    return {name: chosen[name] for name in names if name in chosen}
 
 
 def _bound(golden: Run, name: str, limit: SignalLimit) -> float:

@@ -22,26 +22,26 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
             allowed=f"one log each of {' and '.join(PLANTS)}",
             remedy="compare them without --merge",
         )
-    for what, found in (
+    for what, values in (
         ("controllers", (a.design.name, b.design.name)),
         ("drives", (a.drive, b.drive)),
         ("numbers of robustifier states", (a.design.robustifier.order, b.design.robustifier.order)),
     ):
-        if found[0] != found[1]:
-            raise _apart(a, b, f"different {what}, {found[0]} and {found[1]}")
+        if values[0] != values[1]:
+            raise _unmergeable(a, b, f"different {what}, {values[0]} and {values[1]}")
     if not np.intersect1d(a.time_ns, b.time_ns).size:
-        raise _apart(a, b, "no samples in common")
+        raise _unmergeable(a, b, "no samples in common")
     common = min(len(a.time_ns), len(b.time_ns)) - 1  # the last sample is logged whenever it is
     if not np.array_equal(a.time_ns[:common], b.time_ns[:common]):
-        raise _apart(a, b, "different times of their samples")
+        raise _unmergeable(a, b, "different times of their samples")
     if not np.array_equal(a.reference[:common], b.reference[:common]):
-        raise _apart(a, b, "different references")
+        raise _unmergeable(a, b, "different references")
     first, second = sorted((a, b), key=lambda run: list(PLANTS).index(run.plant))
     return first, second
 
 
-def refuse_differences(what: str, differences: Sequence[str], *, told_of: str) -> None:
-    """Raise InputError if there are any: a merged log tells of the run of plant `told_of` only."""
+def refuse_differences(what: str, differences: Sequence[str], *, described: str) -> None:
+    """Raise InputError if there are any: a merged log describes the run of plant `described` only."""
     if differences:
         more = len(differences) - SHOWN
         shown = [*differences[:SHOWN], *([f"and {more} more"] if more > 0 else [])]
@@ -49,11 +49,11 @@ def refuse_differences(what: str, differences: Sequence[str], *, told_of: str) -
             f"{what}: {'; '.join(shown)}",
             allowed="two runs of the same scenario, by the versions that are installed",
             remedy="run one of them again, or merge with --despite-differences: the log then describes the "
-            f"{told_of} run's scenario and the versions that are installed",
+            f"{described} run's scenario and the versions that are installed",
         )
 
 
-def _apart(a: Run, b: Run, what: str) -> InputError:
+def _unmergeable(a: Run, b: Run, what: str) -> InputError:
     return InputError(
         f"the runs of {a.plant} and {b.plant} have {what}",
         allowed="runs of the same scenario, controller and drive, logged at the same rate",

@@ -122,9 +122,9 @@ def judge(
 ) -> Agreement:
     """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
 
-    Plants that ended with different status, or further apart in time than the limit, do not agree, whatever
-    their difference. Without limits of this pair there is no verdict. `comparison`: of the two, where it is
-    known already.
+    Plants that ended with different status, or at times further from each other than the limit, do not agree,
+    whatever their difference. Without limits of this pair there is no verdict. `comparison`: of the two,
+    where it is known already.
     """
     comparison = comparison or compare_runs(a, b, signals=())
     limits = limits or limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant))
@@ -148,7 +148,7 @@ def judge(
 
 def least_good(agreements: Sequence[Agreement]) -> Agreement:
     """The first that does not hold, else the first that is not judged, else the first."""
-    return min(agreements, key=lambda found: (found.passed is not False, found.passed is True))
+    return min(agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True))
 
 
 def _within(comparison: Comparison, a: Run, b: Run, limits: Limits) -> bool:
@@ -184,8 +184,8 @@ def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
     designs = ({"controller": run.design.to_json()} for run in (a, b))
     for tables in (scenarios, designs):
         first, second = (dict(leaves(table)) for table in tables)
-        found = differences(first, second, absent="nothing")
-        if lines := tuple(f"{name}: {old} and {new}" for name, old, new in found):
+        differing = differences(first, second, absent="nothing")
+        if lines := tuple(f"{name}: {old} and {new}" for name, old, new in differing):
             return lines
     return ()
 

@@ -20,22 +20,22 @@ Progress = Callable[[float], None]  # called with the simulated seconds since th
 def judge_steps(
     runs: Sequence[Run], limits: Limits | NoLimits, progress: Progress | None = None
 ) -> Agreement:
-    """As `compare.judge`; where plants with ideal drives are too far apart, with the step that cures it.
+    """As `compare.judge`; where plants with ideal drives differ too much, with the step that cures it.
 
     The step is as short as the order of the scheme says, and tried: both plants run once more. None if they
     differ even then. An interrupt ends that, not the verdict.
     """
-    found = judge(*runs, limits=limits)
-    if found.drive != "ideal" or found.passed is not False or not isinstance(limits, Limits):
-        return found
-    excess = max(found.max_load_error_m / limits.load_m, found.max_angle_error_rad / limits.angle_rad)
+    agreement = judge(*runs, limits=limits)
+    if agreement.drive != "ideal" or agreement.passed is not False or not isinstance(limits, Limits):
+        return agreement
+    excess = max(agreement.max_load_error_m / limits.load_m, agreement.max_angle_error_rad / limits.angle_rad)
     if not 1.0 < excess < math.inf or any(run.status == RunStatus.INTERRUPTED for run in runs):
-        return found
+        return agreement
     halvings = min(math.ceil(math.log2(excess) / ORDER), MOST_HALVINGS)
     shorter = _stepping(runs[0].scenario, 2**halvings)
     if shorter is None or not _agree(shorter, runs, limits, progress):
-        return found
-    return replace(found, curing_step_s=shorter.control.physics_step)
+        return agreement
+    return replace(agreement, curing_step_s=shorter.control.physics_step)
 
 
 def _agree(scenario: Scenario, runs: Sequence[Run], limits: Limits, progress: Progress | None) -> bool:

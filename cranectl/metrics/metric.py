@@ -1,4 +1,4 @@
-"""What a metric is: all that is said of it anywhere, and how it is computed."""
+"""What a metric is: all that is known of it anywhere, and how it is computed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -35,14 +35,14 @@ class Measured(NamedTuple):
 
 
 class Row(NamedTuple):
-    """How a metric is told in the table of a run; angles are in degrees there."""
+    """How the table of a run shows a metric; angles are in degrees there."""
 
     label: str = ""  # without one it is not
     digits: int = 3  # after the point
     place: float = inf  # those without come last
 
 
-UNTOLD = Row()
+NOT_SHOWN = Row()
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Metric:
     value: Callable[[Measured], Any]  # number, array or tuple; None where the run has no such thing
     better: Literal["lower", "higher", ""] = ""
     parts: tuple[str, ...] = ()
-    row: Row = UNTOLD
+    row: Row = NOT_SHOWN
     compared: str = ""  # what comparisons of a campaign call it; "": they leave it out
     recorded: bool = True  # in JSON and results; False where other metrics say the same
     kernel: Kernel | None = None

@@ -39,8 +39,8 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
     `flag_column`: where the array that `accumulate` gets as `commands` has the flags; the default is for the
     record of the signal path alone. Ignored for a scenario without one.
     """
-    rig, friction = scenario.rig, scenario.effects.friction
-    rubs = friction is not None and drive == "velocity"  # no friction can hold an ideal drive
+    rig = scenario.rig
+    friction = scenario.effects.friction if drive == "velocity" else None  # none can hold an ideal drive
     rest_ns, direction = _rest(scenario.reference)
     return MetricsSetup(
         rest_ns=rest_ns,
@@ -48,8 +48,8 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
         workspace=rig.workspace,
         driven_mass=np.array([rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass]),
         load_mass=rig.load_mass,
-        coulomb=np.array(friction.coulomb if friction and rubs else (0.0, 0.0, 0.0)),
-        viscous=np.array(friction.viscous if friction and rubs else (0.0, 0.0, 0.0)),
+        coulomb=np.array(friction.coulomb if friction else (0.0, 0.0, 0.0)),
+        viscous=np.array(friction.viscous if friction else (0.0, 0.0, 0.0)),
         flag_column=flag_column if scenario.effects.staged else NO_FLAGS,
     )
 

@@ -15,7 +15,7 @@ from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 
-OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # told axis by axis instead
+OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # given axis by axis instead
 
 
 @dataclass(frozen=True)

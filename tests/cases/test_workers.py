@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.cases.case import Case, CaseResult, Failure, check_apart, make_case
+from cranectl.cases.case import Case, CaseResult, Failure, check_logs_differ, make_case
 from cranectl.cases.workers import run_cases
 from cranectl.log import read_log
 from cranectl.scenario import load_scenario
@@ -78,8 +78,8 @@ def test_two_cases_of_one_log_are_refused(tmp_path: Path) -> None:
     first, second, third = cases(tmp_path)
     same = dataclasses.replace(third, log=tmp_path / "a" / ".." / first.log.name, source="other.toml")
     with pytest.raises(InputError, match=r"fixed-position and other\.toml would share the log"):
-        check_apart([first, second, same])
-    check_apart([first, second, third])
+        check_logs_differ([first, second, same])
+    check_logs_differ([first, second, third])
 
 
 def test_errors_survive_the_way_between_processes() -> None:

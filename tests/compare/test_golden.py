@@ -117,7 +117,7 @@ def test_runs_must_end_alike(run: Run) -> None:
         assert judge_regression(later, run, tolerances(("*", 0.0), end_s=0.02)).passed
         verdict = judge_regression(later, run, tolerances(("*", 0.0), end_s=0.0199))
         assert not verdict.passed
-        assert verdict.ends_apart_s == 0.02
+        assert verdict.end_difference_s == 0.02
         assert verdict.to_json()["passed"] is False
 
 

@@ -53,10 +53,10 @@ def test_what_one_log_cannot_hold(short: Scenario, pair: tuple[Run, Run]) -> Non
 
 
 def test_differences_are_named_up_to_ten() -> None:
-    refuse_differences("nothing", (), told_of="analytic")
+    refuse_differences("nothing", (), described="analytic")
     with pytest.raises(InputError) as caught:
         refuse_differences(
-            "the runs differ in", [f"field{k}: 1 and 2" for k in range(12)], told_of="analytic"
+            "the runs differ in", [f"field{k}: 1 and 2" for k in range(12)], described="analytic"
         )
     assert "field0: 1 and 2; " in caught.value.found
     assert caught.value.found.endswith("field9: 1 and 2; and 2 more")

@@ -126,13 +126,13 @@ def variants(scenario: Scenario, levels: Sequence[str]) -> list[Scenario]:
         "quantisation": effects.sensing,
         **{name: getattr(effects, name) for name in ("limits", "delay", *STRUCTURE, "friction")},
     }
-    found, added = [], NO_EFFECTS
+    tried, added = [], NO_EFFECTS
     for level in levels:
         if level in settings:
             name = "sensing" if level in SENSING else level
             added = added.model_copy(update={name: settings[level]})
-        found.append(replace_effects(scenario, added))
-    return found
+        tried.append(replace_effects(scenario, added))
+    return tried
 
 
 def simulated_seconds(scenario: Scenario, top: str = LEVELS[-1]) -> float:

@@ -32,8 +32,8 @@ def second_order(
     commands, disturbances = loop.commands + predicted.given, loop.disturbances + predicted.disturbance
     step_defect(loop.plant, loop.kept, states, commands, disturbances, loop.winds, states[1:], made)
     defect.local[:, :p] = made + ports.local[:, :p] - loop.defect
-    found = propagate(loop, defect, delay)
-    return found._replace(load=found.load - loop.load_offset)
+    deviation = propagate(loop, defect, delay)
+    return deviation._replace(load=deviation.load - loop.load_offset)
 
 
 def higher_orders(

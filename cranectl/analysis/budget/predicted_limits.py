@@ -54,12 +54,12 @@ def predicted_limits(scenario: Scenario, design: Design) -> Limits | NoLimits:
     run = ideal_run(scenario, design)
     if run.status != RunStatus.COMPLETED:
         return NoLimits(f"a run that ends early, {run.status.label}, has no predicted bound")
-    found = _difference(linearised(run, scenario))
-    if not np.isfinite([found.load_bound_m, found.angle_bound_rad]).all():
+    difference = _difference(linearised(run, scenario))
+    if not np.isfinite([difference.load_bound_m, difference.angle_bound_rad]).all():
         return NoLimits("the load's reaction on the drives is too large for a bound to first order")
     return Limits(
-        load_m=found.load_bound_m,
-        angle_rad=found.angle_bound_rad,
+        load_m=difference.load_bound_m,
+        angle_rad=difference.angle_bound_rad,
         end_s=float(scenario.rig.time_constants.max()),
         reason="the load's reaction on the engine's servos, carried through the loop along this very run",
         source="predicted for this scenario and controller",
@@ -73,11 +73,11 @@ def _difference(nominal: Nominal) -> PlantDifference:
     first, second, third = zip(*(_orders(run, loop) for loop in loops), strict=True)
     # Means over a sample stand for signals: of a servo of lag tau they miss T / (2 tau).
     coarse = nominal.loop.period / (2.0 * float(run.scenario.rig.time_constants.min()))
-    found = []
+    values = []
     for what in ("load", "angle"):
         estimate, left, rest = (_largest(a, b, what) for a, b in (first, second, third))
-        found += [estimate, _bound(estimate, left, rest, coarse)]
-    return PlantDifference(*found)
+        values += [estimate, _bound(estimate, left, rest, coarse)]
+    return PlantDifference(*values)
 
 
 def _orders(run: Run, loop: TrajectoryLoop) -> tuple[Deviation, Deviation, Deviation]:

@@ -75,9 +75,9 @@ def predict_levels(nominal: Nominal) -> Iterator[Prediction]:
         if level == "noise":
             yield _beside(predict_noise(nominal), path, lost)
         elif level == "quantisation":
-            found = predict_quantisation(nominal, path.deviation)
-            anew = found.estimate.max  # on another motion the steps fall anew
-            yield _beside(found, path, lost)
+            prediction = predict_quantisation(nominal, path.deviation)
+            anew = prediction.estimate.max  # on another motion the steps fall anew
+            yield _beside(prediction, path, lost)
         else:
             added += (level,)
             higher = _find_path(nominal, added, path.deviation)
@@ -104,9 +104,9 @@ class _Path(NamedTuple):
     change: float  # of the load by the last repetition [m]
 
 
-def _beside(found: Prediction, path: _Path, lost: str) -> Prediction:
+def _beside(prediction: Prediction, path: _Path, lost: str) -> Prediction:
     """A random effect beside a motion that is known only so well, or above the level `lost` not at all."""
-    return replace(found, bound=np.inf if lost else found.bound + 2.0 * path.change, above=lost)
+    return replace(prediction, bound=np.inf if lost else prediction.bound + 2.0 * path.change, above=lost)
 
 
 def _find_path(nominal: Nominal, effects: tuple[str, ...], start: Deviation) -> _Path:
@@ -127,23 +127,23 @@ def _find_motion(
     deviation, change = start, 0.0
     for _ in range(REPETITIONS if repeated else 1):
         ports = _join(nominal, effects, loop, deviation)
-        found = propagate(loop, ports, delay, friction)
-        change = float(np.abs(found.load - deviation.load).max())
-        deviation = found
+        following = propagate(loop, ports, delay, friction)
+        change = float(np.abs(following.load - deviation.load).max())
+        deviation = following
     return deviation, ports, change if repeated else 0.0
 
 
-def _left(below: _Path, found: _Path) -> float:
+def _left(below: _Path, path: _Path) -> float:
     """What the first order leaves out of the step between two paths [m].
 
     Infinite if the third order is more than half of the second: the series, of which each next term goes with
     the square of the one before as in Newton's method, is not known to converge then. Nor is it where the
     repetition has not settled.
     """
-    second, third = size_of(found.second - below.second).max, size_of(found.third - below.third).max
-    whole = size_of(found.second).max
-    settled = found.change <= SETTLED * size_of(found.deviation.load).max
-    if not settled or size_of(found.third).max > max(0.5 * whole, ROUNDING):
+    second, third = size_of(path.second - below.second).max, size_of(path.third - below.third).max
+    whole = size_of(path.second).max
+    settled = path.change <= SETTLED * size_of(path.deviation.load).max
+    if not settled or size_of(path.third).max > max(0.5 * whole, ROUNDING):
         return np.inf
     return second + 2.0 * third
 
@@ -196,22 +196,22 @@ def _predict_hold(nominal: Nominal) -> Prediction:
 
 
 def _bound_friction(
-    nominal: Nominal, effects: tuple[str, ...], below: _Path, found: _Path, other: float
+    nominal: Nominal, effects: tuple[str, ...], below: _Path, higher: _Path, other: float
 ) -> float:
     """Largest deviation by any course of friction within its limits.
 
-    What higher orders and the observer add to the motion `found` is scaled to that of the worst case.
+    What higher orders and the observer add to the motion `higher` is scaled to that of the worst case.
     """
     run, loop, delay = nominal.run, _loop(nominal, effects), _delay(nominal, effects)
     friction = friction_of(run, nominal.effects.friction)
-    worst = max(worst_friction(loop, friction, path.deviation, delay) for path in (below, found))
-    size = size_of(found.deviation.load - below.deviation.load).max
+    worst = max(worst_friction(loop, friction, path.deviation, delay) for path in (below, higher))
+    size = size_of(higher.deviation.load - below.deviation.load).max
     without = tuple(name for name in effects if name != "observer")
     motions = [_find_motion(nominal, names, below.deviation)[0].load for names in (without, without[:-1])]
-    by_observer = size_of(found.deviation.load - below.deviation.load - (motions[0] - motions[1])).max
+    by_observer = size_of(higher.deviation.load - below.deviation.load - (motions[0] - motions[1])).max
     scale = worst / size if size else 1.0
-    scaled = found._replace(
-        second=below.second + scale**2 * (found.second - below.second),
-        third=below.third + scale**3 * (found.third - below.third),
+    scaled = higher._replace(
+        second=below.second + scale**2 * (higher.second - below.second),
+        third=below.third + scale**3 * (higher.third - below.third),
     )
     return _bound(worst + by_observer * scale, _left(below, scaled), other)

@@ -74,29 +74,31 @@ def propagate(
     loop: TrajectoryLoop, ports: Ports, delay: int = 0, friction: FrictionPort = NO_FRICTION
 ) -> Deviation:
     """The deviation that known errors and friction cause while commands are `delay` samples under way."""
-    found = no_deviation(loop)
-    propagate_signals(loop, ports, delay, friction, found)
+    deviation = no_deviation(loop)
+    propagate_signals(loop, ports, delay, friction, deviation)
     p = len(loop.kept)
-    return found._replace(load=loop.load_offset + np.einsum("kij,kj->ki", loop.load, found.state[:, :p]))
+    return deviation._replace(
+        load=loop.load_offset + np.einsum("kij,kj->ki", loop.load, deviation.state[:, :p])
+    )
 
 
 @jit
-def add_friction(loop, friction, k, found, coulomb):
+def add_friction(loop, friction, k, deviation, coulomb):
     """Add friction to sample `k` and its effect to the next: Coulomb's stops each rate if it can.
 
     What one axis takes off another may have to hold, so it goes round (projected Gauss-Seidel).
     """
     for joint in range(5):
         coulomb[joint] = 0.0
-        rate = friction.rates[k, joint] + found.state[k, 2 * joint + 1]
-        add_input(loop, k, joint, -friction.viscous[k, joint] * rate, found)
+        rate = friction.rates[k, joint] + deviation.state[k, 2 * joint + 1]
+        add_input(loop, k, joint, -friction.viscous[k, joint] * rate, deviation)
     for _ in range(ROUNDS):
         for joint in range(5):
-            rate = friction.rates[k + 1, joint] + found.state[k + 1, 2 * joint + 1]
+            rate = friction.rates[k + 1, joint] + deviation.state[k + 1, 2 * joint + 1]
             limit, before = friction.coulomb[k, joint], coulomb[joint]
             wanted = before - rate / input_gain(loop, k, joint, 2 * joint + 1)
             coulomb[joint] = min(max(wanted, -limit), limit)
-            add_input(loop, k, joint, coulomb[joint] - before, found)
+            add_input(loop, k, joint, coulomb[joint] - before, deviation)
 
 
 @jit
@@ -107,20 +109,20 @@ def input_gain(loop, k, joint, state):
 
 
 @jit
-def add_input(loop, k, joint, signal, found):
+def add_input(loop, k, joint, signal, deviation):
     """Add `signal` at the port of `joint` to sample `k`, and its effect to the next."""
     if joint < 3:
-        found.given[k, joint] += signal
+        deviation.given[k, joint] += signal
     else:
-        found.disturbance[k, joint - 3] += signal
+        deviation.disturbance[k, joint - 3] += signal
     for i in range(loop.kept.shape[0]):
-        found.state[k + 1, i] += input_gain(loop, k, joint, i) * signal
+        deviation.state[k + 1, i] += input_gain(loop, k, joint, i) * signal
 
 
 @jit
-def propagate_signals(loop, ports, delay, friction, found):
-    """Fills `found`, all but its load."""
-    state, given, commanded = found.state, found.given, found.commanded
+def propagate_signals(loop, ports, delay, friction, deviation):
+    """Fills `deviation`, all but its load."""
+    state, given, commanded = deviation.state, deviation.given, deviation.commanded
     size, p = state.shape[1], loop.kept.shape[0]
     extension, robustifier = p + EXTENSION, p + ROBUSTIFIER
     m, period = loop.robustifier_input.shape[0], loop.period
@@ -130,7 +132,7 @@ def propagate_signals(loop, ports, delay, friction, found):
         at = k // loop.stride
         for j in range(size):
             measured[j] = state[k, j] + (ports.measured[k, j] if j < 10 else 0.0)
-        here, arriving = k % (delay + 1), (k + 1) % (delay + 1)
+        newest, arriving = k % (delay + 1), (k + 1) % (delay + 1)
         v_z = 0.0
         for j in range(size):
             v_z += loop.virtual[k, 2, j] * measured[j]
@@ -139,7 +141,7 @@ def propagate_signals(loop, ports, delay, friction, found):
             for j in range(size):
                 command += loop.command[k, axis, j] * measured[j]
             commanded[k, axis] = command
-            line[here, axis] = command
+            line[newest, axis] = command
         for axis in range(3):
             arrived[axis] = line[arriving, axis] + ports.arriving[k, axis]
             w = state[k, p + axis]
@@ -155,9 +157,9 @@ def propagate_signals(loop, ports, delay, friction, found):
                 value += loop.by_disturbance[at, i, j] * ports.disturbance[k, j]
             state[k + 1, i] = value
         for j in range(2):
-            found.disturbance[k, j] = ports.disturbance[k, j]
+            deviation.disturbance[k, j] = ports.disturbance[k, j]
         if friction.coulomb.shape[0] > 0:
-            add_friction(loop, friction, k, found, coulomb)
+            add_friction(loop, friction, k, deviation, coulomb)
         zeta, zeta_dot = state[k, extension], state[k, extension + 1]
         local = ports.local[k]
         state[k + 1, extension] = zeta + period * (zeta_dot + 0.5 * period * v_z) + local[extension]

@@ -87,7 +87,7 @@ class TrajectoryLoop(NamedTuple):
 
 @jit
 def step_plant(plant, crane, state, command, disturbance, wind):
-    """One control period of `state` in place; `crane` is that of `plant`, told apart at compile time."""
+    """One control period of `state` in place; `crane` is that of `plant`, distinguished at compile time."""
     if crane is None:
         for _ in range(plant.rig.substeps):
             integrate(plant.rig, state, command, disturbance, wind, plant.stages, plant.stage_state)

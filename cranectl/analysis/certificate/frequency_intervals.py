@@ -32,23 +32,23 @@ class Bounded(NamedTuple):
     values: Array  # (k,)
 
 
-def first_gap(system: SampledSystem, found: Bounded, level: Callable[[Array], Array]) -> float | None:
+def first_gap(system: SampledSystem, bounds: Bounded, level: Callable[[Array], Array]) -> float | None:
     """None if the structured singular value is proven below `level` at every frequency, else where it is not.
 
     `level`: of angles (k,), positive and nowhere increasing; `system`: stable.
     """
-    continuous, allowed = bilinear(system), level(found.angles)
+    continuous, allowed = bilinear(system), level(bounds.angles)
     start = 0.0
     for _ in range(MOST_INTERVALS):
-        passed = int(np.searchsorted(found.angles, start * (1.0 + 2.0 * OVERLAP), side="right"))
-        first = min(passed, len(found.angles) - 1)
-        last, scaling = _longest_interval(found, allowed, first)
+        passed = int(np.searchsorted(bounds.angles, start * (1.0 + 2.0 * OVERLAP), side="right"))
+        first = min(passed, len(bounds.angles) - 1)
+        last, scaling = _longest_interval(bounds, allowed, first)
         if last < first:
-            return float(found.angles[first])
-        target = float(found.angles[last])
+            return float(bounds.angles[first])
+        target = float(bounds.angles[last])
         while True:
             end = below_until(continuous, scaling, float(level(np.array([target]))[0]), start, target)
-            if end >= found.angles[first] or end - start >= GOOD_PART * (target - start):
+            if end >= bounds.angles[first] or end - start >= GOOD_PART * (target - start):
                 break
             target = start + 0.5 * (target - start)
             if target - start < max(SHORTEST * start, LOWEST):
@@ -101,31 +101,31 @@ def _crossings(continuous: SampledSystem, level: float) -> Array | None:
             [-c.T @ (np.eye(len(d)) + d @ inner @ d.T) @ c / level, -a_closed.T],
         ]
     )
-    found = np.linalg.eigvals(hamiltonian)
-    imaginary = np.abs(found.real) <= NEAR_AXIS * np.abs(found)
-    return np.sort(2.0 * np.arctan(np.abs(found.imag[imaginary])))
+    eigenvalues = np.linalg.eigvals(hamiltonian)
+    imaginary = np.abs(eigenvalues.real) <= NEAR_AXIS * np.abs(eigenvalues)
+    return np.sort(2.0 * np.arctan(np.abs(eigenvalues.imag[imaginary])))
 
 
-def _longest_interval(found: Bounded, allowed: Array, first: int) -> tuple[int, Array]:
+def _longest_interval(bounds: Bounded, allowed: Array, first: int) -> tuple[int, Array]:
     """(last grid point, scaling) such that from `first` to it all norms lie below what is allowed there.
 
     The last point is before `first` if there is none.
     """
-    hardest = first + int(np.argmax(found.values[first:] / allowed[first:]))
-    best, scaling = first - 1, found.scalings[first]
+    hardest = first + int(np.argmax(bounds.values[first:] / allowed[first:]))
+    best, scaling = first - 1, bounds.scalings[first]
     for k in (hardest, first):
-        last = _reach(found, allowed, first, found.scalings[k])
+        last = _reach(bounds, allowed, first, bounds.scalings[k])
         if last > best:
-            best, scaling = last, found.scalings[k]
+            best, scaling = last, bounds.scalings[k]
     return best, scaling
 
 
-def _reach(found: Bounded, allowed: Array, first: int, scaling: Array) -> int:
+def _reach(bounds: Bounded, allowed: Array, first: int, scaling: Array) -> int:
     """The last point up to which all norms with `scaling` lie below what is allowed at that point."""
     last, high, width = first - 1, 0.0, WINDOW
     while last + 1 < len(allowed):
         part = slice(last + 1, last + 1 + width)
-        scaled = scaling[:, None] * found.response[part] / scaling
+        scaled = scaling[:, None] * bounds.response[part] / scaling
         norms = np.maximum.accumulate(np.append(high, np.linalg.norm(scaled, 2, axis=(1, 2))))[1:]
         good = norms < allowed[part]
         if not good.all():

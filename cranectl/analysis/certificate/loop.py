@@ -208,8 +208,8 @@ def best_scales(gain: Array, robustifier: SampledSystem, period: float) -> Array
         squares = np.exp(2.0 * logarithms)
         return float(np.log((plant @ squares + v) * (1.0 + controller @ (1.0 / squares)) / loop).max())
 
-    found = minimize(
+    optimum = minimize(
         cost, np.log(gain), method="Nelder-Mead", options={"maxfev": 4000, "xatol": 1e-5, "fatol": 1e-8}
     )
-    scales: Array = np.exp(found.x)
+    scales: Array = np.exp(optimum.x)
     return scales

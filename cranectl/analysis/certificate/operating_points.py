@@ -164,16 +164,16 @@ def equilibrium(
             break
         steps = np.full(len(unknown), step_at(plant, split(unknown)[0]))
         unknown -= np.linalg.lstsq(differences(residual, unknown, steps), left, rcond=SINGULAR)[0]
-    found, command = split(unknown)
+    state, command = split(unknown)
     joints = np.zeros(10)
-    joints[0::2], joints[1::2] = found.qpos[plant.rig.joints], found.qvel[plant.rig.rates]
+    joints[0::2], joints[1::2] = state.qpos[plant.rig.joints], state.qvel[plant.rig.rates]
     if not np.abs(left).max() < enough or np.abs(joints[[6, 8]]).max() > np.arcsin(LARGEST_SINE):
         raise InputError(
-            f"no rest to be found at {point} with the scenario's effects",
+            f"no rest to be state at {point} with the scenario's effects",
             allowed="operating points at which the load can be held",
             remedy="choose a smaller tilt, or weaker effects",
         )
-    return found._replace(load_velocity=load_velocity(plant)), command, signals_at(joints, gravity)
+    return state._replace(load_velocity=load_velocity(plant)), command, signals_at(joints, gravity)
 
 
 def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -> Anchor:

@@ -154,10 +154,10 @@ def drive_margins(
         return DriveMargins(0.0, tuple((spread, 0.0) for spread in spreads))
     grid = np.union1d(starting_grid(poles), np.geomspace(LOWEST, np.pi, POINTS))
     shifted = loop._replace(d=loop.d + 0.5 * EYE)
-    found = bounded(loop, grid)
+    bounds = bounded(loop, grid)
     return DriveMargins(
         disk_margin=_disk_margin(shifted, bounded(shifted, grid)),
-        delays=tuple((spread, _safe_delay(loop, found, spread) * period) for spread in spreads),
+        delays=tuple((spread, _safe_delay(loop, bounds, spread) * period) for spread in spreads),
     )
 
 
@@ -181,27 +181,27 @@ def bounded(system: SampledSystem, angles: Array) -> Bounded:
     return Bounded(angles, response, scalings, values)
 
 
-def _disk_margin(shifted: SampledSystem, found: Bounded) -> float:
+def _disk_margin(shifted: SampledSystem, bounds: Bounded) -> float:
     """1/max mu(T' + I/2), less what the proof needs; 0 where none is found."""
     for _ in range(ATTEMPTS):
-        level = GUARD * float(found.values.max())
-        gap = first_gap(shifted, found, partial(np.full_like, fill_value=level))
+        level = GUARD * float(bounds.values.max())
+        gap = first_gap(shifted, bounds, partial(np.full_like, fill_value=level))
         if gap is None:
             return 1.0 / level
-        found = _finer(shifted, found, gap)
+        bounds = _finer(shifted, bounds, gap)
     return 0.0
 
 
-def _safe_delay(loop: SampledSystem, found: Bounded, spread: float) -> float:
+def _safe_delay(loop: SampledSystem, bounds: Bounded, spread: float) -> float:
     """Largest proven delay [samples] with |g exp(-j angle delay) - 1| mu below 1, all |g - 1| <= spread."""
     for _ in range(ATTEMPTS):
-        delay = _delay_on_grid(1.0 / (GUARD * found.values), found.angles, spread)
+        delay = _delay_on_grid(1.0 / (GUARD * bounds.values), bounds.angles, spread)
         if delay == 0.0:
             return 0.0
-        gap = first_gap(loop, found, partial(_tolerated, delay=delay, spread=spread))
+        gap = first_gap(loop, bounds, partial(_tolerated, delay=delay, spread=spread))
         if gap is None:
             return delay
-        found = _finer(loop, found, gap)
+        bounds = _finer(loop, bounds, gap)
     return 0.0
 
 
@@ -226,10 +226,10 @@ def _tolerated(angles: Array, delay: float, spread: float) -> Array:
     return level
 
 
-def _finer(system: SampledSystem, found: Bounded, angle: float) -> Bounded:
+def _finer(system: SampledSystem, bounds: Bounded, angle: float) -> Bounded:
     """With more points about `angle`."""
-    place = int(np.searchsorted(found.angles, angle))
-    low, high = found.angles[max(place - 2, 0)], found.angles[min(place + 1, len(found.angles) - 1)]
-    more = bounded(system, np.setdiff1d(np.linspace(low, high, MORE), found.angles))
-    order = np.argsort(np.append(found.angles, more.angles), kind="stable")
-    return Bounded(*(np.concatenate(pair)[order] for pair in zip(found, more, strict=True)))
+    place = int(np.searchsorted(bounds.angles, angle))
+    low, high = bounds.angles[max(place - 2, 0)], bounds.angles[min(place + 1, len(bounds.angles) - 1)]
+    more = bounded(system, np.setdiff1d(np.linspace(low, high, MORE), bounds.angles))
+    order = np.argsort(np.append(bounds.angles, more.angles), kind="stable")
+    return Bounded(*(np.concatenate(pair)[order] for pair in zip(bounds, more, strict=True)))

@@ -144,9 +144,9 @@ def _too_coarse(samples: Samples) -> NDArray[np.bool_]:
     return coarse
 
 
-def _merged(angles: Array, samples: Samples, more: Array, found: Samples) -> tuple[Array, Samples]:
+def _merged(angles: Array, samples: Samples, more: Array, new: Samples) -> tuple[Array, Samples]:
     order = np.argsort(np.concatenate([angles, more]), kind="stable")
-    merged = (np.concatenate(pair)[order] for pair in zip(samples, found, strict=True))
+    merged = (np.concatenate(pair)[order] for pair in zip(samples, new, strict=True))
     return np.concatenate([angles, more])[order], Samples(*merged)
 
 

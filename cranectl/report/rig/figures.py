@@ -59,23 +59,29 @@ def level_distances(results: Sequence[LevelResult], anchor: str) -> str:
 
 
 def certificate_figure(
-    found: Certificate, nominal_loop: NominalLoop, worst: InnerLoop, *, colours: Mapping[str, str] = LIGHT
+    certificate: Certificate,
+    nominal_loop: NominalLoop,
+    worst: InnerLoop,
+    *,
+    colours: Mapping[str, str] = LIGHT,
 ) -> Figure:
     """The map on the left, on the right the worst point, where the loop is `worst`; `colours` by role."""
     figure = Figure(figsize=(10.0, 4.4), layout="constrained")
-    figure.suptitle(f"{found.controller}, {found.drive} drives, delay {1e3 * found.delay:g} ms")
+    figure.suptitle(
+        f"{certificate.controller}, {certificate.drive} drives, delay {1e3 * certificate.delay:g} ms"
+    )
     left, right = figure.subplots(1, 2)
-    _draw_map(left, found, colours)
-    _draw_frequency(right, found, nominal_loop, worst, colours)
+    _draw_map(left, certificate, colours)
+    _draw_frequency(right, certificate, nominal_loop, worst, colours)
     return figure
 
 
-def _draw_map(axes: Axes, found: Certificate, colours: Mapping[str, str]) -> None:
-    tilts = list(dict.fromkeys(verdict.point.tilt for verdict in found.points))
-    speeds = list(dict.fromkeys(verdict.point.hoisting_speed for verdict in found.points))
+def _draw_map(axes: Axes, certificate: Certificate, colours: Mapping[str, str]) -> None:
+    tilts = list(dict.fromkeys(verdict.point.tilt for verdict in certificate.points))
+    speeds = list(dict.fromkeys(verdict.point.hoisting_speed for verdict in certificate.points))
     for i, tilt in enumerate(tilts):
         for j, speed in enumerate(speeds):
-            line = [v for v in found.points if (v.point.tilt, v.point.hoisting_speed) == (tilt, speed)]
+            line = [v for v in certificate.points if (v.point.tilt, v.point.hoisting_speed) == (tilt, speed)]
             lengths, gaps = [v.point.rope_length for v in line], [v.gap for v in line]
             colour = colours[SERIES[i % len(SERIES)]]
             label = f"{tilt[0]:g}, {tilt[1]:g} rad/s²; {speed:+g} m/s"
@@ -84,13 +90,17 @@ def _draw_map(axes: Axes, found: Certificate, colours: Mapping[str, str]) -> Non
                 axes.plot(
                     verdict.point.rope_length, verdict.gap, MARKS[verdict.grade], color=colour, markersize=4
                 )
-    axes.axhline(found.margin, color=colours["limit"], label=f"margin b = {found.margin:.3f}")
+    axes.axhline(certificate.margin, color=colours["limit"], label=f"margin b = {certificate.margin:.3f}")
     axes.set(title="ν-gap; ○ certified, □ by frequency, × refused", xlabel="rope length [m]", ylabel="ν-gap")
     _finish(axes)
 
 
 def _draw_frequency(
-    axes: Axes, found: Certificate, nominal_loop: NominalLoop, worst: InnerLoop, colours: Mapping[str, str]
+    axes: Axes,
+    certificate: Certificate,
+    nominal_loop: NominalLoop,
+    worst: InnerLoop,
+    colours: Mapping[str, str],
 ) -> None:
     omega = np.geomspace(LOWEST, np.pi / nominal_loop.period, 600)
     z = np.exp(1j * omega * nominal_loop.period)
@@ -100,7 +110,9 @@ def _draw_frequency(
     margin = sines(complement(nominal_loop.opening.controller(z)), model)
     axes.semilogx(omega, margin, color=colours["limit"], label="margin of the loop")
     axes.set(
-        title=f"worst: {found.worst.point}", xlabel="angular frequency [rad/s]", ylabel="sine of the angle"
+        title=f"worst: {certificate.worst.point}",
+        xlabel="angular frequency [rad/s]",
+        ylabel="sine of the angle",
     )
     axes.title.set_fontsize(9)
     _finish(axes)

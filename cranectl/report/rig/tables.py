@@ -23,11 +23,11 @@ def millimetres(metres: float, digits: int = 3) -> str:
     return f"{1e3 * metres:.{digits}g}" if math.isfinite(metres) else "none"
 
 
-def sizes(found: Size | None, digits: int = 3) -> tuple[Cell, ...]:
+def sizes(size: Size | None, digits: int = 3) -> tuple[Cell, ...]:
     """RMS, largest and final deviation [mm]; empty where there is none."""
-    if found is None:
+    if size is None:
         return cells("", "", "")
-    return cells(*(millimetres(value, digits) for value in (found.rms, found.max, found.final)))
+    return cells(*(millimetres(value, digits) for value in (size.rms, size.max, size.final)))
 
 
 def three(what: str) -> tuple[str, ...]:
@@ -96,16 +96,16 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
     return tuple(words)
 
 
-def map_table(found: Certificate) -> Table:
+def map_table(certificate: Certificate) -> Table:
     """The gap at every point: one row a rope length, one column a tilt and hoisting speed."""
-    title = f"nu-gap to the design model: {found.controller}, {found.drive} drives, margin {found.margin:.3f}"
+    loop = f"{certificate.controller}, {certificate.drive} drives, margin {certificate.margin:.3f}"
     note = "Columns: tilting disturbance [rad/s²], hoisting speed [m/s]."
-    columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in found.points))
+    columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in certificate.points))
     headings = tuple(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}" for (d_alpha, d_beta), speed in columns)
-    at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in found.points}
-    lengths = dict.fromkeys(verdict.point.rope_length for verdict in found.points)
+    at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in certificate.points}
+    lengths = dict.fromkeys(verdict.point.rope_length for verdict in certificate.points)
     rows = (cells(f"{length:g}", *(_gap(at[length, *column]) for column in columns)) for length in lengths)
-    return Table(title, ("rope\n[m]", *headings), tuple(rows), note=note)
+    return Table(f"nu-gap to the design model: {loop}", ("rope\n[m]", *headings), tuple(rows), note=note)
 
 
 def _gap(verdict: PointVerdict) -> Cell:
@@ -113,15 +113,15 @@ def _gap(verdict: PointVerdict) -> Cell:
     return Cell(f"{verdict.gap:.3f} {letter}", mark)
 
 
-def summary_lines(found: Certificate) -> list[str]:
+def summary_lines(certificate: Certificate) -> list[str]:
     """Where the margin is least, and how many points are certified."""
-    worst, grades = found.worst, [verdict.grade for verdict in found.points]
-    unstable = sum(not verdict.stable for verdict in found.points)
+    worst, grades = certificate.worst, [verdict.grade for verdict in certificate.points]
+    unstable = sum(not verdict.stable for verdict in certificate.points)
     return [
-        f"loop opened at {found.opening.name}; b(G, K) = {found.margin:.4f} at "
-        f"{found.margin_frequency:.3g} rad/s; delay {found.delay:g} s",
-        f"least margin {found.margin - worst.gap:+.4f}: gap {worst.gap:.4f} at {worst.frequency:.3g} rad/s, "
-        f"{worst.point}",
+        f"loop opened at {certificate.opening.name}; b(G, K) = {certificate.margin:.4f} at "
+        f"{certificate.margin_frequency:.3g} rad/s; delay {certificate.delay:g} s",
+        f"least margin {certificate.margin - worst.gap:+.4f}: gap {worst.gap:.4f} at "
+        f"{worst.frequency:.3g} rad/s, {worst.point}",
         f"of {len(grades)} points certified: {grades.count('gap')} by the gap, "
         f"{grades.count('by frequency')} frequency by frequency (f); refused (r): {grades.count('refused')}; "
         f"truly unstable (u): {unstable}",
@@ -160,19 +160,19 @@ def certificates_table(assessments: Sequence[Assessment]) -> Table:
     """The certificates of several controllers, one row each."""
     rows = []
     for row in assessments:
-        found = row.certificate
-        grades = [point.grade for point in found.points]
+        certificate = row.certificate
+        grades = [point.grade for point in certificate.points]
         rows.append(
             cells(
                 row.controller,
-                found.opening.name,
-                str(found.worst.point),
-                f"{found.margin:.3f}",
-                f"{found.worst.gap:.3f}",
+                certificate.opening.name,
+                str(certificate.worst.point),
+                f"{certificate.margin:.3f}",
+                f"{certificate.worst.gap:.3f}",
                 str(grades.count("gap")),
                 str(grades.count("by frequency")),
                 Cell(str(grades.count("refused")), "open" if "refused" in grades else ""),
-                str(sum(not point.stable for point in found.points)),
+                str(sum(not point.stable for point in certificate.points)),
             )
         )
     headings = ("controller", "opened at", "worst point", "margin b", "largest gap", "by the gap",
@@ -259,12 +259,12 @@ def _ratio(value: float) -> str:
 
 def _remarks(budget: Budget) -> list[str]:
     """Why a bound is loose or missing, and runs that stopped early."""
-    found = [f"{entry.level}: {entry.remark}." for entry in budget.entries if entry.remark]
+    remarks = [f"{entry.level}: {entry.remark}." for entry in budget.entries if entry.remark]
     if any(entry.rough for entry in budget.entries):
-        found.append(
+        remarks.append(
             "~ marks estimates without a bound, which may be far off, as may what they leave unexplained."
         )
-    return found + [
+    return remarks + [
         f"{entry.level}: ended with {entry.status}."
         for entry in budget.entries
         if entry.status != "completed"

@@ -91,8 +91,8 @@ def regression_table(verdict: RegressionVerdict) -> Table:
         )
         for row in verdict.signals
     ]
-    apart, limit = f"{verdict.ends_apart_s:.1e}", f"{verdict.ends_apart_limit_s:.1e}"
-    rows.append(cells("ends apart", "s", apart, "", limit, VERDICTS[verdict.ends_passed]))
+    difference, limit = f"{verdict.end_difference_s:.1e}", f"{verdict.end_difference_limit_s:.1e}"
+    rows.append(cells("ends", "s", difference, "", limit, VERDICTS[verdict.ends_passed]))
     status = f"{verdict.status}, was {verdict.golden_status}"
     how = f"both {verdict.status}" if verdict.same_status else status
     rows.append(cells(how, "", "", "", "", VERDICTS[verdict.same_status]))
