@@ -7,6 +7,7 @@ through all of them, and a viewer that opens them together shows the session as 
 import contextlib
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import foxglove
@@ -81,7 +82,10 @@ class Recorder:
                 samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
                 for run in runs:
                     status = run.status if run.status.stopped else running
-                    outcome = run_metadata(status, run.end_ns, samples[run.plant])
+                    outcome = {
+                        **run_metadata(replace(run, status=status)),
+                        "samples": str(samples[run.plant]),
+                    }
                     file.write_metadata(f"run/{run.plant}", outcome)
                 file.close()
                 if max(samples.values()) <= 1 and not any(run.status.stopped for run in runs):

@@ -33,6 +33,11 @@ class Outcome:
     end_ns: int
     samples: int
 
+    @classmethod
+    def of(cls, run: Run) -> "Outcome":
+        """Of a whole run."""
+        return cls(run.status, run.end_ns, len(run.time_ns))
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -127,7 +132,7 @@ def check_runs(runs: Sequence[Run], every: int) -> None:
 
 def check_run(run: Run, clock: Clock) -> None:
     """Raise DamageError unless times, numbers and reference of a run are those of its scenario and end."""
-    outcome = Outcome(run.status, run.end_ns, len(run.time_ns))
+    outcome = Outcome.of(run)
     check_outcome(run.plant, outcome, clock)
     sound = finite_samples(outcome)
     start = 0

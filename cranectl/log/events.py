@@ -24,37 +24,16 @@ class Event:
     warning: bool = False
 
 
-class Phase(IntEnum):
-    """What the reference does."""
-
-    HOLD = 0
-    LINE = 1
-    ARC = 2
-
-
-class Disturbed(IntEnum):
-    """Which cardan angles are disturbed, as the sum of 1 for alpha and 2 for beta."""
-
-    NONE = 0
-    ALPHA = 1
-    BETA = 2
-    ALPHA_AND_BETA = 3
-
-
-class Saturated(IntEnum):
-    """Which drives' limits act, as the sum of 1 for the bridge, 2 for the trolley and 4 for the rope.
-
-    Protobuf wants names that no other enumeration of a message has.
-    """
-
-    UNSATURATED = 0
-    BRIDGE = 1
-    TROLLEY = 2
-    BRIDGE_AND_TROLLEY = 3
-    ROPE = 4
-    BRIDGE_AND_ROPE = 5
-    TROLLEY_AND_ROPE = 6
-    ALL = 7
+# What the reference does; which cardan angles are disturbed, the sum of 1 for alpha and 2 for beta; which
+# drives' limits act, the sum of 1 for the bridge, 2 for the trolley and 4 for the rope. Protobuf wants names
+# that no other enumeration of a message has.
+Phase = IntEnum("Phase", "HOLD LINE ARC", start=0)
+Disturbed = IntEnum("Disturbed", "NONE ALPHA BETA ALPHA_AND_BETA", start=0)
+Saturated = IntEnum(
+    "Saturated",
+    "UNSATURATED BRIDGE TROLLEY BRIDGE_AND_TROLLEY ROPE BRIDGE_AND_ROPE TROLLEY_AND_ROPE ALL",
+    start=0,
+)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from cranectl.log.header import LogHeader
 from cranectl.log.messages import streams
 from cranectl.log.reader import Block, assembled, blocks_of, check_begin, header_of, opened, row_width
 from cranectl.log.stream import Stream
-from cranectl.log.writer import check_writable, run_metadata, write_container
+from cranectl.log.writer import check_writable, outcome_metadata, write_container
 from cranectl.mcap_columns.chunks import Content
 from cranectl.mcap_columns.contents import Contents, columns_of
 from cranectl.mcap_columns.records import DamageError
@@ -76,7 +76,10 @@ def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
     if not any(len(run.time_ns) for run in runs.values()):
         raise _nothing(source)
     lost = 0 if contents.finished else contents.size - contents.stop
-    metadata = {**contents.metadata, **{f"run/{plant}": _metadata(run) for plant, run in runs.items()}}
+    metadata = {
+        **contents.metadata,
+        **{f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs.values()},
+    }
     if lost:
         metadata["recovered"] = {"source": source.name, "lost_bytes": str(lost)}
     put_right = _streams(header, _saved(contents, chunks), runs)
@@ -188,10 +191,6 @@ def _with_versions(stream: Stream, header: LogHeader) -> Stream:
     values = schema.decode(stream.schema, name, stream.messages[0])
     values["versions"] = ", ".join(f"{name} {version}" for name, version in header.versions.items())
     return replace(stream, messages=[schema.encode(stream.schema, name, values)])
-
-
-def _metadata(run: Run) -> dict[str, str]:
-    return run_metadata(run.status, run.end_ns, len(run.time_ns))
 
 
 def _recovered(run: Run, outcome: Outcome | None) -> RecoveredRun:

@@ -18,13 +18,12 @@ from mcap.records import Attachment
 
 from cranectl.compare.limits import Limits, NoLimits
 from cranectl.log import formats
-from cranectl.log.consistency import check_runs
+from cranectl.log.consistency import Outcome, check_runs
 from cranectl.log.messages import streams
 from cranectl.log.stream import Stream, in_order
 from cranectl.mcap_columns.contents import read_end
 from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
-from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
 from cranectl.support.files import replacing
 from cranectl.support.interrupts import interrupts_wait
@@ -128,9 +127,10 @@ def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) 
     return LogError.unwritable(path, error, remedy=remedy)
 
 
-def run_metadata(status: RunStatus, end_ns: int, samples: int) -> dict[str, str]:
+def outcome_metadata(outcome: Outcome) -> dict[str, str]:
     """The metadata `run/PLANT`: how a run ended."""
-    return {"status": status.label, "end_ns": str(end_ns), "samples": str(samples)}
+    status, end_ns, samples = outcome.status.label, str(outcome.end_ns), str(outcome.samples)
+    return {"status": status, "end_ns": end_ns, "samples": samples}
 
 
 def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
@@ -146,7 +146,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
             "every": str(every),
         },
         "versions": provenance(),
-        **{f"run/{run.plant}": run_metadata(run.status, run.end_ns, len(run.time_ns)) for run in runs},
+        **{f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs},
     }
 
 

@@ -174,7 +174,9 @@ def assignments(draw: st.DrawFn) -> str:
     return f"{key}{draw(st.sampled_from(['=', '=', '=', '']))}{value}"
 
 
-BROKEN = st.sampled_from(["no.toml", "notes.txt", "sub", "", "x.mcap", "\udcff", "./\0", *HOSTILE])
+BROKEN = st.sampled_from(
+    ["no.toml", "notes.txt", "sub", "", "x.mcap", "rig.toml", "\udcff", "./\0", *HOSTILE]
+)
 LASTING = {"live", "validate", "advise"}  # commands, by what they do with a scenario
 LEFT_OUT = {"thesis"}
 UNREACHABLE = {"--scheduler", "--cluster", "--help", "--workers"}
