@@ -7,7 +7,6 @@ through all of them, and a viewer that opens them together shows the session as 
 import contextlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import foxglove
@@ -15,13 +14,14 @@ import foxglove
 from cranectl.live.place import REMEDY, next_file
 from cranectl.live.publisher import Publisher
 from cranectl.log import topics
+from cranectl.log.consistency import Outcome
 from cranectl.log.writer import (
     FAILURES,
     check_complete,
     file_attachments,
     file_metadata,
     open_file,
-    run_metadata,
+    outcome_metadata,
     unfinished,
 )
 from cranectl.simulate import Run
@@ -82,11 +82,8 @@ class Recorder:
                 samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
                 for run in runs:
                     status = run.status if run.status.stopped else running
-                    outcome = {
-                        **run_metadata(replace(run, status=status)),
-                        "samples": str(samples[run.plant]),
-                    }
-                    file.write_metadata(f"run/{run.plant}", outcome)
+                    outcome = Outcome(status, run.end_ns, samples[run.plant])
+                    file.write_metadata(f"run/{run.plant}", outcome_metadata(outcome))
                 file.close()
                 if max(samples.values()) <= 1 and not any(run.status.stopped for run in runs):
                     raise _DiscardedError
