@@ -14,7 +14,7 @@ import pytest
 import cranectl
 from cranectl.cli.main import main
 from cranectl.compare.runs import against_reference
-from cranectl.live.increments import Pieces
+from cranectl.live.increments import Increments
 from cranectl.live.session import Session
 from cranectl.log import describe_log
 from cranectl.plants.registry import PLANTS
@@ -212,12 +212,12 @@ def test_a_log_cut_short_is_recovered_with_all(log: Path) -> None:
 def test_a_live_session_sends_what_the_log_has(log: Path) -> None:
     scenario = cranectl.read_log(log)["heavy"].scenario
     session = Session(scenario, cranectl.design_controller("lqr", scenario.design))
-    pieces = Pieces(scenario, session.plan, list(PLANTS))
-    sent = {stream.topic for stream in pieces.piece(session.advance(40), 0)}
+    increments = Increments(scenario, session.plan, list(PLANTS))
+    sent = {stream.topic for stream in increments.messages(session.advance(40), 0)}
     assert {f"/diff/{plant}/distance" for plant in ("analytic", "heavy")} <= sent
-    told = {topic.topic for topic in describe_log(log).topics}
+    logged = {topic.topic for topic in describe_log(log).topics}
     assert {topic for topic in sent if topic.startswith("/diff")} == {
-        topic for topic in told if topic.startswith("/diff") and not topic.endswith("/verdict")
+        topic for topic in logged if topic.startswith("/diff") and not topic.endswith("/verdict")
     }
 
 
