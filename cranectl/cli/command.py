@@ -55,6 +55,13 @@ class Command(click.Command):
         return super().invoke(context)
 
 
+class Group(click.Group):
+    """Commands in the order in which one uses them."""
+
+    def list_commands(self, _context: click.Context) -> list[str]:
+        return list(self.commands)
+
+
 def _check_memory() -> None:
     """Raise InputError where a limit leaves too little: the linear algebra library would wait for ever."""
     if resource is None:

@@ -31,6 +31,7 @@ def test_every_command_is_one_line_of_help(group: click.Group) -> None:
         (summary,) = re.findall(rf"^  {name} +(.*)$", text, re.MULTILINE)
         assert summary == command.get_short_help_str(limit=1000)
         assert summary.endswith("."), "else it goes on in the next line"
+    assert re.findall(r"^  (\w+)  ", text, re.MULTILINE) == list(group.commands)
 
 
 def test_the_groups_hold_every_command_once_and_leave_room() -> None:
