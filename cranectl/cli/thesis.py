@@ -31,7 +31,7 @@ def run_thesis(json_file: str | None, report: Path | None) -> int:
     """Run, print, write what is asked for; returns the exit code."""
     from cranectl.cli.output import FAILED, PASSED, console, progress_bar, write_json
     from cranectl.thesis.reproduction import reproduce, total_simulated_seconds
-    from cranectl.thesis.tables import norms_table, printed_tables
+    from cranectl.thesis.tables import printed_tables
 
     figures = None
     if report is not None:
@@ -46,7 +46,7 @@ def run_thesis(json_file: str | None, report: Path | None) -> int:
 
         result = reproduce(progress, figures.watch if figures is not None else None)
     screen = console(json_file)
-    for table in (norms_table(result), *printed_tables(result).values()):
+    for table in printed_tables(result).values():
         screen.print(table)
     for line in result.notes():
         screen.print(line)

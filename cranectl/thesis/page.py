@@ -16,7 +16,7 @@ from cranectl.simulate import Run
 from cranectl.thesis.controllers import FEEDBACK, ROBUSTIFIERS
 from cranectl.thesis.diagrams import DIAGRAMS, diagram_svg
 from cranectl.thesis.reproduction import SOURCES, Reproduction
-from cranectl.thesis.tables import gain_table, norms_table, printed_tables, robustifier_table
+from cranectl.thesis.tables import gain_table, printed_tables, robustifier_table
 
 # First figure of a scenario: the load in space; two figures a family follow, one for each feedback.
 FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
@@ -66,7 +66,7 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
             Section(
                 "designs",
                 "Designs",
-                tables=(gain_table(reproduction), norms_table(reproduction), robustifier_table(reproduction)),
+                tables=(gain_table(reproduction), tables["norms"], robustifier_table(reproduction)),
                 figures=tuple(_design_figures(reproduction)),
             ),
             Section(

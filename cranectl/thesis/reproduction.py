@@ -57,22 +57,15 @@ class Number:
         return digits and abs(self.difference) <= self.tolerance
 
 
-@dataclass(frozen=True)
-class Row:
-    """One row of a table: a controller and its numbers by column."""
-
-    controller: str
-    numbers: dict[str, Number]
+Numbers = dict[str, Number]  # by column, of a controller
 
 
 @dataclass(frozen=True)
 class ThesisTable:
     """A table of chapter 5."""
 
-    name: str
     title: str
-    page: int
-    rows: tuple[Row, ...]
+    rows: dict[str, Numbers]  # by controller
 
 
 @dataclass(frozen=True)
@@ -89,16 +82,15 @@ class Reproduction:
     """Chapter 5, run again."""
 
     designs: dict[str, Design]  # by controller, of the last scenario
-    norms: tuple[Row, ...]
-    tables: tuple[ThesisTable, ...]
+    tables: dict[str, ThesisTable]  # by number; "norms" is a table too
     departures: tuple[Departure, ...]
 
     def numbers(self) -> Iterator[tuple[str, str, str, Number]]:
         """(table, controller, column, number) of everything printed."""
-        for name, rows in (("norms", self.norms), *((table.name, table.rows) for table in self.tables)):
-            for row in rows:
-                for column, number in row.numbers.items():
-                    yield name, row.controller, column, number
+        for name, table in self.tables.items():
+            for controller, numbers in table.rows.items():
+                for column, number in numbers.items():
+                    yield name, controller, column, number
 
     @property
     def gains(self) -> dict[str, list[float]]:
@@ -132,11 +124,15 @@ class Reproduction:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
+        tables = {
+            name: [_row_json(controller, numbers) for controller, numbers in table.rows.items()]
+            for name, table in self.tables.items()
+        }
         return {
             "passed": self.passed,
             "gains": self.gains,
-            "norms": [_row_json(row) for row in self.norms],
-            "tables": {table.name: [_row_json(row) for row in table.rows] for table in self.tables},
+            "norms": tables.pop("norms"),
+            "tables": tables,
             "unexplained": sorted(
                 {f"{table} {column}: {n.reason}" for table, _, column, n in self.numbers() if not n.explained}
             ),
@@ -185,14 +181,22 @@ def reproduce(
                     progress(f"{scenario.name}, {controller}", scenario.duration)
                 if source == "mujoco":
                     departures += [Departure(scenario.name, controller, v) for v in workspace_violations(run)]
-    return Reproduction(
-        designs=designs,
-        norms=tuple(_norm_row(entry, tolerances["norms"], scenarios[0].design) for entry in printed["norms"]),
-        tables=tuple(
-            _table(name, table, tolerances["tables"][name], readings) for name, table in tables.items()
-        ),
-        departures=tuple(departures),
-    )
+    reproduced = {"norms": _norms(printed["norms"], tolerances["norms"], scenarios[0].design)}
+    for name, table in tables.items():
+        rows = {
+            controller: {
+                column: _number(
+                    value,
+                    {source: readings[name, controller, source][column] for source in SOURCES},
+                    tolerances["tables"][name][column],
+                    controller,
+                )
+                for column, value in zip(table["columns"], values, strict=True)
+            }
+            for controller, values in table["rows"].items()
+        }
+        reproduced[name] = ThesisTable(f"Table {name}, p. {table['page']}: {table['title']}", rows)
+    return Reproduction(designs, reproduced, tuple(departures))
 
 
 def prints_as(value: float, printed: float, decimals: int) -> bool:
@@ -241,28 +245,18 @@ def _readings(run: Run, table: dict[str, Any]) -> dict[str, float]:
     return readings
 
 
-def _table(
-    name: str,
-    table: dict[str, Any],
-    tolerances: dict[str, Any],
-    readings: dict[tuple[str, str, str], dict[str, float]],
+def _norms(
+    printed: list[dict[str, Any]], tolerances: dict[str, Any], settings: DesignSettings
 ) -> ThesisTable:
-    rows = []
-    for controller, values in table["rows"].items():
-        numbers = {}
-        for column, printed in zip(table["columns"], values, strict=True):
-            ours = {source: readings[name, controller, source][column] for source in SOURCES}
-            numbers[column] = _number(printed, ours, tolerances[column], controller)
-        rows.append(Row(controller, numbers))
-    return ThesisTable(name, table["title"], table["page"], tuple(rows))
-
-
-def _norm_row(entry: dict[str, Any], tolerance: dict[str, Any], settings: DesignSettings) -> Row:
-    controller = entry["controller"]
-    gamma = design_controller(controller, settings).gamma
-    assert gamma is not None
-    kind = tolerance[controller.partition("+")[2]]
-    return Row(controller, {"gamma": _number(entry["gamma"], {"analytic": gamma}, kind, controller)})
+    """The smallest norms of the designs beside those of section 5.2.1."""
+    rows = {}
+    for entry in printed:
+        controller = entry["controller"]
+        gamma = design_controller(controller, settings).gamma
+        assert gamma is not None
+        tolerance = tolerances[controller.partition("+")[2]]
+        rows[controller] = {"gamma": _number(entry["gamma"], {"analytic": gamma}, tolerance, controller)}
+    return ThesisTable("H∞ norms γ, section 5.2.1", rows)
 
 
 def _number(printed: float, ours: dict[str, float], column: dict[str, Any], controller: str) -> Number:
@@ -275,16 +269,13 @@ def _number(printed: float, ours: dict[str, float], column: dict[str, Any], cont
     return Number(printed, ours, allowed, tolerance["explained"], tolerance["reason"], decimals)
 
 
-def _row_json(row: Row) -> dict[str, Any]:
-    sources = next(iter(row.numbers.values())).ours
+def _row_json(controller: str, numbers: Numbers) -> dict[str, Any]:
+    sources = next(iter(numbers.values())).ours
     return {
-        "controller": row.controller,
-        "printed": {column: number.printed for column, number in row.numbers.items()},
-        **{
-            source: {column: number.ours[source] for column, number in row.numbers.items()}
-            for source in sources
-        },
-        "difference": {column: number.difference for column, number in row.numbers.items()},
-        "tolerance": {column: number.tolerance for column, number in row.numbers.items()},
-        "within": all(number.within for number in row.numbers.values()),
+        "controller": controller,
+        "printed": {column: number.printed for column, number in numbers.items()},
+        **{source: {column: number.ours[source] for column, number in numbers.items()} for source in sources},
+        "difference": {column: number.difference for column, number in numbers.items()},
+        "tolerance": {column: number.tolerance for column, number in numbers.items()},
+        "within": all(number.within for number in numbers.values()),
     }

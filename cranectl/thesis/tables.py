@@ -2,7 +2,7 @@
 
 from cranectl.report.table import Cell, Table
 from cranectl.thesis.controllers import FEEDBACK, controller_name
-from cranectl.thesis.reproduction import SOURCES, SYMBOLS, Number, Reproduction, Row
+from cranectl.thesis.reproduction import SOURCES, SYMBOLS, Number, Reproduction, ThesisTable
 
 SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
 
@@ -35,34 +35,25 @@ def robustifier_table(reproduction: Reproduction) -> Table:
     )
 
 
-def norms_table(reproduction: Reproduction) -> Table:
-    """H∞ norms, a line a number."""
-    return _comparison("H∞ norms γ, section 5.2.1", reproduction.norms)
-
-
 def printed_tables(reproduction: Reproduction) -> dict[str, Table]:
-    """The thesis's tables by their number."""
-    return {
-        table.name: _comparison(f"Table {table.name}, p. {table.page}: {table.title}", table.rows)
-        for table in reproduction.tables
-    }
+    """The thesis's tables by their number, printed beside ours, a line a number; its norms are "norms"."""
+    return {name: _comparison(table) for name, table in reproduction.tables.items()}
 
 
-def _comparison(title: str, rows: tuple[Row, ...]) -> Table:
-    """Printed beside ours, a line a number."""
-    cells = tuple(
+def _comparison(table: ThesisTable) -> Table:
+    rows = tuple(
         (
-            Cell(controller_name(row.controller) if k == 0 else ""),
+            Cell(controller_name(controller) if k == 0 else ""),
             Cell(SYMBOLS[column]),
             *_number_cells(number),
         )
-        for row in rows
-        for k, (column, number) in enumerate(row.numbers.items())
+        for controller, numbers in table.rows.items()
+        for k, (column, number) in enumerate(numbers.items())
     )
     headings = ("controller", "", "printed", *SOURCE_NAMES.values(), "difference", "tolerance")
-    open_ones = any(not number.explained for row in rows for number in row.numbers.values())
-    note = "Differences marked ? have a tolerance that nobody can explain yet." if open_ones else ""
-    return Table(title, headings, cells, labels=2, note=note)
+    unexplained = any(not number.explained for row in table.rows.values() for number in row.values())
+    note = "Differences marked ? have a tolerance that nobody can explain yet." if unexplained else ""
+    return Table(table.title, headings, rows, labels=2, note=note)
 
 
 def _number_cells(number: Number) -> tuple[Cell, ...]:
