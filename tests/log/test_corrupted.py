@@ -16,7 +16,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
-    Channel,
     Chunk,
     DataEnd,
     Footer,
@@ -35,6 +34,7 @@ from tests.log.corruption import (
     Change,
     Edit,
     Parts,
+    also,
     claims,
     every_message,
     meta,
@@ -149,45 +149,7 @@ def test_nothing_is_taken_from_indexes(
 
 # What it contains.
 
-STATE = "/mujoco/state"
-
-
-def definition(change: Callable[[Any], None]) -> Change:
-    """Change the message type of the state of MuJoCo."""
-
-    def apply(parts: Parts) -> None:
-        schema = next(s for s in parts.definitions(Schema) if s.id == parts.channel(STATE).schema_id)
-        files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
-        change(files.file[0])
-        schema.data = files.SerializeToString()
-
-    return apply
-
-
-def swap_fields(file: Any) -> None:
-    alpha, beta = (file.message_type[0].field[k] for k in (6, 8))
-    alpha.name, beta.name = beta.name, alpha.name
-
-
-def swap_numbers(file: Any) -> None:
-    alpha, beta = (file.message_type[0].field[k] for k in (6, 8))
-    alpha.number, beta.number = beta.number, alpha.number
-
-
-def drop_field(file: Any) -> None:
-    del file.message_type[0].field[-1]
-
-
-def add_field(file: Any) -> None:
-    file.message_type[0].field.add(name="more", number=11, type=1, label=1)
-
-
-def narrow_field(file: Any) -> None:
-    file.message_type[0].field[6].type = 2
-
-
-def repeat_type(file: Any) -> None:
-    file.message_type.add().CopyFrom(file.message_type[0])
+STATE, REFERENCE = "/mujoco/state", "/reference/load"
 
 
 def schema(**values: Any) -> Change:
@@ -198,13 +160,44 @@ def schema(**values: Any) -> Change:
     return apply
 
 
+def fields(change: Callable[[Any], object]) -> Change:
+    """Change the fields of the message type of the state of MuJoCo."""
+
+    def apply(parts: Parts) -> None:
+        wanted = parts.channel(STATE).schema_id
+        files = descriptor_pb2.FileDescriptorSet()
+        files.ParseFromString(next(s.data for s in parts.definitions(Schema) if s.id == wanted))
+        change(files.file[0].message_type[0].field)
+        schema(data=files.SerializeToString())(parts)
+
+    return apply
+
+
+def exchange(items: list[Any], name: str) -> None:
+    a, b = (getattr(item, name) for item in items)
+    setattr(items[0], name, b)
+    setattr(items[1], name, a)
+
+
+def without_messages(topic: str, nth: slice = slice(None)) -> Change:
+    def apply(parts: Parts) -> None:
+        lost = list(map(id, parts.messages(topic)[nth]))
+        every_message(lambda m: None if id(m) in lost else m)(parts)
+
+    return apply
+
+
+def defined_again(**values: Any) -> Change:
+    return lambda parts: parts.chunks[1].append(replace(parts.channel(STATE), **values))
+
+
+def raised(topic: str) -> Change:
+    """By a metre."""
+    return also(*(number(topic, nth, 2, lambda z: z + 1.0) for nth in range(76)))
+
+
 def channel(**values: Any) -> Change:
     return lambda parts: vars(parts.channel(STATE)).update(values)
-
-
-def unit(parts: Parts) -> None:
-    metadata = parts.channel(STATE).metadata
-    metadata["alpha"] = metadata["alpha"].replace("[rad]", "[deg]")
 
 
 def text(name: str, data: bytes) -> Change:
@@ -222,30 +215,8 @@ def body(change: Callable[[bytes], bytes]) -> Change:
     return apply
 
 
-def drop_message(parts: Parts) -> None:
-    lost = parts.messages(STATE)[7]
-    every_message(lambda m: None if m is lost else m)(parts)
-
-
-def swap_messages(parts: Parts) -> None:
-    a, b = parts.messages(STATE)[7:9]
-    a.log_time, b.log_time = b.log_time, a.log_time
-
-
-def second_channel(parts: Parts) -> None:
-    parts.chunks[0].append(replace(parts.channel(STATE), id=500))
-
-
-def define_otherwise(parts: Parts) -> None:
-    parts.chunks[1].append(replace(parts.channel(STATE), topic="/other"))
-
-
 def add(record: bytes | McapRecord) -> Change:
     return lambda parts: parts.chunks[1].append(record)
-
-
-def repeat_chunk(parts: Parts) -> None:
-    parts.chunks.append(parts.chunks[1])
 
 
 def swap_chunks(parts: Parts) -> None:
@@ -253,28 +224,6 @@ def swap_chunks(parts: Parts) -> None:
 
 
 halved = every_message(lambda m: replace(m, log_time=m.log_time // 2))
-
-
-def without_reference(parts: Parts) -> None:
-    wanted = parts.channel("/reference/load").id
-    every_message(lambda m: None if m.channel_id == wanted else m)(parts)
-
-
-def without_topic_of_reference(parts: Parts) -> None:
-    without_reference(parts)
-    for chunk in parts.chunks:
-        chunk[:] = [r for r in chunk if not isinstance(r, Channel) or r.topic != "/reference/load"]
-
-
-def raised_reference(parts: Parts) -> None:
-    """By a metre, and the crane with it, as its tracker sees it."""
-    for topic in ("/reference/load", "/analytic/flat_output", "/mujoco/flat_output"):
-        for nth in range(len(parts.messages(topic))):
-            number(topic, nth, 2, lambda z: z + 1.0)(parts)
-
-
-def live(from_ns: str) -> Change:
-    return lambda parts: parts.metadata.append(Metadata("live", {"from_ns": from_ns}))
 
 
 def more_order(parts: Parts) -> None:
@@ -285,14 +234,12 @@ def more_order(parts: Parts) -> None:
 
 
 NAN = float("nan")
-REFERENCE = "/reference/load"
 INSIDE: dict[str, tuple[Change, str]] = {
-    "fields exchanged": (definition(swap_fields), "has the signals"),
-    "numbers of fields exchanged": (definition(swap_numbers), "no row of signals"),
-    "field missing": (definition(drop_field), "state has not the bytes of its type"),
-    "field more": (definition(add_field), "state has not the bytes of its type"),
-    "field of another type": (definition(narrow_field), "no row of signals"),
-    "type twice": (definition(repeat_type), "2 such types"),
+    "fields exchanged": (fields(lambda f: exchange([f[6], f[8]], "name")), "has the signals"),
+    "numbers of fields exchanged": (fields(lambda f: exchange([f[6], f[8]], "number")), "no row of signals"),
+    "field missing": (fields(lambda f: f.pop()), "state has not the bytes of its type"),
+    "field more": (fields(lambda f: f.add(name="more", number=11, type=1, label=1)), "bytes of its type"),
+    "field of another type": (fields(lambda f: setattr(f[6], "type", 2)), "no row of signals"),
     "type of another name": (schema(name="cranectl.Load"), "0 such types"),
     "type that is no protobuf": (schema(data=b"\xff" * 9), "no protobuf"),
     "type in another language": (schema(encoding="jsonschema"), "is not protobuf"),
@@ -300,22 +247,25 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "messages in another language": (channel(message_encoding="cdr"), "is not protobuf"),
     "type of another channel": (channel(schema_id=1), "no row of signals"),
     "type of no channel": (channel(schema_id=0), "not defined"),
-    "another unit": (unit, r"alpha as .* instead of \[rad\]"),
+    "another unit": (
+        lambda parts: parts.channel(STATE).metadata.update(alpha="α [deg]"),
+        r"alpha as .* instead of \[rad\]",
+    ),
     "no units": (channel(metadata={}), "instead of"),
     "channel of another plant": (channel(topic="/analytic/state"), "several channels"),
     "channel gone": (channel(topic="/elsewhere"), "0 of 76 samples of mujoco/state"),
-    "second channel": (second_channel, "several channels"),
-    "definition that changes": (define_otherwise, "an earlier one defines otherwise"),
+    "second channel": (defined_again(id=500), "several channels"),
+    "definition that changes": (defined_again(topic="/other"), "an earlier one defines otherwise"),
     "message too short": (body(lambda data: data[:-1]), "bytes of its type"),
     "message too long": (body(lambda data: data + b"\0"), "bytes of its type"),
     "message of other fields": (body(lambda data: b"\x11" + data[1:]), "missing or out of order"),
     "message of a strange channel": (message(7, channel_id=400), "channel that is not defined"),
     "message at another time": (message(7, log_time=28_000_001), "other times"),
     "message before the start": (message(0, log_time=2**64 - 1), "other times"),
-    "message missing": (drop_message, "75 of 76 samples"),
+    "message missing": (without_messages(STATE, slice(7, 8)), "75 of 76 samples"),
     "sample missing": (every_message(lambda m: None if m.log_time == 28_000_000 else m), "75 of 76 samples"),
-    "messages exchanged": (swap_messages, "do not increase"),
-    "chunk repeated": (repeat_chunk, "do not increase"),
+    "messages exchanged": (lambda parts: exchange(parts.messages(STATE)[7:9], "log_time"), "do not increase"),
+    "chunk repeated": (lambda parts: parts.chunks.append(parts.chunks[1]), "do not increase"),
     "chunks in another order": (swap_chunks, "do not increase"),
     "unknown record in a chunk": (add(written(Private())), "begins no record"),
     "record that runs over its chunk": (add(b"\x05" + (500).to_bytes(8, "little")), "begins no record"),
@@ -335,11 +285,16 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "fewer samples": (meta("run/mujoco", samples="75"), "76 of 75 samples"),
     "end that is none": (meta("run/mujoco", status="running"), "is no end"),
     "times halved": (halved, "is at 0.15 s, the end at 0.3 s"),
-    "segment of a session that begins later": (live("4000000"), "begins at 0 s instead of 0.004 s"),
-    "no reference": (without_reference, "0 of 76 samples"),
-    "no topic of the reference": (without_topic_of_reference, "0 of 76 samples"),
+    "segment of a session that begins later": (
+        lambda parts: parts.metadata.append(Metadata("live", {"from_ns": "4000000"})),
+        "begins at 0 s instead of 0.004 s",
+    ),
+    "no reference": (without_messages(REFERENCE), "0 of 76 samples"),
     "reference of another crane": (number(REFERENCE, 7, 2, lambda z: z + 1e-12), "not from the reference"),
-    "reference of another scenario": (raised_reference, "not that of its scenario"),
+    "reference of another scenario": (
+        also(*map(raised, [REFERENCE, "/analytic/flat_output", "/mujoco/flat_output"])),
+        "not that of its scenario",
+    ),
     "no end": (meta("run/mujoco", end_ns=None), "end_ns"),
     "no outcome": (without("run/mujoco"), "how the run of mujoco ended"),
     "no versions": (without("versions"), "versions"),

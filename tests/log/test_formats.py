@@ -29,7 +29,6 @@ class Sample:
     """A kept log and what the program that wrote it reads from it."""
 
     name: str
-    written_by: str
     end: tuple[RunStatus, int, str]  # status, end [ns], drive
     times_ms: list[int]
     every: int
@@ -45,9 +44,9 @@ class Sample:
 
 
 LQR_GAIN = [100.00000000000013, 86.71587554826164, 37.548215360507925, 9.22477266500459]
+# Written by 740de33, with encoders and a delay.
 PAIR = Sample(
     name="format-2.mcap",
-    written_by="740de33, with encoders and a delay",
     end=(RunStatus.COMPLETED, 100_000_000, "velocity"),
     times_ms=[0, 12, 24, 36, 48, 60, 72, 84, 96, 100],  # every 12th control sample and the last
     every=12,
@@ -76,9 +75,9 @@ PAIR = Sample(
         },
     },
 )
+# Written by 0.2.0, with encoders, observer, delay, limits, friction and wind, along a line.
 SIGNAL_PATH = Sample(
     name="format-2-signal-path.mcap",
-    written_by="0.2.0, with encoders, observer, delay, limits, friction and wind, along a line",
     end=(RunStatus.COMPLETED, 300_000_000, "velocity"),
     times_ms=list(range(0, 301, 25)),
     every=25,
@@ -96,9 +95,9 @@ SIGNAL_PATH = Sample(
         }
     },
 )
+# Written by bd8254b: what a live session recorded after its second start, before there were fingerprints.
 LIVE = Sample(
     name="format-2-live.mcap",
-    written_by="bd8254b: what a live session recorded after its second start, before there were fingerprints",
     end=(RunStatus.INTERRUPTED, 600_000_000, "ideal"),
     times_ms=list(range(300, 601, 30)),
     every=30,
