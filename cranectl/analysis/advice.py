@@ -150,7 +150,7 @@ def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]
     design = design_controller(controller, scenario.design)
     certificate = certify(make_nominal_loop(scenario, design), scenario, points, drive="velocity")
     run = simulate_run(scenario, plant="mujoco", drive="velocity", design=design)
-    ideal = simulate_continuous(scenario, design=design)
+    ideal = simulate_continuous(scenario, design)
     return Assessment(controller, certificate, run.status, run_metrics(run), deviation(run, ideal))
 
 

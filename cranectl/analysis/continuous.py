@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from cranectl.controllers.flat import RUNNING, regularity
-from cranectl.design import Design, design_controller
+from cranectl.design import Design
 from cranectl.model.dynamics import angular_accelerations
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.plants.analytic import AnalyticPlant, observe_load
@@ -151,22 +151,13 @@ def advance_steps(loop, rig, state, steps, reference, disturbance, row_of, row_r
     return 0, RUNNING
 
 
-def simulate_continuous(
-    scenario: Scenario,
-    *,
-    controller: str | None = None,
-    design: Design | None = None,
-    plan: Plan | None = None,
-    longest_step: float = STEP,
-) -> Run:
+def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: float = STEP) -> Run:
     """`scenario` on the analytic plant under the continuous-time tracker, recorded at the control samples.
 
     Ideal drives, none of the scenario's effects; set-point columns hold the velocities themselves. Stops as
     `simulate_run` does where the law or the rope ends, but not at the workspace's limits.
     """
-    design = design or design_controller(controller or scenario.controller, scenario.design)
-    plan = plan or plan_scenario(scenario)
-    r = design.robustifier
+    plan, r = plan_scenario(scenario), design.robustifier
     gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)
     rig = AnalyticPlant(scenario.rig, drive="ideal", step=STEP, substeps=1).rig

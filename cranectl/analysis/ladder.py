@@ -69,7 +69,7 @@ def evaluate_levels(
             return simulate_run(tried, plant=level.plant, drive=level.drive, design=design, progress=progress)
         if progress is not None:
             progress(scenario.duration)
-        return simulate_continuous(tried, design=design)
+        return simulate_continuous(tried, design)
 
     before: Run | None = None
     base: Run | None = None

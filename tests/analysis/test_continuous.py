@@ -11,7 +11,7 @@ from cranectl.design import design_controller
 from cranectl.log import read_log, write_log
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario, load_scenario
-from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.status import RunStatus
 
 PIECES = [
@@ -30,10 +30,14 @@ def pieces() -> Scenario:
     return load_scenario("settled-trajectory", overrides=PIECES)
 
 
+def continuous(scenario: Scenario, controller: str, **options: float) -> Run:
+    return simulate_continuous(scenario, design_controller(controller, scenario.design), **options)
+
+
 @pytest.mark.parametrize("controller", ["lqr", "pole-placement+loop-shaping", "lqr+hinf"])
 def test_same_as_an_adaptive_integrator_restarted_at_every_edge(controller: str) -> None:
     scenario = pieces()
-    run = simulate_continuous(scenario, controller=controller)
+    run = continuous(scenario, controller)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
     r, trajectory = design.robustifier, build_trajectory(scenario.reference)
     loop = ContinuousLoop(design.gain, r.a, r.b, r.c, float(r.d), scenario.rig.gravity)
@@ -41,11 +45,13 @@ def test_same_as_an_adaptive_integrator_restarted_at_every_edge(controller: str)
     rate, flat, outputs = np.zeros(len(state)), np.zeros(15), np.zeros(9)
     edges = [0.0, 0.1, 0.2505, 0.4, 0.5505, 0.6]
     for left, right in pairwise(edges):
-        pushed = np.array([float(left >= 0.1), float(left >= 0.4)])
+        disturbance = np.array([float(left >= 0.1), float(left >= 0.4)])
 
-        def slope(time: float, x: np.ndarray, end: float = right, pushed: np.ndarray = pushed) -> np.ndarray:
+        def slope(
+            time: float, x: np.ndarray, end: float = right, disturbance: np.ndarray = disturbance
+        ) -> np.ndarray:
             row = trajectory.sample(np.array([min(time, end - 2e-9)]))[0]
-            closed_loop_derivative(loop, x, row, pushed, rate, flat, outputs)
+            closed_loop_derivative(loop, x, row, disturbance, rate, flat, outputs)
             return rate.copy()
 
         state = solve_ivp(slope, (left, right), state, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
@@ -54,9 +60,7 @@ def test_same_as_an_adaptive_integrator_restarted_at_every_edge(controller: str)
 
 
 def test_halving_the_step_changes_only_rounding() -> None:
-    coarse, fine = (
-        simulate_continuous(pieces(), controller="lqr+hinf", longest_step=h) for h in (1e-3, 5e-4)
-    )
+    coarse, fine = (continuous(pieces(), "lqr+hinf", longest_step=h) for h in (1e-3, 5e-4))
     assert np.abs(coarse.table[:, :10] - fine.table[:, :10]).max() < 1e-12
 
 
@@ -65,7 +69,7 @@ def test_sampling_comes_nearer_in_proportion_to_its_period() -> None:
     for period in (2e-3, 1e-3):
         steps = [f"control.period={period}", f"control.physics_step={period}", "duration=3.0"]
         scenario = load_scenario("fast-diagonal", overrides=steps)
-        ideal = simulate_continuous(scenario, controller="lqr")
+        ideal = continuous(scenario, "lqr")
         sampled = simulate_run(scenario, plant="analytic", controller="lqr")
         distances.append(np.abs(sampled.load_position - ideal.load_position).max())
     assert distances[0] / distances[1] == pytest.approx(2.0, rel=0.05)
@@ -74,7 +78,7 @@ def test_sampling_comes_nearer_in_proportion_to_its_period() -> None:
 
 def test_it_stops_as_sampled_runs_do() -> None:
     scenario = load_scenario("slack-rope")
-    ideal = simulate_continuous(scenario, controller="lqr")
+    ideal = continuous(scenario, "lqr")
     sampled = simulate_run(scenario, plant="analytic", controller="lqr")
     assert ideal.status == sampled.status == RunStatus.SLACK_ROPE
     assert abs(ideal.end_ns - sampled.end_ns) <= 5_000_000
@@ -86,7 +90,7 @@ def test_effects_are_left_out_and_the_run_is_a_run(tmp_path) -> None:  # type: i
     delayed = load_scenario(
         "fixed-position", overrides=["duration=0.5", "disturbances=[]", "effects.delay.seconds=0.01"]
     )
-    run, same = (simulate_continuous(s, controller="lqr+hinf") for s in (scenario, delayed))
+    run, same = (continuous(s, "lqr+hinf") for s in (scenario, delayed))
     assert np.array_equal(run.table, same.table)
     assert run.table.shape[1] == sum(len(group) for group in run.groups)
     assert np.abs(run.load_position - [1.0, 0.77, -0.7]).max() < 1e-12

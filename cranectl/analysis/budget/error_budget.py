@@ -81,14 +81,8 @@ class Entry:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        extra = {
-            "rough": self.rough,
-            "ratio": self.ratio,
-            "looseness": self.looseness,
-            "holds": self.holds,
-            "remark": self.remark,
-        }
-        return {**asdict(self), **extra}
+        derived = ("rough", "ratio", "looseness", "holds", "remark")
+        return {**asdict(self), **{name: getattr(self, name) for name in derived}}
 
 
 @dataclass(frozen=True)
@@ -158,7 +152,7 @@ def error_budget(
     check_steps(scenario, tried[LEVELS.index("servos") :])
     nominal = nominal_run(scenario, controller)
     design, drives = nominal.run.design, {"engine": "ideal"}
-    first = before = simulate_continuous(tried[0], design=design)
+    first = before = simulate_continuous(tried[0], design)
     entries, explained = [], np.zeros((len(nominal.run.time_ns), 3))
     for variant, prediction in zip(tried, predict_levels(nominal), strict=False):
         run, level = nominal.run, prediction.level

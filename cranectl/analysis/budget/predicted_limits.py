@@ -4,7 +4,7 @@ The analytic lag is blind to the load, the engine's servo yields to it. The diff
 two levels of the error budget, so it has an estimate and a bound before either plant is run.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +33,6 @@ class PlantDifference:
     load_bound_m: float
     angle_rad: float
     angle_bound_rad: float
-
-    def to_json(self) -> dict[str, float]:
-        """Plain data."""
-        return asdict(self)
 
 
 def predict_plant_difference(scenario: Scenario, controller: str | None = None) -> PlantDifference:

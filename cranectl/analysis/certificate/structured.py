@@ -19,7 +19,6 @@ Operations Research 29 (1981) 1039). SLICOT's AB13MD does the same, but as trans
 returns from some matrices.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -141,9 +140,7 @@ class DriveMargins:
         }
 
 
-def drive_margins(
-    inner: InnerLoop, robustifier: SampledSystem, period: float, spreads: Sequence[float] = SPREADS
-) -> DriveMargins:
+def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -> DriveMargins:
     """Margins at the drives of a loop; all zero for an unstable one.
 
     Found on a grid that follows the loop's poles and proven between its points.
@@ -151,13 +148,13 @@ def drive_margins(
     loop = drive_loop(inner, robustifier)
     poles = loop.poles()
     if np.abs(poles).max() >= 1.0:
-        return DriveMargins(0.0, tuple((spread, 0.0) for spread in spreads))
+        return DriveMargins(0.0, tuple((spread, 0.0) for spread in SPREADS))
     grid = np.union1d(starting_grid(poles), np.geomspace(LOWEST, np.pi, POINTS))
     shifted = loop._replace(d=loop.d + 0.5 * EYE)
     bounds = bounded(loop, grid)
     return DriveMargins(
         disk_margin=_disk_margin(shifted, bounded(shifted, grid)),
-        delays=tuple((spread, _safe_delay(loop, bounds, spread) * period) for spread in spreads),
+        delays=tuple((spread, _safe_delay(loop, bounds, spread) * period) for spread in SPREADS),
     )
 
 
