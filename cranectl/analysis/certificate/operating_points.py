@@ -64,17 +64,6 @@ class HeldState:
     virtual_input: Array  # (3,) [m/s⁴]
 
 
-def held_state(point: OperatingPoint, gravity: float) -> HeldState:
-    """The state at which the tracker keeps the load of a crane without effects at `point`.
-
-    Raises InputError where the disturbance is too strong for any angle to hold against.
-    """
-    joints = np.zeros(10)
-    joints[4:6] = point.rope_length, point.hoisting_speed
-    joints[6], joints[8] = tilt_angles(point, gravity)
-    return signals_at(joints, gravity)
-
-
 def signals_at(joints: Array, gravity: float) -> HeldState:
     """The tracker's signals while the drives do not accelerate and the angles in `joints` (10,) rest."""
     length, alpha, beta = joints[4], joints[6], joints[8]
@@ -88,7 +77,10 @@ def signals_at(joints: Array, gravity: float) -> HeldState:
 
 
 def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
-    """Alpha and beta [rad] at rest under the disturbance; of the two solutions the one that hangs."""
+    """Alpha and beta [rad] at rest under the disturbance; of the two solutions the one that hangs.
+
+    Of a crane without effects. Raises InputError where no angle can hold against the disturbance.
+    """
     a, b = (point.rope_length * d / gravity for d in point.tilt)
     total = 1.0 + a * a
     root = total * total - 4.0 * a * a * (1.0 - b * b)
@@ -178,8 +170,9 @@ def equilibrium(
 
 def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -> Anchor:
     """The state of a crane without effects, its rope stretched as it hangs still, and only then running."""
-    joints = held_state(point, gravity).joints.copy()
-    joints[5] = 0.0
+    joints = np.zeros(10)
+    joints[4] = point.rope_length
+    joints[6], joints[8] = tilt_angles(point, gravity)
     plant.reset(joints)
     start = anchor_of(plant)
     start.qvel[[plant.rig.rates[2], plant.rig.distance[1]]] = point.hoisting_speed

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.analysis.certificate.frequency_intervals import Bounded, first_gap
-from cranectl.analysis.certificate.loop import AXES, EYE, InnerLoop, on_each_axis
+from cranectl.analysis.certificate.loop import AXES, EYE, InnerLoop, closed_loop_matrix, on_each_axis
 from cranectl.analysis.certificate.systems import LOWEST, Array, Complex, SampledSystem, starting_grid
 
 RADIUS = 4.0  # of the logarithms searched, about the scaling that balances rows and columns
@@ -160,11 +160,9 @@ def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -
 
 def drive_loop(inner: InnerLoop, robustifier: SampledSystem) -> SampledSystem:
     """T': from a disturbance on the arriving commands (3) to the arriving commands without it (3)."""
-    system = inner.arriving
-    r = on_each_axis(robustifier)
+    system, r = inner.arriving, on_each_axis(robustifier)
     load = system.c[AXES : 2 * AXES]
-    b_v = system.b[:, AXES:]
-    a = np.block([[system.a - b_v @ r.d @ load, b_v @ r.c], [-r.b @ load, r.a]])
+    a = closed_loop_matrix(inner, robustifier)
     b = np.vstack([system.b[:, :AXES], np.zeros((len(r.a), AXES))])
     d_v = system.d[:AXES, AXES:]
     c = np.hstack([system.c[:AXES] - d_v @ r.d @ load, d_v @ r.c])

@@ -17,7 +17,7 @@ from cranectl.analysis.certificate.loop import (
     inner_loop_of,
     robustifier_of,
 )
-from cranectl.analysis.certificate.operating_points import OperatingPoint, equilibrium, grid_of, held_state
+from cranectl.analysis.certificate.operating_points import OperatingPoint, equilibrium, grid_of, tilt_angles
 from cranectl.controllers.flat import RUNNING, ZETA, control_step, initial_memory
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.linearisation import change_since, coordinates, put
@@ -241,8 +241,8 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int) -> None:
     point, design = OperatingPoint(0.6), design_controller("lqr+loop-shaping", scenario.design)
     inner = inner_loop_of(linear_plant(scenario, point, "velocity"), design.gain)
     matrix = closed_loop_matrix(inner, robustifier_of(design, PERIOD))
-    held = held_state(point, G).joints
-    offset = np.zeros(10)
+    held, offset = np.zeros(10), np.zeros(10)
+    held[4] = point.rope_length
     offset[0::2] = 1e-6 * np.random.default_rng(2).normal(size=5)
     plan = plan_scenario(scenario)
     plan.reference[:] = 0.0
@@ -267,7 +267,7 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int) -> None:
 @pytest.mark.parametrize("tilt", [(20.0, 0.0), (14.02, 0.0), (0.0, -20.0), (3.0, 14.02)])
 def test_more_than_gravity_holds_is_refused(tilt: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="disturbance of"):
-        held_state(OperatingPoint(0.7, tilt), G)
+        tilt_angles(OperatingPoint(0.7, tilt), G)
 
 
 def test_grid_is_every_combination_within_the_rig() -> None:
