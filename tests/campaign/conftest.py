@@ -1,5 +1,6 @@
 """A small campaign and its result, for tests of commands."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -41,3 +42,17 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "small.toml").write_text(SMALL)
     assert main(["campaign", "run", str(folder / "small.toml"), "--out", str(folder / "result")]) == 0
     return folder / "result"
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Runs a `cranectl campaign` that must end with exit code 2 and no traceback: its standard error."""
+
+    def refused(*arguments: str) -> str:
+        assert main(["campaign", *arguments]) == 2
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        assert captured.out == ""
+        return captured.err
+
+    return refused

@@ -3,14 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from cranectl.campaign import Campaign, sample_values
 from cranectl.campaign.definition import Batch, batches_of
 from cranectl.campaign.results import PARTS
 from cranectl.campaign.store import open_store
 from cranectl.campaign.table import METRIC_COLUMNS, Row
-from cranectl.cli.main import main
 from tests.campaign.campaigns import campaign
 
 
@@ -50,12 +48,3 @@ def write_all(of: Campaign, directory: Path, *, leave: int = 0) -> None:
 def parts_of(directory: Path | str) -> dict[str, bytes]:
     """The parts of a result by name."""
     return {path.name: path.read_bytes() for path in (Path(directory) / PARTS).iterdir()}
-
-
-def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Standard error of a `cranectl campaign` that must end with exit code 2 and no traceback."""
-    assert main(["campaign", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert "Traceback" not in captured.err
-    assert captured.out == ""
-    return captured.err

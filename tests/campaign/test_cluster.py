@@ -21,9 +21,10 @@ from cranectl.campaign.store import Store, open_store
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance
-from tests.campaign.results import bad_input, parts_of
+from tests.campaign.results import parts_of
 from tests.conftest import ROOT
 
+Refused = Callable[..., str]
 pytestmark = pytest.mark.usefixtures("in_directory_with_campaign")
 RUN = ("run", "small.toml")
 
@@ -98,7 +99,7 @@ def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
 def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
     finished: Path,
     cluster: LocalCluster,
-    capsys: pytest.CaptureFixture[str],
+    refused: Refused,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     write, written = Store.write, []
@@ -111,7 +112,7 @@ def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
 
     with monkeypatch.context() as patched:
         patched.setattr(Store, "write", write_and_end)
-        error = bad_input(capsys, *RUN, "--out", "cut", "--scheduler", cluster.scheduler_address)
+        error = refused(*RUN, "--out", "cut", "--scheduler", cluster.scheduler_address)
     assert "is gone" in error
     assert "--resume: finished batches are kept" in error
     kept = parts_of("cut")
@@ -143,32 +144,30 @@ def test_other_software_is_refused(
     name: str,
     told: str,
     cluster: LocalCluster,
-    capsys: pytest.CaptureFixture[str],
+    refused: Refused,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for room in ("cluster", "manifest"):  # the command's, not the worker's
         monkeypatch.setattr(f"cranectl.campaign.{room}.software_of", lambda _: provenance() | {name: "1.0"})
-    error = bad_input(capsys, *RUN, "--scheduler", cluster.scheduler_address)
+    error = refused(*RUN, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
     assert f" {name} " in error
     assert told in error
     assert not Path("logs/campaign-small/campaign.json").exists()
 
 
-def test_a_crane_that_cannot_be_run_is_refused(
-    cluster: LocalCluster, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_crane_that_cannot_be_run_is_refused(cluster: LocalCluster, refused: Refused) -> None:
     unstable = ["design.state_weights=[1e9,1.0,1.0,1.0]", "design.input_weight=1e-9", "control.period=0.05"]
     options = [part for each in unstable for part in ("--set", each)]
-    error = bad_input(capsys, *RUN, *options, "--scheduler", cluster.scheduler_address)
+    error = refused(*RUN, *options, "--scheduler", cluster.scheduler_address)
     assert "unstable when sampled" in error
 
 
-def test_without_dask(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_dask(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("mine").mkdir()
     monkeypatch.setitem(sys.modules, "distributed", None)
     for where in (["--cluster", "local"], ["--scheduler", "tcp://127.0.0.1:1"]):
-        error = bad_input(capsys, *RUN, *where, "--out", "mine", "--overwrite")
+        error = refused(*RUN, *where, "--out", "mine", "--overwrite")
         assert "a cluster needs Dask" in error
         assert "pip install 'cranectl[cluster]'" in error
     assert not list(Path("mine").iterdir())
@@ -190,20 +189,18 @@ def test_without_dask(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mo
 def test_a_place_that_is_none(
     arguments: list[str],
     expected: str,
-    capsys: pytest.CaptureFixture[str],
+    refused: Refused,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("cranectl.campaign.cluster.CONNECT_S", 0.3)
-    assert expected in bad_input(capsys, *RUN, *arguments)
+    assert expected in refused(*RUN, *arguments)
     assert [path.name for path in Path().iterdir()] == ["small.toml"]
 
 
-def test_a_scheduler_without_workers(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scheduler_without_workers(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cranectl.campaign.cluster.WORKERS_S", 0.2)
     with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address=None) as empty:
-        error = bad_input(capsys, *RUN, "--scheduler", empty.scheduler_address)
+        error = refused(*RUN, "--scheduler", empty.scheduler_address)
     assert re.search(r"has no workers[^$]*--nworkers 16", error)
 
 

@@ -91,31 +91,21 @@ def test_times_lie_on_control_periods_and_within_their_range() -> None:
     np.testing.assert_allclose(np.unique(delays), [0.002, 0.003, 0.004, 0.005], atol=1e-15)
 
 
-@pytest.mark.parametrize("method", RANDOM)
-@pytest.mark.parametrize("wanted", [-0.9, 0.3, 0.7])
-def test_rank_correlation_is_reached_and_nothing_else_is_correlated(method: str, wanted: float) -> None:
-    made = campaign(sampling=method, runs=4096, correlation=[PAIR[0] | {"value": wanted}])
-    values = sample_values(made, 0, 4096)
-    ranks = stats.spearmanr(values[:, list(made.varied)]).statistic
-    expected = np.eye(len(ranks))
-    expected[0, 1] = expected[1, 0] = wanted
-    np.testing.assert_allclose(ranks, expected, atol=0.05)
-
-
-@pytest.mark.parametrize("wanted", [-0.7, 0.6, 0.8])
-def test_the_correlation_is_that_of_ranks_not_of_normal_scores(wanted: float) -> None:
+@pytest.mark.parametrize(
+    ("method", "tolerance"), [("monte-carlo", 0.05), ("latin-hypercube", 0.05), ("sobol", 3e-3)]
+)
+def test_rank_correlations_are_reached_and_nothing_else_is_correlated(method: str, tolerance: float) -> None:
     """Sobol points are even enough to tell 2 sin(π ρ/6) from ρ, which differ by 0.02."""
-    made = campaign(TWO, sampling="sobol", runs=2**14, correlation=[PAIR[0] | {"value": wanted}])
-    assert stats.spearmanr(sample_values(made, 0, 2**14)).statistic == pytest.approx(wanted, abs=0.003)
-
-
-def test_a_chain_of_correlations_is_reached() -> None:
     mass, lag, push = "rig.load_mass", "rig.winch_time_constant", "disturbances.0.magnitude"
-    chain = [{"between": [mass, lag], "value": 0.6}, {"between": [push, lag], "value": -0.5}]
-    made = campaign(sampling="sobol", runs=4096, correlation=chain)
-    columns = [made.names.index(name) for name in (mass, lag, push)]
-    ranks = stats.spearmanr(sample_values(made, 0, 4096)[:, columns]).statistic
-    np.testing.assert_allclose(ranks, [[1, 0.6, 0], [0.6, 1, -0.5], [0, -0.5, 1]], atol=0.02)
+    chain = [{"between": [mass, lag], "value": 0.6}, {"between": [push, lag], "value": -0.7}]
+    made = campaign(sampling=method, runs=2**14, correlation=chain)
+    ranks = stats.spearmanr(sample_values(made, 0, 2**14)[:, list(made.varied)]).statistic
+    a, b, c = (made.varied.index(made.names.index(name)) for name in (mass, lag, push))
+    expected = np.eye(len(ranks))
+    expected[[a, b], [b, a]] = 0.6
+    expected[[c, b], [b, c]] = -0.7
+    np.testing.assert_allclose(ranks[:3, :3], expected[:3, :3], atol=tolerance)
+    np.testing.assert_allclose(ranks, expected, atol=0.05)
 
 
 def test_a_latin_hypercube_hits_every_part_once_and_sobol_points_are_balanced() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.distributions import LogUniform
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis
-from cranectl.campaign.groups import MAIN_METRICS
+from cranectl.campaign.groups import MAIN_METRICS, Group
 from cranectl.campaign.sensitivity import Correlations, OneAtATimeEffect
 from cranectl.campaign.statistics import equal_bins, quantiles
 from cranectl.campaign.summary import INDEPENDENT, MEASURE, failure_interval
@@ -21,7 +21,8 @@ from cranectl.report.theme import SERIES, STAND_IN
 
 Array = NDArray[np.float64]
 
-Draw = Callable[[Axes, GroupAnalysis, Array, int], None]
+Rows = NDArray[np.intp]
+Runs = Callable[[Group], NDArray[np.bool_]]  # which runs of a group count
 
 BANDS = 12  # ranges of a parameter, at least 8 runs each
 RATES = 8
@@ -68,40 +69,28 @@ def correlation_fields(found: Correlations, order: Sequence[int]) -> Figure:
 def error_bands(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
     """Median and 5 to 95 % of the largest error over ranges of parameters, for each controller."""
 
-    def draw(axes: Axes, part: GroupAnalysis, x: Array, k: int) -> None:
-        y = part.group.metrics[MEASURE]
-        bins = equal_bins(np.where(np.isnan(y), np.nan, x), BANDS)
-        if not bins:
-            return
-        places = [float(np.median(x[rows])) for rows in bins]
-        low, middle, high = np.transpose([quantiles(y[rows], (0.05, 0.5, 0.95)) for rows in bins])
-        style = series_style(k)
-        axes.fill_between(places, low, high, color=style["color"], alpha=0.16, linewidth=0.0)
-        axes.plot(places, middle, marker=".", markersize=4, label=part.group.controller, **style)
+    def band(group: Group, rows: Rows) -> Array:
+        return quantiles(group.metrics[MEASURE][rows], (0.05, 0.5, 0.95))
 
-    return _over_parameters(analysis, parts, columns, draw, METRIC_LABELS[MEASURE])
+    return _over_parameters(
+        analysis, parts, columns, lambda group: group.completed, band, BANDS, METRIC_LABELS[MEASURE]
+    )
 
 
 def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
     """Share of failed runs over ranges of parameters, for each controller, with 95 % intervals."""
     random = analysis.results.campaign.settings.sampling in INDEPENDENT
 
-    def draw(axes: Axes, part: GroupAnalysis, x: Array, k: int) -> None:
-        group = part.group
-        bins = equal_bins(np.where(group.there, x, np.nan), RATES)
-        if not bins:
-            return
-        places = [float(np.median(x[rows])) for rows in bins]
-        failures, runs = [int(group.failed[rows].sum()) for rows in bins], [rows.size for rows in bins]
-        style = series_style(k)
-        if random:
-            low, high = np.transpose([failure_interval(f, n) for f, n in zip(failures, runs, strict=True)])
-            axes.fill_between(places, low, high, color=style["color"], alpha=0.16, linewidth=0.0)
-        shares = np.array(failures) / np.array(runs)
-        axes.plot(places, shares, marker=".", markersize=4, label=group.controller, **style)
-        axes.set_ylim(-0.02, 1.02)
+    def band(group: Group, rows: Rows) -> Array:
+        failures = int(group.failed[rows].sum())
+        low, high = failure_interval(failures, rows.size) if random else (np.nan, np.nan)
+        return np.array([low, failures / rows.size, high])
 
-    return _over_parameters(analysis, parts, columns, draw, "failure rate")
+    figure = _over_parameters(
+        analysis, parts, columns, lambda group: group.there, band, RATES, "failure rate"
+    )
+    figure.axes[0].set_ylim(-0.02, 1.02)  # of all, which share it
+    return figure
 
 
 def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str], metric: str) -> Figure:
@@ -163,17 +152,27 @@ def _over_parameters(
     analysis: Analysis,
     parts: Sequence[GroupAnalysis],
     columns: Sequence[int],
-    draw: Draw,
+    runs: Runs,
+    band: Callable[[Group, Rows], Array],
+    ranges: int,
     label: str,
 ) -> Figure:
-    """A panel for each parameter, drawn by `draw(axes, part, x, k)`."""
+    """A panel for each parameter: low, middle, high of `band` over ranges with as many of its runs."""
     campaign = analysis.results.campaign
-    rows = -(-len(columns) // 2)
-    figure = Figure(figsize=(WIDTH, 0.5 + 2.1 * rows), layout="constrained")
-    panels = list(figure.subplots(rows, 2, sharey=True, squeeze=False).flat)
+    lines = -(-len(columns) // 2)
+    figure = Figure(figsize=(WIDTH, 0.5 + 2.1 * lines), layout="constrained")
+    panels = list(figure.subplots(lines, 2, sharey=True, squeeze=False).flat)
     for axes, column in zip(panels, columns, strict=False):
-        for k, part in enumerate(parts):
-            draw(axes, part, analysis.values[:, column], k)
+        x = analysis.values[:, column]
+        for k, group in enumerate(part.group for part in parts):
+            bins = equal_bins(np.where(runs(group), x, np.nan), ranges)
+            if not bins:
+                continue
+            places = [float(np.median(x[rows])) for rows in bins]
+            low, middle, high = np.transpose([band(group, rows) for rows in bins])
+            style = series_style(k)
+            axes.fill_between(places, low, high, color=style["color"], alpha=0.16, linewidth=0.0)
+            axes.plot(places, middle, marker=".", markersize=4, label=group.controller, **style)
         axes.set_xlabel(parameter_label(campaign, campaign.names[column]))
         axes.margins(x=0.02)
         if isinstance(campaign.parameters[column].distribution, LogUniform):

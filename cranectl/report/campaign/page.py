@@ -91,7 +91,8 @@ def _controllers(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
     for parts in analysis.by_plant:
         plant = parts[0].group.plant
         pairs = [pair for pair in analysis.controllers if pair.first.plant == plant]
-        compared.append(pair_tables.failures_by_controller(pairs, sampling))
+        title = f"Samples that fail with one controller and not with the other, on {plant}"
+        compared.append(pair_tables.failures_table(pairs, sampling, title))
         compared.append(pair_tables.controller_differences(pairs, sampling))
         title = f"error against effort on {plant}"
         verdict = "Each cross spans 90 % of a controller's completed runs and meets at its medians."
@@ -111,7 +112,8 @@ def _two_plants(analysis: Analysis, pairs: Sequence[Pair], anchor: str, drawn: D
     one, other = pairs[0].first.plant, pairs[0].second.plant
     title = f"largest error on {one} and on {other}, the same samples"
     figure = drawn(title, wording.agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
-    shown = [pair_tables.plants_agreement(pairs), pair_tables.failures_by_plant(pairs, sampling)]
+    failing = "Samples that fail on one plant and not on the other"
+    shown = [pair_tables.plants_agreement(pairs), pair_tables.failures_table(pairs, sampling, failing)]
     if any(pair.agreement.largest for pair in pairs):
         shown.append(pair_tables.disagreements(analysis, pairs))
     return Section(anchor, f"{one.capitalize()} and {other}", tables=tuple(shown), figures=(figure,))

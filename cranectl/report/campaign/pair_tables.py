@@ -42,45 +42,25 @@ def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
     return Table(f"Paired differences on {pairs[0].first.plant}", headings, tuple(rows), labels=2, note=note)
 
 
-def failures_by_controller(pairs: Sequence[Pair], sampling: str) -> Table:
-    """On which samples only one of two controllers fails."""
+def failures_table(pairs: Sequence[Pair], sampling: str, title: str) -> Table:
+    """On which samples only one of two groups fails, of which one plant or one controller differs."""
+    rows = []
+    for pair in pairs:
+        found, a, b = pair.failures, pair.first, pair.second
+        one, other = (a.controller, b.controller) if a.plant == b.plant else (a.name, b.name)
+        only, only_other = len(found.first_only), len(found.second_only)
+        lists = (_listed(found.first_only), _listed(found.second_only))
+        counts = map(str, (found.neither, found.both, only, only_other))
+        test = _tested(found.p, len(pairs), sampling, one if only < only_other else other)
+        rows.append(cells(one, other, *lists, *counts, *test))
     headings = (
         "one", "other", "only one fails on samples", "only the other on samples", "neither", "both",
         "only one", "only the other", "p", "better",
     )  # fmt: skip
-    rows = tuple(
-        cells(one, other, *_failure_texts(pair, len(pairs), sampling, one, other))
-        for pair, one, other in ((p, p.first.controller, p.second.controller) for p in pairs)
-    )
-    title = f"Samples that fail with one controller and not with the other, on {pairs[0].first.plant}"
-    return Table(title, headings, rows, labels=4, note=f"p: McNemar's exact test; {_BETTER}")
-
-
-def failures_by_plant(pairs: Sequence[Pair], sampling: str) -> Table:
-    """On which samples runs fail on one plant only."""
-    one, other = pairs[0].first.plant, pairs[0].second.plant
-    headings = (
-        "controller", f"only {one} fails on samples", f"only {other} on samples", "neither", "both",
-        f"only {one}", f"only {other}", "p", "fewer",
-    )  # fmt: skip
-    rows = tuple(
-        cells(pair.first.controller, *_failure_texts(pair, len(pairs), sampling, one, other))
-        for pair in pairs
-    )
-    note = "p: McNemar's exact test, whether one plant fails more often than the other."
-    return Table("Samples that fail on one plant and not on the other", headings, rows, labels=3, note=note)
+    return Table(title, headings, tuple(rows), labels=4, note=f"p: McNemar's exact test; {_BETTER}")
 
 
 _BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
-
-
-def _failure_texts(pair: Pair, tests: int, sampling: str, one: str, other: str) -> tuple[str, ...]:
-    found = pair.failures
-    only, only_other = len(found.first_only), len(found.second_only)
-    lists = (_listed(found.first_only), _listed(found.second_only))
-    counts = map(str, (found.neither, found.both, only, only_other))
-    test = _tested(found.p, tests, sampling, one if only < only_other else other)
-    return (*lists, *counts, *test)
 
 
 def plants_agreement(pairs: Sequence[Pair]) -> Table:
