@@ -64,9 +64,9 @@ def run_batches_on(
     from distributed import as_completed
 
     _check_installed(client, software_of(campaign.settings.plants))
-    record = packed(campaign)
-    keys = [_key(record, batch) for batch in batches]
-    futures = client.map(run_remotely, batches, record=record, key=keys, retries=TRIES - 1)
+    manifest = packed(campaign)
+    keys = [_key(manifest, batch) for batch in batches]
+    futures = client.map(run_remotely, batches, manifest=manifest, key=keys, retries=TRIES - 1)
     by_key = dict(zip(keys, batches, strict=True))
     for future in as_completed(futures, loop=client.loop):
         rows = _rows(client, future)
@@ -91,9 +91,9 @@ def _packages(found: Any, names: Collection[str]) -> dict[str, str]:
     return {name: found["packages"][name] or "absent" for name in names}
 
 
-def _key(record: bytes, batch: Batch) -> str:
+def _key(manifest: bytes, batch: Batch) -> str:
     """The same batch of the same campaign with the same software has the same key, whoever asks for it."""
-    return f"cranectl-{hashlib.sha256(record).hexdigest()[:16]}-{'-'.join(map(str, batch))}"
+    return f"cranectl-{hashlib.sha256(manifest).hexdigest()[:16]}-{'-'.join(map(str, batch))}"
 
 
 def _rows(client: "Client", future: "Future[Any]") -> list[Row]:

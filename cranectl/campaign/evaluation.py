@@ -105,15 +105,12 @@ def analysis_json(analysis: Analysis) -> dict[str, Any]:
 
 def _of_group(results: Results, group: Group, summary: GroupSummary, values: Array) -> GroupAnalysis:
     sampling = results.campaign.settings.sampling
-    steps = sampling == BY_STEPS
-    return GroupAnalysis(
-        group=group,
-        summary=summary,
-        correlations=None if steps else correlations(results, group, values),
-        sobol=sobol_of(results, group) if sampling == "saltelli" else {},
-        one_at_a_time=one_at_a_time_effects(results, group, values) if steps else (),
-        separations=() if steps else separations(results, group, values),
-    )
+    if sampling == BY_STEPS:
+        steps = one_at_a_time_effects(results, group, values)
+        return GroupAnalysis(group, summary, None, {}, steps, ())
+    indices = sobol_of(results, group) if sampling == "saltelli" else {}
+    found = correlations(results, group, values)
+    return GroupAnalysis(group, summary, found, indices, (), separations(results, group, values))
 
 
 def _plain(value: Any) -> Any:

@@ -23,6 +23,7 @@ from cranectl.plants.applicable import check_effects
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario import Scenario
 from cranectl.support.errors import InputError
+from cranectl.support.patterns import matching
 
 
 class Rule(NamedTuple):
@@ -83,21 +84,13 @@ def why_without_effect(name: str, plant: str, drive: str, zero: Mapping[str, boo
         holds = rule.lack is None or rule.lack in entry.lacks
         if holds and fnmatchcase(name, rule.names) and rule.drive in (None, drive):
             return rule.why.format(plant=entry.label)
-    for pattern, factors in FACTORS.items():
-        if not fnmatchcase(name, pattern):
-            continue
-        for factor in factors:
-            names = _meant(name, factor, zero)
-            if names and all(zero[each] for each in names):
-                return f"{', '.join(names)} is 0 in all runs"
+    for factor in (each for pattern in FACTORS if fnmatchcase(name, pattern) for each in FACTORS[pattern]):
+        if name.startswith("disturbances."):  # of this one
+            factor = factor.replace("*", name.split(".")[1])
+        names = matching(factor, zero)
+        if names and all(zero[each] for each in names):
+            return f"{', '.join(names)} is 0 in all runs"
     return None
-
-
-def _meant(name: str, factor: str, numbers: Mapping[str, bool]) -> list[str]:
-    """The numbers that `factor` means; of disturbances, those of the disturbance of `name`."""
-    if name.startswith("disturbances."):
-        factor = factor.replace("*", name.split(".")[1])
-    return [number for number in numbers if fnmatchcase(number, factor)]
 
 
 def _always_zero(parameters: Sequence[Parameter], nominal: Scenario) -> dict[str, bool]:

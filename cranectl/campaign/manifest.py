@@ -1,7 +1,7 @@
 """A campaign as it is kept beside its results: enough to resume it and to repeat any of its runs.
 
-The record says what software began the result, and what other software was accepted later; each part carries
-the identity of what made it.
+It says what software began the result, and what other software was accepted later; each part carries the
+identity of what made it.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ def software_of(plants: Iterable[str]) -> dict[str, str]:
     return provenance() | plant_sources(plants)
 
 
-def record_of(campaign: Campaign) -> Table:
+def manifest_of(campaign: Campaign) -> Table:
     """Everything that decides the runs of `campaign`, as plain data."""
     table = {
         "format": FORMAT,
@@ -52,54 +52,54 @@ def record_of(campaign: Campaign) -> Table:
     return plain
 
 
-def checked_record(data: Any, source: str) -> Table:
-    """`data`, of any format that can be read, in the newest one; raises InputError where it is no record."""
+def checked_manifest(data: Any, source: str) -> Table:
+    """`data`, of any format that can be read, in the newest one; raises InputError for anything else."""
     number = data.get("format") if isinstance(data, dict) else None
     if isinstance(number, int) and number in READERS:
-        record = READERS[number](data)
-        accepted = record.get("accepted")
-        tables = [record.get(part) for part in ("campaign", "scenario", "versions")]
+        manifest = READERS[number](data)
+        accepted = manifest.get("accepted")
+        tables = [manifest.get(part) for part in ("campaign", "scenario", "versions")]
         tables += accepted if isinstance(accepted, list) else [None]
-        if isinstance(record.get("runs"), int) and all(isinstance(table, dict) for table in tables):
-            return record
+        if isinstance(manifest.get("runs"), int) and all(isinstance(table, dict) for table in tables):
+            return manifest
     newer = isinstance(number, int) and number > FORMAT
     raise InputError(
-        f"{source} has format {number}" if newer else f"{source} is no record of a campaign",
+        f"{source} has format {number}" if newer else f"{source} is no manifest of a campaign",
         allowed=f"a result of format {min(READERS)} to {FORMAT}",
         remedy="read it with a newer cranectl" if newer else "check the place, or run the campaign again",
     )
 
 
-def campaign_of(record: Mapping[str, Any], source: str) -> Campaign:
-    """The campaign that `record` was made of, from nothing else: its scenario's file may have changed."""
-    settings = parse_campaign(record["campaign"], source)
-    nominal = parse_settings(Scenario, record["scenario"], source)
+def campaign_of(manifest: Mapping[str, Any], source: str) -> Campaign:
+    """The campaign that `manifest` was made of, from nothing else: its scenario's file may have changed."""
+    settings = parse_campaign(manifest["campaign"], source)
+    nominal = parse_settings(Scenario, manifest["scenario"], source)
     parameters = parameters_of(settings, nominal)
     copula = gaussian_copula(settings.correlation, parameters)
-    return Campaign(settings, nominal, parameters, copula, record["runs"])
+    return Campaign(settings, nominal, parameters, copula, manifest["runs"])
 
 
-def origins_of(record: Mapping[str, Any]) -> list[Origin]:
+def origins_of(manifest: Mapping[str, Any]) -> list[Origin]:
     """What may have made parts of the result, what began it first."""
-    return [origin_of(record, versions) for versions in (record["versions"], *record["accepted"])]
+    return [origin_of(manifest, versions) for versions in (manifest["versions"], *manifest["accepted"])]
 
 
-def origin_of(record: Mapping[str, Any], versions: Mapping[str, str]) -> Origin:
+def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> Origin:
     """What makes parts by `versions`: its identity is a digest of what decides the numbers of their runs."""
     software = {name: version for name, version in versions.items() if name not in HARMLESS}
-    text = json.dumps({**_decisive(record), "format": RULE, "versions": software}, sort_keys=True)
+    text = json.dumps({**_decisive(manifest), "format": RULE, "versions": software}, sort_keys=True)
     return Origin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
 
 
 def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
     """What makes two campaigns differ besides the software that runs them, a phrase each."""
-    apart = trees.differences(_decisive(found), _decisive(wanted), absent="absent")
-    return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in apart]
+    different = trees.differences(_decisive(found), _decisive(wanted), absent="absent")
+    return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in different]
 
 
-def _decisive(record: Mapping[str, Any]) -> Table:
-    campaign = {key: value for key, value in record["campaign"].items() if key not in NOT_DECISIVE}
-    return {"campaign": campaign, "runs": record["runs"], "scenario": record["scenario"]}
+def _decisive(manifest: Mapping[str, Any]) -> Table:
+    campaign = {key: value for key, value in manifest["campaign"].items() if key not in NOT_DECISIVE}
+    return {"campaign": campaign, "runs": manifest["runs"], "scenario": manifest["scenario"]}
 
 
 def _first_format(data: Mapping[str, Any]) -> Table:

@@ -1,6 +1,6 @@
 """What a worker of a cluster does: one batch of a campaign that comes as data.
 
-The rows follow from the record alone: run twice, or elsewhere, they are the same.
+The rows follow from the manifest alone: run twice, or elsewhere, they are the same.
 """
 
 import functools
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import campaign_of, record_of, software_of
+from cranectl.campaign.manifest import campaign_of, manifest_of, software_of
 from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Stop, Worker
@@ -21,14 +21,14 @@ from cranectl.support.provenance import provenance_differences
 
 
 def packed(campaign: Campaign) -> bytes:
-    """What is sent with every batch, some 2 kB: the campaign's record. Data kept on workers could be lost."""
-    return zlib.compress(json.dumps(record_of(campaign)).encode())
+    """The manifest, sent with every batch, some 2 kB: data kept on workers would be lost with them."""
+    return zlib.compress(json.dumps(manifest_of(campaign)).encode())
 
 
-def run_remotely(batch: Batch, record: bytes) -> list[Row] | InputError:
+def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
     """The rows of `batch`, or why they cannot be had here, which another try would not change."""
     try:
-        prepared = _prepared(record)
+        prepared = _prepared(manifest)
     except InputError as error:
         return error
     return Worker(prepared).run_batch(batch, _cancelled())
@@ -43,24 +43,24 @@ def dask_setup(_worker: Any) -> None:
 
 def check_software(found: Mapping[str, str], wanted: Mapping[str, str], where: str) -> None:
     """Raise InputError, with names, if rows by `found` could differ from those by `wanted`."""
-    apart = provenance_differences(found, wanted, word="here")
-    if apart:
+    different = provenance_differences(found, wanted, word="here")
+    if different:
         raise InputError(
-            f"the {where} has other software: {'; '.join(apart)}",
+            f"the {where} has other software: {'; '.join(different)}",
             allowed="the same versions everywhere, or rows would differ in their last digits",
             remedy="install there what is here, start it again, and go on with --resume",
         )
 
 
 @functools.lru_cache(maxsize=2)
-def _prepared(packed_record: bytes) -> Prepared:
-    """Made once in each process; raises InputError where its software is not that of the record."""
+def _prepared(packed_manifest: bytes) -> Prepared:
+    """Made once in each process; raises InputError where its software is not that of the manifest."""
     from distributed import get_worker
 
-    record = json.loads(zlib.decompress(packed_record))
-    here = software_of(record["campaign"]["plants"])
-    check_software(here, record["versions"], f"worker {get_worker().address}")
-    return Prepared(campaign_of(record, "the record of the campaign"))
+    manifest = json.loads(zlib.decompress(packed_manifest))
+    here = software_of(manifest["campaign"]["plants"])
+    check_software(here, manifest["versions"], f"worker {get_worker().address}")
+    return Prepared(campaign_of(manifest, "the manifest of the campaign"))
 
 
 def _cancelled() -> Stop:

@@ -1,4 +1,4 @@
-"""A result: a directory with the record of its campaign and a part for each batch.
+"""A result: a directory with the manifest of its campaign and a part for each batch.
 
     campaign.json                              what was run: enough to resume it and to repeat any run
     parts/part-PLANT-CONTROLLER-FIRST.parquet  one batch each
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Batch, Campaign, batches_of
-from cranectl.campaign.manifest import Origin, campaign_of, checked_record, origins_of
+from cranectl.campaign.manifest import Origin, campaign_of, checked_manifest, origins_of
 from cranectl.campaign.table import Row, arrow_schema
 from cranectl.support.documents import Table, read_json
 from cranectl.support.errors import InputError
@@ -29,7 +29,7 @@ from cranectl.support.files import exists, replacing
 from cranectl.support.interrupts import interrupts_wait
 from cranectl.support.provenance import FINGERPRINTS
 
-RECORD_FILE = "campaign.json"
+MANIFEST_FILE = "campaign.json"
 PARTS = "parts"
 REPLAYS = "replays"
 SHOWN = 3  # damaged parts named in a message
@@ -53,8 +53,7 @@ def write_part(path: Path, campaign: Campaign, origin: Origin, batch: Batch, row
     import pyarrow
     from pyarrow import parquet
 
-    schema = arrow_schema(campaign, _metadata(campaign, origin, batch))
-    schema = schema.with_metadata({**schema.metadata, DIGEST: _digest(_descriptions(schema))})
+    schema = _part_schema(campaign, origin, batch)
     table = pyarrow.Table.from_pylist(list(rows), schema=schema)
     # Files and not their names, which may be no UTF-8.
     with interrupts_wait(), replacing(path) as unfinished, unfinished.open("wb") as stream:
@@ -90,45 +89,41 @@ def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: 
     origin = next((each for each in origins if each.identity == identity), None)
     if origin is None:
         raise DamageError("it belongs to another campaign")
-    expected = arrow_schema(campaign, _metadata(campaign, origin, batch))
+    expected = _part_schema(campaign, origin, batch)
     _check_schema(schema, expected)
     keys = [list(range(batch.first, batch.last)), [batch.plant], [batch.controller]]
     found = [table["sample"].to_pylist()]
     found += [sorted(set(table[name].to_pylist())) for name in ("plant", "controller")]
-    if found != keys or table.num_rows != batch.last - batch.first:
+    if found != keys:
         raise DamageError("its rows are not those of its batch")
     return table.cast(expected), origin
 
 
-def _metadata(campaign: Campaign, origin: Origin, batch: Batch) -> dict[str, str]:
-    """What a part says of itself."""
+def _part_schema(campaign: Campaign, origin: Origin, batch: Batch) -> Any:
+    """The columns of a part, and what it says of itself."""
     software = {name: origin.versions[name] for name in FINGERPRINTS if name in origin.versions}
     own = {"campaign": campaign.settings.name, "identity": origin.identity, **software}
-    return own | {name: str(value) for name, value in batch._asdict().items()}
+    schema = arrow_schema(campaign, own | {name: str(value) for name, value in batch._asdict().items()})
+    return schema.with_metadata({**schema.metadata, DIGEST: _digest(schema)})
 
 
 def _check_schema(found: Any, expected: Any) -> None:
     """Raise DamageError unless a part says that it is what it must be."""
-    said, own = found.metadata, expected.metadata
-    batch = [said.get(key, b"").decode(errors="replace") for key in BATCH]
+    told, own = found.metadata, expected.metadata
+    batch = [told.get(key, b"").decode(errors="replace") for key in BATCH]
     if batch != [own[key].decode() for key in BATCH]:
         raise DamageError(f"it holds the batch {' '.join(batch)}")
-    descriptions = _descriptions(found)
-    digest = {DIGEST: _digest(descriptions)} if DIGEST in said else {}  # parts of format 1 have none
-    if said != own | digest:
+    # Words that describe a column may change; parts of format 1 have no digest of them.
+    if told | {DIGEST: b""} != own | {DIGEST: b""} or told.get(DIGEST) not in (None, _digest(found)):
         raise DamageError("what it says of itself was changed")
-    units = [[column.get(b"unit") for column in each] for each in (descriptions, _descriptions(expected))]
+    units = [[(field.metadata or {}).get(b"unit") for field in schema] for schema in (found, expected)]
     if not found.equals(expected) or units[0] != units[1]:
         raise DamageError("its columns are not those of the campaign")
 
 
-def _descriptions(schema: Any) -> list[dict[bytes, bytes]]:
-    """What a schema says of each column."""
-    return [field.metadata or {} for field in schema]
-
-
-def _digest(descriptions: Sequence[dict[bytes, bytes]]) -> bytes:
-    text = repr([sorted(column.items()) for column in descriptions])
+def _digest(schema: Any) -> bytes:
+    """Of what a schema says of each column."""
+    text = repr([sorted((field.metadata or {}).items()) for field in schema])
     return hashlib.sha256(text.encode()).hexdigest()[:16].encode()
 
 
@@ -138,7 +133,7 @@ class Results:
 
     directory: Path
     campaign: Campaign
-    record: Table  # the content of campaign.json
+    manifest: Table  # the content of campaign.json
     missing: tuple[Batch, ...]  # none for a finished result
     table: Any  # pyarrow.Table, columns as in `table.row_columns`
     made_by: NDArray[np.int64]  # (runs,) index into `origins`
@@ -146,7 +141,7 @@ class Results:
     @property
     def origins(self) -> list[Origin]:
         """What may have made runs, what began the result first."""
-        return origins_of(self.record)
+        return origins_of(self.manifest)
 
     @property
     def missing_runs(self) -> int:
@@ -189,9 +184,9 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     import pyarrow
 
     directory = Path(directory)
-    record = read_record(directory)
-    campaign = campaign_of(record, str(directory / RECORD_FILE))
-    origins = origins_of(record)
+    manifest = read_manifest(directory)
+    campaign = campaign_of(manifest, str(directory / MANIFEST_FILE))
+    origins = origins_of(manifest)
     found = survey(directory, campaign, origins)
     if found.damaged:
         named = [f"{path.name}: {why}" for path, why in found.damaged.items()]
@@ -199,7 +194,7 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
         raise InputError(
             f"damaged parts in {directory / PARTS}: {'; '.join(named[:SHOWN])}{more}",
             allowed="each part once, as it was written",
-            remedy="the command that began it, with --resume, puts them aside and runs their batches again",
+            remedy="the command that began it, with --resume, quarantines them and runs their batches again",
         )
     if found.missing and not unfinished:
         raise InputError(
@@ -212,27 +207,27 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     table = pyarrow.concat_tables(tables) if tables else schema.empty_table()
     makers = [origins.index(found.made_by[batch]) for batch in found.tables]
     made_by = np.repeat(np.array(makers, dtype=np.int64), [part.num_rows for part in tables])
-    return Results(directory, campaign, record, found.missing, table.combine_chunks(), made_by)
+    return Results(directory, campaign, manifest, found.missing, table.combine_chunks(), made_by)
 
 
-def read_record(directory: Path) -> Table:
-    """The record of the result in `directory`; raises InputError where there is none."""
-    path = directory / RECORD_FILE
+def read_manifest(directory: Path) -> Table:
+    """The manifest of the result in `directory`; raises InputError where there is none."""
+    path = directory / MANIFEST_FILE
     if not exists(path):
         raise InputError(
-            f"{directory} holds no result: {RECORD_FILE} is missing",
+            f"{directory} holds no result: {MANIFEST_FILE} is missing",
             allowed="a directory that 'cranectl campaign run' has written",
             remedy="check the place",
         )
     try:
-        record = read_json(path)
+        manifest = read_json(path)
     except InputError as error:
         raise InputError(
             error.found,
             allowed="a result as 'cranectl campaign run' has written it",
             remedy="restore the file, or run the campaign again with --overwrite",
         ) from None
-    return checked_record(record, str(path))
+    return checked_manifest(manifest, str(path))
 
 
 def survey(directory: Path, campaign: Campaign, origins: Sequence[Origin]) -> Survey:

@@ -65,10 +65,10 @@ def sobol_indices(campaign: Campaign, outputs: Array) -> SobolIndices | None:
         return None
     terms = _terms(a[whole], b[whole], ab[:, whole])
     first, total = _indices(terms.mean(axis=1)[np.newaxis])
-    tails = (0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE)
+    ends = (0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE)
     resampled = [_indices(means) for means in _bootstrap(terms)]
     first_interval, total_interval = (
-        np.nanquantile(np.concatenate(parts), tails, axis=0) for parts in zip(*resampled, strict=True)
+        np.nanquantile(np.concatenate(parts), ends, axis=0) for parts in zip(*resampled, strict=True)
     )
     return SobolIndices(first[0], total[0], first_interval, total_interval, n, len(whole) - n)
 

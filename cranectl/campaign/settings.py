@@ -134,7 +134,11 @@ def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
 def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distribution]:
     """The distributions below [uncertain] by dotted name of their parameter."""
     found: dict[str, Distribution] = {}
-    for name, table in leaves(node, is_leaf=_is_leaf):
+
+    def is_leaf(value: Any) -> bool:  # whether it is a distribution, or can hold none
+        return not isinstance(value, Mapping) or not value or "distribution" in value
+
+    for name, table in leaves(node, is_leaf=is_leaf):
         if name in found:
             raise InputError(
                 f"{source}: parameter '{name}' appears twice under [uncertain]",
@@ -143,11 +147,6 @@ def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distributi
             )
         found[name] = _distribution(name, table, source)
     return found
-
-
-def _is_leaf(value: Any) -> bool:
-    """Whether `value` is a distribution, or can hold none."""
-    return not isinstance(value, Mapping) or not value or "distribution" in value
 
 
 def _distribution(name: str, table: Any, source: str) -> Distribution:

@@ -77,8 +77,8 @@ def between_bins(bins_by_parameter: Sequence[Bins], y: Array) -> tuple[Array, Ar
     """How far ranks of `y` (n,) differ between bins of each parameter, in whatever way: η and p, each (d,).
 
     η² is the share of the ranks' variance that lies between the bins, p is of the test by Kruskal and
-    Wallis. Sees an error that grows with a push to either side, which ρ does not. Rows without `y` are left
-    out; NaN and 1 where fewer than two bins with LEAST_IN_BIN rows remain.
+    Wallis. Sees an error that grows with a disturbance to either side, which ρ does not. Rows without `y` are
+    left out; NaN and 1 where fewer than two bins with LEAST_IN_BIN rows remain.
     """
     from scipy.stats import chi2, rankdata
 

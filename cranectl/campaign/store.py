@@ -8,8 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import Origin, differences, origin_of, origins_of, record_of, software_of
-from cranectl.campaign.results import PARTS, RECORD_FILE, REPLAYS, part_name, read_record, survey, write_part
+from cranectl.campaign.manifest import Origin, differences, manifest_of, origin_of, origins_of, software_of
+from cranectl.campaign.results import (
+    MANIFEST_FILE,
+    PARTS,
+    REPLAYS,
+    part_name,
+    read_manifest,
+    survey,
+    write_part,
+)
 from cranectl.campaign.table import Row
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
@@ -78,18 +86,18 @@ def open_store(
                 remedy="wait for it, or choose another place with --out",
             ) from None
     with held:
-        record = record_of(campaign)
+        manifest = manifest_of(campaign)
         _check_empty(directory)  # again: another process may have been faster
         if overwrite:
             _clear(directory)
-        if exists(directory / RECORD_FILE):
-            kept = read_record(directory)
-            _check_same(directory, kept, record, resume=resume)
-            record |= _software(directory, kept, record["versions"], accepted=despite_differences)
+        if exists(directory / MANIFEST_FILE):
+            kept = read_manifest(directory)
+            _check_same(directory, kept, manifest, resume=resume)
+            manifest |= _software(directory, kept, manifest["versions"], accepted=despite_differences)
         with writing(directory, remedy=ELSEWHERE):
-            write_text(directory / RECORD_FILE, json.dumps(record, indent=2, ensure_ascii=False) + "\n")
+            write_text(directory / MANIFEST_FILE, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
         try:
-            yield _prepared(directory, campaign, record)
+            yield _prepared(directory, campaign, manifest)
         except InputError:
             if not any((directory / PARTS).iterdir()):  # nothing was run: leave nothing to stand in the way
                 _clear(directory)
@@ -98,12 +106,12 @@ def open_store(
 
 def _check_empty(directory: Path) -> None:
     """Raise InputError if there is something other than a result."""
-    if not exists(directory) or not directory.is_dir() or exists(directory / RECORD_FILE):
+    if not exists(directory) or not directory.is_dir() or exists(directory / MANIFEST_FILE):
         return
     own = (PARTS, LOCK_FILE)
     paths = [path for path in directory.iterdir() if path.name not in own]
     paths += (directory / PARTS).glob("*")
-    others = sorted(path.name for path in paths if not path.name.startswith(f"{RECORD_FILE}."))
+    others = sorted(path.name for path in paths if not path.name.startswith(f"{MANIFEST_FILE}."))
     if others:
         raise InputError(
             f"{directory} holds other files: {', '.join(others[:SHOWN])}",
@@ -145,16 +153,16 @@ def _software(directory: Path, kept: Table, installed: dict[str, str], *, accept
     return {"versions": known[0], "accepted": known[1:]}
 
 
-def _prepared(directory: Path, campaign: Campaign, record: Table) -> Store:
+def _prepared(directory: Path, campaign: Campaign, manifest: Table) -> Store:
     """Remove what a kill has left half-written, quarantine damaged parts, see what is missing."""
     for unfinished in (directory / PARTS).glob("part-*.parquet.*.part"):
         unfinished.unlink()
-    found = survey(directory, campaign, origins_of(record))
+    found = survey(directory, campaign, origins_of(manifest))
     quarantined = []
     for path, why in found.damaged.items():
         place = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
         quarantined.append(f"{path.name} was damaged ({why}); now {place.name}")
-    origin = origin_of(record, software_of(campaign.settings.plants))
+    origin = origin_of(manifest, software_of(campaign.settings.plants))
     return Store(directory, campaign, origin, found.missing, tuple(quarantined))
 
 
@@ -165,4 +173,4 @@ def _clear(directory: Path) -> None:
     with suppress(OSError):  # it is not there, or holds something else
         (directory / REPLAYS).rmdir()
     with suppress(FileNotFoundError):
-        (directory / RECORD_FILE).unlink()
+        (directory / MANIFEST_FILE).unlink()

@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.campaign import table as columns
 from cranectl.campaign.manifest import FORMAT, READERS
-from cranectl.campaign.results import RECORD_FILE, read_results
+from cranectl.campaign.results import MANIFEST_FILE, read_results
 from cranectl.campaign.store import open_store
 from cranectl.campaign.summary import summarize
 from cranectl.cli.main import main
@@ -39,7 +39,7 @@ def test_there_is_a_sample_of_every_format() -> None:
     assert sorted(path.name for path in SAMPLES.iterdir()) == [f"format-{number}" for number in READERS]
     assert max(READERS) == FORMAT
     for number in READERS:
-        assert json.loads((SAMPLES / f"format-{number}" / RECORD_FILE).read_text())["format"] == number
+        assert json.loads((SAMPLES / f"format-{number}" / MANIFEST_FILE).read_text())["format"] == number
 
 
 @pytest.mark.parametrize("number", READERS)
@@ -78,12 +78,12 @@ def test_a_result_of_before_is_resumed_only_when_told_to(kept: Path) -> None:
         open_store(before.campaign, Path("format-1"), resume=True),
     ):
         pass
-    assert json.loads((kept / "format-1" / RECORD_FILE).read_text())["format"] == 1
+    assert json.loads((kept / "format-1" / MANIFEST_FILE).read_text())["format"] == 1
     with open_store(before.campaign, Path("format-1"), resume=True, despite_differences=True) as store:
         assert (store.missing, store.quarantined) == ((), ())
     after = read_results("format-1")
     assert after.table.equals(before.table)
-    assert json.loads((kept / "format-1" / RECORD_FILE).read_text())["format"] == FORMAT
+    assert json.loads((kept / "format-1" / MANIFEST_FILE).read_text())["format"] == FORMAT
     assert after.origins[0] == before.origins[0]
     assert after.origins[1].versions["sources"] == fingerprints()["sources"]
 
@@ -103,14 +103,14 @@ def test_columns_may_be_described_in_other_words(number: int, monkeypatch: pytes
     ("text", "found", "remedy"),
     [
         ('{"format": 3}', "campaign.json has format 3", "newer cranectl"),
-        ('{"format": 0}', "no record of a campaign", "run the campaign again"),
-        ('{"format": [1]}', "no record of a campaign", "run the campaign again"),
+        ('{"format": 0}', "no manifest of a campaign", "run the campaign again"),
+        ('{"format": [1]}', "no manifest of a campaign", "run the campaign again"),
         ("[" * 20_000, "campaign.json", "--overwrite"),
         ('{"a":' * 20_000, "campaign.json", "--overwrite"),
     ],
 )
 def test_records_that_cannot_be_read(kept: Path, text: str, found: str, remedy: str) -> None:
-    (kept / "format-2" / RECORD_FILE).write_text(text)
+    (kept / "format-2" / MANIFEST_FILE).write_text(text)
     with pytest.raises(InputError) as caught:
         read_results("format-2")
     assert found in caught.value.found
@@ -119,7 +119,7 @@ def test_records_that_cannot_be_read(kept: Path, text: str, found: str, remedy: 
 
 @pytest.mark.parametrize("accepted", [None, "a", ["a"], [None]])
 def test_what_was_accepted_must_be_a_list_of_software(kept: Path, accepted: object) -> None:
-    path = kept / "format-2" / RECORD_FILE
+    path = kept / "format-2" / MANIFEST_FILE
     path.write_text(json.dumps(json.loads(path.read_text()) | {"accepted": accepted}))
-    with pytest.raises(InputError, match="no record of a campaign"):
+    with pytest.raises(InputError, match="no manifest of a campaign"):
         read_results("format-2")

@@ -12,10 +12,10 @@ from pyarrow import parquet
 
 from cranectl.campaign import campaign_names, load_campaign, sample_values
 from cranectl.campaign.definition import batches_of
-from cranectl.campaign.manifest import Origin, campaign_of, differences, origins_of, record_of
+from cranectl.campaign.manifest import Origin, campaign_of, differences, manifest_of, origins_of
 from cranectl.campaign.results import (
+    MANIFEST_FILE,
     PARTS,
-    RECORD_FILE,
     REPLAYS,
     DamageError,
     part_name,
@@ -30,7 +30,7 @@ from tests.campaign.campaigns import MASS, campaign
 from tests.campaign.results import invented_rows, two_controllers, write_all
 
 CAMPAIGN = two_controllers()
-ORIGINS = origins_of(record_of(CAMPAIGN))
+ORIGINS = origins_of(manifest_of(CAMPAIGN))
 
 
 @pytest.fixture
@@ -110,11 +110,11 @@ def test_columns_say_what_they_are(one_part: Path) -> None:
 @pytest.mark.parametrize("name", campaign_names())
 def test_a_record_is_enough_to_draw_the_samples_again(name: str) -> None:
     of = load_campaign(name)
-    record = json.loads(json.dumps(record_of(of)))
-    again = campaign_of(record, "record")
+    manifest = json.loads(json.dumps(manifest_of(of)))
+    again = campaign_of(manifest, "manifest")
     assert (again.settings, again.nominal) == (of.settings, of.nominal)
     assert np.array_equal(sample_values(again, 0, 10), sample_values(of, 0, 10))
-    assert differences(record_of(again), record) == []
+    assert differences(manifest_of(again), manifest) == []
 
 
 def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
@@ -122,10 +122,10 @@ def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
 
     path = tmp_path / "mine.toml"
     shutil.copy(resources.SCENARIO_DIRECTORY / "fast-diagonal.toml", path)
-    record = record_of(campaign(scenario=str(path)))
+    manifest = manifest_of(campaign(scenario=str(path)))
     path.unlink()
-    assert campaign_of(record, "record").nominal.name == "fast-diagonal"
-    assert origins_of(record) == origins_of(record_of(campaign())), "the scenario counts, not its place"
+    assert campaign_of(manifest, "manifest").nominal.name == "fast-diagonal"
+    assert origins_of(manifest) == origins_of(manifest_of(campaign())), "the scenario counts, not its place"
 
 
 @pytest.mark.parametrize(("leave", "runs"), [(2, 56), (6, 0)])
@@ -274,9 +274,9 @@ def test_places_that_are_no_results(tmp_path: Path, directory: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "result"]
     assert "cannot write" in caught(opened, CAMPAIGN, tmp_path / "notes.txt" / "below").found
     for text in ("{", "[]", '{"format": 0}', '{"format": 1, "runs": 4, "campaign": 3}'):
-        (directory / RECORD_FILE).write_text(text)
-        assert RECORD_FILE in caught(read_results, directory).found
-        assert RECORD_FILE in caught(opened, CAMPAIGN, directory, resume=True).found
+        (directory / MANIFEST_FILE).write_text(text)
+        assert MANIFEST_FILE in caught(read_results, directory).found
+        assert MANIFEST_FILE in caught(opened, CAMPAIGN, directory, resume=True).found
 
 
 def test_one_process_at_a_time(tmp_path: Path) -> None:

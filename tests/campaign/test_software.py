@@ -11,7 +11,7 @@ import pytest
 from pyarrow import parquet
 
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.results import PARTS, RECORD_FILE, part_name, read_results, write_part
+from cranectl.campaign.results import MANIFEST_FILE, PARTS, part_name, read_results, write_part
 from cranectl.cli.main import main
 from cranectl.support.provenance import fingerprints
 from tests.support.test_provenance import copy_checkout
@@ -90,7 +90,7 @@ def test_one_program_says_nothing_but_in_record_and_parts(capsys: pytest.Capture
     assert "software" not in capsys.readouterr().out
     (maker,) = json.loads(Path("found.json").read_text())["software"]
     assert (maker["runs"], maker["differences"]) == (320, [])
-    assert json.loads(Path("result", RECORD_FILE).read_text())["accepted"] == []
+    assert json.loads(Path("result", MANIFEST_FILE).read_text())["accepted"] == []
     metadata = parquet.read_schema(next(Path("result", PARTS).iterdir())).metadata
     assert {name: metadata[name.encode()].decode() for name in fingerprints()} == fingerprints()
 
