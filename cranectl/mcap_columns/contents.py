@@ -95,10 +95,11 @@ class Contents:
             raise DamageError("its chunks unpack to far more than it has")
         for opcode, body in content.definitions:
             self._define(Record(opcode, record.start, len(body), body))
-        numbers, counts = np.unique(content.table[:, 0], return_counts=True)
-        if not set(numbers.tolist()) <= self.channels.keys():
-            raise DamageError("a chunk has messages of a channel that is not defined")
-        self.messages.update(dict(zip(numbers.tolist(), counts.tolist(), strict=True)))
+        counts = np.bincount(content.table[:, 0])
+        for number in np.flatnonzero(counts).tolist():
+            if number not in self.channels:
+                raise DamageError("a chunk has messages of a channel that is not defined")
+            self.messages[number] += int(counts[number])
         return content
 
     def _define(self, record: Record) -> None:

@@ -32,13 +32,13 @@ class Record(NamedTuple):
     body: bytes
 
 
-def read_records(stream: BinaryIO, start: int, stop: int, *, most: int = MAX_RECORD) -> Iterator[Record]:
-    """The records that fill the bytes from `start` to `stop`, at `most` so many bytes of each body.
+def read_records(stream: BinaryIO, start: int, stop: int) -> Iterator[Record]:
+    """The records that fill the bytes from `start` to `stop`, where nobody else moves the stream.
 
     Raises DamageError at a record that does not fit.
     """
+    stream.seek(start)
     while start < stop:
-        stream.seek(start)
         prefix = stream.read(PREFIX.size)
         room = stop - start - PREFIX.size
         if len(prefix) < PREFIX.size or room < 0:
@@ -46,8 +46,8 @@ def read_records(stream: BinaryIO, start: int, stop: int, *, most: int = MAX_REC
         opcode, length = PREFIX.unpack(prefix)
         if length > min(room, MAX_RECORD):
             raise DamageError(f"{record_name(opcode, start)} claims {length} bytes where {room} are left")
-        body = stream.read(min(length, most))
-        if len(body) < min(length, most):
+        body = stream.read(length)
+        if len(body) < length:
             raise DamageError(f"it ends within {record_name(opcode, start)}")
         yield Record(opcode, start, PREFIX.size + length, body)
         start += PREFIX.size + length
