@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from cranectl.log import describe_log, write_log
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario.settings import Settings
-from validation.reference_pages import BEGIN, DIRECTORY, PAGES, recorded_runs, written_anew
+from validation.reference_pages import BEGIN, DIRECTORY, PAGES, PLANTS, recorded_run, written_anew
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -37,7 +36,7 @@ def test_the_page_of_settings_has_every_key() -> None:
 
 
 def test_the_page_of_topics_has_every_topic_of_a_log(tmp_path: Path) -> None:
-    log = write_log(tmp_path / "a.mcap", recorded_runs())
+    log = write_log(tmp_path / "a.mcap", [recorded_run(plant, "lqr+hinf") for plant in PLANTS])
     page = PAGES["topics"]()
     for topic in describe_log(log).topics:
         name = re.sub(f"^/({'|'.join(PLANTS)})/", "/PLANT/", topic.topic)

@@ -8,6 +8,7 @@ A page is what people wrote, and between two comments what is written here.
 
 import functools
 import json
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -17,17 +18,18 @@ from google.protobuf import descriptor_pb2
 
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
+from cranectl.design import CONTROLLERS
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
-from cranectl.signals import REFERENCE
+from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run, simulate_run
 
 DIRECTORY = Path(__file__).resolve().parent.parent / "docs" / "reference"
 BEGIN = "<!-- written by `python validation/reference_pages.py --write` -->\n"
 END = "<!-- end -->\n"
 BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
+PLANTS = ("analytic", "mujoco")  # of the log that is described
 KINDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false"}
 
 
@@ -53,16 +55,20 @@ def exit_codes() -> str:
 
 
 @functools.cache
-def recorded_runs() -> list[Run]:
-    """A run of each plant that records every group there is: with a robustifier and a signal path."""
+def recorded_run(plant: str, controller: str) -> Run:
+    """A run that records all that it can: with a signal path between plant and controller."""
     overrides = ["duration=0.01", "disturbances=[]", "effects.sensing={}"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    return [simulate_run(scenario, plant=plant, controller="lqr+hinf", drive="velocity") for plant in PLANTS]
+    return simulate_run(scenario, plant=plant, controller=controller, drive="velocity")
 
 
 def signals() -> str:
-    """A section for each group."""
-    groups = {f"PLANT/{group.name}": group for group in recorded_runs()[0].groups}
+    """A section for each group of signals of any controller."""
+    groups: dict[str, SignalGroup] = {}
+    for controller in CONTROLLERS:
+        for group in recorded_run("analytic", controller).groups:
+            title = f"PLANT/{group.name}"
+            groups[title] = max(groups.get(title, group), group, key=len)
     sections = []
     for title, group in {**groups, "reference/load": REFERENCE}.items():
         rows = ((f"`{each.name}`", each.symbol, each.unit, each.description) for each in group.signals)
@@ -73,19 +79,12 @@ def signals() -> str:
 
 def topics() -> str:
     """What a log of two plants holds, a row a topic."""
-    runs = recorded_runs()
-    rows = []
-    for stream in streams(runs):
-        topic = stream.topic.replace(f"/{runs[0].plant}/", "/PLANT/")
-        if not topic.startswith(tuple(f"/{run.plant}/" for run in runs)):
-            rows.append(
-                (
-                    f"`{topic}`",
-                    f"`{stream.schema_name}`",
-                    ", ".join(_fields(stream.schema, stream.schema_name)),
-                )
-            )
-    return table(("topic", "message", "fields"), sorted(rows))
+    rows = {}
+    for stream in streams([recorded_run(plant, "lqr+hinf") for plant in PLANTS]):
+        topic = re.sub(f"^/({'|'.join(PLANTS)})/", "/PLANT/", stream.topic)
+        fields = ", ".join(_fields(stream.schema, stream.schema_name))
+        rows[topic] = (f"`{topic}`", f"`{stream.schema_name}`", fields)
+    return table(("topic", "message", "fields"), (rows[topic] for topic in sorted(rows)))
 
 
 def _fields(schema: bytes, name: str) -> list[str]:
