@@ -39,6 +39,12 @@ def closed_loop(scenario: str, controller: str, plant: str, drive: str = "ideal"
 
 
 @pytest.fixture
+def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For `pytestmark` of files that run commands."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
 def short() -> Scenario:
     """A disturbed half second, for tests that only need some run."""
     return load_scenario(

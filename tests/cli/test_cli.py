@@ -21,6 +21,8 @@ from cranectl.scenario import scenario_names
 from cranectl.status import RunStatus
 from tests.cli.arguments import SHORT, STOP
 
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
 
 def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """Standard error of a call that must end with exit code 2 and no traceback."""

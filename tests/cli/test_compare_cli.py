@@ -14,6 +14,8 @@ from cranectl.simulate import simulate_run
 from cranectl.support.provenance import provenance
 from tests.cli.arguments import SHORT, STOP
 
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
 
 def run(out: str, *options: str, controller: str = "lqr", code: int = 0) -> None:
     arguments = ["fixed-position", *SHORT, "--controller", controller, *options, "--out", out]

@@ -13,6 +13,8 @@ from cranectl.scenario import load_scenario
 from tests.cli.arguments import STOP
 from tests.log.test_log import messages_of
 
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
 OVERRIDES = ["duration=1.0", "disturbances=[]", "reference.segments=[]", "rig.load_mass=2.0"]
 OVERRIDES += ["initial.load_offset=[0.02,0,0]"]
 OWN = ["fast-diagonal", *(part for override in OVERRIDES for part in ("--set", override))]
@@ -22,9 +24,9 @@ LOG = "logs/fast-diagonal/lqr-velocity.mcap"
 
 def judged(*arguments: str, code: int = 0) -> dict[str, object]:
     """The agreement that a command gives as JSON."""
-    assert main([*arguments, "--json", "found.json"]) == code
-    found = json.loads(Path("found.json").read_text())
-    agreement = found["agreement"] if "agreement" in found else found["agreements"][0]
+    assert main([*arguments, "--json", "result.json"]) == code
+    result = json.loads(Path("result.json").read_text())
+    agreement = result["agreement"] if "agreement" in result else result["agreements"][0]
     assert isinstance(agreement, dict)
     return agreement
 
@@ -33,17 +35,17 @@ def test_a_rig_of_ones_own_is_not_judged_by_the_limits_of_another(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for arguments in (["run", *OWN], ["compare", LOG], ["info", LOG]):
-        found = judged(*arguments)
-        assert (found["passed"], found["limit_m"], found["limit_rad"]) == (None, None, None), arguments
+        result = judged(*arguments)
+        assert (result["passed"], result["limit_m"], result["limit_rad"]) == (None, None, None), arguments
         out = capsys.readouterr().out
         assert "not judged" in out
         assert "--predict" in out
         assert "FAILED" not in out
-    assert main(["validate", *OWN, "--drive", "both", "--jobs", "1", "--json", "found.json"]) == 0
+    assert main(["validate", *OWN, "--drive", "both", "--jobs", "1", "--json", "result.json"]) == 0
     out = capsys.readouterr().out
     assert "passed (ideal)" in out
     assert "validation passed (1 of 2 pairs not judged)" in out
-    data = json.loads(Path("found.json").read_text())
+    data = json.loads(Path("result.json").read_text())
     assert data["passed"] is True
     assert [agreement["passed"] for agreement in data["agreements"]] == [True, None]
     ((_, verdict),) = messages_of(Path(LOG), "/diff/verdict")
@@ -56,10 +58,10 @@ def test_with_predict_it_is_judged_by_its_own_bound() -> None:
     limits = predicted_limits(scenario, design_controller("lqr", scenario.design))
     assert isinstance(limits, Limits)
     for arguments in (["run", *OWN], ["validate", *OWN, "--jobs", "1"], ["compare", LOG], ["info", LOG]):
-        found = judged(*arguments, "--predict")
-        assert found["passed"] is True, arguments
-        assert (found["limit_m"], found["limit_rad"]) == (limits.load_m, limits.angle_rad)
-        assert found["limits"] == limits.source
+        result = judged(*arguments, "--predict")
+        assert result["passed"] is True, arguments
+        assert (result["limit_m"], result["limit_rad"]) == (limits.load_m, limits.angle_rad)
+        assert result["limits"] == limits.source
     ((_, verdict),) = messages_of(Path(LOG), "/diff/verdict")
     assert verdict.verdict == "passed"
     assert verdict.load.endswith(f"limit {limits.load_m:g} m, {limits.source}")

@@ -28,17 +28,17 @@ def shown(on: Screen) -> str:
 @pytest.mark.parametrize("place", ["line", "style", "cell", "heading", "title"])
 def test_text_from_outside_is_one_line_of_characters(place: str) -> None:
     on = screen(200)
-    said = report.Table("t", ("h", "i"), ((report.Cell(MALICE, "bad"), report.Cell("1")),))
+    table = report.Table("t", ("h", "i"), ((report.Cell(MALICE, "bad"), report.Cell("1")),))
     if place == "line":
         on.print(MALICE)
     elif place == "style":
         on.print("before", styled(MALICE, "bold"))
     elif place == "cell":
-        on.print(said)
+        on.print(table)
     elif place == "heading":
-        on.print(report.Table("t", (MALICE.replace("\n", " "), "i"), said.rows))
+        on.print(report.Table("t", (MALICE.replace("\n", " "), "i"), table.rows))
     else:
-        on.print(report.Table(MALICE, ("h", "i"), said.rows))
+        on.print(report.Table(MALICE, ("h", "i"), table.rows))
     text = shown(on)
     together = "".join(line.strip() for line in text.split("\n"))  # a title is folded to its table
     for part in ("e[red].mcap[/]", ":smile:", r"\x1b[2J\x07", r"\udcff"):

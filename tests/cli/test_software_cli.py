@@ -17,9 +17,9 @@ SHORT = ["--set", "duration=0.1", "--set", "disturbances=[]", "--plant", "analyt
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One run by this program, by one of other sources, and by one that said nothing of its sources."""
     folder = tmp_path_factory.mktemp("logs")
-    for name, found in (("new", fingerprints()), ("other", fingerprints() | OTHER), ("old", {})):
+    for name, sources in (("new", fingerprints()), ("other", fingerprints() | OTHER), ("old", {})):
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr("cranectl.support.provenance.fingerprints", lambda found=found: found)
+            patched.setattr("cranectl.support.provenance.fingerprints", lambda sources=sources: sources)
             assert main(["run", "fixed-position", *SHORT, "--out", str(folder / f"{name}.mcap")]) == 0
     return folder
 
@@ -29,44 +29,44 @@ def in_directory_of_logs(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(logs)
 
 
-def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+def output_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """Standard output of a command that ends well."""
     assert main(list(arguments)) == 0
     return capsys.readouterr().out
 
 
 def test_the_golden_check_names_it_and_lets_numbers_decide(capsys: pytest.CaptureFixture[str]) -> None:
-    check = ["--tolerances", "exact", "--json", "found.json"]
-    out = said(capsys, "compare", "new.mcap", "other.mcap", *check)
+    check = ["--tolerances", "exact", "--json", "result.json"]
+    out = output_of(capsys, "compare", "new.mcap", "other.mcap", *check)
     now = fingerprints()["sources"]
     assert f"golden was made by other software: {NAMED}, other {now}" in out
-    assert json.loads(Path("found.json").read_text())["software_differences"] == [f"{NAMED}, other {now}"]
-    assert "other software" not in said(capsys, "compare", "new.mcap", "new.mcap", *check)
-    assert json.loads(Path("found.json").read_text())["software_differences"] == []
-    out = said(capsys, "compare", "new.mcap", "old.mcap", *check)
+    assert json.loads(Path("result.json").read_text())["software_differences"] == [f"{NAMED}, other {now}"]
+    assert "other software" not in output_of(capsys, "compare", "new.mcap", "new.mcap", *check)
+    assert json.loads(Path("result.json").read_text())["software_differences"] == []
+    out = output_of(capsys, "compare", "new.mcap", "old.mcap", *check)
     assert out.count("golden was made by other software") == 3
     assert "data unknown, other " in out
 
 
 def test_two_logs_compared(capsys: pytest.CaptureFixture[str]) -> None:
-    out = said(capsys, "compare", "other.mcap", "new.mcap")
+    out = output_of(capsys, "compare", "other.mcap", "new.mcap")
     assert f"made by other software: {NAMED}, other " in out
-    assert "other software" not in said(capsys, "compare", "new.mcap", "new.mcap")
+    assert "other software" not in output_of(capsys, "compare", "new.mcap", "new.mcap")
 
 
 def test_info(capsys: pytest.CaptureFixture[str]) -> None:
-    out = said(capsys, "info", "other.mcap")
+    out = output_of(capsys, "info", "other.mcap")
     assert f"differs      {NAMED}, now {fingerprints()['sources']}\n" in out
-    assert "differs" not in said(capsys, "info", "new.mcap")
-    assert "sources unknown, now" in said(capsys, "info", "old.mcap")
-    found = json.loads(said(capsys, "info", "new.mcap", "--json", "-"))
-    assert found["software_differences"] == []
-    assert fingerprints().items() <= found["versions"].items()
+    assert "differs" not in output_of(capsys, "info", "new.mcap")
+    assert "sources unknown, now" in output_of(capsys, "info", "old.mcap")
+    result = json.loads(output_of(capsys, "info", "new.mcap", "--json", "-"))
+    assert result["software_differences"] == []
+    assert fingerprints().items() <= result["versions"].items()
 
 
 def test_report(capsys: pytest.CaptureFixture[str]) -> None:
     note = f"other was made by other software than is installed: {NAMED}, now "
-    assert note in said(capsys, "report", "other.mcap", "new.mcap", "--out", "page.html")
+    assert note in output_of(capsys, "report", "other.mcap", "new.mcap", "--out", "page.html")
     assert note in Path("page.html").read_text()
-    said(capsys, "report", "new.mcap", "--out", "page.html")
+    output_of(capsys, "report", "new.mcap", "--out", "page.html")
     assert "other software" not in Path("page.html").read_text()

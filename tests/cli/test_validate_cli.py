@@ -11,6 +11,8 @@ from cranectl.log import read_log
 from cranectl.simulate import Run
 from cranectl.support import resources
 
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
 GOOD = """\
 name = "good"
 duration = 0.3
@@ -18,7 +20,7 @@ reference = { start = [1.0, 0.77, -0.7] }
 """
 # The observer and its law at 0.1 s: the loop is unstable when sampled.
 UNSTABLE = GOOD.replace("good", "unstable") + "control = { period = 0.1, physics_step = 0.001 }\n"
-FOLLOWED = ["--controller", "lqr+hinf", "--drive", "ideal", "--json", "found.json"]
+FOLLOWED = ["--controller", "lqr+hinf", "--drive", "ideal", "--json", "result.json"]
 
 
 @pytest.fixture(autouse=True)
@@ -57,12 +59,12 @@ def test_scenarios_that_cannot_be_run_leave_the_others(jobs: str, capsys: pytest
     assert "broken.toml: could not be run\nfound:   broken.toml is not valid TOML" in captured.err
     assert "unstable.toml, lqr+hinf, ideal: could not be run\nfound: " in captured.err
     assert "absent.toml: could not be run\nfound:   cannot read absent.toml" in captured.err
-    found = json.loads(Path("found.json").read_text())
-    assert found["passed"] is False
-    assert [run["scenario"] for run in found["runs"]] == ["good", "good"]
-    (agreement,) = found["agreements"]
+    result = json.loads(Path("result.json").read_text())
+    assert result["passed"] is False
+    assert [run["scenario"] for run in result["runs"]] == ["good", "good"]
+    (agreement,) = result["agreements"]
     assert agreement["passed"] is True
-    failed = {each["scenario"]: each for each in found["failed"]}
+    failed = {each["scenario"]: each for each in result["failed"]}
     assert failed.keys() == {"broken.toml", "unstable.toml", "absent.toml"}
     assert all(each["bad_input"] for each in failed.values())
     assert failed["absent.toml"]["controller"] is None
@@ -74,11 +76,11 @@ def test_scenarios_that_cannot_be_run_leave_the_others(jobs: str, capsys: pytest
 def test_one_reason_of_many_cases_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
     text = GOOD.replace("start = [1.0, 0.77, -0.7]", "start = [1.0, 0.77, 0.7]")
     Path("above.toml").write_text(text.replace("good", "above"))
-    assert main(["validate", "above.toml", "--json", "found.json", "--jobs", "1"]) == 2
+    assert main(["validate", "above.toml", "--json", "result.json", "--jobs", "1"]) == 2
     captured = capsys.readouterr()
     assert captured.out == "", "nothing was run"
     assert captured.err.count("could not be run") == 1
-    assert json.loads(Path("found.json").read_text())["failed"]
+    assert json.loads(Path("result.json").read_text())["failed"]
 
 
 def test_an_error_that_nobody_foresaw_is_no_verdict(
@@ -92,14 +94,16 @@ def test_an_error_that_nobody_foresaw_is_no_verdict(
         return simulate(*arguments, **named)
 
     monkeypatch.setattr(case, "simulate_run", sometimes)
-    assert main(["validate", "good.toml", "--controller", "lqr", "--jobs", "1", "--json", "found.json"]) == 70
+    assert (
+        main(["validate", "good.toml", "--controller", "lqr", "--jobs", "1", "--json", "result.json"]) == 70
+    )
     captured = capsys.readouterr()
     assert "good.toml, lqr, velocity: unforeseen\nZeroDivisionError: of our own making\n" in captured.err
     assert "Traceback" not in captured.err
     assert "validation FAILED" in captured.out
-    found = json.loads(Path("found.json").read_text())
-    assert [run["drive"] for run in found["runs"]] == ["ideal", "ideal"]
-    assert [each["bad_input"] for each in found["failed"]] == [False]
+    result = json.loads(Path("result.json").read_text())
+    assert [run["drive"] for run in result["runs"]] == ["ideal", "ideal"]
+    assert [each["bad_input"] for each in result["failed"]] == [False]
     told = ["--controller", "lqr", "--drive", "velocity", "--jobs", "1", "--traceback"]
     assert main(["validate", "good.toml", *told]) == 70
     assert "Traceback (most recent call last)" in capsys.readouterr().err

@@ -22,6 +22,8 @@ from tests.campaign.campaigns import LAG, MASS, campaign, fixed
 from tests.campaign.results import two_controllers, write_all
 from tests.campaign.synthetic import synthetic_results, three
 
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
 STOPPED = "slack-rope"
 
 
@@ -205,10 +207,7 @@ def test_many_samples_are_drawn_as_hexagons_and_quantiles(usual: tuple[Results, 
     assert len(many) < len(usual[1]) < 1_000_000
 
 
-def test_the_command_writes_page_and_json(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_command_writes_page_and_json(capsys: pytest.CaptureFixture[str]) -> None:
     uncertain = {"rig.load_mass": MASS, "rig.winch_time_constant": LAG}
     write_all(two_controllers(plants=["mujoco"], uncertain=uncertain), Path("kept"))
     assert main(["campaign", "report", "kept", "--json", "-"]) == 0
@@ -225,10 +224,7 @@ def test_the_command_writes_page_and_json(
     assert Path("again.html").read_text() == page
 
 
-def test_a_place_that_cannot_be_written_and_an_unfinished_result(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_place_that_cannot_be_written_and_an_unfinished_result(capsys: pytest.CaptureFixture[str]) -> None:
     write_all(two_controllers(), Path("kept"), leave=2)
     assert main(["campaign", "report", "kept"]) == 2
     assert "is not finished" in capsys.readouterr().err

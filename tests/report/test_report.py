@@ -24,6 +24,8 @@ from cranectl.status import RunStatus
 from cranectl.support.colours import COLOURS
 from tests.conftest import closed_loop
 
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
 SHORT = ["--set", "duration=0.5", "--set", "disturbances=[]"]
 
 
@@ -161,10 +163,7 @@ def test_what_comes_from_users_is_escaped() -> None:
     assert reader.tags["svg"] == 1
 
 
-def test_report_of_logs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     for drive in ("ideal", "velocity"):
         arguments = ["run", "fixed-position", *SHORT, "--drive", drive, "--out", f"{drive}/run.mcap"]
         assert main(arguments) == 0
@@ -195,8 +194,7 @@ def test_report_of_logs(
     assert "not judged" not in predicted
 
 
-def test_report_of_one_plant_whose_run_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_report_of_one_plant_whose_run_stopped() -> None:
     stop = ["--set", "disturbances=[{joint='alpha', start=0.1, magnitude=20.0}]", "--set", "duration=2"]
     assert main(["run", "fixed-position", *stop, "--plant", "mujoco", "--out", "one.mcap"]) == 3
     assert main(["report", "one.mcap"]) == 0
@@ -250,13 +248,8 @@ def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
     ],
 )
 def test_wrong_input_is_refused_before_anything_is_computed(
-    arguments: list[str],
-    expected: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("file").write_text("")
     assert main(["report", *arguments]) == 2
     assert expected in capsys.readouterr().err

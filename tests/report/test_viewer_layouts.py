@@ -18,6 +18,8 @@ from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
 
 def leaves(layout: Any) -> Iterator[str]:
     """Panel ids of a layout."""
@@ -96,10 +98,7 @@ def test_unknown_names() -> None:
         layout_json("single", plants=["both"])
 
 
-def test_command_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["log", "layout", "comparison", "a.json"]) == 0
     assert "a.json" in capsys.readouterr().out
     assert Path("a.json").read_text() == layout_json("comparison")

@@ -37,22 +37,22 @@ TABLE_5_1, TABLE_5_4 = (PRINTED["tables"][name]["rows"] for name in ("5.1", "5.4
 
 @functools.cache
 def reproduction() -> tuple[Reproduction, float, ChapterFigures]:
-    """Chapter 5, run once for all tests here: found, simulated seconds, figures."""
+    """Chapter 5, run once for all tests here: result, simulated seconds, figures."""
     seconds: list[float] = []
     figures = ChapterFigures()
-    found = reproduce(lambda _, amount: seconds.append(amount), figures.watch)
-    return found, sum(seconds), figures
+    result = reproduce(lambda _, amount: seconds.append(amount), figures.watch)
+    return result, sum(seconds), figures
 
 
 def test_every_printed_number_is_within_its_tolerance_and_the_open_ones_are_named() -> None:
-    found, seconds, _ = reproduction()
-    assert found.passed
+    result, seconds, _ = reproduction()
+    assert result.passed
     assert seconds == pytest.approx(total_simulated_seconds())
-    assert len(list(found.numbers())) == 4 + 4 * 6 * 3
-    open_points = {(table, column) for table, _, column, number in found.numbers() if not number.explained}
+    assert len(list(result.numbers())) == 4 + 4 * 6 * 3
+    open_points = {(table, column) for table, _, column, number in result.numbers() if not number.explained}
     smooth = {
         (table, controller)
-        for table, controller, _, number in found.numbers()
+        for table, controller, _, number in result.numbers()
         if not number.explained and not controller.endswith("+hinf")
     }
     assert open_points == {
@@ -61,7 +61,7 @@ def test_every_printed_number_is_within_its_tolerance_and_the_open_ones_are_name
         ("5.4", "load_x"), ("5.4", "load_y"), ("5.4", "load_z"), ("norms", "gamma"),
     }  # fmt: skip
     assert {controller for table, controller in smooth if table == "norms"} == {"pole-placement+loop-shaping"}
-    for *_, number in found.numbers():
+    for *_, number in result.numbers():
         assert len(number.reason) > 5
 
 
@@ -170,15 +170,15 @@ def test_the_rope_column_of_table_5_1_is_read_after_the_second_step_for_the_prin
 
 
 def test_a_number_out_of_tolerance_fails() -> None:
-    found = reproduction()[0]
-    norms = found.tables["norms"]
+    result = reproduction()[0]
+    norms = result.tables["norms"]
     (controller, row), *_ = norms.rows.items()
     for sign in (1.0, -1.0):
         number = row["gamma"]
         wrong = replace(number, printed=number.printed + sign * 3.0 * number.tolerance)
         assert not wrong.within
         broken = replace(norms, rows={**norms.rows, controller: {"gamma": wrong}})
-        assert not replace(found, tables={**found.tables, "norms": broken}).passed
+        assert not replace(result, tables={**result.tables, "norms": broken}).passed
 
 
 def test_the_run_that_leaves_the_rig_is_reported() -> None:
@@ -188,10 +188,8 @@ def test_the_run_that_leaves_the_rig_is_reported() -> None:
     assert departure.violation.max_excess_m == pytest.approx(0.168, abs=0.001)
 
 
-def test_command_line_and_json(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("in_empty_directory")
+def test_command_line_and_json(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cranectl.thesis.reproduction.reproduce", lambda *_: reproduction()[0])
     assert main(["thesis", "--json", "thesis.json"]) == 0
     out = capsys.readouterr().out
@@ -209,8 +207,8 @@ def test_command_line_and_json(
 
 
 def test_the_report_has_every_figure_and_table_of_the_thesis() -> None:
-    found, _, figures = reproduction()
-    html = render(thesis_page(found, figures, "cranectl report"))
+    result, _, figures = reproduction()
+    html = render(thesis_page(result, figures, "cranectl report"))
     page = read_page(html)
     chapter_4 = [f"4.{k}" for k in range(1, 10)]
     chapter_5 = [f"5.{k}" for k in range(1, 48) if k != 9]  # 5.9 is a photograph
@@ -219,7 +217,7 @@ def test_the_report_has_every_figure_and_table_of_the_thesis() -> None:
     assert page.tags["svg"] == len(numbers)
     for name in ("5.1", "5.2", "5.3", "5.4"):
         assert f"Table {name}, p. " in page.text
-    for note in found.notes():
+    for note in result.notes():
         assert note[1:] in page.text
     for number in chapter_5[8:]:
         figure = html[html.index(f'id="figure-{number}"') :]
