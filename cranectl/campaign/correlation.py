@@ -39,9 +39,9 @@ def gaussian_copula(correlations: Sequence[Correlation], parameters: Sequence[Pa
         pairs[pair] = 2.0 * math.sin(math.pi * correlation.value / 6.0)
     used = sorted({name for pair in pairs for name in pair}, key=names.index)
     matrix = np.eye(len(used))
-    for (row, a), (column, b) in ((x, y) for x in enumerate(used) for y in enumerate(used)):
-        if a != b:
-            matrix[row, column] = pairs.get(frozenset((a, b)), 0.0)
+    for pair, value in pairs.items():
+        a, b = (used.index(name) for name in pair)
+        matrix[a, b] = matrix[b, a] = value
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     if smallest < LEAST_EIGENVALUE:
         raise InputError(

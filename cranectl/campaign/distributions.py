@@ -34,13 +34,6 @@ class Distribution(Settings, ABC):
     levels: Levels | None = Field(None, description="number of values on a grid")
     distribution: str
 
-    @model_validator(mode="after")
-    def _increases(self) -> Self:
-        low, high = getattr(self, "low", None), getattr(self, "high", None)
-        if low is not None and high is not None and not low < high:
-            raise ValueError(f"low = {low:g} must be below high = {high:g}")
-        return self
-
     @property
     def varies(self) -> bool:
         """Whether it has more than one value."""
@@ -85,7 +78,25 @@ class Distribution(Settings, ABC):
         """Smallest and largest value as given; infinite where there is none."""
 
 
-class Uniform(Distribution):
+class Range(Distribution):
+    """From low to high, as far as they are given."""
+
+    low: float | None = Field(None, description="smallest value")
+    high: float | None = Field(None, description="largest value")
+
+    @model_validator(mode="after")
+    def _increases(self) -> Self:
+        low, high = self._ends()
+        if not low < high:
+            raise ValueError(f"low = {low:g} must be below high = {high:g}")
+        return self
+
+    def _ends(self) -> Ends:
+        low = -math.inf if self.low is None else self.low
+        return low, math.inf if self.high is None else self.high
+
+
+class Uniform(Range):
     """Equally likely from low to high."""
 
     distribution: Literal["uniform"]
@@ -95,11 +106,8 @@ class Uniform(Distribution):
     def _inverse(self, u: Array, _mean: float) -> Array:
         return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
 
-    def _ends(self) -> Ends:
-        return self.low, self.high
 
-
-class LogUniform(Distribution):
+class LogUniform(Range):
     """Its logarithm is uniform: for scale parameters known to an order of magnitude."""
 
     distribution: Literal["log-uniform"]
@@ -113,18 +121,13 @@ class LogUniform(Distribution):
         values: Array = np.clip(self.low * exp10(u * decades), self.low, self.high)
         return values
 
-    def _ends(self) -> Ends:
-        return self.low, self.high
 
-
-class Normal(Distribution):
+class Normal(Range):
     """Normal; truncated where low or high is given, which moves mean and deviation."""
 
     distribution: Literal["normal"]
     mean: float | None = Field(None, description="before truncation; the nominal value when absent")
     deviation: Annotated[float, Field(gt=0.0)] = Field(description="standard deviation before truncation")
-    low: float | None = Field(None, description="smallest value")
-    high: float | None = Field(None, description="largest value")
 
     def mass(self, nominal: float) -> float:
         """Probability between low and high before truncation."""
@@ -153,10 +156,6 @@ class Normal(Distribution):
         if a > 0.0:
             side, a, b = -1.0, -b, -a
         return side, float(ndtr(a)), float(ndtr(b))
-
-    def _ends(self) -> Ends:
-        low = -math.inf if self.low is None else self.low
-        return low, math.inf if self.high is None else self.high
 
 
 Whole = Annotated[int, Field(ge=0, lt=2**32)]
@@ -246,7 +245,7 @@ class Fixed(FewValues):
         return {self.value: 1.0}
 
 
-class Integers(Distribution):
+class Integers(Range):
     """Equally likely whole numbers from low to high; by default any seed."""
 
     discrete: ClassVar[bool] = True
@@ -268,9 +267,6 @@ class Integers(Distribution):
     def _inverse(self, u: Array, _mean: float) -> Array:
         values: Array = np.clip(self.low + np.floor(u * (self.high - self.low + 1.0)), self.low, self.high)
         return values
-
-    def _ends(self) -> Ends:
-        return self.low, self.high
 
 
 AnyDistribution = Annotated[

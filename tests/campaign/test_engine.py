@@ -1,11 +1,8 @@
-"""Campaigns are run as single runs are: the same bits, on models that change in place, in any order."""
+"""Campaigns are run as single runs are: the same bits, in any order."""
 
 import threading
-from collections.abc import Iterator
 from typing import Any
 
-import mujoco
-import numpy as np
 import pytest
 
 from cranectl.campaign import Campaign, sample_values, sampled_scenario
@@ -15,13 +12,8 @@ from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_colu
 from cranectl.campaign.threads import run_batch, run_batches
 from cranectl.campaign.worker import StoppedError, Worker
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants.mujoco.model import DRAWN_LENGTH, compiled_model
-from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import NANOSECONDS
-from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS, EffectSettings
-from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fixed, uniform
@@ -129,114 +121,6 @@ def test_rows_are_those_of_single_runs_with_every_effect_of_the_engine() -> None
     for row in run_batch(made, Batch("mujoco", "lqr", 0, 4)):
         assert row["reason"] == ""
         assert_row_is(row, alone(made, int(row["sample"] or 0), "mujoco", "lqr"))
-
-
-def raw(model: mujoco.MjModel) -> bytes:
-    """All of a compiled model."""
-    buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
-    mujoco.mj_saveModel(model, None, buffer)
-    return buffer.tobytes()
-
-
-OTHER = {
-    "limits": {"force": (50.0, 30.0, 20.0)},
-    "friction": {
-        "coulomb": (1.0, 0.0, 2.0),
-        "viscous": (0.0, 1.0, 3.0),
-        "pivot_coulomb": 0.0,
-        "pivot_viscous": 2e-3,
-    },
-    "rope": {"stiffness": 6e4, "damping_ratio": 0.2, "mass": 0.01},
-    "body": {"hook_offset": 0.0, "inertia": 3e-3, "swing_damping": 0.0},
-    "frame": {"frequency": (8.0, 9.0), "damping_ratio": 0.0, "mass": 10.0},
-    "installation": {"tilt": (0.01, -0.02)},
-}
-OTHER_RIG = RigParameters(
-    gravity=9.7,
-    bridge_range=(0.1, 1.9),
-    trolley_range=(0.1, 1.5),
-    rope_range=(0.1, 1.3),
-    bridge_mass=5.0,
-    trolley_mass=3.0,
-    winch_mass=0.3,
-    load_mass=1.7,
-    bridge_time_constant=0.03,
-    trolley_time_constant=0.025,
-    winch_time_constant=0.04,
-)
-
-
-def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
-    """Every parameter of rig and effects changed by itself, then all of them."""
-    for name in RigParameters.model_fields:
-        value = getattr(OTHER_RIG, name)
-        assert value != getattr(RigParameters(), name)
-        yield RigParameters().model_copy(update={name: value}), ALL_EFFECTS
-    for effect, numbers in OTHER.items():
-        for name, number in numbers.items():
-            changed = getattr(ALL_EFFECTS, effect).model_copy(update={name: number})
-            yield RigParameters(), ALL_EFFECTS.model_copy(update={effect: changed})
-    yield OTHER_RIG, EffectSettings.model_validate(OTHER)
-
-
-def plant_of(rig: RigParameters, drive: Drive, effects: EffectSettings) -> MujocoPlant:
-    return MujocoPlant(rig, drive=drive, step=5e-4, substeps=1, effects=effects)
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-def test_a_model_changed_in_place_is_the_one_compiled_anew(drive: Drive) -> None:
-    plant = plant_of(RigParameters(), drive, ALL_EFFECTS)
-    state = np.array([1.0, 0.1, 0.7, 0.0, 0.6, 0.2, 0.1, 0.0, 0.1, 0.0])
-    for rig, effects in changes():
-        plant.reset(state)  # a rope changes the model as it moves
-        plant.advance(np.zeros(3), np.ones(2), np.ones(3), np.zeros(7))
-        assert plant.retune(rig, effects)
-        physical = effects.model_copy(update=dict.fromkeys(("sensing", "delay", "wind")))
-        new = compiled_model(rig, drive, 5e-4, physical)
-        assert raw(plant.model) == raw(new)
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("name", ["", *OTHER])
-def test_it_is_so_for_each_effect_alone_and_none(name: str, drive: Drive) -> None:
-    before = NO_EFFECTS.model_copy(update={name: getattr(ALL_EFFECTS, name)} if name else {})
-    after = EffectSettings.model_validate({name: OTHER[name]} if name else {})
-    plant = plant_of(RigParameters(), drive, before)
-    assert plant.retune(OTHER_RIG, after)
-    new = compiled_model(OTHER_RIG, drive, 5e-4, after)
-    assert raw(plant.model) == raw(new)
-    new.stat.meaninertia *= 1.0 + 1e-15
-    assert raw(plant.model) != raw(new), "a byte that differs is noticed"
-
-
-def test_every_number_of_the_effects_in_the_model_was_changed() -> None:
-    """An effect or a number that is added must come into OTHER."""
-    assert set(EffectSettings.model_fields) - set(OTHER) == {"sensing", "delay", "wind"}
-    for effect, numbers in OTHER.items():
-        left = set(type(getattr(ALL_EFFECTS, effect)).model_fields) - set(numbers)
-        assert left <= {"velocity", "acceleration", "on_slack", "drive_gain", "rope_offset"}, (
-            effect
-        )  # no part of the model
-
-
-def test_another_structure_takes_another_model() -> None:
-    plant = plant_of(RigParameters(), "velocity", ALL_EFFECTS)
-    before = raw(plant.model)
-    assert ALL_EFFECTS.rope is not None
-    weightless = ALL_EFFECTS.rope.model_copy(update={"mass": 0.0})
-    assert not plant.retune(OTHER_RIG, ALL_EFFECTS.model_copy(update={"rope": weightless}))
-    assert not plant.retune(OTHER_RIG, ALL_EFFECTS.model_copy(update={"frame": None}))
-    assert raw(plant.model) == before
-    assert 'mass="2.5"' in plant.description
-    plant.retune(OTHER_RIG, ALL_EFFECTS)
-    assert 'mass="3"' in plant.description
-
-
-def test_the_file_draws_the_rope_as_long_as_the_code_says() -> None:
-    from cranectl.support import resources
-
-    filed = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
-    assert filed.joint("rope_length").qpos0[0] == DRAWN_LENGTH
 
 
 def test_the_controller_knows_the_nominal_crane_only(both: Campaign) -> None:
