@@ -203,6 +203,15 @@ def flat_groups(robustifier_order: int) -> tuple[SignalGroup, ...]:
     return (FLAT_OUTPUT, ERROR, VIRTUAL_INPUT, controller_group(robustifier_order))
 
 
+def law_groups(name: str, logged: tuple[Signal, ...]) -> tuple[SignalGroup, ...]:
+    """What any other law `name` records: of load and error what the joints tell, and what it logs itself."""
+    load = SignalGroup("flat_output", "LoadFromJoints", "load as the joints tell it", FLAT_OUTPUT.signals[:6])
+    error = SignalGroup("error", "LoadError", "tracking error z_d - z and its rate", ERROR.signals[:6])
+    schema = f"Controller_{name.replace('-', '_')}"  # a schema has the signals of one law
+    own = SignalGroup("controller", schema, f"what {name} says of itself", logged)
+    return (load, error, own) if logged else (load, error)
+
+
 @functools.cache
 def recorded_groups(law: tuple[SignalGroup, ...], *, staged: str = "") -> tuple[SignalGroup, ...]:
     """Everything a run records at every sample, in column order: what is common, then what its `law` adds.
@@ -227,6 +236,9 @@ _STARTS = (0, *accumulate(len(group) for group in recorded_groups(flat_groups(0)
 ) = _STARTS[:-1]
 TENSION_COLUMN = LOAD_COLUMN + LOAD.names.index("rope_tension")
 BASE_WIDTH = _STARTS[-1]  # columns of the flat tracker without robustifier states
+LAW_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # first of what other laws record, then their errors, then their own
+LAW_ERROR_COLUMN = LAW_LOAD_COLUMN + 6
+LAW_SIGNALS_COLUMN = LAW_ERROR_COLUMN + 6
 COMMAND_COLUMN = len(MEASUREMENT)  # in the part of the record that is the signal path's
 PATH_WIDTH = len(MEASUREMENT) + len(command_group(""))
 

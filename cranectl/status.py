@@ -15,6 +15,7 @@ class RunStatus(IntEnum):
     ENGINE_WARNING = 6
     WORKSPACE_LEFT = 7
     INTERRUPTED = 8
+    CONTROLLER_FAILED = 9
 
     @property
     def stopped(self) -> bool:
@@ -42,4 +43,5 @@ _EXPLANATION = {
     RunStatus.ENGINE_WARNING: "the physics engine reported a numerical warning",
     RunStatus.WORKSPACE_LEFT: "bridge, trolley or rope left the workspace",
     RunStatus.INTERRUPTED: "the run was interrupted",
+    RunStatus.CONTROLLER_FAILED: "the controller said that it cannot go on, or commanded no number",
 }

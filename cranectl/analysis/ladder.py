@@ -7,7 +7,8 @@ from typing import Any
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size, deviation
 from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, Level, with_effects
-from cranectl.design import design_controller
+from cranectl.controllers.registry import controller_design, only_flat
+from cranectl.design import Design
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run
@@ -57,7 +58,7 @@ def evaluate_levels(
     """
     if top not in NAMES:
         raise unknown_name("fidelity level", top, NAMES)
-    design = design_controller(controller or scenario.controller, scenario.design)
+    design = controller_design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
     added = [name for name in names if name in EFFECTS]
     alone = {name: with_effects(scenario, [name]) for name in added}
@@ -69,11 +70,13 @@ def evaluate_levels(
             return simulate_run(tried, plant=level.plant, drive=level.drive, design=design, progress=progress)
         if progress is not None:
             progress(scenario.duration)
-        return simulate_continuous(tried, design)
+        return simulate_continuous(tried, only_flat(design))
 
     before: Run | None = None
     base: Run | None = None
     for level in LEVELS[: len(names)]:
+        if level.name == "continuous" and not isinstance(design, Design):
+            continue  # theory knows the flat family only
         run = simulated(level, whole.get(level.name) or with_effects(scenario, []))
         result = LevelResult(level, run, run_metrics(run), deviation(run, before) if before else None)
         if base is not None:

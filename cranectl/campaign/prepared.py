@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Campaign, nominal_scenario
 from cranectl.campaign.sampling import sample_values
+from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.flat import Tracker
-from cranectl.design import Design, design_controller
+from cranectl.controllers.registry import controller_design
 from cranectl.scenario import Scenario
-from cranectl.simulate import PlannedReference, plan_reference, tracker_of
+from cranectl.simulate import PlannedReference, law_of, plan_reference
 from cranectl.simulate.run import record_width
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ class Controller:
 
     nominal: Scenario
     reference: PlannedReference
-    tracker: Tracker
+    law: Tracker | AddressedLaw
     width: int  # columns of its record
 
 
@@ -39,7 +40,7 @@ class Prepared:
         """`controllers`: by default those of the campaign. Raises InputError where one cannot be run."""
         self.campaign = campaign
         names = campaign.settings.controllers if controllers is None else controllers
-        self._designs = {name: design_controller(name, campaign.nominal.design) for name in names}
+        self._designs = {name: controller_design(name, campaign.nominal) for name in names}
         self._drawn = functools.lru_cache(maxsize=4)(self._draw)
         self._planned = functools.lru_cache(maxsize=PERIODS)(plan_reference)
         self._made = functools.lru_cache(maxsize=PERIODS * len(names))(self._make)
@@ -63,5 +64,6 @@ class Prepared:
         return sample_values(self.campaign, first, min(first + BLOCK, self.campaign.runs))
 
     def _make(self, name: str, nominal: Scenario) -> Controller:
-        design: Design = self._designs[name]
-        return Controller(nominal, self._planned(nominal), tracker_of(nominal, design), record_width(design))
+        design, planned = self._designs[name], self._planned(nominal)
+        law = law_of(nominal, design, self.campaign.settings.drive, planned)
+        return Controller(nominal, planned, law, record_width(design))

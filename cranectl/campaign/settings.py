@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, create_model, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
-from cranectl.design import checked_controller
+from cranectl.controllers.registry import checked_controller
 from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry

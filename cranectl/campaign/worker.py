@@ -85,7 +85,7 @@ class Worker:
         run = start_run(
             plant,
             scenario,
-            controller.tracker,
+            controller.law,
             plan,
             nominal=controller.nominal,
             path_record=self._path_record,

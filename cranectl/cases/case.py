@@ -9,13 +9,13 @@ from typing import Any
 from cranectl.compare.limits import Predict, limits_for
 from cranectl.compare.runs import Agreement, against_reference
 from cranectl.compare.step_length import judge_steps
-from cranectl.design import design_controller
+from cranectl.controllers.registry import controller_design
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PLANTS, in_order
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
+from cranectl.simulate import Run, law_of, plan_scenario, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
@@ -142,7 +142,7 @@ def make_case(
     predict: Predict | None = None,
 ) -> Case:
     """A case with the scenario's own controller and name and the usual place for its log by default."""
-    controller = controller or scenario.controller
+    controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
     return Case(scenario, controller, drive, in_order(plants), log, source or scenario.name, predict)
 
@@ -171,9 +171,9 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     `progress` is called with simulated seconds. Raises InputError for wrong input, before anything is
     simulated. An interrupted run is logged and ends the case.
     """
-    design = design_controller(case.controller, case.scenario.design)
+    design = controller_design(case.controller, case.scenario)
     plan = plan_scenario(case.scenario)
-    tracker_of(case.scenario, design)  # raises if sampling makes the design unstable
+    law_of(case.scenario, design, case.drive, plan)  # raises where it cannot be sampled so
     check_writable(case.log)
     limits = limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
     runs: list[Run] = []

@@ -48,12 +48,13 @@ def advise_command(
     """
     from cranectl.analysis.advice import IMPROVEMENTS, advise
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.design import CONTROLLERS, checked_controller
+    from cranectl.controllers.registry import flat_design
+    from cranectl.design import CONTROLLERS
     from cranectl.report.rig.tables import controllers_table, improvements_table, recommendation
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
-    chosen = [checked_controller(name) for name in controllers] or list(CONTROLLERS)
+    chosen = [flat_design(name, loaded).name for name in controllers] or list(CONTROLLERS)
     with progress_bar(len(chosen) + IMPROVEMENTS, done="assessed") as (advance, describe):
         describe(loaded.name)
         found = advise(loaded, chosen, progress=advance)

@@ -89,7 +89,7 @@ def certify_command(
     from cranectl.analysis.certificate.structured import drive_margins
     from cranectl.cli import exit_codes
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.design import design_controller
+    from cranectl.controllers.registry import flat_design
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import default_scenario, load_scenario
     from cranectl.simulate import checked_drive
@@ -103,7 +103,7 @@ def certify_command(
     else:
         loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     checked = checked_drive(drive)
-    design = design_controller(controller, loaded.design)
+    design = flat_design(controller, loaded)
     points = grid_of(
         loaded,
         rope_lengths=rope_lengths or ROPE_LENGTHS,

@@ -38,23 +38,31 @@ def design_command(
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     """
     from cranectl.cli.output import console, write_json
-    from cranectl.design import design_controller
-    from cranectl.report.design_tables import design_tables
+    from cranectl.controllers.registry import controller_design, load_controller, only_flat
+    from cranectl.design import Design
+    from cranectl.report.design_tables import design_tables, law_tables
     from cranectl.scenario import default_scenario, load_scenario
-    from cranectl.simulate import tracker_of
+    from cranectl.simulate import linearised_law, tracker_of
 
     if scenario is None:
         loaded = default_scenario(rig=rig, overrides=overrides)
     else:
         loaded = load_scenario(scenario, rig=rig, overrides=overrides)
-    design = design_controller(name, loaded.design)
+    design = controller_design(name, loaded)
+    screen = console(json_file)
+    if not isinstance(design, Design):
+        if plot is not None:
+            only_flat(design)  # raises
+        for table in law_tables(design, load_controller(name), linearised_law(loaded, design)):
+            screen.print(table)
+        write_json(json_file, design.to_json())
+        return
     tracker_of(loaded, design)  # raises if sampling makes it unstable
     if plot is not None:
         from cranectl.report.design_figures import design_figure  # matplotlib, only where it is asked for
         from cranectl.report.figure_file import save_figure
 
         save_figure(design_figure(design), plot)
-    screen = console(json_file)
     for table in design_tables(design):
         screen.print(table)
     if plot is not None:

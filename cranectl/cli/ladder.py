@@ -62,7 +62,7 @@ def ladder_command(
     from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
-    name = controller or loaded.controller
+    name = controller or loaded.controller.name
     log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     check_writable(log)
     results = []

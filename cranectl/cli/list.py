@@ -18,7 +18,7 @@ def list_command(json_file: str | None) -> None:
     cranectl list --json -
     """
     from cranectl.cli.output import console, write_json
-    from cranectl.design import CONTROLLERS
+    from cranectl.controllers.registry import controller_names
     from cranectl.plants.plant import DRIVES
     from cranectl.plants.registry import PLANTS
     from cranectl.report.table import Table, cells
@@ -26,10 +26,10 @@ def list_command(json_file: str | None) -> None:
 
     scenarios = [load_scenario(name) for name in scenario_names()]
     out = console(json_file)
-    rows = tuple(cells(each.name, f"{each.duration:g} s", each.controller, each.title) for each in scenarios)
+    rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
     out.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
     registries: dict[str, tuple[str, ...]] = {
-        "controllers": CONTROLLERS,
+        "controllers": controller_names(),
         "plants": tuple(PLANTS),
         "drives": DRIVES,
     }

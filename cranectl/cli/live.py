@@ -64,7 +64,7 @@ def live_command(
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases.case import LOG_DIRECTORY, default_log
-    from cranectl.design import design_controller
+    from cranectl.controllers.registry import controller_design
     from cranectl.live.commands import Controls
     from cranectl.live.complaints import complaints
     from cranectl.live.guard import checked_origin
@@ -77,8 +77,8 @@ def live_command(
     from cranectl.simulate import checked_drive
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
-    design = design_controller(controller or loaded.controller, loaded.design)
-    controls = Controls(loaded, design, speed=speed)
+    design = controller_design(controller or loaded.controller.name, loaded)
+    controls = Controls(loaded, design, drive=drive, speed=speed)
     plants = in_order(plants or PLANTS)
     session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))

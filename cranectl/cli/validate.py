@@ -16,7 +16,13 @@ if TYPE_CHECKING:
 
 @click.command("validate", cls=Command)
 @click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
-@click.option("--controller", "controllers", metavar="NAME", multiple=True, help="Default: all; repeatable.")
+@click.option(
+    "--controller",
+    "controllers",
+    metavar="NAME",
+    multiple=True,
+    help="Default: the flat family; all: every controller; repeatable.",
+)
 @plants_option("Default: all.")
 @drive_option(default="both")
 @scenario_options
@@ -65,14 +71,14 @@ def validate_command(
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import progress_bar
     from cranectl.cli.validate_output import report_validation
-    from cranectl.design import CONTROLLERS, checked_controller
+    from cranectl.controllers.registry import chosen_controllers
     from cranectl.log import check_writable
     from cranectl.plants.plant import DRIVES
     from cranectl.plants.registry import PLANTS
     from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
 
-    names = [checked_controller(name) for name in dict.fromkeys(controllers)] or CONTROLLERS
+    names = chosen_controllers(controllers)
     drives = DRIVES if drive == "both" else (checked_drive(drive),)
     loaded, unloaded = _loaded(tuple(dict.fromkeys(scenarios)) or scenario_names(), rig, overrides)
     cases = [

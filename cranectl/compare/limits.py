@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
 from cranectl.scenario import Scenario, load_scenario, scenario_names
 from cranectl.support import resources
@@ -43,6 +44,7 @@ Predict = Callable[[Scenario, Design], Limits | NoLimits]  # of velocity drives 
 
 VELOCITY_PAIR = ("analytic", "mujoco")
 OTHER_PAIR = NoLimits(f"with velocity drives limits are known for {' and '.join(VELOCITY_PAIR)} only")
+OTHER_LAW = NoLimits("with velocity drives limits are known for controllers of the flat family only")
 NOT_SHIPPED = NoLimits(
     "with velocity drives the limits hold for the shipped scenarios and their own rig; "
     "--predict finds the bound of this one"
@@ -51,7 +53,7 @@ NOT_SHIPPED = NoLimits(
 
 def limits_for(
     scenario: Scenario,
-    design: Design,
+    design: Design | LawDesign,
     drive: str,
     plants: Iterable[str],
     *,
@@ -62,6 +64,8 @@ def limits_for(
         return agreement_limits(drive)
     if not set(VELOCITY_PAIR) <= set(plants):
         return OTHER_PAIR
+    if not isinstance(design, Design):
+        return OTHER_LAW
     if is_shipped(scenario):
         return agreement_limits(drive)
     return predict(scenario, design) if predict is not None else NOT_SHIPPED

@@ -25,7 +25,7 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
     for what, values in (
         ("controllers", (a.design.name, b.design.name)),
         ("drives", (a.drive, b.drive)),
-        ("numbers of robustifier states", (a.design.robustifier.order, b.design.robustifier.order)),
+        ("numbers of recorded signals", tuple(sum(map(len, run.design.groups)) for run in (a, b))),
     ):
         if values[0] != values[1]:
             raise _unmergeable(a, b, f"different {what}, {values[0]} and {values[1]}")

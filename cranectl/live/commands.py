@@ -14,9 +14,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cranectl.design import CONTROLLERS, Design, design_controller, with_gain
+from cranectl.controllers.controller import LawDesign
+from cranectl.controllers.registry import controller_design, load_controller
+from cranectl.design import Design, with_gain
 from cranectl.scenario import Scenario
-from cranectl.simulate.runner import tracker_of
+from cranectl.simulate import checked_drive, law_of, plan_reference
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.text import printable
 
@@ -28,6 +30,7 @@ MAX_PULSE = 50.0  # [rad/s²]
 PULSE_SECONDS = 0.2
 DEFAULT_PULSE = {"pulse_alpha": 2.0, "pulse_beta": 0.0}  # [rad/s²]
 GAINS = ("k0", "k1", "k2", "k3")
+LAW = ("controller", *GAINS)
 MAX_GAIN = 1e9
 MAX_CHANGES = 100  # in one request: each that is refused takes its time and a line
 
@@ -44,7 +47,7 @@ class Say:
 class Use:
     """Another controller, known to be stable."""
 
-    design: Design
+    design: Design | LawDesign
 
 
 @dataclass(frozen=True)
@@ -65,16 +68,18 @@ Command = Say | Use | Pulse | Reset
 class Controls:
     """The parameters of a session by name, and the commands that follow from changing them."""
 
-    def __init__(self, scenario: Scenario, design: Design, *, speed: float = 1.0) -> None:
+    def __init__(
+        self, scenario: Scenario, design: Design | LawDesign, *, drive: str = "ideal", speed: float = 1.0
+    ) -> None:
         """Raises InputError for a speed that is not allowed."""
-        self._scenario, self._design = scenario, design
+        self._scenario, self._design, self._drive = scenario, design, checked_drive(drive)
         self._lock = threading.Lock()
         self._commands: SimpleQueue[Command] = SimpleQueue()
         self._values: dict[str, Value] = {
             "pause": False,
             "speed": checked_number("speed", speed, *SPEEDS),
             "controller": design.name,
-            **_gains(design),
+            **tunable(design),
             **DEFAULT_PULSE,
         }
 
@@ -98,14 +103,14 @@ class Controls:
     def set(self, changes: Mapping[str, object]) -> None:
         """Change parameters by name. A wrong value is refused with a line in the log and changes nothing.
 
-        Controller and gains that come together are one change, so gains need not be stable one by one.
+        A controller and its numbers that come together are one change: they need not be stable one by one.
         """
         if len(changes) > MAX_CHANGES:
             text = f"{len(changes)} parameters at once refused; allowed: {MAX_CHANGES}"
             self._say(text, warning=True)
             return
         with self._lock:
-            law = {name: value for name, value in changes.items() if name in ("controller", *GAINS)}
+            law = {name: value for name, value in changes.items() if name in LAW or "." in name}
             if law:
                 self._try(", ".join(law), self._set_law, law)
             for name in changes:
@@ -145,22 +150,24 @@ class Controls:
             self._say(text)
 
     def _set_law(self, changes: Mapping[str, object]) -> None:
-        """Another controller, other gains, or both."""
+        """Another controller, other numbers of it, or both."""
         controller, design = self._values["controller"], self._design
         if changes.get("controller", controller) != controller:
             controller = str(changes["controller"])
-            if controller not in CONTROLLERS:
-                raise unknown_name("controller", controller, CONTROLLERS)
-            design = design_controller(controller, self._scenario.design)
-        wanted = {**_gains(design), **{name: value for name, value in changes.items() if name in GAINS}}
-        gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in wanted.items()])
-        if (gain != design.gain).any():
-            design = with_gain(design, gain)
-        if design is self._design:
+            design = controller_design(controller, self._scenario)
+        before = tunable(design)
+        wanted = {name: value for name, value in changes.items() if name != "controller"}
+        for name in wanted:
+            if name not in before:
+                raise unknown_name("parameter", name, before)
+        design = _with_numbers(design, {**before, **wanted})
+        if design is self._design or (isinstance(design, LawDesign) and design == self._design):
             return
-        tracker_of(self._scenario, design)  # raises if sampling makes it unstable
+        law_of(self._scenario, design, self._drive, plan_reference(self._scenario))  # raises if unstable
+        for name in tunable(self._design):
+            del self._values[name]
         self._design = design
-        self._values |= {"controller": controller, **_gains(design)}
+        self._values |= {"controller": controller, **tunable(design)}
         self._commands.put(Use(design))
 
     def _say(self, message: str, *, warning: bool = False) -> None:
@@ -192,5 +199,17 @@ def _checked_bool(name: str, value: object) -> bool:
     return value
 
 
-def _gains(design: Design) -> dict[str, float]:
-    return dict(zip(GAINS, design.gain.tolist(), strict=True))
+def tunable(design: Design | LawDesign) -> dict[str, Value]:
+    """What of a controller may be changed in a run: gains, or the parameters of a law, `pid.proportional`."""
+    if isinstance(design, Design):
+        return dict(zip(GAINS, design.gain.tolist(), strict=True))
+    return {f"{design.name}.{name}": value for name, value in design.parameters.items()}
+
+
+def _with_numbers(design: Design | LawDesign, numbers: Mapping[str, Any]) -> Design | LawDesign:
+    """`design` with all that is tunable in it; raises InputError for what is not allowed."""
+    if isinstance(design, LawDesign):
+        given = {name.partition(".")[2]: value for name, value in numbers.items()}
+        return load_controller(design.name).designed(given)
+    gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in numbers.items()])
+    return with_gain(design, gain) if (gain != design.gain).any() else design

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import foxglove
 
-from cranectl.live.commands import PULSE_SECONDS, Command, Controls, Pulse, Reset, Say, Use
+from cranectl.live.commands import PULSE_SECONDS, Command, Controls, Pulse, Reset, Say, Use, Value, tunable
 from cranectl.live.increments import Increments
 from cranectl.live.listener import Address, Listener, as_parameters, listen
 from cranectl.live.pace import Pace
@@ -108,8 +108,8 @@ class LiveServer:
         elif isinstance(command, Use):
             self._finish()
             self._session.use(command.design)
-            gains = ", ".join(f"{gain:g}" for gain in command.design.gain)
-            self._begin(f"controller {command.design.name}: {gains}")
+            numbers = ", ".join(map(_short, tunable(command.design).values()))
+            self._begin(f"controller {command.design.name}: {numbers}")
         elif isinstance(command, Reset):
             self._finish()
             self._session.reset()
@@ -148,3 +148,7 @@ class LiveServer:
         duration_ns = session.scenario.steps * session.scenario.period_ns
         completed = session.now_ns - session.origin_ns > duration_ns
         self._recorder.finish([run for run in self._runs if run.plant in self._recorded], completed)
+
+
+def _short(value: Value) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

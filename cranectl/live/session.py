@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.flat import ROBUSTIFIER, initial_memory
+from cranectl.controllers.controller import LawDesign
+from cranectl.controllers.flat import ROBUSTIFIER
 from cranectl.design import Design
 from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import PLANTS
@@ -21,7 +22,7 @@ from cranectl.simulate.loop_inputs import LoopInputs
 from cranectl.simulate.loops import AdvanceBlock, compiled_loop
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run, record_width
-from cranectl.simulate.runner import inputs_of, make_plant, tracker_of
+from cranectl.simulate.runner import by_kind, inputs_of, law_of, make_plant, memory_of
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
 
@@ -54,7 +55,12 @@ class Session:
     """Plants that start together and are advanced together; one that stops waits for the next start."""
 
     def __init__(
-        self, scenario: Scenario, design: Design, *, plants: Iterable[str] = PLANTS, drive: Drive = "ideal"
+        self,
+        scenario: Scenario,
+        design: Design | LawDesign,
+        *,
+        plants: Iterable[str] = PLANTS,
+        drive: Drive = "ideal",
     ) -> None:
         """Ready at time zero; raises InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive
@@ -62,12 +68,12 @@ class Session:
         self.origin_ns = 0  # time of the last start
         self._samples = 0  # since the last start
         self._pulses: list[_Pulse] = []
-        tracker, start = tracker_of(scenario, design), self.plan.initial_state
+        self._law, start = law_of(scenario, design, drive, self.plan), self.plan.initial_state
         self._states = [
             _PlantState(
                 plant,
                 compiled_loop(plant),
-                inputs_of(scenario, tracker, make_actuation(scenario, start), self.plan, drive),
+                inputs_of(scenario, self._law, make_actuation(scenario, start), self.plan, drive),
                 np.zeros(0),
             )
             for plant in (make_plant(name, scenario, drive) for name in plants)
@@ -104,20 +110,23 @@ class Session:
         self._pulses = [pulse for pulse in self._pulses if pulse.end > self._samples]
         return runs
 
-    def use(self, design: Design) -> None:
+    def use(self, design: Design | LawDesign) -> None:
         """Go on with another controller; raises InputError if its sampling makes it unstable.
 
-        The dynamic extension and the set-points carry over; so do the states of a robustifier that stays,
-        another one starts from rest.
+        The set-points carry over. From one of the flat family to another the dynamic extension does as well,
+        and so do the states of a robustifier that stays; any other law begins at the reference as it is now.
         """
-        tracker = tracker_of(self.scenario, design)
-        kept = design.robustifier is self.design.robustifier
-        self.design = design
+        self._law = law = law_of(self.scenario, design, self.drive, self.plan)
+        before, self.design = self.design, design
         for state in self._states:
-            state.inputs = state.inputs._replace(tracker=tracker)
-            if not kept:
-                states = np.zeros(3 * design.robustifier.sampled_order)
-                state.memory = np.concatenate([state.memory[:ROBUSTIFIER], states])
+            old = state.memory
+            state.inputs = state.inputs._replace(**by_kind(law))
+            state.memory = memory_of(law, self.plan.reference[min(self._samples, self.scenario.steps)])
+            if state.inputs.law is not None:
+                state.inputs.law.clock[0] = self._samples
+            elif isinstance(before, Design) and isinstance(design, Design):
+                kept = len(old) if design.robustifier is before.robustifier else ROBUSTIFIER
+                state.memory[:kept] = old[:kept]
 
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
@@ -135,7 +144,8 @@ class Session:
             state.plant.reset(start)
             state.inputs.slack[:] = 0.0
             state.inputs.actuation.velocity[:] = start[1:6:2]
-            state.memory = initial_memory(state.inputs.tracker, self.plan.reference[0])
+            state.inputs = state.inputs._replace(**by_kind(self._law))
+            state.memory = memory_of(self._law, self.plan.reference[0])
             state.path = make_signal_path(
                 self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns)
             )

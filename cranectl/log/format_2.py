@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from cranectl.controllers.controller import LawDesign
+from cranectl.controllers.registry import design_from_json
 from cranectl.design import Design
 from cranectl.log.consistency import MAX_NS, Outcome, check_design, check_outcome
 from cranectl.log.header import LogHeader
@@ -75,9 +77,11 @@ def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
     return data
 
 
-def _design(data: dict[str, Any]) -> Design:
+def _design(data: dict[str, Any]) -> Design | LawDesign:
     """The design in `data`, if it says the same as `data`: whole matrices of numbers, none of them NaN."""
-    design = Design.from_json(data)
+    design = design_from_json(data)
+    if isinstance(design, LawDesign):
+        return design
     for _, number in leaves({name: value for name, value in data.items() if name != "name"}):
         if number is None:
             continue

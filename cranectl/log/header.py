@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
 from cranectl.log import topics
 from cranectl.log.consistency import Clock, Outcome
@@ -18,7 +19,7 @@ class LogHeader:
     """The metadata and attachments of a log, understood."""
 
     scenario: Scenario
-    design: Design
+    design: Design | LawDesign
     drive: Drive
     every: int  # logged every n-th control sample
     models: Mapping[str, str]  # the plants' own descriptions, by plant

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cranectl.compare.limits import Limits, NoLimits
 from cranectl.compare.runs import against_reference, compare_runs, judge
+from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
 from cranectl.log import schema, topics
 from cranectl.log.events import Event, StatusChange, events, status_changes
@@ -154,8 +155,8 @@ def run_info(runs: Sequence[Run]) -> Stream:
     return _text(topics.RUN_INFO, "RunInfo", values)
 
 
-def design_info(design: Design) -> Stream:
-    """Gains, poles, margins."""
+def design_info(design: Design | LawDesign) -> Stream:
+    """Gains, poles, margins, or parameters."""
     values = {name: json.dumps(value) for name, value in design.to_json().items()}
     return _text(topics.DESIGN, "Design", values)
 

@@ -35,13 +35,23 @@ class Trajectory:
         """
         time = np.asarray(time, dtype=np.float64)
         rows = np.zeros((len(time), 5, 3))
-        joints = self.joints
-        # Joints are sums of decimal durations: meet the sample that is meant, a nanosecond early.
-        index = np.searchsorted(joints - 1e-9, time, side="right") - 1
+        index, joints = self._segment_at(time), self.joints
         for k, path in enumerate((*self.paths, self._final_hold())):
             chosen = index == k
             rows[chosen] = path.sample(time[chosen] - joints[k])
         return rows.reshape(len(time), 15)
+
+    def set_points(self, time: Array) -> Array:
+        """Where the segment that runs at `time` [s] ends, at rest: rows (N, 15) for a set-point law."""
+        rows = np.zeros((len(time), 15))
+        ends = np.array([_end_point(path) for path in (*self.paths, self._final_hold())])
+        rows[:, :3] = ends[self._segment_at(time)]
+        return rows
+
+    def _segment_at(self, time: Array) -> NDArray[np.intp]:
+        """Index of the path that runs at `time`; at a joint the later one counts."""
+        # Joints are sums of decimal durations: meet the sample that is meant, a nanosecond early.
+        return np.searchsorted(self.joints - 1e-9, time, side="right") - 1
 
     def jumps(self) -> list[tuple[float, int, float]]:
         """Discontinuities: (time [s], derivative order, size), the start from rest included."""

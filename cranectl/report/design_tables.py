@@ -1,20 +1,65 @@
 """What a design achieves, for the terminal."""
 
 import math
+from collections.abc import Sequence
 from itertools import zip_longest
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cranectl.controllers.controller import Controller, LawDesign, LinearLaw
 from cranectl.design import Design
+from cranectl.design.records import Margins
 from cranectl.report.table import Table, cells
 
 
 def design_tables(design: Design) -> tuple[Table, Table]:
     """Figures of a design, and its poles."""
-    margins = design.margins
     figures = (
         ("gain k0 … k3", "  ".join(f"{gain:.6g}" for gain in design.gain), "on e and three derivatives"),
         *_gamma_rows(design),
+        *_margin_rows(design.margins),
+    )
+    both = map(_poles, (design.closed_loop_poles, np.linalg.eigvals(design.robustifier.a)))
+    poles = zip_longest(*both, fillvalue="")
+    return (
+        Table(f"{design.name}, one axis", ("", "", ""), tuple(cells(*row) for row in figures), labels=3),
+        Table("Poles [1/s]", ("closed loop", "robustifier"), tuple(cells(*row) for row in poles), labels=2),
+    )
+
+
+def law_tables(design: LawDesign, controller: Controller, linear: Sequence[LinearLaw]) -> tuple[Table, ...]:
+    """Parameters of a law, and what it achieves near rest at some rope lengths, if it can say it."""
+    rows = tuple(
+        cells(each.name, _value_text(design.parameters[each.name]), each.unit, each.description)
+        for each in controller.parameters
+    )
+    title = f"{design.name}: {controller.title}"
+    tables = [Table(title, ("parameter", "", "", ""), rows, labels=4)]
+    if linear:
+        import control
+
+        from cranectl.design.margins import closed_loop_poles, loop_margins
+
+        loops = [control.ss(law.a, law.b, law.gain.reshape(1, -1), 0.0) for law in linear]
+        margins = [_margin_rows(loop_margins(loop)) for loop in loops]
+        poles = [_poles(closed_loop_poles(loop)) for loop in loops]
+        lines = [("gain", *("  ".join(f"{value:.4g}" for value in law.gain) for law in linear))]
+        lines += [(f"pole {k} [1/s]", *row) for k, row in enumerate(zip(*poles, strict=True), 1)]
+        lines += [(row[0][0], *(text for _, text, _ in row)) for row in zip(*margins, strict=True)]
+        headings = ("one horizontal axis", *(f"rope of {law.rope_length:g} m" for law in linear))
+        title = "Linearised about rest, loop opened at the drive's acceleration"
+        tables.append(Table(title, headings, tuple(cells(*line) for line in lines), labels=1 + len(linear)))
+    return tuple(tables)
+
+
+def _value_text(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def _margin_rows(margins: Margins) -> tuple[tuple[str, str, str], ...]:
+    return (
         ("gain margin", f"{margins.gain_margin:.3f}", "factor on the loop gain that destabilises"),
         ("phase margin", f"{math.degrees(margins.phase_margin):.1f}°", "at the crossover"),
         ("disk margin", f"{margins.disk_margin:.3f}", "balanced S - T: gain and phase together"),
@@ -23,15 +68,6 @@ def design_tables(design: Design) -> tuple[Table, Table]:
         ("peak of T", f"{margins.complementary_peak:.3f}", ""),
         ("crossover", f"{margins.crossover:.2f} rad/s", "loop gain 1"),
         ("bandwidth", f"{margins.bandwidth:.2f} rad/s", "T 3 dB below 1"),
-    )
-    closed_loop, robustifier = (
-        [_pole_text(pole) for pole in sorted(poles.tolist(), key=lambda pole: (-pole.real, pole.imag))]
-        for poles in (design.closed_loop_poles, np.linalg.eigvals(design.robustifier.a))
-    )
-    poles = zip_longest(closed_loop, robustifier, fillvalue="")
-    return (
-        Table(f"{design.name}, one axis", ("", "", ""), tuple(cells(*row) for row in figures), labels=3),
-        Table("Poles [1/s]", ("closed loop", "robustifier"), tuple(cells(*row) for row in poles), labels=2),
     )
 
 
@@ -45,6 +81,11 @@ def _gamma_rows(design: Design) -> list[tuple[str, str, str]]:
     if design.stability_margin is not None:
         rows.append(("stability margin", f"{design.stability_margin:.5f}", "1 / gamma achieved"))
     return rows
+
+
+def _poles(poles: NDArray[Any]) -> list[str]:
+    """The slowest first."""
+    return [_pole_text(pole) for pole in sorted(poles.tolist(), key=lambda pole: (-pole.real, pole.imag))]
 
 
 def _pole_text(pole: complex) -> str:

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
 
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import Position, RigParameters
@@ -102,6 +102,29 @@ class ControlSettings(Settings):
     )
 
 
+class ControllerSettings(Settings):
+    """The controller run by default, and in a table for each law, by its name, its parameters."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, dict[str, float | str]] = Field(init=False)
+
+    name: str = Field("pole-placement", description="the controller run by default")
+
+    @property
+    def parameters(self) -> dict[str, dict[str, float | str]]:
+        """By law; what is not there has its default."""
+        return self.__pydantic_extra__
+
+    @model_serializer
+    def _as_short_as_written(self) -> dict[str, Any] | str:
+        return {"name": self.name, **self.parameters} if self.parameters else self.name
+
+
+def _controller_table(value: object) -> object:
+    """`controller = "lqr"` for a table of no more than a name."""
+    return {"name": value} if isinstance(value, str) else value
+
+
 class HinfSettings(Settings):
     """S/KS mixed sensitivity: W_s = (s/M + w) / (s + w A) on the error, a constant on v-bar."""
 
@@ -173,7 +196,9 @@ class Scenario(Settings):
     )
     title: str = Field("", description="one line for people")
     duration: Duration = Field(description="[s]")
-    controller: str = Field("pole-placement", description="the controller run by default")
+    controller: Annotated[ControllerSettings, BeforeValidator(_controller_table)] = Field(
+        ControllerSettings(), description="its name, or a table of name and parameters"
+    )
     expected: Literal["completed", "slack-rope", "angle-singular", "length-singular", "workspace-left"] = (
         Field("completed", description="how every run must end for a validation to pass")
     )
@@ -273,6 +298,8 @@ def _scenario(table: Table, source: str, rig: Path | None, overrides: Sequence[s
         rig_table = read_toml(rig)
         parse_settings(RigParameters, rig_table, str(rig))
         table = merged(table, {"rig": rig_table})
+    if "controller" in table:
+        table = {**table, "controller": _controller_table(table["controller"])}
     return parse_settings(Scenario, override(table, overrides), source)
 
 

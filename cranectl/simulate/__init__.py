@@ -2,7 +2,14 @@
 
 from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run, plan_scenario
 from cranectl.simulate.run import Run, groups_of
-from cranectl.simulate.runner import checked_drive, make_plant, simulate_run, tracker_of
+from cranectl.simulate.runner import (
+    checked_drive,
+    law_of,
+    linearised_law,
+    make_plant,
+    simulate_run,
+    tracker_of,
+)
 
 __all__ = [
     "Plan",
@@ -10,6 +17,8 @@ __all__ = [
     "Run",
     "checked_drive",
     "groups_of",
+    "law_of",
+    "linearised_law",
     "make_plant",
     "plan_reference",
     "plan_run",

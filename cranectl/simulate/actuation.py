@@ -20,6 +20,7 @@ class Actuation(NamedTuple):
     """What the loop does between a law and the drives of bridge, trolley, winch."""
 
     lag: Array  # (3,) [s], cancelled in the velocity set-points
+    time_constant: Array  # (3,) [s], of the drives
     period: float  # [s]
     velocity: Array  # (3,) integral of the commanded accelerations [m/s], the set-points without lead
 
@@ -28,6 +29,7 @@ def make_actuation(nominal: Scenario, start: Array) -> Actuation:
     """For a run that starts at `start` (10,) under a controller that takes the crane for `nominal`."""
     return Actuation(
         lag=nominal.rig.time_constants * nominal.control.lag_compensation,
+        time_constant=nominal.rig.time_constants,
         period=nominal.period_ns / NANOSECONDS,
         velocity=start[1:6:2].copy(),
     )
@@ -39,6 +41,15 @@ def actuate(actuation, command):
     for i in range(3):
         command[3 + i] = actuation.velocity[i] + actuation.lag[i] * command[i]
         actuation.velocity[i] += actuation.period * command[i]
+
+
+@jit
+def take_set_points(actuation, state, command):
+    """`command[:3]` are set-points: put them into `command[3:]` and, before, what drives make of them."""
+    for i in range(3):
+        command[3 + i] = command[i]
+        command[i] = (command[3 + i] - state[2 * i + 1]) / actuation.time_constant[i]
+        actuation.velocity[i] = command[3 + i]
 
 
 @jit

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.controllers.addressed import JOINTS, AddressedLaw, addressed_step, addressed_wait
 from cranectl.controllers.flat import Tracker, control_step, keep_taut, wait_step
 from cranectl.signals import COMMAND_COLUMN, DISTURBANCE_COLUMN, INPUT_COLUMN, STATE_COLUMN, TENSION_COLUMN
-from cranectl.simulate.actuation import Actuation, actuate, brake
+from cranectl.simulate.actuation import Actuation, actuate, brake, take_set_points
 from cranectl.simulate.signal_path import act, sense
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
@@ -24,7 +25,8 @@ WORKSPACE_LEFT = int(RunStatus.WORKSPACE_LEFT)
 class LoopInputs(NamedTuple):
     """Everything a loop needs besides the plant, the record and the memory of the law."""
 
-    tracker: Tracker
+    tracker: Tracker | None  # of the flat family
+    law: AddressedLaw | None  # or any other; for the one that is None there is no code in a compiled loop
     actuation: Actuation
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
@@ -37,30 +39,77 @@ class LoopInputs(NamedTuple):
 
 
 @jit
-def _control(inputs, state, k, memory, row):
-    """The law, or what takes its place while the rope is slack, and the set-points that follow."""
+def flat_command(tracker, inputs, state, k, memory, row):
+    """What the flat family commands, or, while the rope is slack, the drives' coming to rest."""
+    if tracker is None:
+        return RUNNING
     command, status = row[INPUT_COLUMN : INPUT_COLUMN + 6], RUNNING
     if inputs.recover:
-        keep_taut(inputs.tracker, memory)
+        keep_taut(tracker, memory)
     if inputs.slack[0] > 0.0:
-        wait_step(inputs.tracker, state, inputs.reference[k], memory, row)
+        wait_step(tracker, state, inputs.reference[k], memory, row)
         brake(inputs.actuation, command)
     else:
-        status = control_step(inputs.tracker, state, inputs.reference[k], memory, row)
+        status = control_step(tracker, state, inputs.reference[k], memory, row)
     if status == RUNNING:
         actuate(inputs.actuation, command)
     return status
 
 
 @jit
+def law_command(law, inputs, path, state, k, memory, row):
+    """The same of any other law."""
+    if law is None:
+        return RUNNING
+    command, reference = row[INPUT_COLUMN : INPUT_COLUMN + 6], inputs.reference[k]
+    if inputs.slack[0] > 0.0:
+        addressed_wait(law, state, reference, memory, row)
+        brake(inputs.actuation, command)
+        actuate(inputs.actuation, command)
+        return RUNNING
+    give_measured(law, path, state, k)
+    status = addressed_step(law, state, reference, memory, row)
+    if status != RUNNING:
+        return status
+    if law.velocity:
+        take_set_points(inputs.actuation, state, command)
+    else:
+        actuate(inputs.actuation, command)
+    return RUNNING
+
+
+@jit
+def give_measured(law, path, state, k):
+    """What the law is given: joints and what the observer makes of disturbances, or encoder readings."""
+    for i in range(2 * JOINTS):
+        law.measured[i] = state[i]
+    if path is not None:
+        law.measured[10], law.measured[11] = path.record[k, 10], path.record[k, 11]
+    if law.encoders:
+        for joint in range(JOINTS):
+            law.measured[joint] = state[2 * joint] if path is None else path.readings[joint]
+        for i in range(JOINTS, 12):
+            law.measured[i] = 0.0
+
+
+@jit
+def _control(inputs, path, state, k, memory, row):
+    """The law, or what takes its place while the rope is slack, and the set-points that follow."""
+    status = flat_command(inputs.tracker, inputs, state, k, memory, row)
+    if status != RUNNING:
+        return status
+    return law_command(inputs.law, inputs, path, state, k, memory, row)
+
+
+@jit
 def control_sample(inputs, path, k, row, memory):
-    """Run the tracker on the state in record row `k`; writes the rest of the row except the load."""
+    """Run the law on the state in record row `k`; writes the rest of the row except the load."""
     if path is None:
-        status = _control(inputs, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
+        status = _control(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
     else:
         measured = path.record[k, :COMMAND_COLUMN]
         sense(path, row, measured)
-        status = _control(inputs, measured[:10], k, memory, row)
+        status = _control(inputs, path, measured[:10], k, memory, row)
         if status == RUNNING:
             act(path, inputs.actuation, inputs.command_column, row, path.record[k, COMMAND_COLUMN:])
     row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]

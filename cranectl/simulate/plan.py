@@ -21,7 +21,7 @@ class PlannedReference:
 
     time_ns: NDArray[np.int64]  # (N,)
     reference: Array  # (N, 15)
-    state: Array  # (N, 10)
+    reference_state: Array  # (N, 10) what the crane does on the reference
     gravity: float  # with which the states are planned [m/s²]
 
     def start(self, load_offset: tuple[float, float, float]) -> Array:
@@ -77,7 +77,7 @@ def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
     return Plan(
         time_ns=time_ns,
         reference=planned.reference,
-        reference_state=planned.state,
+        reference_state=planned.reference_state,
         initial_state=_initial_state(scenario, planned),
         disturbance=_disturbances(scenario, time_ns),
         wind=air_velocity(scenario.effects.wind, len(time_ns), scenario.period_ns / NANOSECONDS),

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -14,13 +15,13 @@ from cranectl.status import RunStatus
 Array = NDArray[np.float64]
 
 
-def groups_of(scenario: Scenario, design: Design, drive: Drive) -> tuple[SignalGroup, ...]:
+def groups_of(scenario: Scenario, design: Design | LawDesign, drive: Drive) -> tuple[SignalGroup, ...]:
     """What a run records, in column order."""
     staged = drive if scenario.effects.staged else ""
     return recorded_groups(design.groups, staged=staged)
 
 
-def record_width(design: Design) -> int:
+def record_width(design: Design | LawDesign) -> int:
     """Columns of a run's record without those of its signal path."""
     return sum(map(len, recorded_groups(design.groups)))
 
@@ -30,7 +31,7 @@ class Run:
     """A run in memory, as simulated or as read from a log."""
 
     scenario: Scenario
-    design: Design
+    design: Design | LawDesign
     plant: str
     drive: Drive
     model: str  # the plant's own description, MJCF for MuJoCo

@@ -1,22 +1,27 @@
 """Simulate a scenario on a plant."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.controllers.addressed import AddressedLaw, addressed_law, at_start
+from cranectl.controllers.controller import Controller, LawDesign, LinearLaw, Nominal
 from cranectl.controllers.flat import Tracker, initial_memory, make_tracker
-from cranectl.design import Design, design_controller
+from cranectl.controllers.registry import controller_design, load_controller
+from cranectl.design import Design
 from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
+from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN
 from cranectl.simulate.actuation import Actuation, make_actuation
 from cranectl.simulate.blocks import PreparedRun
 from cranectl.simulate.loop_inputs import LoopInputs
 from cranectl.simulate.loops import compiled_loop, python_loop
-from cranectl.simulate.plan import Plan, plan_reference, plan_run
+from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import make_signal_path, whole_record
 from cranectl.status import RunStatus
@@ -34,7 +39,7 @@ def simulate_run(
     plant: str = REFERENCE_PLANT,
     drive: str = "ideal",
     controller: str | None = None,
-    design: Design | None = None,
+    design: Design | LawDesign | None = None,
     nominal: Scenario | None = None,
     plan: Plan | None = None,
     compiled: bool = True,
@@ -42,7 +47,7 @@ def simulate_run(
 ) -> Run:
     """Run `scenario` on one plant and record every sample.
 
-    `controller`: a name from `design.CONTROLLERS`, by default the scenario's; or give a finished `design`.
+    `controller`: a name from `controller_names()`, by default the scenario's; or give a finished `design`.
     `nominal`: what the controller takes the crane for, by default what it is; reference, feedback, observer
     are made for it. It may differ from `scenario` in rig, effects, initial and disturbances only. `plan`
     saves planning the same scenario twice. Raises InputError for wrong names and for a reference that the
@@ -50,10 +55,11 @@ def simulate_run(
     its status.
     """
     nominal = nominal or scenario
-    design = design or design_controller(controller or nominal.controller, nominal.design)
+    design = design or controller_design(controller or nominal.controller.name, nominal)
     plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, checked_drive(drive))
-    run = start_run(crane, scenario, tracker_of(nominal, design), plan, nominal=nominal, compiled=compiled)
+    law = law_of(nominal, design, crane.drive, plan)
+    run = start_run(crane, scenario, law, plan, nominal=nominal, compiled=compiled)
     record = np.zeros((len(plan.time_ns), record_width(design)))
     rows, last, status = _run_blocks(run, record, plan, progress)
     return Run(
@@ -73,7 +79,7 @@ def simulate_run(
 def start_run(
     crane: Plant,
     scenario: Scenario,
-    tracker: Tracker,
+    law: Tracker | AddressedLaw,
     plan: Plan,
     *,
     nominal: Scenario,
@@ -91,11 +97,11 @@ def start_run(
     samples = len(plan.time_ns)
     return PreparedRun(
         advance=(compiled_loop if compiled else python_loop)(crane),
-        inputs=inputs_of(scenario, tracker, make_actuation(nominal, start), plan, crane.drive),
+        inputs=inputs_of(scenario, law, make_actuation(nominal, start), plan, crane.drive),
         path=make_signal_path(
             scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
         ),
-        memory=initial_memory(tracker, plan.reference[0]),
+        memory=memory_of(law, plan.reference[0]),
     )
 
 
@@ -106,6 +112,57 @@ def tracker_of(scenario: Scenario, design: Design) -> Tracker:
         period=scenario.period_ns / NANOSECONDS,
         gravity=scenario.rig.gravity,
     )
+
+
+def law_of(
+    nominal: Scenario, design: Design | LawDesign, drive: Drive, plan: Plan | PlannedReference
+) -> Tracker | AddressedLaw:
+    """`design` made to run the reference of `plan` on the crane that it takes for `nominal`.
+
+    Raises InputError where its sampling makes it unstable, or as its own preparation does.
+    """
+    if isinstance(design, Design):
+        return tracker_of(nominal, design)
+    controller = load_controller(design.name)
+    return addressed_law(controller, _known(nominal, design, controller, drive, plan))
+
+
+def linearised_law(nominal: Scenario, design: LawDesign) -> list[LinearLaw]:
+    """A law near rest at the shortest, the middle and the longest rope; nothing if it cannot say it."""
+    controller = load_controller(design.name)
+    if controller.linearise is None:
+        return []
+    known = _known(nominal, design, controller, "ideal", plan_reference(nominal))
+    shortest, longest = nominal.rig.rope_range
+    return [controller.linearise(known, length) for length in (shortest, 0.5 * (shortest + longest), longest)]
+
+
+def _known(
+    nominal: Scenario, design: LawDesign, controller: Controller, drive: Drive, plan: Plan | PlannedReference
+) -> Nominal:
+    reference = plan.reference
+    if controller.follows == "set-point":
+        reference = build_trajectory(nominal.reference).set_points(plan.time_ns / NANOSECONDS)
+    return Nominal(
+        rig=nominal.rig,
+        drive=drive,
+        period=controller.every * nominal.period_ns / NANOSECONDS,
+        reference=reference,
+        state=plan.reference_state[0],
+        parameters=design.parameters,
+    )
+
+
+def by_kind(law: Tracker | AddressedLaw) -> dict[str, Any]:
+    """The law in its place among the inputs of a loop, at the start of a run."""
+    if isinstance(law, Tracker):
+        return {"tracker": law, "law": None}
+    return {"tracker": None, "law": at_start(law)}
+
+
+def memory_of(law: Tracker | AddressedLaw, reference: Array) -> Array:
+    """Of a law at the start of a run on `reference` (15,)."""
+    return initial_memory(law, reference) if isinstance(law, Tracker) else law.start.copy()
 
 
 def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
@@ -129,11 +186,11 @@ def checked_drive(name: str) -> Drive:
 
 
 def inputs_of(
-    scenario: Scenario, tracker: Tracker, actuation: Actuation, plan: Plan, drive: Drive
+    scenario: Scenario, law: Tracker | AddressedLaw, actuation: Actuation, plan: Plan, drive: Drive
 ) -> LoopInputs:
     """What a loop needs to run `plan` from its first row to its last."""
     return LoopInputs(
-        tracker=tracker,
+        **by_kind(law),
         actuation=actuation,
         reference=plan.reference,
         disturbance=plan.disturbance,
@@ -159,7 +216,7 @@ def _run_blocks(
             )
             status = RunStatus(code)
             if progress is not None:
-                progress((rows - done) * run.inputs.tracker.period)
+                progress((rows - done) * run.inputs.actuation.period)
     except KeyboardInterrupt:
         return rows, max(rows - 1, 0), RunStatus.INTERRUPTED
     if status == RunStatus.RUNNING:

@@ -94,6 +94,7 @@ class SignalPath(NamedTuple):
     """Encoders, observer, limits and transport of a run, with their memories and their part of the record."""
 
     sensed: bool  # else the true state is measured
+    readings: Array  # (5,) of the encoders
     encoders: Encoders
     observer: Observer
     estimate: Array  # the observer's memory
@@ -129,6 +130,7 @@ def make_signal_path(
     first = start[1:6:2] if drive == "velocity" else np.zeros(3)
     return SignalPath(
         sensed=effects.sensing is not None,
+        readings=np.zeros(JOINTS),
         encoders=make_encoders(sensing, samples if effects.sensing else 1),
         observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
         estimate=initial_estimate(start),
@@ -154,16 +156,14 @@ def sense(path, row, measured):
         for i in range(2 * JOINTS):
             measured[i] = row[STATE_COLUMN + i]
         measured[2 * ROPE] += offset
+        for joint in range(JOINTS):
+            path.readings[joint] = measured[2 * joint]
         return
     estimate = path.estimate
     for joint in range(JOINTS):
         position = row[STATE_COLUMN + 2 * joint] + (offset if joint == ROPE else 0.0)
-        correct(
-            path.observer,
-            joint,
-            read_encoder(path.encoders, path.clock[0], joint, position),
-            estimate,
-        )
+        path.readings[joint] = read_encoder(path.encoders, path.clock[0], joint, position)
+        correct(path.observer, joint, path.readings[joint], estimate)
         measured[2 * joint] = estimate[POSITION + joint]
         measured[2 * joint + 1] = estimate[VELOCITY + joint]
     measured[2 * JOINTS] = estimate[DISTURBANCE + 3]

@@ -54,17 +54,39 @@ def jit_loop(function: F, name: str, **callees: Any) -> F:
     return _compiled(cast(F, chosen), callees.values(), _nrt=False)
 
 
+@functools.cache
+def address_of(step: Callable[..., int]) -> int:
+    """The address of `step` as a C function of five pointers to doubles that returns an int64, compiled."""
+    from numba.core.ccallback import CFunc
+    from numba.core.types import CPointer, float64, int64
+
+    pointer: Any = CPointer
+    options = {"nopython": True, "error_model": "numpy"}
+    with _cache_in_place():
+        compiled: Any = CFunc(step, ((pointer(float64),) * 5, int64), {}, options)
+        compiled.enable_caching()
+    _check_files(compiled._cache, sources_digest(Path(inspect.getfile(step))))
+    compiled.compile()
+    return int(compiled.address)
+
+
 def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
-    previous = _numba_config.CACHE_DIR
-    _numba_config.CACHE_DIR = str(cache_directory())
-    try:
+    with _cache_in_place():
         compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
-    finally:
-        _numba_config.CACHE_DIR = previous
     if not _numba_config.DISABLE_JIT:
         files = (Path(inspect.getfile(inspect.unwrap(each))) for each in (function, *callees))
         _check_files(compiled._cache, sources_digest(*files))
     return cast(F, compiled)
+
+
+@contextlib.contextmanager
+def _cache_in_place() -> Iterator[None]:
+    previous = _numba_config.CACHE_DIR
+    _numba_config.CACHE_DIR = str(cache_directory())
+    try:
+        yield
+    finally:
+        _numba_config.CACHE_DIR = previous
 
 
 def _check_files(cache: Any, sources: str) -> None:

@@ -163,7 +163,7 @@ def test_list_and_show(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "expected"),
     [
         (["run", "lab-rgi"], "did you mean 'lab-rig'?"),
-        (["run", "small.toml", "--controller", "lqr,pid"], "unknown controller 'pid'"),
+        (["run", "small.toml", "--controller", "lqr,lqg"], "unknown controller 'lqg'"),
         (["run", "small.toml", "--controller", "lqr,"], "a name is empty"),
         (["run", "small.toml", "--plant", "real"], "unknown plant 'real'"),
         (["run", "small.toml", "--drive", "belt"], "drive = 'belt'"),

@@ -58,13 +58,13 @@ def test_what_goes_wrong_in_one_case_leaves_the_others(tmp_path: Path, jobs: int
     """One that cannot be designed, and one that fails as nobody foresaw."""
     good, unforeseen, _ = cases(tmp_path)
     unforeseen = dataclasses.replace(unforeseen, drive=None)
-    wrong = dataclasses.replace(good, controller="pid", log=tmp_path / "wrong.mcap")
+    wrong = dataclasses.replace(good, controller="lqg", log=tmp_path / "wrong.mcap")
     seen: list[Case] = []
     outcome = run_cases([wrong, unforeseen, good], jobs=jobs, done=seen.append)
     first, second, third = outcome.results
     assert isinstance(first, Failure)
     assert (first.bad_input, first.trace) == (True, "")
-    assert "unknown controller 'pid'" in first.reason
+    assert "unknown controller 'lqg'" in first.reason
     assert isinstance(second, Failure)
     assert not second.bad_input
     assert second.trace.endswith(f"{second.reason}\n")

@@ -13,6 +13,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.compare.limits import Limits, agreement_limits
+from cranectl.controllers.registry import controller_names
 from cranectl.design import CONTROLLERS
 from cranectl.log import read_log
 from cranectl.plants.plant import DRIVES
@@ -37,9 +38,9 @@ def test_list_names_everything(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "--json", "-"]) == 0
     captured = capsys.readouterr()
     listed = json.loads(captured.out)
-    assert listed["controllers"] == list(CONTROLLERS)
+    assert listed["controllers"] == list(controller_names())
     assert [scenario["name"] for scenario in listed["scenarios"]] == scenario_names()
-    for name in (*CONTROLLERS, *scenario_names(), *PLANTS, *DRIVES):
+    for name in (*controller_names(), *scenario_names(), *PLANTS, *DRIVES):
         assert name in captured.err, "tables go to standard error when JSON takes standard output"
 
 
@@ -245,7 +246,7 @@ BAD = {
     "run fixed-positon": "did you mean 'fixed-position'?",
     "run absent.toml": "cannot read absent.toml",
     "run fixed-position --controller lqrr": "did you mean 'lqr'?",
-    "run fixed-position --controller pid": "allowed: ",
+    "run fixed-position --controller lqg": "allowed: ",
     "run fixed-position --controller lqr+hinf+hinf": "did you mean 'lqr+hinf'?",
     "run fixed-position --plant real": "unknown plant 'real'",
     "run fixed-position --drive velocty": "did you mean 'velocity'?",
@@ -265,7 +266,7 @@ BAD = {
     "run": "Missing argument",
     "runn": "Did you mean 'run'?",
     "validate nothing": "unknown scenario",
-    "validate --controller pid": "unknown controller",
+    "validate --controller lqg": "unknown controller",
     "validate --jobs 0": "x>=1",
     "validate --drive all": "unknown drive",
     "design lqr+hnf": "did you mean 'lqr+hinf'?",

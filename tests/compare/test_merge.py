@@ -41,9 +41,7 @@ def test_what_one_log_cannot_hold(short: Scenario, pair: tuple[Run, Run]) -> Non
     refused(replace(b, drive="velocity"), "different drives, ideal and velocity")
     other = simulate_run(short, plant="mujoco", controller="lqr+hinf").every(4)
     refused(other, r"different controllers, lqr and lqr\+hinf")
-    refused(
-        replace(other, design=replace(other.design, name="lqr")), "different numbers of robustifier states"
-    )
+    refused(replace(other, design=replace(other.design, name="lqr")), "different numbers of recorded signals")
     refused(simulate_run(short, plant="mujoco", controller="lqr"), "different times of their samples")
     unstarted = replace(b, time_ns=b.time_ns[:0], table=b.table[:0], reference=b.reference[:0])
     refused(unstarted, "no samples in common")

@@ -82,6 +82,25 @@ def test_gains_come_with_their_controller(controls: Controls) -> None:
     assert command.design.gain.tolist() == pytest.approx([39.0625, 62.5, 37.5, 11.0])
 
 
+def test_another_law_brings_its_parameters(controls: Controls) -> None:
+    controls.set({"controller": "pid", "pid.proportional": 3, "pid.shaper": "zvd"})
+    (command,) = controls.commands()
+    assert isinstance(command, Use)
+    assert (command.design.name, command.design.parameters["proportional"]) == ("pid", 3.0)
+    values = controls.values()
+    assert values["pid.shaper"] == "zvd"
+    assert not {"k0", "k1"} & values.keys()
+    controls.set({"k0": 100.0, "pid.derivative": -1.0})
+    (refusal,) = controls.commands()
+    assert "unknown parameter 'k0'" in refusal.message
+    controls.set({"pid.derivative": -1.0})
+    (refusal,) = controls.commands()
+    assert "controller.pid.derivative = -1.0; allowed: a number from 0 to 100" in refusal.message
+    controls.set({"controller": "lqr"})
+    assert list(controls.values())[-4:] == ["k0", "k1", "k2", "k3"]
+    assert "pid.shaper" not in controls.values()
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller, with_gain
 from cranectl.live.pace import PATIENCE, Pace
 from cranectl.live.session import Session
@@ -18,7 +19,7 @@ STOP = ["disturbances=[{joint='alpha', start=0.1, magnitude=200.0}]", "duration=
 
 
 def session(scenario: Scenario, controller: str = "lqr", **options: object) -> Session:
-    return Session(scenario, design_controller(controller, scenario.design), **options)
+    return Session(scenario, controller_design(controller, scenario), **options)
 
 
 def advanced(running: Session, samples: int, block: int = 20) -> dict[str, np.ndarray]:
@@ -33,7 +34,7 @@ def advanced(running: Session, samples: int, block: int = 20) -> dict[str, np.nd
 
 @pytest.mark.parametrize("block", [1, 7, 20, 501])
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("controller", ["pole-placement", "lqr+hinf"])
+@pytest.mark.parametrize("controller", ["pole-placement", "lqr+hinf", "pid", "lqr-integral"])
 def test_left_alone_it_gives_the_numbers_of_a_run(
     short: Scenario, controller: str, drive: str, block: int
 ) -> None:
@@ -83,6 +84,23 @@ def test_another_robustifier_starts_at_rest_and_the_extension_carries_over(short
         assert memory[0] != 0.0
         setpoints = run.block("input")[0, 3:] - short.rig.time_constants * run.block("input")[0, :3]
         assert setpoints == pytest.approx(memory[2:5], abs=1e-15)
+
+
+def test_from_one_kind_of_law_to_another_the_drives_do_not_jump(short: Scenario) -> None:
+    """Set-points carry over, the path goes on where it is, and what is recorded is the new law's."""
+    running = session(short, "lqr", plants=["mujoco"], drive="velocity")
+    for controller in ("lqr-integral", "pid", "lqr", "lqr-integral"):
+        (before,) = running.advance(120)
+        running.use(controller_design(controller, short))
+        (after,) = running.advance(1)
+        assert after.groups == running.advance(0)[0].groups
+        assert after.status == RunStatus.RUNNING
+        if controller != "pid":  # which commands velocities itself
+            old, new = before.block("input")[-1], after.block("input")[0]
+            lead = short.rig.time_constants
+            without = old[3:] if before.design.name == "pid" else old[3:] - lead * old[:3] + 1e-3 * old[:3]
+            assert new[3:] - lead * new[:3] == pytest.approx(without, abs=1e-12)
+        assert np.array_equal(after.reference[0], running.plan.reference[min(running._samples - 1, 500)])
 
 
 def test_gains_change_the_motion(short: Scenario) -> None:

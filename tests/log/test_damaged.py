@@ -142,7 +142,7 @@ def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[
 
 @pytest.mark.parametrize(
     ("damage", "count", "expected"),
-    [(edited_lengths, 500, 0.95), (edited_numbers, 500, 0.6), (no_checksums, 400, 0.5)],
+    [(edited_lengths, 500, 0.95), (edited_numbers, 500, 0.6), (no_checksums, 400, 0.45)],
     ids=["lengths", "numbers", "no-checksums"],
 )
 def test_edited_numbers_with_right_checksums_change_no_signal(

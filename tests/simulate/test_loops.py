@@ -175,7 +175,17 @@ def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStat
     row[signals.TENSION_COLUMN] = tension
     none = np.zeros((0, 2))
     inputs = LoopInputs(
-        None, None, none, none, none, np.zeros((3, 2)), False, signals.INPUT_COLUMN, False, np.zeros(1)
+        tracker=None,
+        law=None,
+        actuation=None,  # type: ignore[arg-type]
+        reference=none,
+        disturbance=none,
+        wind=none,
+        workspace=np.zeros((3, 2)),
+        stop_outside=False,
+        command_column=signals.INPUT_COLUMN,
+        recover=False,
+        slack=np.zeros(1),
     )
     assert RunStatus(judge_sample.py_func(inputs, row)) == status
 

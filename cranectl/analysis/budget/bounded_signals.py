@@ -29,6 +29,7 @@ from cranectl.controllers.observer import (
     make_observer,
     predict,
 )
+from cranectl.controllers.registry import only_flat
 from cranectl.scenario.effects import Sensing
 from cranectl.simulate.signal_path import Encoders, make_encoders, read_encoder
 from cranectl.support.jit import jit
@@ -240,7 +241,7 @@ def predict_noise(nominal: Nominal) -> Prediction:
     deviations = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
     variance = load_variance(loop, linear_estimator(_observer(nominal)), deviations)
     power, samples = variance.sum(axis=1), len(variance)
-    independent = max(2.0, samples * loop.period * run.design.margins.crossover / np.pi)
+    independent = max(2.0, samples * loop.period * only_flat(run.design).margins.crossover / np.pi)
     deviation = float(np.sqrt(power.max()))
     size = Size(
         rms=float(np.sqrt(power.mean())),

@@ -19,6 +19,7 @@ from scipy.linalg import expm
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports, no_errors
 from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, analytic_rig
+from cranectl.controllers.registry import only_flat
 from cranectl.plants.analytic import derivative
 from cranectl.plants.mujoco.model import ideal_inertia
 from cranectl.reference import build_trajectory
@@ -60,7 +61,7 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
 
 def _ramp_response(run: Run, period: float) -> Array:
     """Robustifier states (m,) of one axis after a period of an error that grows by 1 m/s."""
-    r = run.design.robustifier
+    r = only_flat(run.design).robustifier
     augmented = np.zeros((r.order + 2, r.order + 2))
     augmented[:-2, :-2], augmented[:-2, -2], augmented[-2, -1] = r.a, r.b, 1.0
     states = np.zeros(r.sampled_order)

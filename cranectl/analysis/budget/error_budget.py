@@ -13,6 +13,7 @@ from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.deviation import Size, load_difference, size_of
 from cranectl.analysis.ladder import check_steps
 from cranectl.analysis.levels import assumed_effects, replace_effects
+from cranectl.controllers.registry import only_flat
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.simulate import simulate_run
@@ -151,7 +152,7 @@ def error_budget(
     tried = variants(scenario, levels)
     check_steps(scenario, tried[LEVELS.index("servos") :])
     nominal = nominal_run(scenario, controller)
-    design, drives = nominal.run.design, {"engine": "ideal"}
+    design, drives = only_flat(nominal.run.design), {"engine": "ideal"}
     first = before = simulate_continuous(tried[0], design)
     entries, explained = [], np.zeros((len(nominal.run.time_ns), 3))
     for variant, prediction in zip(tried, predict_levels(nominal), strict=False):

@@ -10,6 +10,7 @@ import numpy as np
 from cranectl.analysis.budget.propagation import Deviation, Ports, no_errors, propagate
 from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, step_defect
+from cranectl.controllers.registry import only_flat
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.simulate import Run, tracker_of
 from cranectl.support.jit import jit
@@ -19,7 +20,7 @@ def second_order(
     run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviation, delay: int = 0
 ) -> Deviation:
     """The second-order term of the deviation `predicted` that errors at `ports` cause."""
-    defect, tracker = no_errors(loop), tracker_of(run.scenario, run.design)
+    defect, tracker = no_errors(loop), tracker_of(run.scenario, only_flat(run.design))
     state, controller, inputs, virtual, flat = (
         np.ascontiguousarray(run.block(name))
         for name in ("state", "controller", "input", "virtual_input", "flat_output")

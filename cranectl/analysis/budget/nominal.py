@@ -9,7 +9,8 @@ from cranectl.analysis.budget.real_crane import make_crane
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
 from cranectl.analysis.deviation import Size
 from cranectl.analysis.levels import AssumedEffects, assumed_effects, replace_effects
-from cranectl.design import Design, design_controller
+from cranectl.controllers.registry import flat_design
+from cranectl.design import Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.simulate import Run, plan_scenario, simulate_run
@@ -52,7 +53,7 @@ class Nominal:
 
 def nominal_run(scenario: Scenario, controller: str | None = None) -> Nominal:
     """Run and linearise the sampled ideal of `scenario`."""
-    design = design_controller(controller or scenario.controller, scenario.design)
+    design = flat_design(controller or scenario.controller.name, scenario)
     return linearised(ideal_run(scenario, design), scenario)
 
 

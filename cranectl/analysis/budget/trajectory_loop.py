@@ -26,6 +26,7 @@ from cranectl.analysis.budget.trajectory_law import (
     dense_robustifier,
     law_rows,
 )
+from cranectl.controllers.registry import only_flat
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
 from cranectl.plants.plant import Drive
@@ -141,7 +142,7 @@ def linearise_run(
 
     The loop's plant: `crane` in the moving air `winds` (N, 3), or the analytic one with `drive`.
     """
-    tracker, period = tracker_of(run.scenario, run.design), run.scenario.period_ns / NANOSECONDS
+    tracker, period = tracker_of(run.scenario, only_flat(run.design)), run.scenario.period_ns / NANOSECONDS
     samples, velocity = len(run.time_ns), crane is not None or drive == "velocity"
     joints, inputs = np.ascontiguousarray(run.block("state")), run.block("input")
     commands = np.ascontiguousarray(inputs[:-1, 3:] if velocity else inputs[:-1, :3])

@@ -1,6 +1,6 @@
 """Figures of runs: what is drawn for each family, and over which axes."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle, zip_longest
 from typing import Any
@@ -52,11 +52,18 @@ class Family:
     title: str
     panels: tuple[Panel, ...]
     draw: Callable[["Family", Sequence[Curve]], Figure]
+    group: str = "state"  # of signals, without which there is no such figure
 
     @property
     def unit(self) -> str:
         """Unit of its first panel, for statements about all of them."""
         return self.panels[0].label.partition("[")[2].rstrip("]")
+
+
+def families_of(runs: Iterable[Run]) -> list[Family]:
+    """The kinds of figures that all of `runs` have signals for."""
+    recorded = [{group.name for group in run.groups} for run in runs]
+    return [family for family in FAMILIES.values() if all(family.group in names for names in recorded)]
 
 
 def family_svg(family: Family, curves: Sequence[Curve], name: str) -> str:
@@ -283,6 +290,7 @@ FAMILIES = {
             "linear inputs v",
             tuple(_signal(f"virtual_input.virtual_input_{a}") for a in "xyz"),
             _over_time,
+            "virtual_input",
         ),
         Family(
             "input",

@@ -12,7 +12,7 @@ from cranectl.compare.runs import Agreement, Comparison, against_reference, comp
 from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.captions import agreement, caption
-from cranectl.report.run.figures import FAMILIES, Curve, distance_svg, family_svg
+from cranectl.report.run.figures import Curve, distance_svg, families_of, family_svg
 from cranectl.report.run.tables import comparison_table, metrics_table, run_table
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
@@ -100,7 +100,7 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
         return ()
     shown = {curve.label: curve.run for curve in curves}
     figures = []
-    for k, family in enumerate(FAMILIES.values(), 1):
+    for k, family in enumerate(families_of(curve.run for curve in curves), 1):
         sentence = caption(family, shown)
         if pairs:
             sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."

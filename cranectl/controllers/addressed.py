@@ -1,0 +1,142 @@
+"""Laws that the loop calls by address: it is compiled once for all of them, in whatever language they are."""
+
+from math import isfinite
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from cranectl.controllers.controller import Controller, Nominal
+from cranectl.controllers.flat import RUNNING, regularity
+from cranectl.model.flatness import flat_output
+from cranectl.signals import INPUT_COLUMN, LAW_ERROR_COLUMN, LAW_LOAD_COLUMN, LAW_SIGNALS_COLUMN
+from cranectl.status import RunStatus
+from cranectl.support.jit import address_of, jit
+
+Array = NDArray[np.float64]
+
+SLACK_ROPE = int(RunStatus.SLACK_ROPE)
+NON_FINITE = int(RunStatus.NON_FINITE)
+CONTROLLER_FAILED = int(RunStatus.CONTROLLER_FAILED)
+
+JOINTS = 5
+
+
+class AddressedLaw(NamedTuple):
+    """A law as the loop runs it: what does not change in a run, and then its memories."""
+
+    address: int
+    parameters: Array
+    reference: Array  # (N + preview, 15); after its end the last row is repeated
+    samples: int  # N
+    every: int  # control periods between two steps
+    encoders: bool  # else the state is measured
+    velocity: bool  # commanded, else acceleration
+    places: NDArray[np.int64]  # of the memory that are recorded
+    start: Array  # memory at the start of a run
+    measured: Array  # (12,)
+    command: Array  # (3,) held between two steps
+    scratch: Array  # (12,)
+    clock: NDArray[np.int64]  # (1,) control samples since the start
+
+
+def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
+    """`controller` prepared for `nominal`; raises InputError where its design cannot be met."""
+    parameters, memory = controller.prepare(nominal)
+    reference = nominal.reference
+    after = np.repeat(reference[-1:], controller.preview, axis=0)
+    law = AddressedLaw(
+        address=address_of(controller.step),
+        parameters=_numbers(parameters),
+        reference=np.concatenate([reference, after]),
+        samples=len(reference),
+        every=controller.every,
+        encoders=controller.measures == "encoders",
+        velocity=controller.command == "velocity",
+        places=np.array([place for place, _ in controller.logged], dtype=np.int64),
+        start=_numbers(memory),
+        measured=np.zeros(12),
+        command=np.zeros(3),
+        scratch=np.zeros(12),
+        clock=np.zeros(1, dtype=np.int64),
+    )
+    if any(place >= len(law.start) for place in law.places):
+        raise ValueError(f"{controller.name} logs places that its memory does not have")
+    return law
+
+
+def at_start(law: AddressedLaw) -> AddressedLaw:
+    """`law` with memories of its own, for another run."""
+    return law._replace(
+        measured=np.zeros(12), command=np.zeros(3), scratch=np.zeros(12), clock=np.zeros(1, dtype=np.int64)
+    )
+
+
+def _numbers(values: Array) -> Array:
+    """At least one, so that there is something to point to."""
+    array: Array = np.array(values, dtype=np.float64).ravel()
+    return array if len(array) else np.zeros(1)
+
+
+@cast(Any, intrinsic)
+def _call(_typing, _address, parameters, measured, reference, memory, command):
+    """Call the step at an address with pointers to the data of five arrays."""
+    from llvmlite import ir
+
+    arrays = (parameters, measured, reference, memory, command)
+
+    def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        double = ir.DoubleType().as_pointer()
+        step = ir.FunctionType(ir.IntType(64), [double] * 5).as_pointer()
+        pointers = [
+            context.make_array(kind)(context, builder, value).data
+            for kind, value in zip(arrays, arguments[1:], strict=True)
+        ]
+        return builder.call(builder.inttoptr(arguments[0], step), pointers)
+
+    return types.int64(types.int64, *arrays), generate
+
+
+@jit
+def record_law(law, state, reference, memory, row):
+    """Write load and error as the joints tell them, and what the law logs, into the record `row`."""
+    flat_output(state, 0.0, 0.0, 0.0, law.scratch)
+    for i in range(6):
+        row[LAW_LOAD_COLUMN + i] = law.scratch[i]
+        row[LAW_ERROR_COLUMN + i] = reference[i] - law.scratch[i]
+    for i in range(law.places.shape[0]):
+        row[LAW_SIGNALS_COLUMN + i] = memory[law.places[i]]
+
+
+@jit
+def addressed_step(law, state, reference, memory, row):
+    """One sample; the counterpart of `flat.control_step` for any law.
+
+    Returns RUNNING, or why the law cannot go on, in which case nothing is written.
+    """
+    status = regularity(state, 0.0, 1.0)
+    if status != RUNNING:
+        return status
+    sample = law.clock[0]
+    if sample % law.every == 0:
+        rows = law.reference[min(sample, law.samples - 1)]
+        status = _call(law.address, law.parameters, law.measured, rows, memory, law.command)
+        if status != 0:
+            return status if SLACK_ROPE <= status <= NON_FINITE else CONTROLLER_FAILED
+        for i in range(3):
+            if not isfinite(law.command[i]):
+                return CONTROLLER_FAILED
+    for i in range(3):
+        row[INPUT_COLUMN + i] = law.command[i]
+    law.clock[0] += 1
+    record_law(law, state, reference, memory, row)
+    return RUNNING
+
+
+@jit
+def addressed_wait(law, state, reference, memory, row):
+    """In place of `addressed_step` while the rope is slack: the law waits."""
+    law.clock[0] += 1
+    record_law(law, state, reference, memory, row)

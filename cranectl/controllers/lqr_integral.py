@@ -1,0 +1,152 @@
+"""`lqr-integral`: linear-quadratic feedback with integral action on the linearised crane, on the flat path.
+
+Per horizontal axis, near plumb, with x the drive, b the angle, l the rope length and u = x'' (thesis (2.12)):
+
+    l b'' = -g b - u,    load error e = dx + l db,    s' = e,    u = u_d - K(l) (dx, dx', db, db', s)
+
+where d is the deviation from the state that the flat map gives for the path, u_d its input. K minimises the
+integral of q_e e² + q_v e'² + q_i s² + r u², on a grid of lengths between which it is interpolated; the rope
+has the same weights, with its length for e.
+"""
+
+import numpy as np
+from numba import carray  # type: ignore[attr-defined]
+from scipy.linalg import expm, solve_continuous_are
+
+from cranectl.controllers.controller import Array, Controller, LinearLaw, Logged, Nominal, Parameter
+from cranectl.model.flatness import flat_output, state_and_input
+from cranectl.signals import AXES, Signal
+from cranectl.support.errors import InputError
+from cranectl.support.jit import jit
+
+GRID = 33  # rope lengths
+STATES = 5  # dx, dx', db, db', s
+
+# Places of parameters and memory.
+PERIOD, GRAVITY, SHORTEST, LENGTH_STEP, ROPE_GAIN, GAIN = 0, 1, 2, 3, 4, 7
+INTEGRAL, DESIRED, INPUT, LOAD, MEMORY = 0, 3, 13, 16, 28
+
+
+@jit
+def feedback(parameters, measured, desired, integral, joint, angle, row, share):
+    """K(l) (dx, dx', db, db', s) of one axis, `share` of the way from one row of the grid to the next."""
+    total = 0.0
+    for i in range(STATES):
+        first = parameters[GAIN + STATES * row + i]
+        gain = first + share * (parameters[GAIN + STATES * (row + 1) + i] - first)
+        place = joint + i if i < 2 else angle + i - 2
+        total += gain * (integral if i == 4 else measured[place] - desired[place])
+    return total
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and path in, accelerations out."""
+    held = carray(memory, (MEMORY,))
+    desired, inputs, load = held[DESIRED:INPUT], held[INPUT:LOAD], held[LOAD:MEMORY]
+    gravity, period = parameters[GRAVITY], parameters[PERIOD]
+    if reference[8] + gravity <= 0.0 or reference[2] >= 0.0:
+        return 2
+    state_and_input(reference, gravity, desired, inputs)
+    flat_output(measured, 0.0, 0.0, gravity, load)
+    grid = (measured[4] - parameters[SHORTEST]) / parameters[LENGTH_STEP]
+    row = min(max(int(grid), 0), GRID - 2)
+    share = min(max(grid - row, 0.0), 1.0)
+    x = feedback(parameters, measured, desired, held[0], 0, 8, row, share)
+    y = feedback(parameters, measured, desired, held[1], 2, 6, row, share)
+    command[0], command[1] = inputs[0] - x, inputs[1] - y
+    command[2] = (
+        inputs[2]
+        - parameters[ROPE_GAIN] * (measured[4] - desired[4])
+        - parameters[ROPE_GAIN + 1] * (measured[5] - desired[5])
+        + parameters[ROPE_GAIN + 2] * held[2]
+    )
+    for axis in range(3):
+        held[axis] += period * (load[axis] - reference[axis])
+    return 0
+
+
+def matrices(rope_length: float, gravity: float) -> tuple[Array, Array, Array]:
+    """A, B of x' = A x + B u for x = (dx, dx', db, db', s), and C of (e, e', s)."""
+    a, b, c = np.zeros((STATES, STATES)), np.zeros((STATES, 1)), np.zeros((3, STATES))
+    a[0, 1] = a[2, 3] = 1.0
+    a[3, 2], a[4] = -gravity / rope_length, (1.0, 0.0, rope_length, 0.0, 0.0)
+    b[1], b[3] = 1.0, -1.0 / rope_length
+    c[0, 0], c[0, 2], c[1, 1], c[1, 3], c[2, 4] = 1.0, rope_length, 1.0, rope_length, 1.0
+    return a, b, c
+
+
+def gain_at(rope_length: float, nominal: Nominal) -> Array:
+    """K (5,) at a rope length [m]; raises InputError where the sampled loop would be unstable."""
+    return _gain(nominal, *matrices(rope_length, nominal.rig.gravity))
+
+
+def rope_gain(nominal: Nominal) -> Array:
+    """K (3,) of the rope, for its length, rate, and the integral of the length."""
+    return _gain(nominal, *(np.array(m) for m in _ROPE))
+
+
+_ROPE = ([[0, 1.0, 0], [0, 0, 0], [1.0, 0, 0]], [[0], [1.0], [0]], np.eye(3))
+
+
+def _gain(nominal: Nominal, a: Array, b: Array, c: Array) -> Array:
+    given = nominal.parameters
+    weights = [float(given[f"{name}_weight"]) for name in ("error", "rate", "integral")]
+    r = float(given["input_weight"])
+    try:
+        cost = solve_continuous_are(a, b, c.T @ np.diag(weights) @ c, [[r]])
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            f"the Riccati equation of lqr-integral: {error}",
+            allowed="weights of less extreme ratio",
+            remedy="scale the weights in [controller.lqr-integral] towards each other",
+        ) from error
+    gain: Array = (b.T @ cost / r)[0]
+    n = len(a)
+    sampled = expm(nominal.period * np.block([[a, b], [np.zeros((1, n + 1))]]))
+    radius = np.abs(np.linalg.eigvals(sampled[:n, :n] - sampled[:n, n:] @ gain[np.newaxis])).max()
+    if not radius < 1.0:
+        raise InputError(
+            f"'lqr-integral' is unstable when sampled every {nominal.period:g} s: a pole of "
+            f"modulus {radius:.4g}",
+            allowed="poles of modulus below 1",
+            remedy="shorten control.period, or raise input_weight in [controller.lqr-integral]",
+        )
+    return gain
+
+
+def prepare(nominal: Nominal) -> tuple[Array, Array]:
+    """Parameters and memory; gains for all rope lengths of the rig."""
+    shortest, longest = nominal.rig.rope_range
+    lengths = np.linspace(shortest, longest, GRID)
+    gains = np.array([gain_at(length, nominal) for length in lengths])
+    head = (nominal.period, nominal.rig.gravity, shortest, lengths[1] - shortest, *rope_gain(nominal))
+    return np.concatenate([head, gains.ravel()]), np.zeros(MEMORY)
+
+
+def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
+    """Of one horizontal axis at rest."""
+    a, b, _ = matrices(rope_length, nominal.rig.gravity)
+    return LinearLaw(rope_length, a, b, gain_at(rope_length, nominal))
+
+
+WEIGHT = (1e-9, 1e9)
+
+LQR_INTEGRAL = Controller(
+    name="lqr-integral",
+    title="LQR with integral action on the linearised crane, flat path as feed-forward",
+    step=step,
+    prepare=prepare,
+    parameters=(
+        Parameter("error_weight", 100.0, "1/m²", "q_e on the load's error", *WEIGHT),
+        Parameter("rate_weight", 1.0, "s²/m²", "q_v on the rate of the error", *WEIGHT),
+        Parameter("integral_weight", 400.0, "1/(m s)²", "q_i on the integral of the error", *WEIGHT),
+        Parameter("input_weight", 0.1, "s⁴/m²", "r on the drive's acceleration", *WEIGHT),
+    ),
+    logged=tuple(
+        Logged(
+            INTEGRAL + k, Signal(f"error_integral_{axis}", f"s_{axis}", "m s", f"of the load's error, {axis}")
+        )
+        for k, axis in enumerate(AXES)
+    ),
+    linearise=linearise,
+)

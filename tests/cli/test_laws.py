@@ -1,0 +1,119 @@
+"""Laws that are not of the flat family, in every command: judged where they can be, else told why not."""
+
+from pathlib import Path
+
+import pytest
+
+from cranectl import read_log
+from cranectl.campaign.results import read_results
+from cranectl.cli.main import main
+from cranectl.controllers.controller import LawDesign
+
+LAWS = ("pid", "lqr-integral")
+SHORT = ["--set", "duration=0.6", "--set", "disturbances=[]", "--set", "reference.segments=[]"]
+CAMPAIGN = """
+name = "small"
+scenario = "small.toml"
+runs = 8
+plants = ["analytic", "mujoco"]
+controllers = ["pid", "lqr-integral"]
+drive = "velocity"
+[uncertain]
+"rig.trolley_time_constant" = {distribution = "uniform", low = 0.01, high = 0.04}
+"""
+SCENARIO = """
+name = "small"
+duration = 0.5
+reference.start = [1.0, 0.77, -0.7]
+initial.alpha_offset = 0.05
+[controller]
+name = "lqr-integral"
+pid.shaper = "none"
+"""
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_is_run_logged_read_compared_reported_and_drawn(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    offset = ["--set", "initial.load_offset=[0.01,0.0,0.0]"]
+    run = ["run", "fixed-position", "--controller", name, "--drive", "velocity", *SHORT, *offset]
+    assert main(run) == 0
+    log = f"logs/fixed-position/{name}-velocity.mcap"
+    assert (
+        "not judged: with velocity drives limits are known for controllers of the flat family"
+        in capsys.readouterr().out
+    )
+    read = read_log(log)["mujoco"]
+    assert isinstance(read.design, LawDesign)
+    assert read.design.name == name
+    assert [group.name for group in read.groups[4:]] == ["flat_output", "error", "controller"]
+    for command in (
+        ["info", log],
+        ["compare", log, log],
+        ["report", log, "--out", "a.html"],
+        ["log", "export", log, "--format", "csv"],
+        ["render", log, "a.png"],
+        ["validate", "fixed-position", "--controller", name, "--drive", "ideal", *SHORT],
+        ["ladder", "fixed-position", "--controller", name, "--top", "servos", *SHORT],
+        ["design", name],
+    ):
+        assert main(command) == 0, command
+    out = capsys.readouterr().out
+    assert "sampled" in out
+    assert "continuous" not in out, "of theory's continuous time only the flat family has a law"
+    assert ("modulus margin" in out) == (name == "lqr-integral"), "of a law that can be linearised"
+    assert Path("a.html").read_text().count("<svg") == 10, "no figure of the linear input v"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "certify NAME",
+        "budget fixed-position --controller NAME",
+        "advise fixed-position --controller NAME",
+        "design NAME --plot a.svg",
+    ],
+)
+@pytest.mark.parametrize("name", LAWS)
+def test_what_needs_a_linear_design_says_why_not(
+    command: str, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(command.replace("NAME", name).split()) == 2
+    assert f"'{name}' has no linear design of one axis of the load" in capsys.readouterr().err
+
+
+def test_both_in_a_campaign_on_threads() -> None:
+    Path("small.toml").write_text(SCENARIO)
+    Path("many.toml").write_text(CAMPAIGN)
+    assert main(["campaign", "run", "many.toml", "--out", "results"]) == 0
+    assert main(["campaign", "report", "results"]) == 0
+    rows = read_results("results").table.to_pylist()
+    assert sorted({(row["controller"], row["plant"], row["status"]) for row in rows}) == [
+        (name, plant, "completed") for name in reversed(LAWS) for plant in ("analytic", "mujoco")
+    ]
+    assert len(rows) == 32
+    assert len({row["rms_error_m"] for row in rows}) == 32
+
+
+def test_parameters_reach_the_law_from_file_and_command_line() -> None:
+    Path("small.toml").write_text(SCENARIO)
+    assert main(["run", "small.toml", "--plant", "analytic"]) == 0
+    assert (
+        main(
+            [
+                "run",
+                "small.toml",
+                "--plant",
+                "analytic",
+                "--controller",
+                "pid",
+                "--set",
+                "controller.pid.proportional=1",
+            ]
+        )
+        == 0
+    )
+    assert read_log("logs/small/lqr-integral-ideal.mcap")["analytic"].design.name == "lqr-integral"
+    parameters = read_log("logs/small/pid-ideal.mcap")["analytic"].design.parameters
+    assert (parameters["proportional"], parameters["shaper"], parameters["integral"]) == (1.0, "none", 2.0)

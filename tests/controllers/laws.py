@@ -1,0 +1,89 @@
+"""Small laws for tests: compiled steps of the signature that every controller has."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
+from cranectl.controllers.registry import LAWS, register_controller
+from cranectl.signals import Signal
+
+GIVEN = 12 + 3 * 15 + 1  # measured, three rows of the reference, steps so far
+
+
+def note_all(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
+    """Remember everything that is given; accelerate as the parameters say."""
+    for i in range(12):
+        memory[i] = measured[i]
+    for i in range(45):
+        memory[12 + i] = reference[i]
+    memory[57] += 1.0
+    for i in range(3):
+        command[i] = parameters[i]
+    return 0
+
+
+def give_up(parameters, _measured, _reference, memory, command):  # type: ignore[no-untyped-def]
+    """Go on for ten steps, then return a number, or command none."""
+    memory[0] += 1.0
+    for i in range(3):
+        command[i] = 0.0
+    if memory[0] <= 10.0:
+        return 0
+    command[1] = parameters[1]
+    return int(parameters[0])
+
+
+def follow_blindly(parameters, _measured, reference, _memory, command):  # type: ignore[no-untyped-def]
+    """Command the velocities of the path, whatever is measured."""
+    for i in range(3):
+        command[i] = parameters[i] * reference[3 + i]
+    return 0
+
+
+def _numbers(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
+    return np.array([float(value) for value in nominal.parameters.values()]), np.zeros(GIVEN)
+
+
+def noting(**declared: object) -> Controller:
+    """A law that logs all that it is given."""
+    return Controller(
+        name="noting",
+        title="for tests",
+        step=note_all,
+        prepare=_numbers,
+        preview=2,
+        parameters=tuple(Parameter(f"u_{axis}", 0.0, "m/s²", "commanded") for axis in "xyl"),
+        logged=tuple(Logged(k, Signal(f"given_{k}", f"g{k}", "1", "given")) for k in range(GIVEN)),
+        **declared,  # type: ignore[arg-type]
+    )
+
+
+def giving_up(code: float, acceleration: float = 0.0) -> Controller:
+    """A law that cannot go on at its eleventh step."""
+    return Controller(
+        name="giving-up",
+        title="for tests",
+        step=give_up,
+        prepare=lambda _: (np.array([code, acceleration]), np.zeros(1)),
+    )
+
+
+FOLLOWING = Controller(
+    name="following",
+    title="for tests",
+    step=follow_blindly,
+    prepare=lambda _: (np.array([1.0, 1.0, -1.0]), np.zeros(0)),
+    command="velocity",
+)
+
+
+@contextmanager
+def known(controller: Controller) -> Iterator[str]:
+    """Register a controller for a while."""
+    register_controller(controller)
+    try:
+        yield controller.name
+    finally:
+        del LAWS[controller.name]

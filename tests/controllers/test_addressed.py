@@ -1,0 +1,150 @@
+"""Laws that the loop calls by address: what they are given, and what becomes of what they command."""
+
+import numpy as np
+import pytest
+
+from cranectl.plants.analytic import AnalyticPlant
+from cranectl.reference import build_trajectory
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run, loops, simulate_run
+from cranectl.status import RunStatus
+from tests.controllers.laws import FOLLOWING, giving_up, known, noting
+
+SENSED = ("effects.sensing.angle_resolution=0.001", "effects.delay.seconds=0.004")
+
+
+def path(*overrides: str) -> Scenario:
+    """Six seconds along a diagonal, hoisting."""
+    return load_scenario("fast-diagonal", overrides=overrides)
+
+
+def run_of(controller: object, scenario: Scenario, **how: object) -> Run:
+    with known(controller) as name:  # type: ignore[arg-type]
+        return simulate_run(scenario, controller=name, plant="analytic", **how)  # type: ignore[arg-type]
+
+
+def given(run: Run) -> np.ndarray:
+    return run.block("controller")
+
+
+def test_a_law_is_given_state_reference_and_preview() -> None:
+    run = run_of(noting(), path())
+    seen, n = given(run), len(run.time_ns)
+    assert np.array_equal(seen[:, :10], run.block("state"))
+    assert not seen[:, 10:12].any(), "nothing estimates disturbances"
+    for row in range(3):
+        ahead = run.reference[np.minimum(np.arange(n) + row, n - 1)]
+        assert np.array_equal(seen[:, 12 + 15 * row : 27 + 15 * row], ahead), (
+            "after the end the last is repeated"
+        )
+    assert np.array_equal(seen[:, 57], np.arange(1, n + 1))
+
+
+def test_load_and_error_are_recorded_of_any_law() -> None:
+    run = run_of(noting(), path("initial.load_offset=[0.02,0.01,0.03]", "initial.alpha_offset=0.1"))
+    assert run.block("flat_output") == pytest.approx(run.block("load")[:, :6], abs=1e-12)
+    assert np.array_equal(run.block("error"), run.reference[:, :6] - run.block("flat_output"))
+    assert np.abs(run.block("error")).max() > 0.1
+
+
+def test_through_a_signal_path_it_is_given_what_is_measured() -> None:
+    run = run_of(noting(), path(*SENSED))
+    assert np.array_equal(given(run)[:, :12], run.block("measurement"))
+    assert given(run)[-1, 10:12].any(), "estimates of disturbances"
+
+
+def test_a_law_of_encoders_is_given_five_readings() -> None:
+    run = run_of(noting(measures="encoders"), path(*SENSED))
+    readings = given(run)[:, :12]
+    assert readings[:, 3:5] / 0.001 == pytest.approx(np.round(readings[:, 3:5] / 0.001), abs=1e-9)
+    assert readings[:, :5] == pytest.approx(run.block("state")[:, ::2], abs=1e-3)
+    assert not readings[:, 5:].any()
+    plain = run_of(noting(measures="encoders"), path())
+    assert np.array_equal(given(plain)[:, :5], plain.block("state")[:, ::2])
+
+
+def test_a_law_of_set_points_is_given_the_end_of_the_segment() -> None:
+    scenario = path()
+    run = run_of(noting(follows="set-point"), scenario)
+    rows = given(run)[:, 12:27]
+    assert not rows[:, 3:].any()
+    ends = np.unique(rows[:, :3], axis=0)
+    moving = [segment for segment in scenario.reference.segments if segment.kind == "line"]
+    assert np.array_equal(rows[0, :3], moving[0].to)
+    assert len(ends) <= len(scenario.reference.segments) + 1
+    last = build_trajectory(scenario.reference).sample(np.array([scenario.duration]))[0, :3]
+    assert np.array_equal(rows[-1, :3], last)
+
+
+def test_a_slower_law_is_called_now_and_then_and_its_command_held() -> None:
+    run = run_of(noting(every=5), path())
+    steps = given(run)[:, 57]
+    assert np.array_equal(steps, np.arange(len(steps)) // 5 + 1)
+    assert np.array_equal(given(run)[:, 0], np.repeat(run.block("state")[::5, 0], 5)[: len(steps)])
+
+
+def test_velocities_become_what_the_drives_make_of_them() -> None:
+    """w as set-point; an ideal drive gets the acceleration of a drive with the nominal lag, (w - x')/T."""
+    distances = []
+    for period in (0.001, 0.0005):
+        scenario = path(f"control.period={period}", f"control.physics_step={period}")
+        ideal, velocity = (run_of(FOLLOWING, scenario, drive=drive) for drive in ("ideal", "velocity"))
+        for run in (ideal, velocity):
+            setpoints = run.block("input")[:, 3:]
+            assert setpoints == pytest.approx(run.reference[:, 3:6] * (1.0, 1.0, -1.0), abs=1e-15)
+            accelerations = (setpoints - run.block("state")[:, 1:6:2]) / scenario.rig.time_constants
+            assert run.block("input")[:, :3] == pytest.approx(accelerations, rel=1e-12, abs=1e-12)
+        distances.append(np.abs(ideal.load_position - velocity.load_position).max())
+    assert distances[0] < 1e-3
+    assert distances[1] == pytest.approx(0.5 * distances[0], rel=0.05), "held over a period, not continuous"
+
+
+@pytest.mark.parametrize(
+    ("controller", "status"),
+    [
+        (giving_up(3), RunStatus.ANGLE_SINGULAR),
+        (giving_up(42), RunStatus.CONTROLLER_FAILED),
+        (giving_up(-1), RunStatus.CONTROLLER_FAILED),
+        (giving_up(0, np.nan), RunStatus.CONTROLLER_FAILED),
+        (giving_up(0, np.inf), RunStatus.CONTROLLER_FAILED),
+    ],
+)
+def test_a_law_that_fails_ends_the_run(controller: object, status: RunStatus) -> None:
+    run = run_of(controller, path())
+    assert (run.status, len(run.time_ns)) == (status, 10)
+    assert np.isfinite(run.table).all()
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [path(), path(*SENSED, "effects.limits.velocity=[0.1,0.1,0.1]", f"effects.limits.force={[1e9] * 3}")],
+)
+@pytest.mark.parametrize("controller", ["pid", "lqr-integral"])
+def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: Scenario) -> None:
+    one, other = (
+        simulate_run(scenario, controller=controller, plant="analytic", drive="velocity", compiled=compiled)
+        for compiled in (True, False)
+    )
+    assert np.array_equal(one.table, other.table)
+    assert np.abs(one.block("state")[-1] - one.block("state")[0]).max() > 0.1
+
+
+def test_one_loop_serves_every_law() -> None:
+    """No law makes the loop compile again: it has one signature for them all, and one for the flat family."""
+    loop = loops._compiled(AnalyticPlant.name, AnalyticPlant.kernels)
+    for controller in (noting(), noting(every=3, measures="encoders"), giving_up(1), FOLLOWING):
+        run_of(controller, path("duration=6.001"))
+    kinds = {("Tracker(" in str(signature), "SignalPath(" in str(signature)) for signature in loop.signatures}  # type: ignore[attr-defined]
+    assert len(loop.signatures) == len(kinds)  # type: ignore[attr-defined]
+
+
+def test_while_the_rope_is_slack_the_law_waits() -> None:
+    falling = load_scenario("slack-rope", overrides=["effects.rope.on_slack=recover"])
+    run = simulate_run(falling, plant="mujoco", drive="velocity", controller="lqr-integral")
+    slack = np.flatnonzero(run.tension[:-1] <= 0.0)[:-1] + 1
+    assert len(slack), "it goes slack"
+    held = run.block("controller")
+    assert np.array_equal(held[slack], held[slack - 1])
+    assert run.block("error")[slack] == pytest.approx(
+        run.reference[slack, :6] - run.block("flat_output")[slack]
+    )

@@ -1,0 +1,119 @@
+"""LQR with integral action on the linearised crane."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from cranectl.controllers.lqr_integral import LQR_INTEGRAL, matrices
+from cranectl.controllers.registry import controller_design
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import linearised_law, simulate_run
+from cranectl.support.errors import InputError
+
+LENGTH = 0.725  # [m], the middle of the rig's range
+
+
+def hanging(*overrides: str) -> Scenario:
+    """At rest in the middle of the rig, at the middle length."""
+    return load_scenario(
+        "fixed-position",
+        overrides=[
+            "duration=4.0",
+            "disturbances=[]",
+            f"reference.start=[1.0, 0.77, {-LENGTH}]",
+            "reference.segments=[]",
+            *overrides,
+        ],
+    )
+
+
+def test_the_model_is_the_plant_linearised() -> None:
+    """Against a swing of the analytic plant without control would be blind to its sign: compare rates."""
+    from cranectl.model.dynamics import angular_accelerations
+
+    a, b, c = matrices(LENGTH, 9.81)
+    small = 1e-6
+    for u in (-1.0, 0.0, 2.0):
+        _, beta_ddot = angular_accelerations(LENGTH, 0.0, 0.0, 0.0, small, 0.0, small * u, 0.0, 9.81)
+        x = np.array([0.0, 0.0, small, 0.0, 0.0])
+        assert (a @ x + b[:, 0] * small * u)[3] == pytest.approx(beta_ddot, rel=1e-9)
+    assert c[0] @ np.array([1.0, 0.0, 1.0, 0.0, 0.0]) == 1.0 + LENGTH
+
+
+def test_near_rest_it_moves_as_its_linearisation_says() -> None:
+    offset = 1e-4
+    scenario = hanging(f"initial.load_offset=[{offset}, 0.0, 0.0]")
+    (law,) = [
+        law
+        for law in linearised_law(scenario, controller_design("lqr-integral", scenario))
+        if law.rope_length == LENGTH
+    ]
+    run = simulate_run(scenario, plant="mujoco", controller="lqr-integral")
+    closed = law.a - law.b @ law.gain[np.newaxis]
+    assert np.linalg.eigvals(closed).real.max() < -1.0
+    start = np.array([offset, 0.0, 0.0, 0.0, 0.0])
+    for k in (200, 500, 1500):
+        x = expm(closed * run.time[k]) @ start
+        assert run.block("state")[k, 0] - 1.0 == pytest.approx(x[0], abs=5e-3 * offset)
+        assert run.block("state")[k, 8] == pytest.approx(x[2], abs=5e-3 * offset)
+        assert run.block("controller")[k, 0] == pytest.approx(x[4], abs=5e-3 * offset)
+
+
+def test_the_gain_is_optimal() -> None:
+    """The cost x'Px of the simulated linear loop grows with any change of the gain."""
+    scenario = hanging()
+    law = linearised_law(scenario, controller_design("lqr-integral", scenario))[1]
+    values = controller_design("lqr-integral", scenario).parameters
+    _, _, c = matrices(law.rope_length, 9.81)
+    weights = np.diag([values[f"{name}_weight"] for name in ("error", "rate", "integral")])
+
+    def cost(gain: np.ndarray) -> float:
+        from scipy.linalg import solve_continuous_lyapunov
+
+        closed = law.a - law.b @ gain[np.newaxis]
+        stage = c.T @ weights @ c + values["input_weight"] * np.outer(gain, gain)
+        return float(np.trace(solve_continuous_lyapunov(closed.T, -stage)))
+
+    best = cost(law.gain)
+    for k in range(5):
+        for factor in (0.98, 1.02):
+            changed = law.gain.copy()
+            changed[k] *= factor
+            assert cost(changed) > best
+
+
+def test_on_the_path_the_flat_map_is_all_it_needs() -> None:
+    run = simulate_run(
+        load_scenario("fast-diagonal", overrides=["disturbances=[]"]),
+        plant="analytic",
+        controller="lqr-integral",
+    )
+    assert np.linalg.norm(run.block("error")[:, :3], axis=1).max() < 1e-3
+    assert np.abs(run.block("input")[:, :3]).max() > 0.3
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_lasting_disturbances_leave_no_error(plant: str) -> None:
+    run = simulate_run(
+        load_scenario("fixed-position"), plant=plant, drive="velocity", controller="lqr-integral"
+    )
+    assert np.abs(run.block("disturbance")[-1]).max() > 0.1
+    assert np.linalg.norm(run.block("error")[-1, :3]) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("overrides", "found"),
+    [
+        (["controller.lqr-integral.gain=1.0"], "unknown parameter of controller.lqr-integral 'gain'"),
+        (["controller.lqr-integral.error_weight=-1.0"], "controller.lqr-integral.error_weight = -1.0"),
+        (["controller.lqr-integral.error_weight=much"], "controller.lqr-integral.error_weight = 'much'"),
+        (["controller.lqr.error_weight=1.0"], "unknown law with parameters 'lqr'"),
+        (
+            ["control.period=0.5", "control.physics_step=0.001", "duration=4.0"],
+            "unstable when sampled every 0.5 s",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(overrides: list[str], found: str) -> None:
+    with pytest.raises(InputError, match=found):
+        simulate_run(hanging(*overrides), plant="analytic", controller=LQR_INTEGRAL.name)
