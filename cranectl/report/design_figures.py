@@ -20,8 +20,6 @@ FREQUENCY = "angular frequency [rad/s]"
 def robustifier_system(design: Design) -> control.StateSpace:
     """The robustifier from e to v-bar as a python-control system."""
     r = design.robustifier
-    if not r.order:
-        return control.ss([], [], [], [[r.d]])
     return control.ss(r.a, r.b[:, np.newaxis], r.c[np.newaxis], r.d)
 
 

@@ -131,7 +131,13 @@ def _in_the_plane(family: Family, curves: Sequence[Curve]) -> Figure:
     for curve in _in_layers(curves):
         axes.plot(x.values(curve.run), y.values(curve.run), **_line(curve))
         if not curve.wide:
-            axes.plot(x.values(curve.run)[-1:], y.values(curve.run)[-1:], **_end(curve))
+            end: dict[str, Any] = {
+                "color": STAND_IN[curve.colour],
+                "marker": "o",
+                "markersize": 4,
+                "zorder": 5,
+            }
+            axes.plot(x.values(curve.run)[-1:], y.values(curve.run)[-1:], **end)
     if x.reference is not None and y.reference is not None:
         axes.plot(x.reference(first), y.reference(first), **_REFERENCE)
         axes.plot(x.reference(first)[-1:], y.reference(first)[-1:], **_REFERENCE_END)
@@ -146,7 +152,8 @@ def _in_space(family: Family, curves: Sequence[Curve]) -> Figure:
     figure = Figure(figsize=(WIDTH, 0.8 * WIDTH), layout="constrained")
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
     first = curves[0].run
-    low, high = _rig_box(first).T
+    x, y, rope = first.scenario.rig.workspace
+    low, high = np.array([x, y, -rope[::-1]]).T  # where the load can be with a hanging rope
     for k, (axis, panel) in enumerate(zip("xyz", family.panels, strict=True)):
         getattr(axes, f"set_{axis}lim")(low[k], high[k])
         getattr(axes, f"set_{axis}label")(panel.label)
@@ -180,10 +187,6 @@ def _line(curve: Curve) -> dict[str, Any]:
         "zorder": layer,
         "linestyle": curve.dash,
     }
-
-
-def _end(curve: Curve) -> dict[str, Any]:
-    return {"color": STAND_IN[curve.colour], "marker": "o", "markersize": 4, "zorder": 5}
 
 
 def _in_layers(curves: Sequence[Curve]) -> list[Curve]:
@@ -240,12 +243,6 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
         handle for pair in zip_longest(colours, lines, fillvalue=nothing) for handle in pair
     ]  # a legend fills column by column
     figure.legend(handles=handles, loc="outside upper center", ncols=columns, columnspacing=1.6)
-
-
-def _rig_box(run: Run) -> Array:
-    """Ranges of x, y and z that the load can be in with a hanging rope, shape (3, 2)."""
-    (x, y, rope) = run.scenario.rig.workspace
-    return np.array([x, y, -rope[::-1]])
 
 
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> Panel:
