@@ -44,11 +44,8 @@ class Guard(socketserver.ThreadingTCPServer):
         self.host, self.server, self.origins = address[0], server, origins
         (self.address_family, *_), *_ = socket.getaddrinfo(*address, type=socket.SOCK_STREAM)
         super().__init__(address, _Visitor)
+        self.port = int(self.server_address[1])
         threading.Thread(target=self.serve_forever, args=[0.05], daemon=True).start()
-
-    @property
-    def port(self) -> int:
-        return int(self.server_address[1])
 
     def stop(self) -> None:
         """Let nobody in any more."""

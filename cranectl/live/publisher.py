@@ -47,9 +47,9 @@ class Publisher:
 
     def _open(self, stream: Stream) -> None:
         channel = self._channels.get(stream.topic)
-        if channel is not None and channel.schema_name() != stream.schema_name:
+        if channel is not None and channel.schema_name() == stream.schema_name:
+            return
+        if channel is not None:
             # Another robustifier, another message type. Viewers refuse a second channel of the same topic.
             channel.close()
-            channel = None
-        if channel is None:
-            self._channels[stream.topic] = open_channel(self._context, stream)
+        self._channels[stream.topic] = open_channel(self._context, stream)

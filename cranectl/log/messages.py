@@ -120,7 +120,9 @@ def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
         for change in changes
     ]
     time_ns = np.array([change.time_ns for change in changes], dtype=np.int64)
-    return Stream(topics.status_topic(plant), f"{schema.PACKAGE}.Status", definition, time_ns, messages)
+    return Stream(
+        topics.plant_topic(plant, "status"), f"{schema.PACKAGE}.Status", definition, time_ns, messages
+    )
 
 
 def log_lines(unordered: Iterable[Event]) -> Stream:

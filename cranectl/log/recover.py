@@ -152,7 +152,7 @@ def _streams(header: LogHeader, whole: Iterable[Stream], runs: Mapping[str, Run]
     """The messages that are whole, with what they say of the outcome put right."""
     signals = header.groups().keys() - {topics.REFERENCE_LOAD}
     verdicts = {topics.difference_topic(topics.VERDICT, plant) for plant in ("", *runs)}
-    changes = {topics.LOG, *(topics.status_topic(plant) for plant in runs)}
+    changes = {topics.LOG, *(topics.plant_topic(plant, "status") for plant in runs)}
     made = {stream.topic: _with_versions(stream, header) for stream in streams(list(runs.values()))}
     saved = {stream.topic: _until(stream, runs) for stream in whole}
     ends = [run.end_ns for run in runs.values()]

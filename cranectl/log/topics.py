@@ -41,16 +41,7 @@ def difference_topic(group: str, plant: str = "") -> str:
     return f"{DIFFERENCES}{plant}/{group}" if plant else f"{DIFFERENCES}{group}"
 
 
-def status_topic(plant: str) -> str:
-    """Topic of a plant's run status."""
-    return f"/{plant}/status"
-
-
 @functools.cache
 def units(group: SignalGroup) -> dict[str, str]:
     """Channel metadata: what each field is and its unit."""
-    return {signal.name: _unit(signal) for signal in group.signals}
-
-
-def _unit(signal: Signal) -> str:
-    return f"{signal.symbol} [{signal.unit}] {signal.description}"
+    return {s.name: f"{s.symbol} [{s.unit}] {s.description}" for s in group.signals}

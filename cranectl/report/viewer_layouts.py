@@ -254,7 +254,7 @@ def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
     standings[plants[-1]] = ("status", "phase", "disturbed", "saturated")
     paths = [
         {
-            "value": f"{topics.status_topic(plant)}.{field}",
+            "value": f"{topics.plant_topic(plant, 'status')}.{field}",
             "label": f"{names.get(plant, plant)} {field.replace('_', ' ')}",
             "timestampMethod": "receiveTime",
         }

@@ -115,7 +115,7 @@ def sample_moved(parts: Parts, data: st.DataObject) -> None:
     """In all topics, between its neighbours."""
     times = sample_times(parts)
     k = data.draw(st.integers(1, len(times) - 2))
-    new = data.draw(st.integers(times[k - 1] + 1, times[k + 1] - 1))
+    new = data.draw(st.integers(times[k - 1] + 1, times[k + 1] - 1).filter(lambda time: time != times[k]))
     every_message(lambda m: replace(m, log_time=new) if m.log_time == times[k] else m)(parts)
 
 
