@@ -1,7 +1,5 @@
 """Run some runs of a result again, with everything logged, and prove that they are the same."""
 
-import math
-import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -150,11 +148,10 @@ def differences(recorded: Mapping[str, Any], again: Mapping[str, Any]) -> list[s
     return [
         f"{name} is {value!r}, was {recorded[name]!r}"
         for name, value in again.items()
-        if _bits(value) != _bits(recorded[name])
+        if _exact(value) != _exact(recorded[name])
     ]
 
 
-def _bits(value: Any) -> Any:
-    if not isinstance(value, float):
-        return value
-    return struct.pack("<d", math.nan if math.isnan(value) else value)
+def _exact(value: Any) -> Any:
+    """A value that is another one where a bit differs, as the zeros do; NaN is NaN."""
+    return repr(float(value)) if isinstance(value, float) else value

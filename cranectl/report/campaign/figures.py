@@ -66,7 +66,8 @@ def effort_and_error(groups: Sequence[Group]) -> Figure:
     each = MOST_POINTS // max(1, len(groups))
     for k, group in enumerate(groups):
         x, y = group.metrics[EFFORT], group.metrics["rms_error_m"]
-        rows = thinned(np.flatnonzero(group.completed), each)
+        rows = np.flatnonzero(group.completed)
+        rows = rows[:: max(1, -(-rows.size // each))]
         colour = series_style(k)["color"]
         axes.plot(x[rows], y[rows], ".", markersize=3, alpha=0.45, color=colour)
         low, middle, high = np.transpose([quantiles(x, MIDDLE), quantiles(y, MIDDLE)])
@@ -106,11 +107,6 @@ def two_plants(pairs: Sequence[Pair]) -> Figure:
     last.set(xscale="log", ylim=(0.0, 1.02), xlabel="|difference| [m]", ylabel="share of samples")
     last.legend()
     return figure
-
-
-def thinned(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """Every so many-th, at most `most`."""
-    return rows[:: max(1, -(-rows.size // most))]
 
 
 def _cloud(axes: Axes, x: Array, y: Array, colour: str) -> None:
