@@ -8,6 +8,7 @@ A page is what people wrote, and between two comments what is written here.
 
 import functools
 import json
+import math
 import re
 import sys
 from collections.abc import Iterable, Iterator
@@ -18,7 +19,7 @@ from google.protobuf import descriptor_pb2
 
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
-from cranectl.design import CONTROLLERS
+from cranectl.controllers.registry import FLAT_FAMILY, LAWS, load_controller
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.scenario import Scenario, load_scenario
@@ -30,6 +31,7 @@ BEGIN = "<!-- written by `python validation/reference_pages.py --write` -->\n"
 END = "<!-- end -->\n"
 BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
 PLANTS = ("analytic", "mujoco")  # of the log that is described
+OTHER_LAWS = [name for name, where in LAWS.items() if isinstance(where, str)]  # not those of a test
 KINDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false"}
 
 
@@ -63,17 +65,22 @@ def recorded_run(plant: str, controller: str) -> Run:
 
 
 def signals() -> str:
-    """A section for each group of signals of any controller."""
+    """A section for each group of signals: of the flat family the longest, then what other laws add."""
     groups: dict[str, SignalGroup] = {}
-    for controller in CONTROLLERS:
+    for controller in FLAT_FAMILY:
         for group in recorded_run("analytic", controller).groups:
-            title = f"PLANT/{group.name}"
+            title = f"`/PLANT/{group.name}`"
             groups[title] = max(groups.get(title, group), group, key=len)
+    for controller in OTHER_LAWS:
+        for group in recorded_run("analytic", controller).groups:
+            title = f"`/PLANT/{group.name}`"
+            if not {*group.names} <= {*groups[title].names}:
+                groups[f"{title} of {controller}"] = group
     sections = []
-    for title, group in {**groups, "reference/load": REFERENCE}.items():
+    for title, group in {**groups, "`/reference/load`": REFERENCE}.items():
         rows = ((f"`{each.name}`", each.symbol, each.unit, each.description) for each in group.signals)
         text = table(("signal", "symbol", "unit", "meaning"), rows)
-        sections.append(f"## `/{title}`\n\n{group.description[0].upper()}{group.description[1:]}.\n\n{text}")
+        sections.append(f"## {title}\n\n{group.description[0].upper()}{group.description[1:]}.\n\n{text}")
     return "\n".join(sections)
 
 
@@ -95,11 +102,31 @@ def _fields(schema: bytes, name: str) -> list[str]:
 
 
 def settings() -> str:
-    """A section for each table of a scenario, then of a campaign."""
-    return "\n".join(
-        f"## {model.__name__}\n\n" + "\n".join(_sections(model.model_json_schema()))
-        for model in (Scenario, CampaignSettings)
-    )
+    """A section for each table of a scenario, of the laws in it, then of a campaign."""
+    scenario, campaign = (_sections(model.model_json_schema()) for model in (Scenario, CampaignSettings))
+    laws = map(_law_section, OTHER_LAWS)
+    return "\n".join(("## Scenario\n", *scenario, *laws, "## Campaign\n", *campaign))
+
+
+def _law_section(name: str) -> str:
+    law = load_controller(name)
+    rows = [
+        (
+            f"`{each.name}`",
+            _text(each.default),
+            _allowed({"enum": each.choices} if each.choices else _bounds(each.lowest, each.highest)),
+            f"{each.description} [{each.unit}]" if each.unit else each.description,
+        )
+        for each in law.parameters
+    ]
+    text = table(("key", "default", "allowed", "meaning"), rows)
+    return f"### `[controller.{name}]`\n\n{law.title}.\n\n{text}"
+
+
+def _bounds(lowest: float, highest: float) -> dict[str, Any]:
+    """Of a number, as JSON Schema has them."""
+    found = {"minimum": lowest, "maximum": highest}
+    return {"type": "number", **{word: bound for word, bound in found.items() if math.isfinite(bound)}}
 
 
 def _sections(schema: dict[str, Any]) -> Iterator[str]:
