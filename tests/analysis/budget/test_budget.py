@@ -12,14 +12,10 @@ from cranectl.analysis.budget.equivalent import friction_of, hold_error, integra
 from cranectl.analysis.budget.error_budget import Budget, Entry, error_budget
 from cranectl.analysis.budget.higher_orders import second_order
 from cranectl.analysis.budget.nominal import Nominal, nominal_run
-from cranectl.analysis.budget.predicted_limits import predict_plant_difference
 from cranectl.analysis.budget.prediction import LEVELS, predict_levels
 from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate
 from cranectl.analysis.deviation import Size, size_of
 from cranectl.cli.main import main
-from cranectl.compare.limits import agreement_limits
-from cranectl.compare.runs import compare_runs
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 
@@ -191,18 +187,3 @@ def test_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert "unexplained" in out.err
     assert main([*command, "--top", "moon"]) == 2
     assert "servos" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("scenario", "controller"), [("fast-diagonal", "lqr"), ("off-reference", "lqr+hinf")]
-)
-def test_the_plants_differ_as_predicted(scenario: str, controller: str) -> None:
-    """With velocity drives; the limits of level 3 hold the bound."""
-    loaded = load_scenario(scenario, overrides=["duration=6.0"])
-    found = predict_plant_difference(loaded, controller)
-    runs = [simulate_run(loaded, plant=p, drive="velocity", controller=controller) for p in PLANTS]
-    measured, limits = compare_runs(*runs, signals=()), agreement_limits("velocity")
-    assert found.load_m == pytest.approx(measured.max_load_error_m, rel=0.05)
-    assert found.angle_rad == pytest.approx(measured.max_angle_error_rad, rel=0.05)
-    assert measured.max_load_error_m <= found.load_bound_m <= limits.load_m
-    assert measured.max_angle_error_rad <= found.angle_bound_rad <= limits.angle_rad
