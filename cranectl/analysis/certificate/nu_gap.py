@@ -54,8 +54,6 @@ class NuGap:
     gap: float  # 0 … 1; 1 where the winding condition fails
     angle: float  # frequency of the largest chordal distance [rad/sample]
     winding: int | None  # 0 where the winding condition holds; None: not found
-    angles: Array  # grid [rad/sample]
-    distances: Array  # chordal distance there
 
 
 def nu_gap(first: Graph, second: Graph) -> NuGap:
@@ -65,7 +63,7 @@ def nu_gap(first: Graph, second: Graph) -> NuGap:
     """
     poles = np.concatenate([first.poles, second.poles])
     if (np.abs(np.abs(poles) - 1.0) < ON_CIRCLE).any():
-        return NuGap(1.0, 0.0, None, np.zeros(1), np.ones(1))
+        return NuGap(1.0, 0.0, None)
 
     def compare(angles: Array) -> Samples:
         z = np.exp(1j * angles)
@@ -83,8 +81,6 @@ def nu_gap(first: Graph, second: Graph) -> NuGap:
         gap=float(samples.level[peak]) if resolved and winding == 0 else 1.0,
         angle=float(angles[peak]),
         winding=winding if resolved else None,
-        angles=angles,
-        distances=samples.level,
     )
 
 
