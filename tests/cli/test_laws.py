@@ -9,6 +9,8 @@ from cranectl.campaign.results import read_results
 from cranectl.cli.main import main
 from cranectl.controllers.controller import LawDesign
 
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
 LAWS = ("pid", "lqr-integral")
 SHORT = ["--set", "duration=0.6", "--set", "disturbances=[]", "--set", "reference.segments=[]"]
 CAMPAIGN = """
