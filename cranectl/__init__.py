@@ -15,36 +15,46 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cranectl.compare.runs import Agreement, Comparison, compare_runs, judge
+    from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
+    from cranectl.controllers.registry import controller_names, register_controller
     from cranectl.design import CONTROLLERS, Design, design_controller
     from cranectl.log import read_log, read_signal, write_log
     from cranectl.metrics import RunMetrics, run_metrics
     from cranectl.plants.registry import PlantEntry, register_plant
     from cranectl.scenario import Scenario, load_scenario, scenario_names
     from cranectl.scenario.rig import RigParameters
+    from cranectl.signals import Signal
     from cranectl.simulate import Run, simulate_run
     from cranectl.status import RunStatus
     from cranectl.support.errors import CranectlError, InputError, LogError
 
 _HOME = {
-    "CONTROLLERS": "design",
     "Agreement": "compare.runs",
+    "CONTROLLERS": "design",
     "Comparison": "compare.runs",
+    "Controller": "controllers.controller",
     "CranectlError": "support.errors",
     "Design": "design",
     "InputError": "support.errors",
     "LogError": "support.errors",
+    "Logged": "controllers.controller",
+    "Nominal": "controllers.controller",
+    "Parameter": "controllers.controller",
     "PlantEntry": "plants.registry",
     "RigParameters": "scenario.rig",
     "Run": "simulate",
     "RunMetrics": "metrics",
     "RunStatus": "status",
     "Scenario": "scenario",
+    "Signal": "signals",
     "compare_runs": "compare.runs",
+    "controller_names": "controllers.registry",
     "design_controller": "design",
     "judge": "compare.runs",
     "load_scenario": "scenario",
     "read_log": "log",
     "read_signal": "log",
+    "register_controller": "controllers.registry",
     "register_plant": "plants.registry",
     "run_metrics": "metrics",
     "scenario_names": "scenario",
@@ -56,22 +66,29 @@ __all__ = [
     "CONTROLLERS",
     "Agreement",
     "Comparison",
+    "Controller",
     "CranectlError",
     "Design",
     "InputError",
     "LogError",
+    "Logged",
+    "Nominal",
+    "Parameter",
     "PlantEntry",
     "RigParameters",
     "Run",
     "RunMetrics",
     "RunStatus",
     "Scenario",
+    "Signal",
     "compare_runs",
+    "controller_names",
     "design_controller",
     "judge",
     "load_scenario",
     "read_log",
     "read_signal",
+    "register_controller",
     "register_plant",
     "run_metrics",
     "scenario_names",

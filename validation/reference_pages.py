@@ -19,7 +19,7 @@ from google.protobuf import descriptor_pb2
 
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
-from cranectl.controllers.registry import FLAT_FAMILY, LAWS, load_controller
+from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.scenario import Scenario, load_scenario
@@ -31,7 +31,6 @@ BEGIN = "<!-- written by `python validation/reference_pages.py --write` -->\n"
 END = "<!-- end -->\n"
 BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
 PLANTS = ("analytic", "mujoco")  # of the log that is described
-OTHER_LAWS = [name for name, where in LAWS.items() if isinstance(where, str)]  # not those of a test
 KINDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false"}
 
 
@@ -71,7 +70,7 @@ def signals() -> str:
         for group in recorded_run("analytic", controller).groups:
             title = f"`/PLANT/{group.name}`"
             groups[title] = max(groups.get(title, group), group, key=len)
-    for controller in OTHER_LAWS:
+    for controller in WHERE:
         for group in recorded_run("analytic", controller).groups:
             title = f"`/PLANT/{group.name}`"
             if not {*group.names} <= {*groups[title].names}:
@@ -104,7 +103,7 @@ def _fields(schema: bytes, name: str) -> list[str]:
 def settings() -> str:
     """A section for each table of a scenario, of the laws in it, then of a campaign."""
     scenario, campaign = (_sections(model.model_json_schema()) for model in (Scenario, CampaignSettings))
-    laws = map(_law_section, OTHER_LAWS)
+    laws = map(_law_section, WHERE)
     return "\n".join(("## Scenario\n", *scenario, *laws, "## Campaign\n", *campaign))
 
 

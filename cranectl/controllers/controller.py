@@ -13,6 +13,7 @@ the run ends as `controller-failed`. The loop does what is common: set-points an
 observer, braking while the rope is slack, logging.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
@@ -84,7 +85,7 @@ class LinearLaw(NamedTuple):
 class Controller:
     """A control law by its step and its declarations."""
 
-    name: str
+    name: str  # lower case letters, digits, hyphens
     title: str  # one line for people
     step: Callable[..., int]  # the signature above, in the Python that Numba compiles
     prepare: Callable[[Nominal], tuple[Array, Array]]  # (parameters, memory); may raise InputError
@@ -96,6 +97,11 @@ class Controller:
     parameters: tuple[Parameter, ...] = ()
     logged: tuple[Logged, ...] = ()
     linearise: Callable[[Nominal, float], LinearLaw] | None = None  # at a rope length [m]
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for a name that logs and TOML cannot have."""
+        if not re.fullmatch(r"[a-z][a-z0-9-]*", self.name):
+            raise ValueError(f"the name '{self.name}' is not of lower case letters, digits, hyphens")
 
     def designed(self, given: Mapping[str, Value]) -> "LawDesign":
         """With every parameter `given` or its default; raises InputError for a wrong name or value."""

@@ -2,49 +2,51 @@
 
 import functools
 import importlib
-import re
 from collections.abc import Iterable
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import Design, design_controller
 from cranectl.scenario import Scenario
+from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.extensions import with_extensions
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller, LawDesign
 
-GROUP = "cranectl.controllers"  # of entry points, with which other packages add controllers
-
-LAWS: dict[str, "str | Controller"] = {  # where a Controller is, as module:name, or itself
+WHERE = {  # module and name of each law, imported only when asked for
     "pid": "cranectl.controllers.pid:PID",
     "lqr-integral": "cranectl.controllers.lqr_integral:LQR_INTEGRAL",
 }
+REGISTERED: dict[str, "Controller"] = {}  # in this process
 
 
 def register_controller(controller: "Controller") -> None:
-    """Make a controller known in this process; raises InputError for a name that is taken or is none.
+    """Make a controller known to this process; raises InputError for a name that is taken.
 
-    An entry point of the group `cranectl.controllers`, NAME = "module:controller", does so in all.
+    An entry point of the group `cranectl.controllers` makes it known to all.
     """
-    if controller.name in controller_names() or not re.fullmatch(r"[a-z][a-z0-9-]*", controller.name):
+    if controller.name in controller_names():
         raise InputError(
             f"a controller named '{controller.name}'",
-            allowed=f"lower case letters, digits, hyphens; not {', '.join(controller_names())}",
+            allowed=f"not {', '.join(controller_names())}",
             remedy="take another name",
         )
-    LAWS[controller.name] = controller
+    REGISTERED[controller.name] = controller
 
 
 def controller_names() -> tuple[str, ...]:
-    """The flat family, then all other laws."""
-    return (*FLAT_FAMILY, *{**LAWS, **_from_other_packages()})
+    """The flat family, then all other laws; raises InputError as `with_extensions`."""
+    return (*FLAT_FAMILY, *WHERE, *_added(), *REGISTERED)
 
 
 @functools.cache
-def _from_other_packages() -> dict[str, str]:
-    return {entry.name: entry.value for entry in entry_points(group=GROUP)}
+def _added() -> dict[str, "Controller"]:
+    """Of other packages."""
+    from cranectl.controllers.controller import Controller
+
+    return with_extensions({}, Controller, extensions.CONTROLLERS, taken=(*FLAT_FAMILY, *WHERE))
 
 
 def checked_controller(name: str) -> str:
@@ -63,23 +65,11 @@ def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def load_controller(name: str) -> "Controller":
-    """The law `name`, which is not of the flat family; raises InputError where it cannot be loaded."""
-    from cranectl.controllers.controller import Controller
-
-    where = {**_from_other_packages(), **LAWS}[name]
-    if isinstance(where, Controller):
-        return where
-    module, _, attribute = where.partition(":")
-    try:
-        controller = getattr(importlib.import_module(module), attribute)
-        if not isinstance(controller, Controller):
-            raise TypeError(f"{type(controller).__name__} is no Controller")
-    except (ImportError, AttributeError, TypeError) as error:
-        raise InputError(
-            f"the controller {name} at {where}: {error}",
-            allowed="a cranectl.Controller",
-            remedy="correct or remove the package that brings it",
-        ) from error
+    """The law `name`, which is not of the flat family."""
+    if name not in WHERE:
+        return {**_added(), **REGISTERED}[name]
+    module, _, attribute = WHERE[name].partition(":")
+    controller: Controller = getattr(importlib.import_module(module), attribute)
     return controller
 
 

@@ -27,7 +27,7 @@ class Event:
 # What the reference does; which cardan angles are disturbed, the sum of 1 for alpha and 2 for beta; which
 # drives' limits act, the sum of 1 for the bridge, 2 for the trolley and 4 for the rope. Protobuf wants names
 # that no other enumeration of a message has.
-Phase = IntEnum("Phase", "HOLD LINE ARC", start=0)
+Phase = IntEnum("Phase", "HOLD LINE ARC ADDED", start=0)
 Disturbed = IntEnum("Disturbed", "NONE ALPHA BETA ALPHA_AND_BETA", start=0)
 Saturated = IntEnum(
     "Saturated",
@@ -92,7 +92,7 @@ def phases(scenario: Scenario) -> list[tuple[int, Phase]]:
     """Start [ns] and kind of each segment of the reference; the last point is held."""
     starts, start = [], 0.0
     for segment in scenario.reference.segments:
-        starts.append((round(start * NANOSECONDS), Phase[segment.kind.upper()]))
+        starts.append((round(start * NANOSECONDS), Phase.__members__.get(segment.kind.upper(), Phase.ADDED)))
         start += segment.duration
     return [*starts, (round(start * NANOSECONDS), Phase.HOLD)]
 

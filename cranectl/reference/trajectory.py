@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.reference.segments import ArcPath, HoldPath, LinePath, Path
-from cranectl.scenario import Hold, Line, ReferenceSettings, Segment
+from cranectl.scenario import AddedSegment, Hold, Line, ReferenceSettings, Segment
+from cranectl.scenario.segments import added_kinds
 from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]
@@ -97,6 +98,9 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         if np.array_equal(start, end):
             raise _no_length(where, "a line to where the load already is")
         return LinePath(start, end, segment.duration, segment.time_law)
+    if isinstance(segment, AddedSegment):
+        added: Path = added_kinds()[segment.kind].path(segment.settings, start)
+        return added
     centre = np.array(segment.centre)
     if segment.angle == 0.0 or np.array_equal(start[:2], centre):
         raise _no_length(where, "an arc of no angle or no radius")

@@ -4,19 +4,19 @@ from cranectl.scenario.scenario import (
     NANOSECONDS,
     DesignSettings,
     HinfSettings,
-    Hold,
-    Line,
     LoopShapingSettings,
     ReferenceSettings,
     Scenario,
-    Segment,
     default_scenario,
     load_scenario,
     scenario_names,
 )
+from cranectl.scenario.segments import AddedSegment, Arc, Hold, Line, Segment
 
 __all__ = [
     "NANOSECONDS",
+    "AddedSegment",
+    "Arc",
     "DesignSettings",
     "HinfSettings",
     "Hold",

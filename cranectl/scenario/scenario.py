@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
 
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
-from cranectl.scenario.rig import Position, RigParameters
+from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.segments import MAX_DURATION, Duration, Point3, Segment
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import Table, read_toml
@@ -15,46 +16,9 @@ from cranectl.support.errors import unknown_name
 from cranectl.support.trees import merged
 
 NANOSECONDS = 1_000_000_000
-MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms
-
-Duration = Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
-Point2 = Annotated[tuple[Position, Position], Field(strict=False)]
-Point3 = Annotated[tuple[Position, Position, Position], Field(strict=False)]
-TimeLaw = Literal["degree-9", "degree-5"]
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 Weight = Annotated[float, Field(ge=1e-9, le=1e9)]
 Pole = Annotated[float, Field(ge=-1e3, le=-1e-3)]
-
-
-class Hold(Settings):
-    """Stay where the last segment ended."""
-
-    kind: Literal["hold"]
-    duration: Duration = Field(description="[s]")
-
-
-class Line(Settings):
-    """Straight line from where the last segment ended."""
-
-    kind: Literal["line"]
-    to: Point3 = Field(description="end point (x, y, z) [m]")
-    duration: Duration = Field(description="[s]")
-    time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
-
-
-class Arc(Settings):
-    """Horizontal circular arc from where the last segment ended."""
-
-    kind: Literal["arc"]
-    centre: Point2 = Field(description="centre (x, y) [m]")
-    angle: Annotated[float, Field(ge=-1e3, le=1e3)] = Field(
-        description="angle travelled [rad], positive counter-clockwise from above"
-    )
-    duration: Duration = Field(description="[s]")
-    time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
-
-
-Segment = Annotated[Hold | Line | Arc, Field(discriminator="kind")]
 
 
 class ReferenceSettings(Settings):

@@ -102,7 +102,7 @@ def _nested(annotation: Any) -> list[type[BaseModel]]:
 
 def _tag(model: type[BaseModel]) -> str | None:
     kind = model.model_fields.get("kind")
-    return get_args(kind.annotation)[0] if kind is not None else None
+    return next(iter(get_args(kind.annotation)), "added") if kind is not None else None
 
 
 def _known_keys(model: type[BaseModel], location: Sequence[int | str]) -> list[str]:

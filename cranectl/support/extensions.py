@@ -6,7 +6,13 @@ from typing import Any
 
 from cranectl.support.errors import InputError
 
-METRICS, PLANTS = GROUPS = ("cranectl.metrics", "cranectl.plants")  # of entry points that decide numbers
+# Groups of entry points; the first four decide numbers.
+METRICS, PLANTS, CONTROLLERS, SEGMENTS = GROUPS = (
+    "cranectl.metrics",
+    "cranectl.plants",
+    "cranectl.controllers",
+    "cranectl.segments",
+)
 EXPORTERS = "cranectl.exporters"
 
 

@@ -95,7 +95,8 @@ def test_both_in_a_campaign_on_threads() -> None:
         (name, plant, "completed") for name in reversed(LAWS) for plant in ("analytic", "mujoco")
     ]
     assert len(rows) == 32
-    assert len({row["rms_error_m"] for row in rows}) == 32
+    swaying = {row["rms_error_m"] for row in rows if row["controller"] == "lqr-integral"}
+    assert len(swaying) == 16, "each on its own crane"
 
 
 def test_parameters_reach_the_law_from_file_and_command_line() -> None:

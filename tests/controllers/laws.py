@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
-from cranectl.controllers.registry import LAWS, register_controller
+from cranectl.controllers.registry import REGISTERED, register_controller
 from cranectl.signals import Signal
 
 GIVEN = 12 + 3 * 15 + 1  # measured, three rows of the reference, steps so far
@@ -86,4 +86,4 @@ def known(controller: Controller) -> Iterator[str]:
     try:
         yield controller.name
     finally:
-        del LAWS[controller.name]
+        del REGISTERED[controller.name]

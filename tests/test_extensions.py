@@ -1,0 +1,185 @@
+"""Another package's controller, plant, metric, segment and exporter, one file each, go wherever ours go."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+from tests.packages import install, run_beside
+
+CONTROLLER = """\
+import numpy as np
+from cranectl import Controller, Logged, Parameter, Signal
+
+def step(parameters, measured, reference, memory, command):
+    for axis in range(3):
+        target = reference[axis] if axis < 2 else -reference[axis]
+        memory[axis] = target - measured[2 * axis]
+        command[axis] = parameters[0] * memory[axis] - parameters[1] * measured[2 * axis + 1]
+    return 0
+
+SERVO = Controller(
+    name="servo",
+    title="a spring and a damper on each drive",
+    step=step,
+    prepare=lambda nominal: (np.array(list(nominal.parameters.values())), np.zeros(3)),
+    follows="set-point",
+    parameters=(Parameter("stiffness", 1.0, "1/s²", "spring"), Parameter("damping", 2.0, "1/s", "damper")),
+    logged=(Logged(0, Signal("bridge_error", "e_x", "m", "of the bridge")),),
+)
+"""
+PLANT = """\
+import cranectl
+from cranectl.plants.analytic import AnalyticPlant
+from cranectl.plants.registry import PLANTS
+
+class MoonPlant(AnalyticPlant):
+    name = "moon"
+    description = "the analytic plant with a sixth of gravity"
+
+    def __init__(self, rig, **options):
+        super().__init__(rig.model_copy(update={"gravity": rig.gravity / 6.0}), **options)
+
+MOON = cranectl.PlantEntry(
+    name="moon", label="moon", colour="series-4", where="crane_plant:MoonPlant", batch=4,
+    lacks=PLANTS["analytic"].lacks,
+)
+"""
+METRIC = """\
+from cranectl.metrics import Metric, Row
+from cranectl.signals import LOAD_COLUMN
+
+def highest(setup, own, time_ns, record, reference, commands):
+    own[0] = record[:, LOAD_COLUMN + 2].max(initial=own[0])
+
+HIGHEST = Metric(
+    name="highest_load_m", symbol="z_max", unit="m", meaning="highest position of the load",
+    definition="max z_3", value=lambda run: run.own["highest_load_m"][0],
+    row=Row("load, highest", digits=3), kernel=highest, start=(-1e9,),
+)
+"""
+SEGMENT = """\
+from typing import Literal
+import numpy as np
+from cranectl.scenario.segments import Duration, SegmentKind
+from cranectl.scenario.settings import Settings
+
+class Bow(Settings):
+    kind: Literal["bow"]
+    duration: Duration
+    height: float
+
+class BowPath:
+    def __init__(self, start, height, duration):
+        self.start, self.height, self.duration = start, height, duration
+
+    def sample(self, time):
+        rows = np.zeros((len(time), 5, 3))
+        rows[:, 0] = self.start
+        tau = time / self.duration
+        bump = np.polynomial.Polynomial([0, 1]) ** 6 * np.polynomial.Polynomial([1, -1]) ** 6
+        for order in range(5):
+            factor = 4**6 * self.height / self.duration**order
+            rows[:, order, 2] += factor * (bump.deriv(order) if order else bump)(tau)
+        return rows
+
+BOW = SegmentKind("bow", Bow, lambda bow, start: BowPath(start, bow.height, bow.duration))
+"""
+EXPORTER = """\
+from cranectl.export import Exporter
+
+def write(table, path):
+    path.write_text("highest " + str(max(c.values.max() for c in table.columns if c.name.endswith("load_z"))))
+
+NOTE = Exporter("note", "a note", b"highest", write)
+"""
+SCENARIO = """\
+name = "bow"
+duration = 4.0
+controller = "servo"
+workspace.on_exit = "record"
+[reference]
+start = [1.0, 0.7, -0.9]
+segments = [
+    {kind = "bow", duration = 3.0, height = 0.3},
+    {kind = "line", to = [1.2, 0.7, -0.9], duration = 1.0},
+]
+"""
+CAMPAIGN = """\
+name = "many"
+scenario = "bow.toml"
+controllers = ["servo", "lqr"]
+plants = ["moon", "analytic"]
+drive = "velocity"
+runs = 8
+[uncertain.rig.winch_time_constant]
+distribution = "uniform"
+low = 0.01
+high = 0.04
+"""
+
+ENTRIES = {
+    "controllers": ("crane_controller", "SERVO", CONTROLLER),
+    "plants": ("crane_plant", "MOON", PLANT),
+    "metrics": ("crane_metric", "HIGHEST", METRIC),
+    "segments": ("crane_segment", "BOW", SEGMENT),
+    "exporters": ("crane_exporter", "NOTE", EXPORTER),
+}
+LOG = "logs/bow/servo-velocity.mcap"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that holds the five packages, installed, and what is to be run."""
+    made = tmp_path_factory.mktemp("outside")
+    for group, (module, name, code) in ENTRIES.items():
+        install(
+            made, module.replace("_", "-"), code, f"[cranectl.{group}]\n{name.lower()} = {module}:{name}\n"
+        )
+    (made / "bow.toml").write_text(SCENARIO)
+    (made / "many.toml").write_text(CAMPAIGN)
+    run_beside(made, "run", "bow.toml", "--drive", "velocity", "--plants", "all", "--json", "run.json")
+    return made
+
+
+def test_a_run_has_all_of_them(folder: Path) -> None:
+    """The segment is followed up and back, by the controller's rules, on each plant, and measured."""
+    told = json.loads((folder / "run.json").read_text())
+    by_plant = {run["plant"]: run for run in told["runs"]}
+    assert list(by_plant) == ["analytic", "mujoco", "moon"]
+    for run in by_plant.values():
+        assert run["controller"] == "servo"
+        assert -0.95 < run["metrics"]["highest_load_m"] <= -0.8
+    shown = run_beside(folder, "info", LOG)
+    for text in ("bow", "servo, velocity drives", "moon", "crane-controller 1.0", "/moon/controller"):
+        assert text in shown, text
+
+
+def test_the_log_is_read_compared_reported_and_exported(folder: Path) -> None:
+    assert "moon" in run_beside(folder, "compare", LOG)
+    run_beside(folder, "report", LOG, "--out", "a.html")
+    assert "load, highest" in (folder / "a.html").read_text(encoding="utf-8")
+    run_beside(folder, "log", "export", LOG, "--format", "note", "--out", "a.note")
+    assert float((folder / "a.note").read_text().removeprefix("highest ")) == pytest.approx(-0.6, abs=1e-9)
+    run_beside(folder, "log", "export", LOG, "--signals", "moon.controller.*", "--out", "a.csv")
+    with (folder / "a.csv").open(newline="") as lines:
+        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    errors = np.array([float(row["moon.controller.bridge_error"]) for row in rows])
+    assert errors[0] == 0.0, "until the line begins, the end of the bow is the set-point"
+    assert errors.max() == pytest.approx(0.2, abs=1e-6)
+
+
+def test_a_campaign_of_eight_runs_on_threads(folder: Path) -> None:
+    run_beside(folder, "campaign", "run", "many.toml", "--out", "many")
+    assert "many.html" in run_beside(folder, "campaign", "report", "many", "--out", "many.html")
+    assert "servo" in (folder / "many.html").read_text(encoding="utf-8")
+    parts = sorted((folder / "many" / "parts").glob("*.parquet"))
+    rows = [row for part in parts for row in parquet.read_table(part).to_pylist()]
+    assert len(rows) == 8 * 4
+    for name in ("servo", "lqr"):
+        highest = [row["highest_load_m"] for row in rows if row["controller"] == name]
+        assert len(set(highest)) > 8, "each on its own crane"
+        assert {row["status"] for row in rows} == {"completed"}
