@@ -115,7 +115,7 @@ controllers = ["servo", "lqr"]
 plants = ["moon", "analytic"]
 drive = "velocity"
 runs = 8
-[uncertain.rig.winch_time_constant]
+[uncertain.rig.bridge_time_constant]
 distribution = "uniform"
 low = 0.01
 high = 0.04
@@ -179,7 +179,8 @@ def test_a_campaign_of_eight_runs_on_threads(folder: Path) -> None:
     parts = sorted((folder / "many" / "parts").glob("*.parquet"))
     rows = [row for part in parts for row in parquet.read_table(part).to_pylist()]
     assert len(rows) == 8 * 4
+    assert {row["status"] for row in rows} == {"completed"}
+    assert all(-0.95 < row["highest_load_m"] < -0.55 for row in rows)
     for name in ("servo", "lqr"):
-        highest = [row["highest_load_m"] for row in rows if row["controller"] == name]
-        assert len(set(highest)) > 8, "each on its own crane"
-        assert {row["status"] for row in rows} == {"completed"}
+        errors = {row["rms_error_m"] for row in rows if row["controller"] == name}
+        assert len(errors) >= 8, "cranes differ: alike there would be one number for each plant"
