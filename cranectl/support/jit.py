@@ -62,10 +62,10 @@ def address_of(step: Callable[..., int]) -> int:
 
     pointer: Any = CPointer
     options = {"nopython": True, "error_model": "numpy"}
-    with _cache_in_place():
-        compiled: Any = CFunc(step, ((pointer(float64),) * 5, int64), {}, options)
+    compiled: Any = CFunc(step, ((pointer(float64),) * 5, int64), {}, options)
+    with _cache_in_place(), contextlib.suppress(RuntimeError):  # of what was typed into an interpreter
         compiled.enable_caching()
-    _check_files(compiled._cache, sources_digest(Path(inspect.getfile(step))))
+        _check_files(compiled._cache, sources_digest(Path(inspect.getfile(step))))
     compiled.compile()
     return int(compiled.address)
 
