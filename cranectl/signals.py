@@ -234,6 +234,10 @@ _STARTS = (0, *accumulate(len(group) for group in recorded_groups(flat_groups(0)
     VIRTUAL_INPUT_COLUMN,
     CONTROLLER_COLUMN,
 ) = _STARTS[:-1]
+# Places within groups, for kernels: of the state, of the axes, and of derivatives of three axes each.
+BRIDGE, BRIDGE_RATE, TROLLEY, TROLLEY_RATE, ROPE, ROPE_RATE, ALPHA, ALPHA_RATE, BETA, BETA_RATE = range(10)
+X, Y, Z = range(len(AXES))
+POSITION, VELOCITY, ACCELERATION, JERK, SNAP = range(0, len(REFERENCE), len(AXES))
 TENSION_COLUMN = LOAD_COLUMN + LOAD.names.index("rope_tension")
 BASE_WIDTH = _STARTS[-1]  # columns of the flat tracker without robustifier states
 LAW_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # first of what other laws record, then their errors, then their own

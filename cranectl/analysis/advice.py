@@ -21,6 +21,7 @@ from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.settings import parse_settings
+from cranectl.signals import ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.trees import merged
@@ -157,7 +158,7 @@ def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]
 def visited_points(scenario: Scenario) -> list[OperatingPoint]:
     """Corners of what the scenario visits: rope lengths, hoisting speeds, constant disturbances."""
     plan = plan_scenario(scenario)
-    length, rate = plan.reference_state[:, 4], plan.reference_state[:, 5]
+    length, rate = plan.reference_state[:, ROPE], plan.reference_state[:, ROPE_RATE]
     lengths = sorted({round(float(value), 3) for value in (length.min(), length.max())})
     low, high = scenario.rig.rope_range
     speeds = {round(float(value), 3) for value in (rate.min(), rate.max()) if abs(value) > STILL}

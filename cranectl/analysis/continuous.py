@@ -22,14 +22,26 @@ from cranectl.reference import Trajectory, build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.signals import (
+    ACCELERATION,
+    ALPHA,
+    ALPHA_RATE,
+    BETA,
+    BETA_RATE,
     CONTROLLER_COLUMN,
     DISTURBANCE_COLUMN,
     ERROR_COLUMN,
     FLAT_OUTPUT_COLUMN,
     INPUT_COLUMN,
+    JERK,
     LOAD_COLUMN,
+    ROPE,
+    ROPE_RATE,
+    SNAP,
     STATE_COLUMN,
     VIRTUAL_INPUT_COLUMN,
+    X,
+    Y,
+    Z,
 )
 from cranectl.simulate import Plan, Run, plan_scenario
 from cranectl.simulate.run import record_width
@@ -81,16 +93,24 @@ def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outp
             v += loop.gain[derivative] * (reference[3 * derivative + axis] - flat[3 * derivative + axis])
         flat[12 + axis] = v
         outputs[3 + axis], outputs[6 + axis] = v, v_bar
-    u = linearising_input(state, zeta, zeta_dot, flat[12], flat[13], flat[14], loop.gravity)
+    u = linearising_input(state, zeta, zeta_dot, flat[SNAP + X], flat[SNAP + Y], flat[SNAP + Z], loop.gravity)
     outputs[0], outputs[1], outputs[2] = u
     alpha_ddot, beta_ddot = angular_accelerations(
-        state[4], state[5], state[6], state[7], state[8], state[9], u[0], u[1], loop.gravity
+        state[ROPE],
+        state[ROPE_RATE],
+        state[ALPHA],
+        state[ALPHA_RATE],
+        state[BETA],
+        state[BETA_RATE],
+        u[0],
+        u[1],
+        loop.gravity,
     )
     for i in range(3):
         rate[2 * i], rate[2 * i + 1] = state[2 * i + 1], u[i]
-    rate[6], rate[7] = state[7], alpha_ddot + disturbance[0]
-    rate[8], rate[9] = state[9], beta_ddot + disturbance[1]
-    rate[EXTENSION], rate[EXTENSION + 1] = zeta_dot, flat[14]
+    rate[ALPHA], rate[ALPHA_RATE] = state[ALPHA_RATE], alpha_ddot + disturbance[0]
+    rate[BETA], rate[BETA_RATE] = state[BETA_RATE], beta_ddot + disturbance[1]
+    rate[EXTENSION], rate[EXTENSION + 1] = zeta_dot, flat[SNAP + Z]
 
 
 @jit
@@ -162,7 +182,9 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)
     rig = AnalyticPlant(scenario.rig, drive="ideal", step=STEP, substeps=1).rig
     grid = _Grid.of(scenario, design, plan, longest_step)
-    state = np.concatenate([plan.initial_state, plan.reference[0, [8, 11]], np.zeros(3 * r.order)])
+    state = np.concatenate(
+        [plan.initial_state, plan.reference[0, [ACCELERATION + Z, JERK + Z]], np.zeros(3 * r.order)]
+    )
     record = np.zeros((len(plan.time_ns), record_width(design)))
     rows, status = _advance_all(loop, rig, state, grid, plan, record)
     return Run(

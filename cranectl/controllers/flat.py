@@ -14,11 +14,17 @@ from cranectl.design import Design
 from cranectl.design.discretisation import sampled_blocks, sampled_loop
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.signals import (
+    ACCELERATION,
+    ALPHA,
+    BETA,
     CONTROLLER_COLUMN,
     ERROR_COLUMN,
     FLAT_OUTPUT_COLUMN,
     INPUT_COLUMN,
+    JERK,
+    ROPE,
     VIRTUAL_INPUT_COLUMN,
+    Z,
 )
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
@@ -77,7 +83,7 @@ def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
 def initial_memory(tracker: Tracker, reference: Array) -> Array:
     """Controller states with which a run that starts on its reference (15,) starts without a transient."""
     memory = np.zeros(ROBUSTIFIER + 6 * len(tracker.state_matrix))
-    memory[ZETA], memory[ZETA_DOT] = reference[8], reference[11]
+    memory[ZETA], memory[ZETA_DOT] = reference[ACCELERATION + Z], reference[JERK + Z]
     return memory
 
 
@@ -89,9 +95,9 @@ def regularity(state, zeta, gravity):
             return NON_FINITE
     if not isfinite(zeta):
         return NON_FINITE
-    if state[4] <= 0.0:
+    if state[ROPE] <= 0.0:
         return LENGTH_SINGULAR
-    if abs(state[6]) >= 0.5 * pi or abs(state[8]) >= 0.5 * pi:
+    if abs(state[ALPHA]) >= 0.5 * pi or abs(state[BETA]) >= 0.5 * pi:
         return ANGLE_SINGULAR
     if zeta + gravity <= 0.0:
         return SLACK_ROPE

@@ -15,7 +15,20 @@ from scipy.linalg import expm, solve_continuous_are
 
 from cranectl.controllers.controller import Array, Controller, LinearLaw, Logged, Nominal, Parameter
 from cranectl.model.flatness import flat_output, state_and_input
-from cranectl.signals import AXES, Signal
+from cranectl.signals import (
+    ACCELERATION,
+    ALPHA,
+    AXES,
+    BETA,
+    BRIDGE,
+    ROPE,
+    ROPE_RATE,
+    TROLLEY,
+    Signal,
+    X,
+    Y,
+    Z,
+)
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
 
@@ -44,21 +57,21 @@ def step(parameters, measured, reference, memory, command):
     held = carray(memory, (MEMORY,))
     desired, inputs, load = held[DESIRED:INPUT], held[INPUT:LOAD], held[LOAD:MEMORY]
     gravity, period = parameters[GRAVITY], parameters[PERIOD]
-    if reference[8] + gravity <= 0.0 or reference[2] >= 0.0:
+    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
         return 2
     state_and_input(reference, gravity, desired, inputs)
     flat_output(measured, 0.0, 0.0, gravity, load)
-    grid = (measured[4] - parameters[SHORTEST]) / parameters[LENGTH_STEP]
+    grid = (measured[ROPE] - parameters[SHORTEST]) / parameters[LENGTH_STEP]
     row = min(max(int(grid), 0), GRID - 2)
     share = min(max(grid - row, 0.0), 1.0)
-    x = feedback(parameters, measured, desired, held[0], 0, 8, row, share)
-    y = feedback(parameters, measured, desired, held[1], 2, 6, row, share)
-    command[0], command[1] = inputs[0] - x, inputs[1] - y
-    command[2] = (
-        inputs[2]
-        - parameters[ROPE_GAIN] * (measured[4] - desired[4])
-        - parameters[ROPE_GAIN + 1] * (measured[5] - desired[5])
-        + parameters[ROPE_GAIN + 2] * held[2]
+    x = feedback(parameters, measured, desired, held[X], BRIDGE, BETA, row, share)
+    y = feedback(parameters, measured, desired, held[Y], TROLLEY, ALPHA, row, share)
+    command[X], command[Y] = inputs[X] - x, inputs[Y] - y
+    command[Z] = (
+        inputs[Z]
+        - parameters[ROPE_GAIN] * (measured[ROPE] - desired[ROPE])
+        - parameters[ROPE_GAIN + 1] * (measured[ROPE_RATE] - desired[ROPE_RATE])
+        + parameters[ROPE_GAIN + 2] * held[Z]
     )
     for axis in range(3):
         held[axis] += period * (load[axis] - reference[axis])

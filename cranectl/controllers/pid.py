@@ -13,7 +13,7 @@ from math import pi, sqrt
 import numpy as np
 
 from cranectl.controllers.controller import Array, Controller, Logged, Nominal, Parameter
-from cranectl.signals import Signal
+from cranectl.signals import ROPE, Signal
 
 SHAPERS = ("none", "zv", "zvd", "ei")
 VIBRATION = 0.05  # V of ei, the part of the unshaped vibration that may remain at the modelled frequency
@@ -77,7 +77,7 @@ def step(parameters, measured, reference, memory, command):
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
     """Parameters and memory; the shaper is made for one rope length."""
     given = nominal.parameters
-    length = given["rope_length"] or nominal.state[4]
+    length = given["rope_length"] or nominal.state[ROPE]
     amplitudes, times = impulses(str(given["shaper"]), 2.0 * pi * sqrt(length / nominal.rig.gravity))
     delays = [round(time / nominal.period) for time in times]
     parameters = np.zeros(DELAY + 3)

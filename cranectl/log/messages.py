@@ -16,7 +16,7 @@ from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams
 from cranectl.log.stream import Stream
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.signals import ALPHA, BETA, REFERENCE, SignalGroup
 from cranectl.simulate import Run
 from cranectl.support.provenance import provenance
 
@@ -79,7 +79,7 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
         return []
     blocks = {g.name: b.block(g.name)[in_b] - a.block(g.name)[in_a] for g in topics.DIFFERENCE_GROUPS}
     distances = np.column_stack(
-        [np.linalg.norm(blocks["load"][:, :3], axis=1), np.abs(blocks["state"][:, [6, 8]]).max(axis=1)]
+        [np.linalg.norm(blocks["load"][:, :3], axis=1), np.abs(blocks["state"][:, [ALPHA, BETA]]).max(axis=1)]
     )
     result = [
         signals(topics.difference_topic(group.name, name), group, time_ns, blocks[group.name])

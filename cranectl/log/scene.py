@@ -29,6 +29,7 @@ from cranectl.log.stream import Stream
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario import NANOSECONDS
+from cranectl.signals import ALPHA, BETA, BRIDGE, TROLLEY
 from cranectl.simulate import Run
 from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
 
@@ -98,12 +99,12 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[shapes.Rows, shapes.Row
     """Trolley (x, y), load from the trolley (x, y, z), orientation of the load (x, y, z, w) at each time."""
     rows = np.minimum(np.searchsorted(run.time_ns, time_ns), len(run.time_ns) - 1)
     state = run.block("state")[rows]
-    trolley = state[:, [0, 2]]
+    trolley = state[:, [BRIDGE, TROLLEY]]
     load = run.load_position[rows].copy()
     load[:, :2] -= trolley
     # Alpha about x, then beta about -y.
-    sa, ca = np.sin(0.5 * state[:, 6]), np.cos(0.5 * state[:, 6])
-    sb, cb = np.sin(0.5 * state[:, 8]), np.cos(0.5 * state[:, 8])
+    sa, ca = np.sin(0.5 * state[:, ALPHA]), np.cos(0.5 * state[:, ALPHA])
+    sb, cb = np.sin(0.5 * state[:, BETA]), np.cos(0.5 * state[:, BETA])
     return trolley.tolist(), load.tolist(), np.column_stack([sa * cb, -ca * sb, -sa * sb, ca * cb]).tolist()
 
 
@@ -137,7 +138,7 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     state, load = run.block("state")[rows], run.block("load")[rows]
     slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
     colours = np.outer(1.0 - slackness, rgb(VIEWER["rope"])) + np.outer(slackness, rgb(SLACK_ROPE))
-    ends = np.column_stack([state[:, [0, 2]], np.zeros(len(rows)), load[:, :3]]).tolist()
+    ends = np.column_stack([state[:, [BRIDGE, TROLLEY]], np.zeros(len(rows)), load[:, :3]]).tolist()
     updates = []
     for time_ns, (*trolley, x, y, z), colour in zip(
         run.time_ns[rows].tolist(), ends, colours.tolist(), strict=True

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from cranectl.metrics.setup import SETTLING_TOLERANCE, MetricsSetup
 from cranectl.metrics.table import all_metrics
-from cranectl.signals import DISTURBANCE_COLUMN, INPUT_COLUMN, LOAD_COLUMN, STATE_COLUMN, TENSION_COLUMN
+from cranectl.signals import (
+    ALPHA,
+    BETA,
+    DISTURBANCE_COLUMN,
+    INPUT_COLUMN,
+    LOAD_COLUMN,
+    ROPE,
+    STATE_COLUMN,
+    TENSION_COLUMN,
+)
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
@@ -86,7 +95,7 @@ def add_samples(
         if total.samples == 0.0:
             start(total, row, time)
         elapsed = 1e-9 * (time - total.time)
-        alpha, beta = row[STATE_COLUMN + 6], row[STATE_COLUMN + 8]
+        alpha, beta = row[STATE_COLUMN + ALPHA], row[STATE_COLUMN + BETA]
         sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
         add_inputs(total, row)
         sway = add_sway(total, alpha, beta, ca * cb)
@@ -158,7 +167,7 @@ def add_drives(
     the rest is integrated with the trapezoidal rule.
     """
     sa, ca, sb, cb = angles
-    tension, arm = row[TENSION_COLUMN], setup.load_mass * row[STATE_COLUMN + 4]
+    tension, arm = row[TENSION_COLUMN], setup.load_mass * row[STATE_COLUMN + ROPE]
     along_alpha, along_beta = arm * cb * row[DISTURBANCE_COLUMN], arm * row[DISTURBANCE_COLUMN + 1]
     forces = (
         cb * along_beta - tension * sb,

@@ -16,6 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.model.dynamics import rope_direction, rope_direction_rate
+from cranectl.signals import (
+    ACCELERATION,
+    ALPHA,
+    ALPHA_RATE,
+    BETA,
+    BETA_RATE,
+    BRIDGE,
+    BRIDGE_RATE,
+    JERK,
+    ROPE,
+    ROPE_RATE,
+    SNAP,
+    TROLLEY,
+    TROLLEY_RATE,
+    VELOCITY,
+    X,
+    Y,
+    Z,
+)
 from cranectl.support.jit import jit
 
 
@@ -50,24 +69,24 @@ def flat_output(state, zeta, zeta_dot, gravity, output):
     `state` in the order of `signals.STATE`; `zeta`, `zeta_dot`: vertical load acceleration [m/s²] and its
     rate. Writes `output[0:12]` = (z, z', z'', z''') with three axes each. (3.24), (3.25), (3.43), (3.44).
     """
-    length, length_rate = state[4], state[5]
-    alpha, alpha_rate, beta, beta_rate = state[6], state[7], state[8], state[9]
+    length, length_rate = state[ROPE], state[ROPE_RATE]
+    alpha, alpha_rate, beta, beta_rate = state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE]
     n_x, n_y, n_z = rope_direction(alpha, beta)
     n_x_dot, n_y_dot, n_z_dot = rope_direction_rate(alpha, alpha_rate, beta, beta_rate)
     p_x, p_y, p_x_dot, p_y_dot = slopes_from_angles(alpha, alpha_rate, beta, beta_rate)
     lift = zeta + gravity
-    output[0] = state[0] + length * n_x
-    output[1] = state[2] + length * n_y
-    output[2] = length * n_z
-    output[3] = state[1] + length_rate * n_x + length * n_x_dot
-    output[4] = state[3] + length_rate * n_y + length * n_y_dot
-    output[5] = length_rate * n_z + length * n_z_dot
-    output[6] = -p_x * lift
-    output[7] = -p_y * lift
-    output[8] = zeta
-    output[9] = -p_x_dot * lift - p_x * zeta_dot
-    output[10] = -p_y_dot * lift - p_y * zeta_dot
-    output[11] = zeta_dot
+    output[X] = state[BRIDGE] + length * n_x
+    output[Y] = state[TROLLEY] + length * n_y
+    output[Z] = length * n_z
+    output[VELOCITY + X] = state[BRIDGE_RATE] + length_rate * n_x + length * n_x_dot
+    output[VELOCITY + Y] = state[TROLLEY_RATE] + length_rate * n_y + length * n_y_dot
+    output[VELOCITY + Z] = length_rate * n_z + length * n_z_dot
+    output[ACCELERATION + X] = -p_x * lift
+    output[ACCELERATION + Y] = -p_y * lift
+    output[ACCELERATION + Z] = zeta
+    output[JERK + X] = -p_x_dot * lift - p_x * zeta_dot
+    output[JERK + Y] = -p_y_dot * lift - p_y * zeta_dot
+    output[JERK + Z] = zeta_dot
 
 
 @jit
@@ -99,8 +118,8 @@ def linearising_input(state, zeta, zeta_dot, v_x, v_y, v_z, gravity):
 
     The dynamic extension obeys zeta'' = v_z. Needs a regular state: l > 0, angles within pi/2, zeta + g > 0.
     """
-    length, length_rate = state[4], state[5]
-    alpha, alpha_rate, beta, beta_rate = state[6], state[7], state[8], state[9]
+    length, length_rate = state[ROPE], state[ROPE_RATE]
+    alpha, alpha_rate, beta, beta_rate = state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE]
     p_x, p_y, p_x_dot, p_y_dot = slopes_from_angles(alpha, alpha_rate, beta, beta_rate)
     n_z = rope_direction(alpha, beta)[2]
     n_z_dot = rope_direction_rate(alpha, alpha_rate, beta, beta_rate)[2]
@@ -119,25 +138,25 @@ def state_and_input(flat, gravity, state, inputs):
     `flat`: 15 values (z, z', z'', z''', z''''), three axes each. Writes `state` (order of `signals.STATE`)
     and `inputs` = (x_c'', y_c'', l'') [m/s²]. Needs z_3 < 0 and z_3'' + g > 0.
     """
-    lift = flat[8] + gravity
-    h, h_dot = -flat[2], -flat[5]
-    p_x, p_y = -flat[6] / lift, -flat[7] / lift
-    p_x_dot = -(flat[9] + p_x * flat[11]) / lift
-    p_y_dot = -(flat[10] + p_y * flat[11]) / lift
-    p_x_ddot = slope_acceleration(p_x, p_x_dot, flat[12], flat[14], flat[11], lift)
-    p_y_ddot = slope_acceleration(p_y, p_y_dot, flat[13], flat[14], flat[11], lift)
+    lift = flat[ACCELERATION + Z] + gravity
+    h, h_dot = -flat[Z], -flat[VELOCITY + Z]
+    p_x, p_y = -flat[ACCELERATION + X] / lift, -flat[ACCELERATION + Y] / lift
+    p_x_dot = -(flat[JERK + X] + p_x * flat[JERK + Z]) / lift
+    p_y_dot = -(flat[JERK + Y] + p_y * flat[JERK + Z]) / lift
+    p_x_ddot = slope_acceleration(p_x, p_x_dot, flat[SNAP + X], flat[SNAP + Z], flat[JERK + Z], lift)
+    p_y_ddot = slope_acceleration(p_y, p_y_dot, flat[SNAP + Y], flat[SNAP + Z], flat[JERK + Z], lift)
     s = sqrt(1.0 + p_x * p_x + p_y * p_y)
     s_dot = (p_x * p_x_dot + p_y * p_y_dot) / s
-    state[0] = flat[0] - p_x * h
-    state[1] = flat[3] - p_x_dot * h - p_x * h_dot
-    state[2] = flat[1] - p_y * h
-    state[3] = flat[4] - p_y_dot * h - p_y * h_dot
-    state[4] = h * s
-    state[5] = h_dot * s + h * s_dot
+    state[BRIDGE] = flat[X] - p_x * h
+    state[BRIDGE_RATE] = flat[VELOCITY + X] - p_x_dot * h - p_x * h_dot
+    state[TROLLEY] = flat[Y] - p_y * h
+    state[TROLLEY_RATE] = flat[VELOCITY + Y] - p_y_dot * h - p_y * h_dot
+    state[ROPE] = h * s
+    state[ROPE_RATE] = h_dot * s + h * s_dot
     alpha, alpha_rate, beta, beta_rate = angles_from_slopes(p_x, p_y, p_x_dot, p_y_dot)
-    state[6], state[7], state[8], state[9] = alpha, alpha_rate, beta, beta_rate
+    state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE] = alpha, alpha_rate, beta, beta_rate
     u_x, u_y, u_l = drive_accelerations(
-        h, h_dot, p_x, p_y, p_x_dot, p_y_dot, p_x_ddot, p_y_ddot, flat[8], gravity
+        h, h_dot, p_x, p_y, p_x_dot, p_y_dot, p_x_ddot, p_y_ddot, flat[ACCELERATION + Z], gravity
     )
     inputs[0], inputs[1], inputs[2] = u_x, u_y, u_l
 

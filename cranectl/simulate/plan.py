@@ -9,7 +9,7 @@ from cranectl.model.flatness import states_and_inputs
 from cranectl.plants.surroundings import air_velocity
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import WORKSPACE_SIGNALS
+from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, WORKSPACE_SIGNALS, Z
 from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Plan:
     @property
     def shortest_rope(self) -> float:
         """Of the reference and the start [m]."""
-        return float(min(self.reference_state[:, 4].min(), self.initial_state[4]))
+        return float(min(self.reference_state[:, ROPE].min(), self.initial_state[ROPE]))
 
 
 def plan_scenario(scenario: Scenario) -> Plan:
@@ -87,11 +87,11 @@ def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
 def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
     """The first state of the reference, moved and swung by the scenario's offsets."""
     state = planned.start(scenario.initial.load_offset)
-    state[6] += scenario.initial.alpha_offset
-    state[8] += scenario.initial.beta_offset
+    state[ALPHA] += scenario.initial.alpha_offset
+    state[BETA] += scenario.initial.beta_offset
     low, high = scenario.rig.workspace.T
     outside = (state[:5:2] < low - 1e-9) | (state[:5:2] > high + 1e-9)
-    if outside.any() or np.abs(state[[6, 8]]).max() >= 0.5 * np.pi:
+    if outside.any() or np.abs(state[[ALPHA, BETA]]).max() >= 0.5 * np.pi:
         name = [*WORKSPACE_SIGNALS, "a cardan angle"][int(np.argmax([*outside, True]))]
         raise InputError(
             f"the run would start outside the workspace: {name}",
@@ -112,19 +112,19 @@ def _disturbances(scenario: Scenario, time_ns: NDArray[np.int64]) -> Array:
 
 
 def _check_taut(scenario: Scenario, time_ns: NDArray[np.int64], reference: Array) -> None:
-    lift = reference[:, 8] + scenario.rig.gravity
+    lift = reference[:, ACCELERATION + Z] + scenario.rig.gravity
     worst = int(np.argmin(lift))
     if lift[worst] <= 0.0:
         raise InputError(
             f"the reference needs a slack rope: at {time_ns[worst] / NANOSECONDS:g} s the load falls with "
-            f"{-reference[worst, 8]:.3g} m/s²",
+            f"{-reference[worst, ACCELERATION + Z]:.3g} m/s²",
             allowed=f"downward accelerations below g = {scenario.rig.gravity:g} m/s²",
             remedy="give the segment more time",
         )
-    highest = int(np.argmax(reference[:, 2]))
-    if reference[highest, 2] >= 0.0:
+    highest = int(np.argmax(reference[:, Z]))
+    if reference[highest, Z] >= 0.0:
         raise InputError(
-            f"the reference lifts the load to z = {reference[highest, 2]:.3g} m at "
+            f"the reference lifts the load to z = {reference[highest, Z]:.3g} m at "
             f"{time_ns[highest] / NANOSECONDS:g} s",
             allowed="z below 0, the height of the trolley",
             remedy="lower the path",

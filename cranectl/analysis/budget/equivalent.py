@@ -25,6 +25,7 @@ from cranectl.plants.mujoco.model import ideal_inertia
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS
 from cranectl.scenario.effects import DriveLimits, Friction
+from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.simulate import Run
 from cranectl.simulate.signal_path import limited, make_limits
 from cranectl.support.jit import jit
@@ -104,7 +105,7 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
     )
     runge_kutta_defect(analytic_rig(run), states, inputs[:, :3], disturbances, ports.local)
     load, joints = run.block("load")[:-1, 6:7], states[:-1]
-    alpha, beta = joints[:, 6], joints[:, 8]
+    alpha, beta = joints[:, ALPHA], joints[:, BETA]
     direction = np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), np.ones(len(joints))])
     ports.drive[:] = load * direction / ideal_inertia(run.scenario.rig)
     return ports
@@ -169,10 +170,10 @@ def cut_off(limits, wanted, start, cut):
 def friction_of(run: Run, friction: Friction) -> FrictionPort:
     """Friction as a shift of the set-points of servos and an angular acceleration of the joint."""
     rig, states = run.scenario.rig, run.block("state")
-    inertia = rig.load_mass * states[:-1, 4] ** 2
+    inertia = rig.load_mass * states[:-1, ROPE] ** 2
     worth = np.empty((len(inertia), 5))
     worth[:, :3] = rig.velocity_gains
-    worth[:, 3], worth[:, 4] = inertia * np.cos(states[:-1, 8]) ** 2, inertia
+    worth[:, 3], worth[:, 4] = inertia * np.cos(states[:-1, BETA]) ** 2, inertia
     viscous = np.array([*friction.viscous, *(friction.pivot_viscous,) * 2])
     coulomb = np.array([*friction.coulomb, *(friction.pivot_coulomb,) * 2])
     return FrictionPort(np.ascontiguousarray(states[:, 1::2]), viscous / worth, coulomb / worth)

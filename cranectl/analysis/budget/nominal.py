@@ -13,6 +13,7 @@ from cranectl.controllers.registry import flat_design
 from cranectl.design import Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.signals import ROPE
 from cranectl.simulate import Run, plan_scenario, simulate_run
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ class Nominal:
         structure = tuple(name for name in STRUCTURE if name in effects)
         if structure not in self._driven:
             run, chosen = self.run, self.effects.only(*structure)
-            crane = make_crane(run.scenario, chosen, float(run.block("state")[0, 4]))
+            crane = make_crane(run.scenario, chosen, float(run.block("state")[0, ROPE]))
             winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
             self._driven[structure] = linearise_run(run, crane=crane, winds=winds)
         return self._driven[structure]

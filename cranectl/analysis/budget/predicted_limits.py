@@ -17,6 +17,7 @@ from cranectl.compare.limits import VELOCITY_PAIR, Limits, NoLimits
 from cranectl.design import Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.signals import ALPHA, BETA
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 
@@ -86,7 +87,7 @@ def _orders(run: Run, loop: TrajectoryLoop) -> tuple[Deviation, Deviation, Devia
 def _largest(a: Deviation, b: Deviation, what: str) -> float:
     if what == "load":
         return float(np.linalg.norm(a.load - b.load, axis=1).max())
-    return float(np.abs(a.state[:, [6, 8]] - b.state[:, [6, 8]]).max())
+    return float(np.abs(a.state[:, [ALPHA, BETA]] - b.state[:, [ALPHA, BETA]]).max())
 
 
 def _bound(estimate: float, second: float, third: float, coarse: float) -> float:

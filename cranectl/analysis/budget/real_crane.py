@@ -22,6 +22,7 @@ from cranectl.analysis.budget.crane_equations import ALPHA_B, BETA_B, COORDINATE
 from cranectl.plants.surroundings import air_drag
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import EffectSettings
+from cranectl.signals import ROPE
 
 Array = NDArray[np.float64]
 
@@ -95,7 +96,7 @@ def nominal_states(crane: RealCrane, joints: Array, tension: Array) -> Array:
     states = np.zeros((len(joints), STATES))
     states[:, :10] = joints
     if crane.moves[STRETCH]:
-        states[:, 2 * STRETCH] = tension * (joints[:, 4] - crane.offset) / crane.stiffness
+        states[:, 2 * STRETCH] = tension * (joints[:, ROPE] - crane.offset) / crane.stiffness
     if crane.moves[ALPHA_B]:
         states[:, 2 * ALPHA_B : 2 * BETA_B + 2] = joints[:, 6:10]
     return states

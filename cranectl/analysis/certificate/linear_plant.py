@@ -37,6 +37,7 @@ from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import EffectSettings
+from cranectl.signals import ALPHA, BETA, ROPE, ROPE_RATE
 from cranectl.simulate import make_plant, tracker_of
 from cranectl.simulate.actuation import Actuation, actuate, make_actuation
 
@@ -186,7 +187,7 @@ def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> 
     joints, estimate = held.joints, initial_estimate(held.joints)
     # What keeps the angles from falling back is a disturbance to the observer.
     fall = angular_accelerations(
-        joints[4], joints[5], joints[6], 0.0, joints[8], 0.0, 0.0, 0.0, observer.gravity
+        joints[ROPE], joints[ROPE_RATE], joints[ALPHA], 0.0, joints[BETA], 0.0, 0.0, 0.0, observer.gravity
     )  # fmt: skip
     estimate[DISTURBANCE + 3 : DISTURBANCE + JOINTS] = -np.array(fall)
     return np.concatenate([memory, estimate])

@@ -35,6 +35,7 @@ from cranectl.plants.mujoco.linearisation import (
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
+from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support.errors import InputError
 
 LARGEST_SINE = 0.9999  # of alpha; where it would be 1 the law is singular
@@ -66,7 +67,7 @@ class HeldState:
 
 def signals_at(joints: Array, gravity: float) -> HeldState:
     """The tracker's signals while the drives do not accelerate and the angles in `joints` (10,) rest."""
-    length, alpha, beta = joints[4], joints[6], joints[8]
+    length, alpha, beta = joints[ROPE], joints[ALPHA], joints[BETA]
     drop = cos(alpha) * cos(beta)  # of one metre of rope
     zeta = gravity * (drop * drop - 1.0)
     p_x, p_y, _, _ = slopes_from_angles(alpha, 0.0, beta, 0.0)
@@ -159,7 +160,7 @@ def equilibrium(
     state, command = split(unknown)
     joints = np.zeros(10)
     joints[0::2], joints[1::2] = state.qpos[plant.rig.joints], state.qvel[plant.rig.rates]
-    if not np.abs(left).max() < enough or np.abs(joints[[6, 8]]).max() > np.arcsin(LARGEST_SINE):
+    if not np.abs(left).max() < enough or np.abs(joints[[ALPHA, BETA]]).max() > np.arcsin(LARGEST_SINE):
         raise InputError(
             f"no rest to be state at {point} with the scenario's effects",
             allowed="operating points at which the load can be held",
@@ -171,8 +172,8 @@ def equilibrium(
 def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -> Anchor:
     """The state of a crane without effects, its rope stretched as it hangs still, and only then running."""
     joints = np.zeros(10)
-    joints[4] = point.rope_length
-    joints[6], joints[8] = tilt_angles(point, gravity)
+    joints[ROPE] = point.rope_length
+    joints[ALPHA], joints[BETA] = tilt_angles(point, gravity)
     plant.reset(joints)
     start = anchor_of(plant)
     start.qvel[[plant.rig.rates[2], plant.rig.distance[1]]] = point.hoisting_speed

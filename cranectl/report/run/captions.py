@@ -8,6 +8,7 @@ import numpy as np
 
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.report.run.figures import DEGREES, Family, largest_difference
+from cranectl.signals import BRIDGE, TROLLEY
 from cranectl.simulate import Run
 
 Runs = Mapping[str, Run]  # by label
@@ -65,7 +66,7 @@ def _linear_input(runs: Runs) -> str:
 
 def _relative(runs: Runs) -> str:
     def largest(run: Run) -> float:
-        beside = run.block("load")[:, :2] - run.block("state")[:, [0, 2]]
+        beside = run.block("load")[:, :2] - run.block("state")[:, [BRIDGE, TROLLEY]]
         return float(np.linalg.norm(beside, axis=1).max())
 
     return f"Farthest beside the trolley: {_each(runs, largest, 'm')}."
