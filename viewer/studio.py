@@ -134,6 +134,18 @@ class Studio:
         listed.or_(problem).first.wait_for(timeout=1000 * PATIENCE)
 
 
+def at_rest(look: Callable[[], T]) -> T:
+    """What `look` gives once it has given the same for a second: a viewer shows late what has arrived."""
+    seen = [look()]
+
+    def same(new: T) -> bool:
+        seen.append(new)
+        time.sleep(0.4)
+        return len(seen) > 3 and all(old == new for old in seen[-4:])
+
+    return eventually(look, same)
+
+
 def eventually(look: Callable[[], T], good: Callable[[T], object]) -> T:
     """What `look` gives as soon as it is good, or after all patience."""
     end = time.monotonic() + PATIENCE

@@ -13,7 +13,7 @@ import pytest
 import cranectl
 from viewer import panels, pictures
 from viewer.panels import Layout
-from viewer.studio import Studio, eventually
+from viewer.studio import Studio, at_rest, eventually
 
 COMMAND = "-m cranectl live settled-trajectory --plant mujoco --port 0 --record"
 PARAMETERS = "Parameters!1"
@@ -71,12 +71,12 @@ def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
     assert before["pause"] == "false"
     studio.set_parameter(PARAMETERS, "pause", "true")
     assert eventually(lambda: studio.parameters(PARAMETERS)["pause"], lambda seen: seen == "true") == "true"
-    stopped = studio.duration()
+    stopped = at_rest(studio.duration)
     studio.set_parameter(PARAMETERS, "controller", '"lqr+hinf"')
     after = eventually(lambda: studio.parameters(PARAMETERS), lambda seen: seen["k0"] != before["k0"])
     assert after["controller"] == '"lqr+hinf"'
     assert after["k0"] != before["k0"]
-    assert studio.duration() - stopped < 1.0
+    assert at_rest(studio.duration) == stopped, "paused, whatever is set meanwhile"
     studio.set_parameter(PARAMETERS, "pause", "false")
     assert eventually(studio.duration, lambda seconds: seconds > stopped + 2.0) > stopped + 2.0
     assert studio.problems() == []
