@@ -12,11 +12,12 @@ KINDS = {
     "comparison": "run fixed-position --plant both --every 20 --out {comparison}",
     "robustified": "run settled-trajectory --plant mujoco --controller lqr+hinf --drive velocity --every 20"
     " --out {robustified}",
+    "law": "run fast-diagonal --plant both --controller pid --drive velocity --every 20 --out {law}",
     "stopped-early": "run slack-rope --plant both --every 20 --out {stopped-early}",
     "analytic": "run near-slack --plant analytic --every 20 --out {analytic}",
     "mujoco": "run near-slack --plant mujoco --every 20 --out {mujoco}",
     "merged": "compare {analytic} {mujoco} --merge {merged}",
-    "recovered": "recover {cut-off} --out {recovered}",
+    "recovered": "log recover {cut-off} --out {recovered}",
 }
 # Logs for viewers only.
 OVERLAYS = {"ladder": "ladder fixed-position --out {ladder}"}

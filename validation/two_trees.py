@@ -1,0 +1,139 @@
+"""Is this tree as exact and as fast as another one? Both are run side by side.
+
+    git worktree add ../before v0.2.0
+    python validation/two_trees.py ../before             signals of all cases, then pairs of loops
+    python validation/two_trees.py ../before --pairs 30 --skip-signals
+
+Signals: `cranectl validate` in both trees; every group of signals of every run must be the same bit for bit.
+Loops: the same runs, in processes that take turns in random order; ratio new/old of each pair, its median,
+and the median's 95 % interval by bootstrap. Exit code 1 where signals differ or an interval lies above 1.02.
+"""
+
+import argparse
+import hashlib
+import os
+import random
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+LIMIT = 1.02
+FASTEST_OF = 3  # runs of a turn
+
+DIGESTS = """
+import hashlib, sys
+from pathlib import Path
+from cranectl import read_log
+for path in sorted(Path("logs").rglob("*.mcap")):
+    for plant, run in read_log(path).items():
+        shared = run.time_ns.tobytes() + run.reference.tobytes() + run.status.label.encode()
+        print(path, plant, hashlib.sha256(shared).hexdigest())
+        for group in sorted(run.groups, key=lambda group: group.name):
+            print(path, plant, group.name, hashlib.sha256(run.block(group.name).tobytes()).hexdigest())
+"""
+# Names changed from 0.2.0 on; whatever a tree calls them, they are the same things.
+WORKER = """
+import inspect, sys, time
+import numpy as np
+from cranectl.design import design_controller
+from cranectl.scenario import load_scenario
+from cranectl.simulate import runner
+from cranectl.simulate.plan import plan_reference, plan_run
+try:
+    from cranectl.simulate.run import record_width
+except ImportError:
+    from cranectl.simulate.runner import record_width
+plant, drive = sys.argv[1:3]
+scenario = load_scenario("fixed-position")
+design = design_controller("lqr+loop-shaping", scenario.design)
+plan = plan_run(plan_reference(scenario), scenario)
+nominal = "known" if "known" in inspect.signature(runner.start_run).parameters else "nominal"
+def seconds():
+    crane, tracker = runner.make_plant(plant, scenario, drive), runner.tracker_of(scenario, design)
+    run = runner.start_run(crane, scenario, tracker, plan, **{nominal: scenario})
+    record = np.zeros((len(plan.time_ns), record_width(design)))
+    inputs = run.inputs if hasattr(run, "inputs") else run.sampling
+    path = run.path if hasattr(run, "path") else run.stages
+    begin = time.perf_counter()
+    run.advance(inputs, path, record, run.memory, 0, len(record))
+    return time.perf_counter() - begin
+seconds()
+for line in sys.stdin:
+    print(min(seconds() for _ in range(int(line))), flush=True)
+"""
+
+
+def digests(tree: Path) -> str:
+    """What all cases of `validate` record, a line a group."""
+    environment = {**os.environ, "PYTHONPATH": str(tree)}
+    with tempfile.TemporaryDirectory() as place:
+        command = [sys.executable, "-m", "cranectl", "validate"]
+        subprocess.run(command, cwd=place, env=environment, check=True, stdout=subprocess.DEVNULL)
+        read = [sys.executable, "-c", DIGESTS]
+        return subprocess.run(
+            read, cwd=place, env=environment, check=True, capture_output=True, text=True
+        ).stdout
+
+
+def ratios(old: Path, new: Path, plant: str, drive: str, pairs: int) -> np.ndarray:
+    """Time of the new loop over that of the old one, (pairs,)."""
+    workers = [
+        subprocess.Popen(
+            [sys.executable, "-c", WORKER, plant, drive],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(tree)},
+        )
+        for tree in (old, new)
+    ]
+    order, found = random.Random(1), []
+    for _ in range(pairs):
+        times = [0.0, 0.0]
+        for k in order.sample((0, 1), 2):
+            worker = workers[k]
+            assert worker.stdin is not None
+            assert worker.stdout is not None
+            worker.stdin.write(f"{FASTEST_OF}\n")
+            worker.stdin.flush()
+            times[k] = float(worker.stdout.readline())
+        found.append(times[1] / times[0])
+    for worker in workers:
+        worker.communicate()
+    return np.array(found)
+
+
+def main() -> int:
+    """Compare; returns the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("old", type=Path)
+    parser.add_argument("--pairs", type=int, default=30)
+    parser.add_argument("--skip-signals", action="store_true")
+    options = parser.parse_args()
+    good = True
+    if not options.skip_signals:
+        before, after = digests(options.old.resolve()), digests(ROOT)
+        good = before == after
+        text = hashlib.sha256(after.encode()).hexdigest()[:12]
+        print(f"signals: {len(after.splitlines())} blocks {'the same' if good else 'DIFFER'} ({text})")
+    for plant in ("analytic", "mujoco"):
+        for drive in ("ideal", "velocity"):
+            pairs = ratios(options.old.resolve(), ROOT, plant, drive, options.pairs)
+            drawn = np.random.default_rng(1).choice(pairs, (4000, len(pairs)))
+            low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+            good &= bool(low < LIMIT)
+            print(
+                f"{plant}, {drive}: {np.median(pairs):.4f} of before, 95 % {low:.4f} to {high:.4f}",
+                flush=True,
+            )
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
