@@ -172,10 +172,16 @@ MEASUREMENT = SignalGroup(
 )
 
 
+_COMMANDS = {  # of drives: symbol, unit, what it is
+    "ideal": ("u", "m/s²", "acceleration"),
+    "velocity": ("w", "m/s", "velocity"),
+    "force": ("F", "N", "force"),
+}
+
+
 def command_group(drive: str) -> SignalGroup:
     """What arrives at the drives after limits and transport, and which set-points were cut off."""
-    velocity = drive == "velocity"
-    symbol, unit, what = ("w", "m/s", "velocity") if velocity else ("u", "m/s²", "acceleration")
+    symbol, unit, what = _COMMANDS[drive]
     axes = (("bridge", "x"), ("trolley", "y"), ("rope", "l"))
     return SignalGroup(
         "command",
@@ -244,7 +250,7 @@ LAW_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # first of what other laws record, then th
 LAW_ERROR_COLUMN = LAW_LOAD_COLUMN + 6
 LAW_SIGNALS_COLUMN = LAW_ERROR_COLUMN + 6
 COMMAND_COLUMN = len(MEASUREMENT)  # in the part of the record that is the signal path's
-PATH_WIDTH = len(MEASUREMENT) + len(command_group(""))
+PATH_WIDTH = len(MEASUREMENT) + len(command_group("ideal"))
 
 # Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.
 WORKSPACE_SIGNALS = ("bridge_position", "trolley_position", "rope_length")

@@ -37,12 +37,13 @@ class Rule(NamedTuple):
 
 RULES = (
     Rule("rig.*_time_constant", None, "ideal", "ideal drives have no lag"),
+    Rule("rig.*_time_constant", None, "force", "force drives have no lag"),
     *(
         Rule(f"rig.{body}_mass", lack, drive, why)
         for body in ("bridge", "trolley", "winch")
         for lack, drive, why in (
             (None, "ideal", "ideal drives move as commanded whatever they carry"),
-            ("force", None, "the drives of the {plant} plant know no forces"),
+            ("force", "velocity", "the velocity drives of the {plant} plant know no forces"),
         )
     ),
     Rule("effects.sensing.observer_bandwidth", None, None, "the controller has the observer it was given"),

@@ -21,7 +21,7 @@ DRIVES = ("bridge", "trolley", "winch")
     metavar="NAME",
     help="Whose [design], [control], [rig] and [effects] to take. Default: the defaults.",
 )
-@drive_option(default="velocity")
+@drive_option(default="velocity", force=False)
 @click.option("--time-constant", type=float, metavar="S", help="Lag of all three velocity drives [s].")
 @click.option(
     "--delay", type=float, metavar="S", help="From measurement to drive [s]; effects.delay.seconds."

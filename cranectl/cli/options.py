@@ -94,13 +94,15 @@ def layout_for(plants: Sequence[str]) -> str:
     return f"comparison view.json{chosen}"
 
 
-def drive_option(*, default: str) -> Callable[[F], F]:
-    """`--drive`."""
-    both = "; or both" if default == "both" else ""
+def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:
+    """`--drive`; `force`: whether the command takes force drives."""
+    forces = "; force: forces on bridge, trolley, winch" if force else ""
+    both = "; both: ideal and velocity; all" if default == "both" else ""
     return click.option(
         "--drive",
         default=default,
         show_default=True,
         metavar="NAME",
-        help=f"ideal: accelerations realised exactly; velocity: first-order drives with set-points{both}.",
+        help="ideal: accelerations realised exactly; velocity: first-order drives with set-points"
+        f"{forces}{both}.",
     )

@@ -53,10 +53,10 @@ def validate_command(
 ) -> int:
     """Run scenarios on all plants and judge their agreement.
 
-    With all controllers and drives. The limits and their reasons are in validation/tolerances.toml. Those of
-    velocity drives hold for the shipped scenarios and their rig: others are shown and not judged, or with
-    --predict judged by their own. A scenario that cannot be run is a failed case with its reason; the
-    others run.
+    With all controllers, ideal and velocity drives. The limits and their reasons are in
+    validation/tolerances.toml. Those of velocity drives hold for the shipped scenarios and their rig: others
+    are shown and not judged, or with --predict judged by their own. A scenario that cannot be run is a failed
+    case with its reason; the others run.
 
     \b
     cranectl validate
@@ -73,13 +73,14 @@ def validate_command(
     from cranectl.cli.validate_output import report_validation
     from cranectl.controllers.registry import chosen_controllers
     from cranectl.log import check_writable
-    from cranectl.plants.plant import DRIVES
+    from cranectl.plants.plant import DRIVES, Drive
     from cranectl.plants.registry import PLANTS
     from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
 
     names = chosen_controllers(controllers)
-    drives = DRIVES if drive == "both" else (checked_drive(drive),)
+    several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": DRIVES}
+    drives = several[drive] if drive in several else (checked_drive(drive),)
     loaded, unloaded = _loaded(tuple(dict.fromkeys(scenarios)) or scenario_names(), rig, overrides)
     cases = [
         make_case(

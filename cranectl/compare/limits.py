@@ -1,9 +1,9 @@
 """How far two plants may differ, and of which scenarios and plants that is known.
 
-Level 2, ideal drives, is a statement about numerics and holds for any scenario and plants. Level 3, velocity
-drives, is the pull of the rope on the engine's servos, which the analytic lag is blind to: it depends on rig,
-motion and controller, so the limits of `validation/tolerances.toml` hold for this pair of plants, the shipped
-scenarios with their own rig, and no other.
+Level 2, ideal and force drives, is a statement about numerics and holds for any scenario and plants. Level
+3, velocity drives, is the pull of the rope on the engine's servos, which the analytic lag is blind to: it
+depends on rig, motion and controller, so the limits of `validation/tolerances.toml` hold for this pair of
+plants, the shipped scenarios with their own rig, and no other.
 """
 
 import functools
@@ -60,7 +60,7 @@ def limits_for(
     predict: Predict | None = None,
 ) -> Limits | NoLimits:
     """The limits of the agreement of `plants`; where the shipped ones do not hold, what `predict` says."""
-    if drive == "ideal":
+    if drive != "velocity":
         return agreement_limits(drive)
     if not set(VELOCITY_PAIR) <= set(plants):
         return OTHER_PAIR
@@ -74,7 +74,7 @@ def limits_for(
 @functools.cache
 def agreement_limits(drive: str) -> Limits:
     """What two plants with these drives may differ in closed loop, in a shipped scenario."""
-    plants = () if drive == "ideal" else VELOCITY_PAIR
+    plants = VELOCITY_PAIR if drive == "velocity" else ()
     return Limits(**read_toml(resources.TOLERANCE_FILE)["closed-loop"][drive], plants=plants)
 
 

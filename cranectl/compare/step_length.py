@@ -20,13 +20,13 @@ Progress = Callable[[float], None]  # called with the simulated seconds since th
 def judge_steps(
     runs: Sequence[Run], limits: Limits | NoLimits, progress: Progress | None = None
 ) -> Agreement:
-    """As `compare.judge`; where plants with ideal drives differ too much, with the step that cures it.
+    """As `compare.judge`; where plants differ too much but for their drives, with the step that cures it.
 
     The step is as short as the order of the scheme says, and tried: both plants run once more. None if they
     differ even then. An interrupt ends that, not the verdict.
     """
     agreement = judge(*runs, limits=limits)
-    if agreement.drive != "ideal" or agreement.passed is not False or not isinstance(limits, Limits):
+    if agreement.drive == "velocity" or agreement.passed is not False or not isinstance(limits, Limits):
         return agreement
     excess = max(agreement.max_load_error_m / limits.load_m, agreement.max_angle_error_rad / limits.angle_rad)
     if not 1.0 < excess < math.inf or any(run.status == RunStatus.INTERRUPTED for run in runs):

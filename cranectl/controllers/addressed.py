@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cranectl.controllers.controller import Controller, Nominal
 from cranectl.controllers.flat import RUNNING, regularity
+from cranectl.model.dynamics import AxisMasses, axis_masses
 from cranectl.model.flatness import flat_output
 from cranectl.signals import INPUT_COLUMN, LAW_ERROR_COLUMN, LAW_LOAD_COLUMN, LAW_SIGNALS_COLUMN
 from cranectl.status import RunStatus
@@ -33,7 +34,9 @@ class AddressedLaw(NamedTuple):
     samples: int  # N
     every: int  # control periods between two steps
     encoders: bool  # else the state is measured
-    velocity: bool  # commanded, else acceleration
+    velocity: bool  # commanded,
+    force: bool  # or this, else acceleration
+    masses: AxisMasses  # that forces are meant for
     places: NDArray[np.int64]  # of the memory that are recorded
     start: Array  # memory at the start of a run
     measured: Array  # (12,)
@@ -55,6 +58,8 @@ def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
         every=controller.every,
         encoders=controller.measures == "encoders",
         velocity=controller.command == "velocity",
+        force=controller.command == "force",
+        masses=axis_masses(nominal.rig),
         places=np.array([place for place, _ in controller.logged], dtype=np.int64),
         start=_numbers(memory),
         measured=np.zeros(12),

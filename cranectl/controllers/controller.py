@@ -89,7 +89,7 @@ class Controller:
     title: str  # one line for people
     step: Callable[..., int]  # the signature above, in the Python that Numba compiles
     prepare: Callable[[Nominal], tuple[Array, Array]]  # (parameters, memory); may raise InputError
-    command: Literal["acceleration", "velocity"] = "acceleration"  # [m/s²], [m/s]
+    command: Literal["acceleration", "velocity", "force"] = "acceleration"  # [m/s²], [m/s], [N]
     follows: Literal["path", "set-point"] = "path"  # set-point: end of the segment now running, at rest
     measures: Literal["state", "encoders"] = "state"
     every: int = 1  # control periods between two steps; the command is held

@@ -73,7 +73,7 @@ class Session:
             _PlantState(
                 plant,
                 compiled_loop(plant),
-                inputs_of(scenario, self._law, make_actuation(scenario, start), self.plan, drive),
+                inputs_of(scenario, self._law, make_actuation(scenario, start, drive), self.plan, drive),
                 np.zeros(0),
             )
             for plant in (make_plant(name, scenario, drive) for name in plants)

@@ -11,6 +11,7 @@ from cranectl.reference import build_trajectory
 from cranectl.reference.segments import HoldPath
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
 from cranectl.signals import COMMAND_COLUMN
+from cranectl.simulate.signal_path import has_signal_path
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
     record of the signal path alone. Ignored for a scenario without one.
     """
     rig = scenario.rig
-    friction = scenario.effects.friction if drive == "velocity" else None  # none can hold an ideal drive
+    friction = scenario.effects.friction if drive != "ideal" else None  # none can hold an ideal drive
     rest_ns, direction = _rest(scenario.reference)
     return MetricsSetup(
         rest_ns=rest_ns,
@@ -50,7 +51,7 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
         load_mass=rig.load_mass,
         coulomb=np.array(friction.coulomb if friction else (0.0, 0.0, 0.0)),
         viscous=np.array(friction.viscous if friction else (0.0, 0.0, 0.0)),
-        flag_column=flag_column if scenario.effects.staged else NO_FLAGS,
+        flag_column=flag_column if has_signal_path(scenario.effects, drive) else NO_FLAGS,
     )
 
 

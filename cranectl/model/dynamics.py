@@ -9,11 +9,13 @@ and this C makes dM/dt - 2C skew. `validation/derivations/lagrange.py` derives i
 """
 
 from math import cos, sin
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.scenario.rig import RigParameters
+from cranectl.signals import ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE
 from cranectl.support.jit import jit
 
 Vector = NDArray[np.float64]
@@ -68,6 +70,70 @@ def rope_direction_rate(alpha, alpha_rate, beta, beta_rate):
         beta_rate * cb,
         alpha_rate * cb * ca - beta_rate * sb * sa,
         alpha_rate * sa * cb + beta_rate * ca * sb,
+    )
+
+
+class AxisMasses(NamedTuple):
+    """What forces of the drives move [kg], and gravity [m/s²]."""
+
+    bridge: float  # bridge and trolley, along x
+    trolley: float  # along y
+    winch: float
+    load: float
+    gravity: float
+
+
+def axis_masses(rig: RigParameters) -> AxisMasses:
+    """Those of `rig`."""
+    return AxisMasses(
+        bridge=rig.bridge_mass + rig.trolley_mass,
+        trolley=rig.trolley_mass,
+        winch=rig.winch_mass,
+        load=rig.load_mass,
+        gravity=rig.gravity,
+    )
+
+
+@jit
+def _rope_force(state, u_x, u_y, u_l, gravity):
+    """`specific_rope_force` at `state` (10,), order of `signals.STATE`."""
+    return specific_rope_force(
+        state[ROPE], state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE], u_x, u_y, u_l, gravity
+    )
+
+
+@jit
+def drive_forces(masses, state, u_x, u_y, u_l):
+    """Forces (F_x, F_y, F_l) [N] that accelerate bridge, trolley, rope by (u_x, u_y, u_l) [m/s²].
+
+    Each moves its own mass against the rope's tension S = -m a_r, which pulls along (n_x, n_y, 1):
+    F = P u + w with P = M_drives + m (n_x, n_y, 1)'(n_x, n_y, 1). `state` (10,) as `signals.STATE`.
+    """
+    n = rope_direction(state[ALPHA], state[BETA])
+    tension = -masses.load * _rope_force(state, u_x, u_y, u_l, masses.gravity)
+    return (
+        masses.bridge * u_x - tension * n[0],
+        masses.trolley * u_y - tension * n[1],
+        masses.winch * u_l - tension,
+    )
+
+
+@jit
+def forced_accelerations(masses, state, f_x, f_y, f_l):
+    """Accelerations of bridge, trolley, rope [m/s²] under forces [N]; the inverse of `drive_forces`.
+
+    P^-1 (F - w): what the forces alone would do, less what the tension does, by the formula of Sherman and
+    Morrison.
+    """
+    n = rope_direction(state[ALPHA], state[BETA])
+    u_x, u_y, u_l = f_x / masses.bridge, f_y / masses.trolley, f_l / masses.winch
+    alone = _rope_force(state, u_x, u_y, u_l, masses.gravity)
+    mobility = n[0] * n[0] / masses.bridge + n[1] * n[1] / masses.trolley + 1.0 / masses.winch
+    tension = -masses.load * alone / (1.0 + masses.load * mobility)
+    return (
+        u_x + tension * n[0] / masses.bridge,
+        u_y + tension * n[1] / masses.trolley,
+        u_l + tension / masses.winch,
     )
 
 

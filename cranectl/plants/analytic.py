@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.model.dynamics import (
+    AxisMasses,
     angular_accelerations,
+    axis_masses,
+    forced_accelerations,
     rope_direction,
     rope_direction_rate,
     specific_rope_force,
@@ -35,14 +38,25 @@ class PassiveForces(NamedTuple):
     tilt: tuple[float, float, float]  # weight of the load less that on level rails [N]
 
 
+class ForceDrives(NamedTuple):
+    """What force drives move; a rig with other drives has None."""
+
+    masses: AxisMasses
+    slope: tuple[float, float]  # weight of bridge with trolley along x, of the trolley along y [N]
+
+
 class AnalyticRig(NamedTuple):
-    """Constants of the compiled plant; each drive obeys acceleration = gain·command - damping·velocity."""
+    """Constants of the compiled plant; each drive obeys acceleration = gain·command - damping·velocity.
+
+    Before force drives the equations of motion make an acceleration of the command.
+    """
 
     drive_gain: Array  # (3,)
     drive_damping: Array  # (3,) [1/s]
     gravity: float
     load_mass: float
     passive: PassiveForces | None
+    forces: ForceDrives | None
     substeps: int
     step: float  # [s]
 
@@ -94,6 +108,30 @@ def pivot_torque(passive, rate):
 
 
 @jit
+def acceleration_command(forces, rig, state, command, disturbance, wind):
+    """The command, three numbers; of force drives the accelerations that they bring about.
+
+    The load is pushed and its cardan joint turned besides: the drives feel the forces on the load, and what
+    of them it follows across the rope they do not.
+    """
+    if forces is None:
+        return command[0], command[1], command[2]
+    n = rope_direction(state[6], state[8])
+    sa, ca, sb, cb = sin(state[6]), cos(state[6]), sin(state[8]), cos(state[8])
+    f_x, f_y, f_z = outer_force(rig.passive, state, wind)
+    passive = passive_accelerations(rig.passive, rig.load_mass, state, wind)
+    alpha = rig.load_mass * state[4] * (passive[0] + disturbance[0])
+    beta = rig.load_mass * state[4] * (passive[1] + disturbance[1])
+    return forced_accelerations(
+        forces.masses,
+        state,
+        command[0] + forces.slope[0] + f_x - cb * beta,
+        command[1] + forces.slope[1] + f_y - (ca * cb * alpha - sa * sb * beta),
+        command[2] + f_x * n[0] + f_y * n[1] + f_z * n[2],
+    )
+
+
+@jit
 def derivative(rig, state, command, disturbance, wind, rate):
     """State derivative (10,) into `rate`; the thesis's (3.22) with drives and disturbances."""
     u_x, u_y, u_l = drive_accelerations(rig, state, command)
@@ -117,7 +155,8 @@ def integrate(rig, state, command, disturbance, wind, stages, stage_state):
             for j in range(s):
                 increment += A[s, j] * stages[j, i]
             stage_state[i] = state[i] + rig.step * increment
-        derivative(rig, stage_state, command, disturbance, wind, stages[s])
+        given = acceleration_command(rig.forces, rig, stage_state, command, disturbance, wind)
+        derivative(rig, stage_state, given, disturbance, wind, stages[s])
     for i in range(10):
         increment = 0.0
         for s in range(STAGES):
@@ -162,7 +201,8 @@ def measure_joints(crane, state):
 @jit
 def advance(crane, command, disturbance, wind, load):
     """One control period; see `Plant.advance`."""
-    observe_load(crane.rig, crane.state, command, wind, load)
+    given = acceleration_command(crane.rig.forces, crane.rig, crane.state, command, disturbance, wind)
+    observe_load(crane.rig, crane.state, given, wind, load)
     for _ in range(crane.rig.substeps):
         integrate(crane.rig, crane.state, command, disturbance, wind, crane.stages, crane.stage_state)
 
@@ -223,16 +263,23 @@ def _analytic_rig(
     rig: RigParameters, drive: Drive, effects: EffectSettings, *, substeps: int, step: float
 ) -> AnalyticRig:
     rates = 1.0 / rig.time_constants
-    ideal = drive == "ideal"
+    lagging = drive == "velocity"
     return AnalyticRig(
-        drive_gain=np.ones(3) if ideal else rates,
-        drive_damping=np.zeros(3) if ideal else rates,
+        drive_gain=rates if lagging else np.ones(3),
+        drive_damping=rates if lagging else np.zeros(3),
         gravity=rig.gravity,
         load_mass=rig.load_mass,
         passive=_passive_forces(rig, effects),
+        forces=_force_drives(rig, effects) if drive == "force" else None,
         substeps=substeps,
         step=step,
     )
+
+
+def _force_drives(rig: RigParameters, effects: EffectSettings) -> ForceDrives:
+    masses = axis_masses(rig)
+    along_x, along_y, _ = gravity_in_rig(rig.gravity, effects)
+    return ForceDrives(masses, slope=(masses.bridge * along_x, masses.trolley * along_y))
 
 
 def _passive_forces(rig: RigParameters, effects: EffectSettings) -> PassiveForces | None:

@@ -10,9 +10,9 @@ from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
 
 Array = NDArray[np.float64]
-Drive = Literal["ideal", "velocity"]
+Drive = Literal["ideal", "velocity", "force"]
 
-DRIVES: tuple[Drive, ...] = ("ideal", "velocity")
+DRIVES: tuple[Drive, ...] = ("ideal", "velocity", "force")
 
 
 class Kernels(NamedTuple):
@@ -26,9 +26,10 @@ class Kernels(NamedTuple):
 class Plant(Protocol):
     """A crane. All arrays in SI units; states in the order of `signals.STATE`.
 
-    The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives and a velocity set-point
-    [m/s] with velocity drives; it is held over the period, and so are the disturbance [rad/s²] and the wind,
-    the velocity of the air (x, y, z) [m/s].
+    The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives, a velocity set-point [m/s]
+    with velocity drives, a force [N] with force drives, that of the winch positive when it pays out. It is
+    held over the period, and so are the disturbance [rad/s²] and the wind, the velocity of the air (x, y, z)
+    [m/s].
     """
 
     name: str

@@ -27,7 +27,7 @@ class PlantEntry:
     colour: str  # a series of `support.colours`
     where: str  # module:class, imported only when asked for: engines take a while
     batch: int  # samples of a campaign's batch: some seconds of runs like the thesis's
-    drives: tuple[Drive, ...] = DRIVES
+    drives: tuple[Drive, ...] = ("ideal", "velocity")
     lacks: Mapping[str, str] = field(default_factory=dict)  # why it cannot show rope, body, frame, force
 
     def __post_init__(self) -> None:
@@ -88,7 +88,8 @@ PLANTS = Plants(
         colour="series-1",
         where="cranectl.plants.analytic:AnalyticPlant",
         batch=64,
-        lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose drives know no forces"},
+        drives=DRIVES,
+        lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose axes know no such forces"},
     ),
     PlantEntry(
         name="mujoco",
@@ -96,6 +97,7 @@ PLANTS = Plants(
         colour="series-2",
         where="cranectl.plants.mujoco.plant:MujocoPlant",
         batch=16,
+        drives=DRIVES,
     ),
 )
 

@@ -1,4 +1,4 @@
-"""From what a law commands to what drives take: set-points that lead, and rest while the rope is slack.
+"""From what a law commands to what drives take: set-points that lead, forces, rest while the rope is slack.
 
 The same for every law, so that all of them get the same lead and the same handling of limits.
 """
@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.model.dynamics import AxisMasses, axis_masses, drive_forces, forced_accelerations
+from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.support.jit import jit
 
@@ -23,15 +25,17 @@ class Actuation(NamedTuple):
     time_constant: Array  # (3,) [s], of the drives
     period: float  # [s]
     velocity: Array  # (3,) integral of the commanded accelerations [m/s], the set-points without lead
+    masses: AxisMasses | None  # that forces are meant for; None unless the drives take forces
 
 
-def make_actuation(nominal: Scenario, start: Array) -> Actuation:
+def make_actuation(nominal: Scenario, start: Array, drive: Drive = "ideal") -> Actuation:
     """For a run that starts at `start` (10,) under a controller that takes the crane for `nominal`."""
     return Actuation(
         lag=nominal.rig.time_constants * nominal.control.lag_compensation,
         time_constant=nominal.rig.time_constants,
         period=nominal.period_ns / NANOSECONDS,
         velocity=start[1:6:2].copy(),
+        masses=axis_masses(nominal.rig) if drive == "force" else None,
     )
 
 
@@ -57,3 +61,38 @@ def brake(actuation, command):
     """Command accelerations that bring the drives to rest: no law holds while the rope is slack."""
     for i in range(3):
         command[i] = -actuation.velocity[i] / BRAKING
+
+
+@jit
+def take_forces(masses, state, command):
+    """`command[:3]` are forces [N]: replace them by the accelerations that they are meant to bring about."""
+    command[0], command[1], command[2] = forced_accelerations(
+        masses, state, command[0], command[1], command[2]
+    )
+
+
+@jit
+def follow_velocity(masses, actuation, state):
+    """Force drives keep no velocity: set-points and braking go on from the measured one at each sample."""
+    if masses is None:
+        return
+    for i in range(3):
+        actuation.velocity[i] = state[2 * i + 1]
+
+
+@jit
+def drive_command(masses, slack, column, state, row, command):
+    """What drives are to get, three numbers: those in `row` from `column` on, or forces for `command[:3]`.
+
+    A slack rope holds no load.
+    """
+    if masses is None:
+        return row[column], row[column + 1], row[column + 2]
+    if slack > 0.0:
+        return masses.bridge * command[0], masses.trolley * command[1], masses.winch * command[2]
+    return drive_forces(masses, state, command[0], command[1], command[2])
+
+
+def forces_at_rest(nominal: Scenario, start: Array) -> Array:
+    """Of force drives that hold the crane at `start` (10,) without accelerating [N], shape (3,)."""
+    return np.array(drive_forces(axis_masses(nominal.rig), start, 0.0, 0.0, 0.0))

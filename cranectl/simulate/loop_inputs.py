@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from cranectl.controllers.addressed import JOINTS, AddressedLaw, addressed_step, addressed_wait
 from cranectl.controllers.flat import Tracker, control_step, keep_taut, wait_step
 from cranectl.signals import COMMAND_COLUMN, DISTURBANCE_COLUMN, INPUT_COLUMN, STATE_COLUMN, TENSION_COLUMN
-from cranectl.simulate.actuation import Actuation, actuate, brake, take_set_points
+from cranectl.simulate.actuation import (
+    Actuation,
+    actuate,
+    brake,
+    drive_command,
+    follow_velocity,
+    take_forces,
+    take_set_points,
+)
 from cranectl.simulate.signal_path import act, sense
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
@@ -33,7 +41,7 @@ class LoopInputs(NamedTuple):
     wind: Array  # (N, 3) velocity of the air [m/s]
     workspace: Array  # (3, 2) [m]
     stop_outside: bool
-    command_column: int  # where the record holds what the drives take
+    command_column: int  # where the record holds what ideal and velocity drives take
     recover: bool  # from a slack rope, instead of ending the run
     slack: Array  # (1,) 1 while the rope is slack, as the last sample told
 
@@ -74,6 +82,8 @@ def law_command(law, inputs, path, state, k, memory, row):
     if law.velocity:
         take_set_points(inputs.actuation, state, command)
     else:
+        if law.force:
+            take_forces(law.masses, state, command)
         actuate(inputs.actuation, command)
     return RUNNING
 
@@ -95,6 +105,7 @@ def give_measured(law, path, state, k):
 @jit
 def _control(inputs, path, state, k, memory, row):
     """The law, or what takes its place while the rope is slack, and the set-points that follow."""
+    follow_velocity(inputs.actuation.masses, inputs.actuation, state)
     status = flat_command(inputs.tracker, inputs, state, k, memory, row)
     if status != RUNNING:
         return status
@@ -111,7 +122,11 @@ def control_sample(inputs, path, k, row, memory):
         sense(path, row, measured)
         status = _control(inputs, path, measured[:10], k, memory, row)
         if status == RUNNING:
-            act(path, inputs.actuation, inputs.command_column, row, path.record[k, COMMAND_COLUMN:])
+            command, actuation = row[INPUT_COLUMN : INPUT_COLUMN + 3], inputs.actuation
+            wanted = drive_command(
+                actuation.masses, inputs.slack[0], inputs.command_column, measured, row, command
+            )
+            act(path, actuation, wanted, row, path.record[k, COMMAND_COLUMN:])
     row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]
     row[DISTURBANCE_COLUMN + 1] = inputs.disturbance[k, 1]
     return status

@@ -10,6 +10,7 @@ from cranectl.design import Design
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import SignalGroup, recorded_groups
+from cranectl.simulate.signal_path import has_signal_path
 from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
@@ -17,7 +18,7 @@ Array = NDArray[np.float64]
 
 def groups_of(scenario: Scenario, design: Design | LawDesign, drive: Drive) -> tuple[SignalGroup, ...]:
     """What a run records, in column order."""
-    staged = drive if scenario.effects.staged else ""
+    staged = drive if has_signal_path(scenario.effects, drive) else ""
     return recorded_groups(design.groups, staged=staged)
 
 

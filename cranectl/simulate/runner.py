@@ -97,7 +97,7 @@ def start_run(
     samples = len(plan.time_ns)
     return PreparedRun(
         advance=(compiled_loop if compiled else python_loop)(crane),
-        inputs=inputs_of(scenario, law, make_actuation(nominal, start), plan, crane.drive),
+        inputs=inputs_of(scenario, law, make_actuation(nominal, start, crane.drive), plan, crane.drive),
         path=make_signal_path(
             scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
         ),

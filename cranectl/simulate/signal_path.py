@@ -2,7 +2,8 @@
 
 Encoders read positions in whole steps, with noise; velocities are for the observer to find. Velocity drives
 have a largest set-point and a largest change of it in a period. Commands arrive a whole number of samples
-late. A run without any of these gets None, for which the compiled loop has no code at all.
+late. A run without any of these gets None, for which the compiled loop has no code at all; but with force
+drives, whose commands nothing else records.
 """
 
 from math import floor
@@ -24,8 +25,9 @@ from cranectl.controllers.observer import (
 )
 from cranectl.plants.surroundings import CalibrationError, make_calibration_error
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import DriveLimits, Sensing
+from cranectl.scenario.effects import DriveLimits, EffectSettings, Sensing
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
+from cranectl.simulate.actuation import forces_at_rest
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
@@ -106,6 +108,11 @@ class SignalPath(NamedTuple):
     record: Array  # (N, PATH_WIDTH)
 
 
+def has_signal_path(effects: EffectSettings, drive: str) -> bool:
+    """Whether a run has a signal path: for its effects, or since it records the forces of its drives."""
+    return effects.staged or drive == "force"
+
+
 def make_signal_path(
     scenario: Scenario,
     start: Array,
@@ -115,19 +122,23 @@ def make_signal_path(
     nominal: Scenario | None = None,
     record: Array | None = None,
 ) -> SignalPath | None:
-    """The signal path of a run that starts at `start` (10,); None if the scenario has none of its effects.
+    """The signal path of a run that starts at `start` (10,); None where `has_signal_path` says so.
 
     The observer is designed for `nominal`, by default the scenario itself. `record`: where it is written, by
     default whole memory for `samples`.
     """
     effects = scenario.effects
-    if not effects.staged:
+    if not has_signal_path(effects, drive):
         return None
     period = scenario.period_ns / NANOSECONDS
     nominal = nominal or scenario
     sensing = effects.sensing or Sensing()
     bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
-    first = start[1:6:2] if drive == "velocity" else np.zeros(3)
+    first = np.zeros(3)
+    if drive == "velocity":
+        first = start[1:6:2]
+    elif drive == "force":
+        first = forces_at_rest(nominal, start)
     return SignalPath(
         sensed=effects.sensing is not None,
         readings=np.zeros(JOINTS),
@@ -135,7 +146,7 @@ def make_signal_path(
         observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
         estimate=initial_estimate(start),
         calibration=make_calibration_error(effects.installation),
-        limits=make_limits(effects.limits, period),
+        limits=make_limits(effects.limits if drive == "velocity" else None, period),
         previous=first.copy(),
         line=np.tile(first, (scenario.delay_samples, 1)),
         clock=np.zeros(1, dtype=np.int64),
@@ -171,18 +182,17 @@ def sense(path, row, measured):
 
 
 @jit
-def act(path, actuation, command_column, row, commanded):
-    """Turn the command in `row` into what the drives get and whether limits act, `commanded` (6,).
+def act(path, actuation, wanted, row, commanded):
+    """Turn what the drives are to get, three numbers, into what they get and whether limits act, `commanded`.
 
     A set-point that is cut off is cut off in the integral of `actuation` too, so that it does not run away.
     """
     command = commanded[:3]
     for axis in range(3):
-        wanted = row[command_column + axis]
-        command[axis] = limited(path.limits, axis, wanted, path.previous[axis])
+        command[axis] = limited(path.limits, axis, wanted[axis], path.previous[axis])
         commanded[3 + axis] = 0.0
-        if command[axis] != wanted:
-            actuation.velocity[axis] += command[axis] - wanted
+        if command[axis] != wanted[axis]:
+            actuation.velocity[axis] += command[axis] - wanted[axis]
             commanded[3 + axis] = 1.0
         path.previous[axis] = command[axis]
         command[axis] *= path.calibration.drive_gain[axis]

@@ -36,6 +36,7 @@ NO_FORCES = [
     "effects.friction.coulomb=[0.0,0.0,0.0]", "effects.friction.viscous=[0.0,0.0,0.0]",
     "effects.limits.force=[1e9,1e9,1e9]",
 ]  # fmt: skip
+OF_FORCE_DRIVES = ["effects.limits.velocity=[1e9,1e9,1e9]", "effects.limits.acceleration=[1e9,1e9,1e9]"]
 OF_MUJOCO = ("rope", "body", "frame")  # effects
 OTHER = {
     "rig.bridge_range.0": 0.66, "rig.bridge_range.1": 0.7, "rig.trolley_range.0": 0.5,
@@ -49,8 +50,10 @@ def overrides_of(plant: str, drive: str) -> list[str]:
     effects = [name for name in type(ALL_EFFECTS).model_fields if plant == "mujoco" or name not in OF_MUJOCO]
     if drive == "ideal":
         effects.remove("limits")
-    forces = FORCES if (plant, drive) == ("mujoco", "velocity") else NO_FORCES
-    told = [*TIGHT, *forces]
+    forces = FORCES if plant == "mujoco" and drive != "ideal" else NO_FORCES
+    told = [*TIGHT, *forces, *(OF_FORCE_DRIVES if drive == "force" else ())]
+    if (plant, drive) == ("mujoco", "force"):
+        told.append("effects.limits.force=[20.0,10.0,12.0]")  # else they would not leave the workspaces below
     shown = [line for line in told if line.split(".")[1] in effects]
     return [*MOVING, *(f"effects.{name}={{}}" for name in effects), *shown]
 
@@ -97,10 +100,12 @@ def expected(plant: str, drive: str) -> Iterator[str]:
     """What must be refused, by hand."""
     without_forces, ideal = plant == "analytic" or drive == "ideal", drive == "ideal"
     patterns = {
-        "rig.*_mass": without_forces,
-        "rig.*_time_constant": ideal,
+        "rig.*_mass": without_forces and drive != "force",
+        "rig.*_time_constant": drive != "velocity",
         "effects.sensing.observer_bandwidth": True,
         "effects.limits.*": ideal,
+        "effects.limits.velocity.*": drive != "velocity",
+        "effects.limits.acceleration.*": drive != "velocity",
         "effects.limits.force.*": without_forces,
         "effects.friction.coulomb.*": without_forces,
         "effects.friction.viscous.*": without_forces,

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
@@ -77,6 +78,8 @@ FOLLOWING = Controller(
     prepare=lambda _: (np.array([1.0, 1.0, -1.0]), np.zeros(0)),
     command="velocity",
 )
+
+PUSHING = replace(FOLLOWING, name="pushing", command="force")
 
 
 @contextmanager

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from cranectl.model.dynamics import axis_masses, forced_accelerations
 from cranectl.plants.analytic import AnalyticPlant
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, loops, simulate_run
 from cranectl.status import RunStatus
-from tests.controllers.laws import FOLLOWING, giving_up, known, noting
+from tests.controllers.laws import FOLLOWING, PUSHING, giving_up, known, noting
 
 SENSED = ("effects.sensing.angle_resolution=0.001", "effects.delay.seconds=0.004")
 
@@ -99,6 +100,25 @@ def test_velocities_become_what_the_drives_make_of_them() -> None:
     assert distances[1] == pytest.approx(0.5 * distances[0], rel=0.05), "held over a period, not continuous"
 
 
+def test_forces_arrive_at_force_drives_and_other_drives_get_what_they_bring_about() -> None:
+    """The load sinks: nothing bears it but the inertia of the winch."""
+    distances = []
+    for period in (0.001, 0.0005):
+        scenario = path(f"control.period={period}", f"control.physics_step={period}")
+        masses = axis_masses(scenario.rig)
+        ideal, force = (run_of(PUSHING, scenario, drive=drive) for drive in ("ideal", "force"))
+        forces = force.reference[:, 3:6] * (1.0, 1.0, -1.0)
+        assert force.block("command")[:, :3] == pytest.approx(forces, rel=1e-12, abs=1e-12)
+        for run in (ideal, force):
+            rows = zip(run.block("state"), run.reference[:, 3:6] * (1.0, 1.0, -1.0), strict=True)
+            expected = np.array([forced_accelerations(masses, state, *given) for state, given in rows])
+            assert run.block("input")[:, :3] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+        n = min(len(ideal.time_ns), len(force.time_ns), round(0.3 / period))
+        distances.append(np.abs(ideal.load_position[:n] - force.load_position[:n]).max())
+    assert 0.0 < distances[0] < 1e-3
+    assert distances[1] < 0.6 * distances[0], "held over a period, not continuous"
+
+
 @pytest.mark.parametrize(
     ("controller", "status"),
     [
@@ -130,11 +150,15 @@ def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: S
 
 
 def test_one_loop_serves_every_law() -> None:
-    """No law makes the loop compile again: it has one signature for them all, and one for the flat family."""
+    """No law makes the loop compile again: it has one signature for them all, and one for the flat family.
+
+    Force drives are another plant, whatever the law.
+    """
     loop = loops._compiled(AnalyticPlant.name, AnalyticPlant.kernels)
-    for controller in (noting(), noting(every=3, measures="encoders"), giving_up(1), FOLLOWING):
+    for controller in (noting(), noting(every=3, measures="encoders"), giving_up(1), FOLLOWING, PUSHING):
         run_of(controller, path("duration=6.001"))
-    kinds = {("Tracker(" in str(signature), "SignalPath(" in str(signature)) for signature in loop.signatures}  # type: ignore[attr-defined]
+    parts = ("Tracker(", "SignalPath(", "ForceDrives(")
+    kinds = {tuple(part in str(signature) for part in parts) for signature in loop.signatures}  # type: ignore[attr-defined]
     assert len(loop.signatures) == len(kinds)  # type: ignore[attr-defined]
 
 

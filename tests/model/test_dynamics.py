@@ -56,6 +56,22 @@ def test_mass_matrix_is_symmetric_positive_definite_and_rate_minus_twice_corioli
         assert skew + skew.T == pytest.approx(np.zeros((5, 5)), abs=1e-7)
 
 
+def test_forces_of_the_drives_are_those_of_the_manipulator_form_and_back() -> None:
+    """F = P u + w, P = M_aa - M_au M_uu^-1 M_ua, at 1000 states, and its inverse."""
+    masses, rng = dynamics.axis_masses(RIG), np.random.default_rng(6)
+    for state in random_states(1000, seed=6):
+        q, qd = split(state)
+        mass, u = dynamics.mass_matrix(q, RIG), rng.normal(size=3)
+        bias = dynamics.coriolis_matrix(q, qd, RIG) @ qd + dynamics.gravity_vector(q, RIG)
+        coupling = mass[:3, 3:] @ np.linalg.inv(mass[3:, 3:])
+        expected = (mass[:3, :3] - coupling @ mass[3:, :3]) @ u + bias[:3] - coupling @ bias[3:]
+        forces = np.array(dynamics.drive_forces(masses, state, *u))
+        scale = max(1.0, np.abs(mass).max(), np.abs(bias).max())
+        assert np.abs(forces - expected).max() < 1e-12 * scale
+        again = np.array(dynamics.forced_accelerations(masses, state, *forces))
+        assert np.abs(again - u).max() < 1e-12 * scale
+
+
 def test_power_balance() -> None:
     """d/dt (T + V) = qd · F for any force F."""
     rng = np.random.default_rng(3)

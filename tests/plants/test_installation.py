@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cranectl.model.dynamics import axis_masses, drive_forces
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS
 from cranectl.plants.surroundings import gravity_in_rig
@@ -33,10 +34,10 @@ def test_plants_agree_on_a_slope(drive: str) -> None:
     apart = np.abs(first.load_position - second.load_position).max()
     moved = np.abs(second.load_position - level.load_position).max()
     # Velocity drives of the engine feel the bridge slide down; the analytic lag is blind to all forces.
-    assert apart < (1e-9 if drive == "ideal" else 0.2 * moved)
+    assert apart < (0.2 * moved if drive == "velocity" else 1e-9)
     assert moved > 0.01
     tension = np.abs(first.tension - second.tension).max()
-    assert tension < (1e-7 if drive == "ideal" else 0.2)
+    assert tension < (0.2 if drive == "velocity" else 1e-7)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -58,6 +59,10 @@ def test_a_drive_does_its_gain_times_what_it_is_told(plant: str, drive: str) -> 
     run = simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
     first = 0 if drive == "ideal" else 3
     told = run.block("input")[:, first : first + 3]
+    if drive == "force":
+        masses = axis_masses(scenario.rig)
+        rows = zip(run.block("measurement"), run.block("input"), strict=True)
+        told = np.array([drive_forces(masses, state, *command[:3]) for state, command in rows])
     assert np.abs(told).max() > 0.1
     assert run.block("command")[:, :3] == pytest.approx(told * [1.1, 0.9, 1.05], rel=1e-12)
     if drive == "ideal":

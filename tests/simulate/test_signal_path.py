@@ -10,6 +10,7 @@ from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
+from cranectl.simulate.actuation import forces_at_rest
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
@@ -36,6 +37,9 @@ def test_stages_that_do_nothing_change_nothing(plant: str, drive: str) -> None:
     assert_array_equal(staged.table[:, :width], plain.table)
     assert_array_equal(staged.block("measurement")[:, :10], plain.block("state"))
     commands = plain.block("input")[:, 3:] if drive == "velocity" else plain.block("input")[:, :3]
+    if drive == "force":  # which always has a signal path
+        commands = plain.block("command")[:, :3]
+        assert_allclose(commands[0], forces_at_rest(plain.scenario, plain.block("state")[0]), atol=1e-9)
     assert_array_equal(staged.block("command")[:, :3], commands)
     assert not staged.block("command")[:, 3:].any()
 

@@ -178,7 +178,16 @@ def certify(
     drive: Drive,
     progress: Callable[[float], None] | None = None,
 ) -> Certificate:
-    """Judge a controller at every point; drives, delay and observer are those of `scenario`."""
+    """Judge a controller at every point; drives, delay and observer are those of `scenario`.
+
+    Raises InputError for force drives, whose loop is not linearised.
+    """
+    if drive == "force":
+        raise InputError(
+            "a certificate of force drives",
+            allowed="ideal or velocity drives",
+            remedy="take '--drive velocity'",
+        )
     verdicts = []
     for point in points:
         verdicts.append(nominal_loop.judge(nominal_loop.inner_loop(scenario, point, drive), point))

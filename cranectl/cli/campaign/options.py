@@ -32,7 +32,7 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     @click.option("--runs", type=int, metavar="N", help="Number of samples.")
     @controllers_option("Default: the campaign's; repeatable, or names with commas.")
     @plants_option("Default: the campaign's.")
-    @click.option("--drive", metavar="NAME", help="ideal or velocity. Default: the campaign's.")
+    @click.option("--drive", metavar="NAME", help="ideal, velocity or force. Default: the campaign's.")
     @click.option("--seed", type=int, metavar="N", help="Other samples. Default: the campaign's.")
     @click.option(
         "--set",

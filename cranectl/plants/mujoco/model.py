@@ -1,4 +1,4 @@
-"""`models/crane.xml` for one run: parameters set by name, velocity drives as filed or ideal ones."""
+"""`models/crane.xml` for one run: parameters set by name, velocity drives as filed or motors instead."""
 
 import functools
 
@@ -72,10 +72,10 @@ def _add_structure(spec: mujoco.MjSpec, drive: Drive, effects: EffectSettings) -
     if effects.frame:
         add_frame(spec)
     if effects.friction:
-        add_friction(spec, on_axes=drive == "velocity")
-    if effects.limits and drive == "velocity":
+        add_friction(spec, on_axes=drive != "ideal")
+    if effects.limits and drive != "ideal":
         limit_forces(spec, DRIVES)
-    if drive == "ideal":
+    if drive != "velocity":
         for name in DRIVES:
             spec.actuator(name).set_to_motor()
 
@@ -95,7 +95,12 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
     ranges = zip(DRIVEN_JOINTS, (rig.bridge_range, rig.trolley_range, rig.rope_range), strict=True)
     found += [Entry("joint", joint, "range", limits) for joint, limits in ranges]
     found += [Entry("joint", "rope_length", "ref", drawn)]
-    found += _set_ideal_drives(rig) if drive == "ideal" else _set_velocity_drives(rig)
+    if drive == "ideal":
+        found += _set_ideal_drives(rig)
+    elif drive == "velocity":
+        found += _set_velocity_drives(rig)
+    else:  # motors, a force for a command
+        found += [Entry("joint", "rope_length", "armature", rig.winch_mass)]
     if effects.body:
         found += body_entries(effects.body, rig.load_mass)
     if effects.rope:
@@ -104,8 +109,8 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
     if effects.frame:
         found += frame_entries(effects.frame, rig)
     if effects.friction:
-        found += friction_entries(effects.friction, on_axes=drive == "velocity")
-    if effects.limits and drive == "velocity":
+        found += friction_entries(effects.friction, on_axes=drive != "ideal")
+    if effects.limits and drive != "ideal":
         found += limit_entries(DRIVES, effects.limits)
     return found
 

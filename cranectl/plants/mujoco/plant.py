@@ -237,6 +237,10 @@ class MujocoPlant:
         if self.rig.rope.active:
             if self.drive == "velocity":
                 data.ctrl[self.rig.drives] = state[1:6:2]  # else they would brake, and the rope with them
+            elif self.drive == "force":
+                data.ctrl[
+                    self.rig.drives[2]
+                ] = -self.parameters.weight  # else the winch would fall with the load
             start_taut(self.model, data, self.rig.rope)
 
     @property

@@ -1,0 +1,215 @@
+"""Force drives: the equations of motion solved for the accelerations, the same on both plants."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from cranectl.compare.limits import agreement_limits
+from cranectl.compare.runs import compare_runs, judge
+from cranectl.log import read_log, write_log
+from cranectl.model import dynamics
+from cranectl.plants.analytic import AnalyticPlant, acceleration_command, derivative, observe_load
+from cranectl.plants.applicable import check_effects
+from cranectl.plants.mujoco.disturbed_step import push_load
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.registry import PLANTS
+from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
+from cranectl.scenario import load_scenario
+from cranectl.scenario.effects import (
+    NO_LIMIT,
+    DriveLimits,
+    EffectSettings,
+    Friction,
+    Installation,
+    Rope,
+    Wind,
+)
+from cranectl.scenario.rig import RigParameters
+from cranectl.simulate import simulate_run
+from cranectl.simulate.actuation import BRAKING
+from cranectl.support.errors import InputError
+from tests.conftest import ALL_SCENARIOS, STILL, closed_loop, random_states, split
+
+RIG = RigParameters(load_mass=1.7, winch_mass=0.3)
+
+
+def test_plants_accelerate_alike_under_forces_and_a_disturbance() -> None:
+    """At 1000 states, tension included."""
+    analytic = AnalyticPlant(RIG, drive="force", step=1e-3, substeps=1)
+    engine = MujocoPlant(RIG, drive="force", step=1e-3, substeps=1)
+    joints, rates, rng = engine.rig.joints, engine.rig.rates, np.random.default_rng(3)
+    rate, load = np.zeros(10), np.zeros(7)
+    for state in random_states(1000, seed=3):
+        command, disturbance = 20.0 * rng.normal(size=3), rng.normal(size=2)
+        engine.data.qpos[joints], engine.data.qvel[rates] = split(state)
+        engine.data.ctrl[engine.rig.drives] = command
+        push_load(engine.rig, disturbance)
+        mujoco.mj_forward(engine.model, engine.data)
+        given = acceleration_command(analytic.rig.forces, analytic.rig, state, command, disturbance, STILL)
+        derivative(analytic.rig, state, given, disturbance, STILL, rate)
+        observe_load(analytic.rig, state, given, STILL, load)
+        scale = np.abs(rate).max()
+        assert np.abs(engine.data.qacc[rates] - rate[1::2]).max() < 1e-10 * scale
+        tension = engine.data.sensordata[engine.rig.load_sensors[6]]
+        assert tension == pytest.approx(load[6], abs=1e-10 * RIG.load_mass * scale)
+
+
+def test_drives_feel_air_joint_and_slope_as_generalised_forces() -> None:
+    """M q'' + C q' + G = Q: forces of the drives, J' F of the air, torques of the pivot, weight on rails."""
+    friction = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3, pivot_coulomb=0.02, pivot_viscous=0.03)
+    effects = EffectSettings(
+        wind=Wind(drag_area=0.4, density=1.3), friction=friction, installation=Installation(tilt=(0.1, -0.2))
+    )
+    plant = AnalyticPlant(RIG, drive="force", step=1e-3, substeps=1, effects=effects)
+    gravity = np.array(gravity_in_rig(RIG.gravity, effects))
+    rng, rate = np.random.default_rng(4), np.zeros(10)
+    for state in random_states(50, seed=4):
+        command, disturbance, wind = 20.0 * rng.normal(size=3), rng.normal(size=2), rng.normal(size=3)
+        q, qd = split(state)
+        mass, jacobian = dynamics.mass_matrix(q, RIG), dynamics.load_jacobian(q)
+        through_air = wind - dynamics.load_velocity(q, qd)
+        on_load = 0.5 * 1.3 * 0.4 * np.linalg.norm(through_air) * through_air + RIG.load_mass * gravity
+        rates = state[[7, 9]]
+        torque = -0.03 * rates - 0.02 * np.tanh(rates / STICTION_RATE)
+        torque += RIG.load_mass * q[2] ** 2 * np.array([np.cos(q[4]) ** 2, 1.0]) * disturbance
+        along_rails = np.diag(mass - RIG.load_mass * jacobian.T @ jacobian)[:2] * gravity[:2]
+        force = np.array([*(command[:2] + along_rails), command[2], *torque]) + jacobian.T @ on_load
+        expected = np.linalg.solve(mass, force - dynamics.coriolis_matrix(q, qd, RIG) @ qd)
+        given = acceleration_command(plant.rig.forces, plant.rig, state, command, disturbance, wind)
+        derivative(plant.rig, state, given, disturbance, wind, rate)
+        assert rate[1::2] == pytest.approx(expected, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize("controller", ["lqr", "lqr+hinf"])
+@pytest.mark.parametrize("scenario", ALL_SCENARIOS)
+def test_level_2_closed_loop(scenario: str, controller: str) -> None:
+    analytic, engine = (closed_loop(scenario, controller, plant, "force") for plant in ("analytic", "mujoco"))
+    assert analytic.status.label == engine.status.label == load_scenario(scenario).expected
+    assert analytic.end_ns == engine.end_ns
+    comparison, limits = compare_runs(analytic, engine), agreement_limits("force")
+    assert comparison.max_load_error_m < 1e-9
+    assert comparison.max_angle_error_rad < 1e-9
+    assert (limits.load_m, limits.angle_rad, limits.end_s, limits.plants) == (1e-7, 1e-7, 0.0, ())
+    assert judge(analytic, engine).passed
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_forces_of_the_nominal_rig_bring_about_what_the_law_commands(plant: str) -> None:
+    """Without disturbances force drives do what ideal drives do, but for a force held over a period."""
+    largest = []
+    for period in (0.001, 0.0005):
+        scenario = load_scenario(
+            "fast-diagonal", overrides=["duration=4.0", "disturbances=[]", f"control.period={period}",
+                                        "control.physics_step=0.0005"]
+        )  # fmt: skip
+        force, ideal = (
+            simulate_run(scenario, plant=plant, drive=d, controller="lqr") for d in ("force", "ideal")
+        )
+        largest.append(np.abs(force.load_position - ideal.load_position).max())
+    assert largest[0] < 1e-4
+    assert largest[0] / largest[1] > 1.8
+
+
+def test_what_the_nominal_rig_does_not_know_shows() -> None:
+    scenario = load_scenario("fast-diagonal", overrides=["duration=4.0", "disturbances=[]"])
+    heavier = load_scenario(
+        "fast-diagonal", overrides=["duration=4.0", "disturbances=[]", "rig.load_mass=1.01"]
+    )
+    known, unknown = (
+        simulate_run(heavier, plant="analytic", drive="force", controller="lqr", nominal=nominal)
+        for nominal in (heavier, scenario)
+    )
+    assert np.abs(known.load_position - unknown.load_position).max() > 1e-3
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_forces_are_recorded_as_the_drives_get_them(plant: str) -> None:
+    """And are those of the equations of motion at the recorded state."""
+    run = simulate_run(
+        load_scenario("fast-diagonal", overrides=["duration=3.0", "disturbances=[]"]),
+        plant=plant,
+        drive="force",
+        controller="lqr",
+    )
+    group = next(group for group in run.groups if group.name == "command")
+    assert [signal.unit for signal in group.signals] == ["N"] * 3 + ["1"] * 3
+    masses = dynamics.axis_masses(run.scenario.rig)
+    for row in range(0, 1000, 100):
+        forces = dynamics.drive_forces(masses, run.block("state")[row], *run.block("input")[row, :3])
+        assert run.block("command")[row, :3] == pytest.approx(np.array(forces), rel=1e-13)
+
+
+def test_a_delayed_command_starts_with_the_forces_that_hold_the_load() -> None:
+    scenario = load_scenario(
+        "fixed-position", overrides=["duration=0.5", "disturbances=[]", "effects.delay.seconds=0.005"]
+    )
+    run = simulate_run(scenario, plant="mujoco", drive="force", controller="lqr")
+    assert run.block("command")[:5, :3] == pytest.approx(np.tile([0.0, 0.0, -9.81], (5, 1)), abs=1e-9)
+    assert np.abs(run.block("state")[:, 5]).max() < 1e-6
+
+
+def test_a_log_of_force_drives_comes_back(tmp_path) -> None:
+    scenario = load_scenario("fixed-position", overrides=["duration=0.2", "disturbances=[]"])
+    run = simulate_run(scenario, plant="mujoco", drive="force", controller="lqr")
+    again = read_log(write_log(tmp_path / "force.mcap", [run], every=1))["mujoco"]
+    assert again.drive == "force"
+    assert again.groups == run.groups
+    assert np.array_equal(again.table, run.table)
+
+
+# Effects
+
+
+def held(*, friction: Friction | None = None, limits: DriveLimits | None = None, force: float) -> np.ndarray:
+    """State of the engine's crane 0.2 s after its bridge was given `force` [N]."""
+    effects = EffectSettings(friction=friction, limits=limits)
+    check_effects(effects, plant="mujoco", drive="force")
+    plant = MujocoPlant(RIG, drive="force", step=1e-3, substeps=200, effects=effects)
+    plant.reset(np.array([1.0, 0, 0.7, 0, 0.8, 0, 0, 0, 0, 0]))
+    plant.advance(np.array([force, 0.0, -RIG.weight]), np.zeros(2), STILL, np.zeros(7))
+    state = np.zeros(10)
+    plant.measure(state)
+    return state
+
+
+def test_friction_of_the_axes_holds_against_a_force() -> None:
+    friction = Friction(coulomb=(3.0, 0.0, 0.0), viscous=(0.0,) * 3, pivot_coulomb=0.0, pivot_viscous=0.0)
+    assert abs(held(friction=friction, force=2.9)[1]) < 1e-4
+    assert held(friction=friction, force=4.0)[1] > 0.01
+    assert held(force=2.9)[1] > 0.03
+
+
+def test_limits_cut_the_force_off() -> None:
+    no_limit = (NO_LIMIT,) * 3
+    limits = DriveLimits(velocity=no_limit, acceleration=no_limit, force=(2.0, 2.0, 40.0))
+    assert np.array_equal(held(limits=limits, force=50.0), held(limits=limits, force=2.0))
+    assert held(limits=limits, force=50.0) == pytest.approx(held(force=2.0), abs=1e-12)
+
+
+def test_while_the_rope_is_slack_forces_brake_the_drives_alone() -> None:
+    """An updraught of 14 N on a load of 9.8 N, which so heavy a winch does not follow."""
+    overrides = ["effects.rope.on_slack='recover'", "effects.rope.mass=0.0", "expected='completed'"]
+    wind = ["effects.wind.mean=[0.0,0.0,80.0]", "effects.wind.gust=0.0"]
+    heavy = ["rig.winch_mass=20.0", "duration=1.0"]
+    scenario = load_scenario("slack-rope", overrides=[*overrides, *wind, *heavy])
+    run = simulate_run(scenario, plant="mujoco", drive="force")
+    slack = run.tension <= 0.0
+    first = int(np.argmax(slack)) + 2
+    assert slack[first:].all()
+    rates = run.block("state")[first:, 1:6:2]
+    assert np.abs(rates[0]).max() > 1e-3
+    assert np.diff(rates, axis=0) == pytest.approx(rates[:-1] * -1e-3 / BRAKING, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("plant", "effects", "found"),
+    [
+        ("analytic", EffectSettings(friction=Friction()), "effects.friction.coulomb"),
+        ("analytic", EffectSettings(rope=Rope()), "effects.rope"),
+        ("mujoco", EffectSettings(limits=DriveLimits()), "effects.limits.velocity"),
+    ],
+)
+def test_what_force_drives_cannot_show_is_refused(plant: str, effects: EffectSettings, found: str) -> None:
+    with pytest.raises(InputError, match=found) as caught:
+        check_effects(effects, plant=plant, drive="force")
+    assert caught.value.remedy
