@@ -152,12 +152,12 @@ def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: S
 def test_one_loop_serves_every_law() -> None:
     """No law makes the loop compile again: it has one signature for them all, and one for the flat family.
 
-    Force drives are another plant, whatever the law.
+    Force drives and passive forces make another plant, whatever the law.
     """
     loop = loops._compiled(AnalyticPlant.name, AnalyticPlant.kernels)
     for controller in (noting(), noting(every=3, measures="encoders"), giving_up(1), FOLLOWING, PUSHING):
         run_of(controller, path("duration=6.001"))
-    parts = ("Tracker(", "SignalPath(", "ForceDrives(")
+    parts = ("Tracker(", "SignalPath(", "ForceDrives(", "PassiveForces(")
     kinds = {tuple(part in str(signature) for part in parts) for signature in loop.signatures}  # type: ignore[attr-defined]
     assert len(loop.signatures) == len(kinds)  # type: ignore[attr-defined]
 
