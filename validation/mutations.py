@@ -34,7 +34,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Equations of motion, flat map and linearising law, tracker, disturbance forces, drives.
+# Equations of motion, flat map and linearising law, tracker, other laws, disturbance forces, drives.
 TARGETS = {
     "cranectl.model.dynamics": """
         angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian
@@ -47,7 +47,9 @@ TARGETS = {
     """,
     "cranectl.controllers.flat": "robustify inner_law control_step",
     "cranectl.controllers.observer": "make_observer correct",
-    "cranectl.simulate.actuation": "actuate brake",
+    "cranectl.controllers.lqr_integral": "feedback matrices",
+    "cranectl.controllers.pid": "impulses",
+    "cranectl.simulate.actuation": "actuate take_set_points brake",
     "cranectl.plants.analytic": """
         drive_accelerations derivative observe_load outer_force passive_accelerations pivot_torque
     """,
@@ -62,6 +64,7 @@ SUITE = [
     "tests/model/test_flatness.py",
     "tests/controllers/test_flat.py",
     "tests/controllers/test_observer.py",
+    "tests/controllers/test_law_design.py",
     "tests/simulate/test_actuation.py",
     "tests/scenario/test_rig.py",
     "tests/plants/test_disturbed_step.py",

@@ -80,12 +80,17 @@ def step(parameters, measured, reference, memory, command):
 
 def matrices(rope_length: float, gravity: float) -> tuple[Array, Array, Array]:
     """A, B of x' = A x + B u for x = (dx, dx', db, db', s), and C of (e, e', s)."""
-    a, b, c = np.zeros((STATES, STATES)), np.zeros((STATES, 1)), np.zeros((3, STATES))
-    a[0, 1] = a[2, 3] = 1.0
-    a[3, 2], a[4] = -gravity / rope_length, (1.0, 0.0, rope_length, 0.0, 0.0)
-    b[1], b[3] = 1.0, -1.0 / rope_length
-    c[0, 0], c[0, 2], c[1, 1], c[1, 3], c[2, 4] = 1.0, rope_length, 1.0, rope_length, 1.0
-    return a, b, c
+    stiffness = -gravity / rope_length
+    a = [
+        [0, 1, 0, 0, 0],
+        [0, 0, 0, 0, 0],
+        [0, 0, 0, 1, 0],
+        [0, 0, stiffness, 0, 0],
+        [1, 0, rope_length, 0, 0],
+    ]
+    b = [[0], [1], [0], [-1 / rope_length], [0]]
+    c = [[1, 0, rope_length, 0, 0], [0, 1, 0, rope_length, 0], [0, 0, 0, 0, 1]]
+    return np.array(a, float), np.array(b, float), np.array(c, float)
 
 
 def gain_at(rope_length: float, nominal: Nominal) -> Array:

@@ -1,37 +1,10 @@
 """PID with input shaping."""
 
 import numpy as np
-import pytest
 
-from cranectl.controllers.pid import VIBRATION, impulses
 from cranectl.metrics import run_metrics
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
-
-PERIOD = 1.7  # [s]
-
-
-def vibration(shaper: str, frequency: float) -> float:
-    """What impulses leave of a swing, to that of one impulse (Singer and Seering 1990, (7), undamped)."""
-    amplitudes, times = impulses(shaper, PERIOD)
-    return float(abs(sum(a * np.exp(1j * frequency * t) for a, t in zip(amplitudes, times, strict=True))))
-
-
-@pytest.mark.parametrize("shaper", ["zv", "zvd", "ei"])
-def test_shapers_are_what_their_papers_say(shaper: str) -> None:
-    omega = 2.0 * np.pi / PERIOD
-    amplitudes, times = impulses(shaper, PERIOD)
-    assert sum(amplitudes) == pytest.approx(1.0, abs=1e-15)
-    assert times == pytest.approx([0.0, 0.5 * PERIOD, PERIOD][: len(times)])
-    left = {"zv": 0.0, "zvd": 0.0, "ei": VIBRATION}[shaper]
-    assert vibration(shaper, omega) == pytest.approx(left, abs=1e-15)
-    slope = (vibration(shaper, omega * 1.0001) - left) / 0.0001
-    assert abs(slope) == pytest.approx(0.5 * np.pi if shaper == "zv" else 0.0, abs=1e-3), "robust but for ZV"
-    if shaper == "ei":
-        beside = np.arccos(-(1.0 - VIBRATION) / (1.0 + VIBRATION)) / np.pi  # where its zeros are
-        assert 0.8 < beside < 0.9
-        assert vibration(shaper, omega * beside) == pytest.approx(0.0, abs=1e-15)
-        assert vibration(shaper, omega * (2.0 - beside)) == pytest.approx(0.0, abs=1e-15)
 
 
 def point_to_point(shaper: str, rope: float = 0.7) -> tuple[float, float]:

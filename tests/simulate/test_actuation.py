@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl.scenario import default_scenario
-from cranectl.simulate.actuation import BRAKING, actuate, brake, make_actuation
+from cranectl.simulate.actuation import BRAKING, actuate, brake, make_actuation, take_set_points
 
 START = np.array([1.0, 0.1, 0.7, 0.2, 0.6, 0.3, 0.0, 0.0, 0.0, 0.0])
 PERIOD = 1e-3
@@ -35,3 +35,13 @@ def test_drives_brake_to_rest() -> None:
         actuate(actuation, command)
     expected = np.array([0.1, 0.2, 0.3]) * (1.0 - PERIOD / BRAKING) ** round(5.0 * BRAKING / PERIOD)
     assert actuation.velocity == pytest.approx(expected, rel=1e-12)
+
+
+def test_velocities_that_a_law_commands_are_the_set_points() -> None:
+    """The acceleration beside them is that of the drives' lag, and braking begins at them."""
+    scenario = default_scenario(overrides=["rig.trolley_time_constant=0.05"])
+    actuation, command = make_actuation(scenario, START), np.array([0.3, -0.2, 0.1, 0.0, 0.0, 0.0])
+    take_set_points(actuation, START, command)
+    assert command[3:].tolist() == [0.3, -0.2, 0.1]
+    assert command[:3] == pytest.approx([0.2 / 0.02, -0.4 / 0.05, -0.2 / 0.02], rel=1e-14)
+    assert actuation.velocity.tolist() == [0.3, -0.2, 0.1]
