@@ -20,6 +20,23 @@ from cranectl.plants.plant import Drive, Kernels
 from cranectl.plants.surroundings import STICTION_RATE, air_drag, gravity_in_rig
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
+from cranectl.signals import (
+    ALPHA,
+    ALPHA_RATE,
+    BETA,
+    BETA_RATE,
+    BRIDGE,
+    BRIDGE_RATE,
+    ROPE,
+    ROPE_RATE,
+    TENSION,
+    TROLLEY,
+    TROLLEY_RATE,
+    VELOCITY,
+    X,
+    Y,
+    Z,
+)
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
@@ -65,9 +82,9 @@ class AnalyticRig(NamedTuple):
 def drive_accelerations(rig, state, command):
     """Accelerations (x_c'', y_c'', l'') [m/s²] that the drives produce at this state."""
     return (
-        rig.drive_gain[0] * command[0] - rig.drive_damping[0] * state[1],
-        rig.drive_gain[1] * command[1] - rig.drive_damping[1] * state[3],
-        rig.drive_gain[2] * command[2] - rig.drive_damping[2] * state[5],
+        rig.drive_gain[0] * command[0] - rig.drive_damping[0] * state[BRIDGE_RATE],
+        rig.drive_gain[1] * command[1] - rig.drive_damping[1] * state[TROLLEY_RATE],
+        rig.drive_gain[2] * command[2] - rig.drive_damping[2] * state[ROPE_RATE],
     )
 
 
@@ -76,11 +93,11 @@ def outer_force(passive, state, wind):
     """Force of the air and of sloping rails on the load (x, y, z) [N]; `wind` (3,) is the air's velocity."""
     if passive is None:
         return 0.0, 0.0, 0.0
-    n = rope_direction(state[6], state[8])
-    n_dot = rope_direction_rate(state[6], state[7], state[8], state[9])
-    v_x = wind[0] - state[1] - state[5] * n[0] - state[4] * n_dot[0]
-    v_y = wind[1] - state[3] - state[5] * n[1] - state[4] * n_dot[1]
-    v_z = wind[2] - state[5] * n[2] - state[4] * n_dot[2]
+    n = rope_direction(state[ALPHA], state[BETA])
+    n_dot = rope_direction_rate(state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE])
+    v_x = wind[0] - state[BRIDGE_RATE] - state[ROPE_RATE] * n[0] - state[ROPE] * n_dot[0]
+    v_y = wind[1] - state[TROLLEY_RATE] - state[ROPE_RATE] * n[1] - state[ROPE] * n_dot[1]
+    v_z = wind[2] - state[ROPE_RATE] * n[2] - state[ROPE] * n_dot[2]
     factor = passive.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
     tilt = passive.tilt
     return factor * v_x + tilt[0], factor * v_y + tilt[1], factor * v_z + tilt[2]
@@ -91,13 +108,13 @@ def passive_accelerations(passive, load_mass, state, wind):
     """What outer forces and friction of the joint add to (alpha'', beta'') [rad/s²]."""
     if passive is None:
         return 0.0, 0.0
-    sa, ca, sb, cb = sin(state[6]), cos(state[6]), sin(state[8]), cos(state[8])
+    sa, ca, sb, cb = sin(state[ALPHA]), cos(state[ALPHA]), sin(state[BETA]), cos(state[BETA])
     f_x, f_y, f_z = outer_force(passive, state, wind)
-    arm = 1.0 / (load_mass * state[4])
+    arm = 1.0 / (load_mass * state[ROPE])
     alpha = arm * (ca * f_y + sa * f_z) / cb
     beta = arm * (cb * f_x - sb * sa * f_y + ca * sb * f_z)
-    friction_alpha = pivot_torque(passive, state[7]) * arm / (state[4] * cb * cb)
-    friction_beta = pivot_torque(passive, state[9]) * arm / state[4]
+    friction_alpha = pivot_torque(passive, state[ALPHA_RATE]) * arm / (state[ROPE] * cb * cb)
+    friction_beta = pivot_torque(passive, state[BETA_RATE]) * arm / state[ROPE]
     return alpha + friction_alpha, beta + friction_beta
 
 
@@ -116,12 +133,12 @@ def acceleration_command(forces, rig, state, command, disturbance, wind):
     """
     if forces is None:
         return command[0], command[1], command[2]
-    n = rope_direction(state[6], state[8])
-    sa, ca, sb, cb = sin(state[6]), cos(state[6]), sin(state[8]), cos(state[8])
+    n = rope_direction(state[ALPHA], state[BETA])
+    sa, ca, sb, cb = sin(state[ALPHA]), cos(state[ALPHA]), sin(state[BETA]), cos(state[BETA])
     f_x, f_y, f_z = outer_force(rig.passive, state, wind)
     passive = passive_accelerations(rig.passive, rig.load_mass, state, wind)
-    alpha = rig.load_mass * state[4] * (passive[0] + disturbance[0])
-    beta = rig.load_mass * state[4] * (passive[1] + disturbance[1])
+    alpha = rig.load_mass * state[ROPE] * (passive[0] + disturbance[0])
+    beta = rig.load_mass * state[ROPE] * (passive[1] + disturbance[1])
     return forced_accelerations(
         forces.masses,
         state,
@@ -136,14 +153,22 @@ def derivative(rig, state, command, disturbance, wind, rate):
     """State derivative (10,) into `rate`; the thesis's (3.22) with drives and disturbances."""
     u_x, u_y, u_l = drive_accelerations(rig, state, command)
     alpha_ddot, beta_ddot = angular_accelerations(
-        state[4], state[5], state[6], state[7], state[8], state[9], u_x, u_y, rig.gravity
+        state[ROPE],
+        state[ROPE_RATE],
+        state[ALPHA],
+        state[ALPHA_RATE],
+        state[BETA],
+        state[BETA_RATE],
+        u_x,
+        u_y,
+        rig.gravity,
     )
     passive = passive_accelerations(rig.passive, rig.load_mass, state, wind)
-    rate[0], rate[1] = state[1], u_x
-    rate[2], rate[3] = state[3], u_y
-    rate[4], rate[5] = state[5], u_l
-    rate[6], rate[7] = state[7], alpha_ddot + passive[0] + disturbance[0]
-    rate[8], rate[9] = state[9], beta_ddot + passive[1] + disturbance[1]
+    rate[BRIDGE], rate[BRIDGE_RATE] = state[BRIDGE_RATE], u_x
+    rate[TROLLEY], rate[TROLLEY_RATE] = state[TROLLEY_RATE], u_y
+    rate[ROPE], rate[ROPE_RATE] = state[ROPE_RATE], u_l
+    rate[ALPHA], rate[ALPHA_RATE] = state[ALPHA_RATE], alpha_ddot + passive[0] + disturbance[0]
+    rate[BETA], rate[BETA_RATE] = state[BETA_RATE], beta_ddot + passive[1] + disturbance[1]
 
 
 @jit
@@ -167,19 +192,21 @@ def integrate(rig, state, command, disturbance, wind, stages, stage_state):
 @jit
 def observe_load(rig, state, command, wind, load):
     """Load position, velocity and rope tension (7,) into `load`."""
-    length, length_rate = state[4], state[5]
-    n = rope_direction(state[6], state[8])
-    n_dot = rope_direction_rate(state[6], state[7], state[8], state[9])
-    load[0] = state[0] + length * n[0]
-    load[1] = state[2] + length * n[1]
-    load[2] = length * n[2]
-    load[3] = state[1] + length_rate * n[0] + length * n_dot[0]
-    load[4] = state[3] + length_rate * n[1] + length * n_dot[1]
-    load[5] = length_rate * n[2] + length * n_dot[2]
+    length, length_rate = state[ROPE], state[ROPE_RATE]
+    n = rope_direction(state[ALPHA], state[BETA])
+    n_dot = rope_direction_rate(state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE])
+    load[X] = state[BRIDGE] + length * n[0]
+    load[Y] = state[TROLLEY] + length * n[1]
+    load[Z] = length * n[2]
+    load[VELOCITY + X] = state[BRIDGE_RATE] + length_rate * n[0] + length * n_dot[0]
+    load[VELOCITY + Y] = state[TROLLEY_RATE] + length_rate * n[1] + length * n_dot[1]
+    load[VELOCITY + Z] = length_rate * n[2] + length * n_dot[2]
     u_x, u_y, u_l = drive_accelerations(rig, state, command)
-    force = specific_rope_force(length, state[6], state[7], state[8], state[9], u_x, u_y, u_l, rig.gravity)
+    force = specific_rope_force(
+        length, state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE], u_x, u_y, u_l, rig.gravity
+    )
     f_x, f_y, f_z = outer_force(rig.passive, state, wind)
-    load[6] = -rig.load_mass * force + (f_x * n[0] + f_y * n[1] + f_z * n[2])
+    load[TENSION] = -rig.load_mass * force + (f_x * n[0] + f_y * n[1] + f_z * n[2])
 
 
 class AnalyticCrane(NamedTuple):
