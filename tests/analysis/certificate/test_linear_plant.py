@@ -21,7 +21,7 @@ from cranectl.analysis.certificate.operating_points import OperatingPoint, equil
 from cranectl.controllers.flat import RUNNING, ZETA, control_step, initial_memory
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.linearisation import change_since, coordinates, put
-from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario, default_scenario
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
 from cranectl.signals import BASE_WIDTH, FLAT_OUTPUT_COLUMN, INPUT_COLUMN
@@ -50,7 +50,7 @@ EFFECTS = {
     "wind": ("effects.wind={mean=[8.0,-6.0,0.0],drag_area=0.1}",),
 }
 TOGETHER = tuple(override for overrides in EFFECTS.values() for override in overrides)
-CASES = [(drive, name) for name in EFFECTS for drive in DRIVES if (drive, name) != ("ideal", "friction")]
+CASES = [("velocity", name) for name in EFFECTS] + [("ideal", name) for name in EFFECTS if name != "friction"]
 
 
 def air_of(scenario: Scenario) -> np.ndarray:
