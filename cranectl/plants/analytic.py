@@ -153,16 +153,9 @@ def derivative(rig, state, command, disturbance, wind, rate):
     """State derivative (10,) into `rate`; the thesis's (3.22) with drives and disturbances."""
     u_x, u_y, u_l = drive_accelerations(rig, state, command)
     alpha_ddot, beta_ddot = angular_accelerations(
-        state[ROPE],
-        state[ROPE_RATE],
-        state[ALPHA],
-        state[ALPHA_RATE],
-        state[BETA],
-        state[BETA_RATE],
-        u_x,
-        u_y,
-        rig.gravity,
-    )
+        state[ROPE], state[ROPE_RATE], state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE],
+        u_x, u_y, rig.gravity,
+    )  # fmt: skip
     passive = passive_accelerations(rig.passive, rig.load_mass, state, wind)
     rate[BRIDGE], rate[BRIDGE_RATE] = state[BRIDGE_RATE], u_x
     rate[TROLLEY], rate[TROLLEY_RATE] = state[TROLLEY_RATE], u_y
