@@ -32,6 +32,15 @@ def test_the_rooms_are_drawn_as_the_contract_has_them() -> None:
     assert [line.split(", ") for line in drawn] == [re.findall(r"\w+", layer) for layer in layers]
 
 
+def test_the_top_level_has_nothing_that_a_run_left_there() -> None:
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    tracked = {line.partition("/")[0] for line in listed.splitlines()}
+    shown = {"cranectl", "docs", "models", "tests", "validation", "viewer"}
+    shown |= {"CHANGELOG.md", "CONTRIBUTING.md", "LICENSE", "Makefile", "README.md"}
+    shown |= {"conftest.py", "constraints.txt", "pyproject.toml"}
+    assert {name for name in tracked if not name.startswith(".")} == shown
+
+
 def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
     paths = [path for path in (ROOT / "cranectl").iterdir() if not path.name.startswith("__")]
     entries = [path for path in paths if path.is_file() or any(path.glob("*.py"))]  # not caches of old rooms

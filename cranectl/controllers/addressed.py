@@ -34,8 +34,8 @@ class AddressedLaw(NamedTuple):
     samples: int  # N
     every: int  # control periods between two steps
     encoders: bool  # else the state is measured
-    velocity: bool  # commanded,
-    force: bool  # or this, else acceleration
+    velocity: bool  # is commanded
+    force: bool  # is commanded; if neither, acceleration
     masses: AxisMasses  # that forces are meant for
     places: NDArray[np.int64]  # of the memory that are recorded
     start: Array  # memory at the start of a run
@@ -62,10 +62,7 @@ def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
         masses=axis_masses(nominal.rig),
         places=np.array([place for place, _ in controller.logged], dtype=np.int64),
         start=_numbers(memory),
-        measured=np.zeros(12),
-        command=np.zeros(3),
-        scratch=np.zeros(12),
-        clock=np.zeros(1, dtype=np.int64),
+        **_memories(),
     )
     if any(place >= len(law.start) for place in law.places):
         raise ValueError(f"{controller.name} logs places that its memory does not have")
@@ -74,9 +71,12 @@ def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
 
 def at_start(law: AddressedLaw) -> AddressedLaw:
     """`law` with memories of its own, for another run."""
-    return law._replace(
-        measured=np.zeros(12), command=np.zeros(3), scratch=np.zeros(12), clock=np.zeros(1, dtype=np.int64)
-    )
+    return law._replace(**_memories())
+
+
+def _memories() -> dict[str, Any]:
+    clock = np.zeros(1, dtype=np.int64)
+    return {"measured": np.zeros(12), "command": np.zeros(3), "scratch": np.zeros(12), "clock": clock}
 
 
 def _numbers(values: Array) -> Array:

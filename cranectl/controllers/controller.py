@@ -13,7 +13,6 @@ the run ends as `controller-failed`. The loop does what is common: set-points an
 observer, braking while the rope is slack, logging.
 """
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import Signal, SignalGroup, law_groups
 from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.extensions import check_name
 
 Array = NDArray[np.float64]
 Value = float | str
@@ -99,9 +99,8 @@ class Controller:
     linearise: Callable[[Nominal, float], LinearLaw] | None = None  # at a rope length [m]
 
     def __post_init__(self) -> None:
-        """Raises ValueError for a name that logs and TOML cannot have."""
-        if not re.fullmatch(r"[a-z][a-z0-9-]*", self.name):
-            raise ValueError(f"the name '{self.name}' is not of lower case letters, digits, hyphens")
+        """Raises InputError for a name that logs and TOML cannot have."""
+        check_name("controller", self.name)
 
     def designed(self, given: Mapping[str, Value]) -> "LawDesign":
         """With every parameter `given` or its default; raises InputError for a wrong name or value."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design import Design
-from cranectl.design.discretisation import sampled_blocks, sampled_loop
+from cranectl.design.discretisation import check_sampled, sampled_blocks, sampled_loop
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.signals import (
     ACCELERATION,
@@ -27,7 +27,6 @@ from cranectl.signals import (
     Z,
 )
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
@@ -62,13 +61,8 @@ def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
     """
     r = design.robustifier
     blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
-    radius = np.abs(np.linalg.eigvals(sampled_loop(design.gain, blocks, period))).max()
-    if radius >= 1.0:
-        raise InputError(
-            f"'{design.name}' is unstable when sampled every {period:g} s: a pole of modulus {radius:.4g}",
-            allowed="poles of modulus below 1",
-            remedy="shorten control.period, or choose slower poles or weights",
-        )
+    loop = sampled_loop(design.gain, blocks, period)
+    check_sampled(design.name, loop, period, remedy="choose slower poles or weights")
     return Tracker(
         gain=np.ascontiguousarray(design.gain),
         state_matrix=blocks.state_matrix,

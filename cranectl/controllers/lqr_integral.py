@@ -14,6 +14,7 @@ from numba import carray  # type: ignore[attr-defined]
 from scipy.linalg import expm, solve_continuous_are
 
 from cranectl.controllers.controller import Array, Controller, LinearLaw, Logged, Nominal, Parameter
+from cranectl.design.discretisation import check_sampled
 from cranectl.model.flatness import flat_output, state_and_input
 from cranectl.signals import (
     ACCELERATION,
@@ -121,14 +122,9 @@ def _gain(nominal: Nominal, a: Array, b: Array, c: Array) -> Array:
     gain: Array = (b.T @ cost / r)[0]
     n = len(a)
     sampled = expm(nominal.period * np.block([[a, b], [np.zeros((1, n + 1))]]))
-    radius = np.abs(np.linalg.eigvals(sampled[:n, :n] - sampled[:n, n:] @ gain[np.newaxis])).max()
-    if not radius < 1.0:
-        raise InputError(
-            f"'lqr-integral' is unstable when sampled every {nominal.period:g} s: a pole of "
-            f"modulus {radius:.4g}",
-            allowed="poles of modulus below 1",
-            remedy="shorten control.period, or raise input_weight in [controller.lqr-integral]",
-        )
+    closed = sampled[:n, :n] - sampled[:n, n:] @ gain[np.newaxis]
+    remedy = "raise input_weight in [controller.lqr-integral]"
+    check_sampled("lqr-integral", closed, nominal.period, remedy=remedy)
     return gain
 
 

@@ -19,17 +19,8 @@ SHAPERS = ("none", "zv", "zvd", "ei")
 VIBRATION = 0.05  # V of ei, the part of the unshaped vibration that may remain at the modelled frequency
 
 # Places of parameters and memory; up to three impulses, and a ring of past rows of the path.
-PERIOD, PROPORTIONAL, INTEGRAL_GAIN, DERIVATIVE, FILTER, IMPULSES, ROWS, AMPLITUDE, DELAY = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    10,
-)
+PERIOD, PROPORTIONAL, INTEGRAL_GAIN, DERIVATIVE, FILTER, IMPULSES, ROWS, AMPLITUDE = range(8)
+DELAY = AMPLITUDE + 3
 INTEGRAL, ERROR, RATE, SHAPED, CLOCK, RING = 0, 3, 6, 9, 12, 13
 KEPT = 6  # position and velocity of a row of the path
 

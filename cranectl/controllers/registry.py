@@ -1,7 +1,6 @@
 """The controllers there are: the flat family by its designs, every other law by where it is defined."""
 
 import functools
-import importlib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ from cranectl.design import Design, design_controller
 from cranectl.scenario import Scenario
 from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.extensions import with_extensions
+from cranectl.support.extensions import check_free, loaded, with_extensions
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller, LawDesign
@@ -27,12 +26,7 @@ def register_controller(controller: "Controller") -> None:
 
     An entry point of the group `cranectl.controllers` makes it known to all.
     """
-    if controller.name in controller_names():
-        raise InputError(
-            f"a controller named '{controller.name}'",
-            allowed=f"not {', '.join(controller_names())}",
-            remedy="take another name",
-        )
+    check_free("controller", controller.name, controller_names())
     REGISTERED[controller.name] = controller
 
 
@@ -68,8 +62,7 @@ def load_controller(name: str) -> "Controller":
     """The law `name`, which is not of the flat family."""
     if name not in WHERE:
         return {**_added(), **REGISTERED}[name]
-    module, _, attribute = WHERE[name].partition(":")
-    controller: Controller = getattr(importlib.import_module(module), attribute)
+    controller: Controller = loaded(WHERE[name])
     return controller
 
 

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
 
+from cranectl.support.errors import InputError
+
 Array = NDArray[np.float64]
 
 
@@ -55,6 +57,17 @@ def sampled_loop(gain: Array, blocks: SampledBlocks, period: float) -> Array:
             [blocks.input_matrix.reshape(-1, 1) @ measured, diagonal(blocks.state_matrix)],
         ]
     )
+
+
+def check_sampled(name: str, loop: Array, period: float, *, remedy: str) -> None:
+    """Raise InputError unless the sampled closed loop with the state matrix `loop` is stable."""
+    radius = np.abs(np.linalg.eigvals(loop)).max()
+    if not radius < 1.0:
+        raise InputError(
+            f"'{name}' is unstable when sampled every {period:g} s: a pole of modulus {radius:.4g}",
+            allowed="poles of modulus below 1",
+            remedy=f"shorten control.period, or {remedy}",
+        )
 
 
 def diagonal(blocks: Array | list[Array]) -> Array:

@@ -5,6 +5,7 @@ needs thought, a new design, is computed and checked here, so that the run need 
 """
 
 import contextlib
+import functools
 import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -18,7 +19,7 @@ from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.design import Design, with_gain
 from cranectl.scenario import Scenario
-from cranectl.simulate import checked_drive, law_of, plan_reference
+from cranectl.simulate import PlannedReference, checked_drive, law_of, plan_reference
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.text import printable
 
@@ -82,6 +83,10 @@ class Controls:
             **tunable(design),
             **DEFAULT_PULSE,
         }
+
+    @functools.cached_property
+    def _planned(self) -> PlannedReference:
+        return plan_reference(self._scenario)
 
     @property
     def paused(self) -> bool:
@@ -163,7 +168,7 @@ class Controls:
         design = _with_numbers(design, {**before, **wanted})
         if design is self._design or (isinstance(design, LawDesign) and design == self._design):
             return
-        law_of(self._scenario, design, self._drive, plan_reference(self._scenario))  # raises if unstable
+        law_of(self._scenario, design, self._drive, self._planned)  # raises if unstable
         for name in tunable(self._design):
             del self._values[name]
         self._design = design

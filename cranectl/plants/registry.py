@@ -4,15 +4,13 @@ Other packages declare a `PlantEntry` with an entry point of the group `cranectl
 finds, or call `register_plant`, which is known where their module is imported.
 """
 
-import importlib
-import re
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from dataclasses import dataclass, field
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.extensions import with_extensions
+from cranectl.support.extensions import check_free, check_name, loaded, with_extensions
 from cranectl.support.provenance import source_digests
 
 REFERENCE_PLANT = "mujoco"  # the plant that others are compared against
@@ -31,17 +29,11 @@ class PlantEntry:
     lacks: Mapping[str, str] = field(default_factory=dict)  # why it cannot show rope, body, frame, force
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[a-z][a-z0-9-]*", self.name):
-            raise InputError(
-                f"a plant named '{self.name}'",
-                allowed="lower case letters, digits, hyphens",
-                remedy="take another name",
-            )
+        check_name("plant", self.name)
 
     def load(self) -> type[Plant]:
         """Its class."""
-        module, _, name = self.where.partition(":")
-        found: type[Plant] = getattr(importlib.import_module(module), name)
+        found: type[Plant] = loaded(self.where)
         return found
 
 
@@ -107,10 +99,7 @@ def register_plant(entry: PlantEntry) -> None:
 
     Worker processes of `validate` know it too where the module of its class calls this.
     """
-    if entry.name in PLANTS:
-        raise InputError(
-            f"a plant named '{entry.name}'", allowed=f"not {', '.join(PLANTS)}", remedy="take another name"
-        )
+    check_free("plant", entry.name, PLANTS)
     PLANTS[entry.name] = entry
 
 

@@ -1,6 +1,8 @@
-"""What other packages add to this one: objects that they declare as entry points."""
+"""What other packages add to this one: objects that they declare as entry points, or register."""
 
-from collections.abc import Collection, Mapping
+import importlib
+import re
+from collections.abc import Collection, Iterable, Mapping
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -14,6 +16,31 @@ METRICS, PLANTS, CONTROLLERS, SEGMENTS = GROUPS = (
     "cranectl.segments",
 )
 EXPORTERS = "cranectl.exporters"
+
+
+def loaded(where: str) -> Any:
+    """The object at `where`, module:name."""
+    module, _, name = where.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def check_name(kind: str, name: str) -> None:
+    """Raise InputError for a name that topics, columns and TOML keys cannot have."""
+    if not re.fullmatch(r"[a-z][a-z0-9-]*", name):
+        raise InputError(
+            f"a {kind} named '{name}'",
+            allowed="lower case letters, digits, hyphens",
+            remedy="take another name",
+        )
+
+
+def check_free(kind: str, name: str, taken: Iterable[str]) -> None:
+    """Raise InputError for a name that is among those `taken`."""
+    known = list(taken)
+    if name in known:
+        raise InputError(
+            f"a {kind} named '{name}'", allowed=f"not {', '.join(known)}", remedy="take another name"
+        )
 
 
 def with_extensions(
