@@ -20,9 +20,8 @@ from cranectl.simulate import Run
 from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import with_extensions
-from cranectl.support.files import replacing, writing
+from cranectl.support.files import Kind, replacing, writing
 from cranectl.support.patterns import matching, unmatched
-from cranectl.support.places import Kind
 
 Array = NDArray[np.float64]
 

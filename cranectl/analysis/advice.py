@@ -24,7 +24,7 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.signals import ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.trees import merged
+from cranectl.support.documents import merged
 
 IMPROVEMENTS = 5  # that are tried
 GIVEN = ("limits", "sensing", "delay")  # the effects that drives and sensors have

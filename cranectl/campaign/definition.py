@@ -14,7 +14,7 @@ from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
-from cranectl.support.trees import assign, mapped
+from cranectl.support.documents import assign, mapped
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from cranectl.campaign.sensitivity import (
 )
 from cranectl.campaign.summary import Example, GroupSummary, examples, summarize
 from cranectl.plants.registry import reference_plant
-from cranectl.support.trees import mapped
+from cranectl.support.documents import mapped
 
 Array = NDArray[np.float64]
 

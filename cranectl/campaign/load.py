@@ -19,8 +19,7 @@ from cranectl.campaign.distributions import FewValues
 from cranectl.campaign.parameters import Parameter, nominal_scenario, numbers_of, parameters_of
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.settings import COUNTED, MAX_RUNS, CampaignSettings, read_campaign
-from cranectl.plants.applicable import check_effects
-from cranectl.plants.registry import plant_entry
+from cranectl.plants.registry import check_effects, plant_entry
 from cranectl.scenario import Scenario
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching

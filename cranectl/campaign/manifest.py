@@ -16,7 +16,7 @@ from cranectl.campaign.settings import parse_campaign
 from cranectl.plants.registry import plant_sources
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
-from cranectl.support import trees
+from cranectl.support import documents
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import HARMLESS, provenance
@@ -93,7 +93,7 @@ def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> Origi
 
 def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
     """What makes two campaigns differ besides the software that runs them, a phrase each."""
-    different = trees.differences(_decisive(found), _decisive(wanted), absent="absent")
+    different = documents.differences(_decisive(found), _decisive(wanted), absent="absent")
     return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in different]
 
 

@@ -11,9 +11,9 @@ from cranectl.campaign.distributions import LEAST_MASS, Distribution, FewValues,
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.scenario import NANOSECONDS, Scenario, load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS, EffectSettings
+from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, is_near, nearest_first
 from cranectl.support.patterns import SHOWN
-from cranectl.support.trees import leaves
 
 Array = NDArray[np.float64]
 

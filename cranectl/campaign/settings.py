@@ -16,9 +16,8 @@ from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
-from cranectl.support.documents import read_toml
+from cranectl.support.documents import leaves, read_toml
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.trees import leaves
 
 Limit = Annotated[float, Field(ge=0.0)] | None
 

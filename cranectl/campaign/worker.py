@@ -10,8 +10,8 @@ from cranectl.campaign.definition import Batch, sampled_scenario
 from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.table import FAILED, Row, metric_values
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
-from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import Plant
+from cranectl.plants.registry import check_effects
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import make_plant, plan_run

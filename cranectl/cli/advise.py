@@ -8,7 +8,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, output_option, scenario_options
-from cranectl.support.places import HTML
+from cranectl.support.files import HTML
 
 if TYPE_CHECKING:
     from cranectl.analysis.advice import Advice

@@ -6,7 +6,7 @@ import click
 
 from cranectl.cli.command import Command
 from cranectl.cli.options import drive_option, json_option, output_option, scenario_options
-from cranectl.support.places import PLOTS
+from cranectl.support.files import PLOTS
 
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
 TILTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))

@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from cranectl.support.errors import InputError
-from cranectl.support.places import Kind, check_place, kind_of
+from cranectl.support.files import Kind, check_place, kind_of
 
 try:
     import resource

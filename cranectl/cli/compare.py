@@ -10,7 +10,7 @@ from cranectl.cli import exit_codes
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, output_option, predict_option
 from cranectl.support.errors import InputError
-from cranectl.support.places import MCAP
+from cranectl.support.files import MCAP
 
 if TYPE_CHECKING:
     from cranectl.cli.screen import Screen

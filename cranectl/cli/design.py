@@ -6,7 +6,7 @@ import click
 
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, output_option, scenario_options
-from cranectl.support.places import PLOTS
+from cranectl.support.files import PLOTS
 
 
 @click.command("design", cls=Command)

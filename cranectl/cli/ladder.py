@@ -7,7 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command
 from cranectl.cli.options import controller_option, json_option, output_option, scenario_options
-from cranectl.support.places import HTML, MCAP
+from cranectl.support.files import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
 

@@ -18,8 +18,8 @@ from cranectl.cli.options import (
     plants_option,
     scenario_options,
 )
+from cranectl.support.files import MCAP
 from cranectl.support.interrupts import heed_interrupts, interrupt
-from cranectl.support.places import MCAP
 from cranectl.support.text import printable
 
 HERE = ("127.0.0.1", "localhost", "::1")

@@ -8,7 +8,7 @@ import click
 
 from cranectl.cli.command import OutputFile
 from cranectl.support.errors import InputError
-from cranectl.support.places import JSON, Kind
+from cranectl.support.files import JSON, Kind
 
 F = TypeVar("F", bound=Callable[..., Any])
 

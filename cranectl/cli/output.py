@@ -10,9 +10,9 @@ from typing import Any
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
 from cranectl.cli.screen import Screen, progress, styled
+from cranectl.support.documents import mapped
 from cranectl.support.files import write_text, writing
 from cranectl.support.text import printable
-from cranectl.support.trees import mapped
 
 PASSED, FAILED = styled("passed", "green"), styled("FAILED", "bold red")
 

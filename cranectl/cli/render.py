@@ -6,7 +6,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, OutputFile
-from cranectl.support.places import VIDEOS
+from cranectl.support.files import VIDEOS
 
 
 @click.command("render", cls=Command)

@@ -7,7 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command
 from cranectl.cli.options import output_option, predict_option
-from cranectl.support.places import HTML
+from cranectl.support.files import HTML
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -43,7 +43,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: bool) -> None:
     from cranectl.report.page import write_page
     from cranectl.report.run.page import log_page
     from cranectl.support.errors import InputError
-    from cranectl.support.places import check_place
+    from cranectl.support.files import check_place
     from cranectl.support.provenance import provenance, provenance_differences
 
     if len(logs) > MAX_LOGS:

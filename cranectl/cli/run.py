@@ -16,7 +16,7 @@ from cranectl.cli.options import (
     predict_option,
     scenario_options,
 )
-from cranectl.support.places import MCAP
+from cranectl.support.files import MCAP
 
 
 @click.command("run", cls=Command)

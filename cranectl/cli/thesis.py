@@ -7,7 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, output_option
-from cranectl.support.places import HTML
+from cranectl.support.files import HTML
 
 
 @click.command("thesis", cls=Command)

@@ -12,8 +12,8 @@ from cranectl.plants.registry import reference_plant
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import Signal
 from cranectl.simulate import Run
+from cranectl.support.documents import differences, leaves
 from cranectl.support.errors import InputError
-from cranectl.support.trees import differences, leaves
 
 Array = NDArray[np.float64]
 

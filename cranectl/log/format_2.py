@@ -17,8 +17,7 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import checked_drive
 from cranectl.status import RunStatus
-from cranectl.support.documents import parse_json
-from cranectl.support.trees import leaves
+from cranectl.support.documents import leaves, parse_json
 
 
 def read_header(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:

@@ -25,9 +25,8 @@ from cranectl.mcap_columns.contents import read_end
 from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError
-from cranectl.support.files import replacing
+from cranectl.support.files import MCAP, check_place, replacing
 from cranectl.support.interrupts import interrupts_wait
-from cranectl.support.places import MCAP, check_place
 from cranectl.support.provenance import provenance
 
 # Small chunks: after a kill nearly everything can be salvaged, for 0.2 % more size.

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.plant import Drive
-from cranectl.reference import build_trajectory
-from cranectl.reference.segments import HoldPath
+from cranectl.reference import HoldPath, build_trajectory
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
 from cranectl.signals import COMMAND_COLUMN
 from cranectl.simulate.signal_path import has_signal_path

@@ -10,6 +10,8 @@ from cranectl.scenario.effects import EffectSettings, Installation, Wind
 
 Array = NDArray[np.float64]
 
+STICTION_RATE = 0.01  # [rad/s], below which a model without a constraint solver smooths Coulomb's friction
+
 
 class CalibrationError(NamedTuple):
     """Between controller and rig."""
@@ -54,8 +56,3 @@ def air_velocity(wind: Wind | None, samples: int, period: float) -> Array:
     gusts = wind.gust * lfilter([1.0], [1.0, -decay], white, axis=0)
     velocity: Array = np.array(wind.mean) + np.column_stack([gusts, np.zeros(samples)])
     return velocity
-
-
-"""Friction of the axes and of the cardan joint."""
-
-STICTION_RATE = 0.01  # [rad/s], below which a model without a constraint solver smooths Coulomb's friction

@@ -11,9 +11,8 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import MAX_DURATION, Duration, Point3, Segment
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
-from cranectl.support.documents import Table, read_toml
+from cranectl.support.documents import Table, merged, read_toml
 from cranectl.support.errors import unknown_name
-from cranectl.support.trees import merged
 
 NANOSECONDS = 1_000_000_000
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]

@@ -1,4 +1,4 @@
-"""Segments of a reference: what a scenario says of each; `reference.segments` has the paths that follow.
+"""Segments of a reference: what a scenario says of each; `reference.py` has the paths that follow.
 
 Another package adds a kind by an entry point of the group `cranectl.segments` that is a `SegmentKind`.
 """
@@ -58,7 +58,7 @@ class SegmentKind:
 
     name: str  # of `kind`
     settings: type[Settings]  # with `kind` and `duration` [s] among its fields
-    path: Callable[[Any, Any], Any]  # (settings, start (3,) [m]) → `cranectl.reference.segments.Path`
+    path: Callable[[Any, Any], Any]  # (settings, start (3,) [m]) → `cranectl.reference.Path`
 
 
 OWN = ("hold", "line", "arc")

@@ -6,10 +6,9 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
-from cranectl.support.documents import MAX_DEPTH, Table, toml_value
+from cranectl.support.documents import MAX_DEPTH, Table, assign, mapped, toml_value
 from cranectl.support.errors import InputError, is_near, nearest_first
 from cranectl.support.text import printable
-from cranectl.support.trees import assign, mapped
 
 
 class Settings(BaseModel):

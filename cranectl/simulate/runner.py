@@ -11,9 +11,8 @@ from cranectl.controllers.controller import Controller, LawDesign, LinearLaw, No
 from cranectl.controllers.flat import Tracker, initial_memory, make_tracker
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.design import Design
-from cranectl.plants.applicable import check_effects
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
+from cranectl.plants.registry import REFERENCE_PLANT, check_effects, plant_entry
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN

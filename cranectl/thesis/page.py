@@ -149,7 +149,7 @@ def _time_law_figure() -> Figure:
         drawing = Drawing(figsize=(WIDTH, 4.6), layout="constrained")
         stack = drawing.subplots(3, 1, sharex=True)
         for law, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
-            for axes, values in zip(stack, time_law.evaluate(law, tau), strict=False):
+            for axes, values in zip(stack, time_law(law, tau), strict=False):
                 axes.plot(tau, values, label=law.replace("-", " "), **style)
         for axes, label in zip(stack, ("s [1]", "ds/dτ [1]", "d²s/dτ² [1]"), strict=True):
             axes.set_ylabel(label)
@@ -157,7 +157,7 @@ def _time_law_figure() -> Figure:
         stack[-1].set_xlabel("τ = t / t_f [1]")
         stack[0].legend()
         svg = inline_svg(drawing, "f4-1")
-    third = time_law.evaluate("degree-5", np.array([0.0]))[3, 0]
+    third = time_law("degree-5", np.array([0.0]))[3, 0]
     return Figure(
         "4.1",
         "Trajectory generation",

@@ -9,10 +9,9 @@ from cranectl.compare.runs import compare_runs, judge
 from cranectl.log import read_log, write_log
 from cranectl.model import dynamics
 from cranectl.plants.analytic import AnalyticPlant, acceleration_command, derivative, observe_load
-from cranectl.plants.applicable import check_effects
 from cranectl.plants.mujoco.disturbed_step import push_load
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.registry import PLANTS
+from cranectl.plants.registry import PLANTS, check_effects
 from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
 from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import (

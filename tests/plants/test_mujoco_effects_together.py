@@ -6,12 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.plants.applicable import check_effects
 from cranectl.plants.mujoco.model import JOINTS, drive_addresses, model_spec
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.mujoco.stability import LARGEST, fastest_rate
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import PLANTS
+from cranectl.plants.registry import PLANTS, check_effects
 from cranectl.scenario.effects import (
     NO_EFFECTS,
     NO_LIMIT,

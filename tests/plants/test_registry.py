@@ -5,8 +5,14 @@ from dataclasses import replace
 import pytest
 
 from cranectl.plants import registry
-from cranectl.plants.applicable import check_effects
-from cranectl.plants.registry import PLANTS, in_order, plant_entry, reference_plant, register_plant
+from cranectl.plants.registry import (
+    PLANTS,
+    check_effects,
+    in_order,
+    plant_entry,
+    reference_plant,
+    register_plant,
+)
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.colours import LIGHT, VIEWER

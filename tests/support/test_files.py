@@ -1,13 +1,32 @@
 """Files that are whole or not there."""
 
 import os
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
+import click
 import pytest
 
+from cranectl.cli.command import Command, OutputFile
+from cranectl.cli.main import cli, main
+from cranectl.scenario import Scenario
+from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError, LogError
-from cranectl.support.files import check_replaceable, replacing, write_text, writing
+from cranectl.support.files import (
+    BY_ENDING,
+    HTML,
+    JSON,
+    MCAP,
+    Kind,
+    being_written,
+    check_place,
+    check_replaceable,
+    replacing,
+    write_text,
+    writing,
+)
 
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:
@@ -104,3 +123,183 @@ def test_what_cannot_be_written_is_bad_input(name: str, failure: Exception, erro
 def test_other_errors_of_who_writes_stay_what_they_are(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no such colour"), writing(tmp_path / "a"):
         raise ValueError("no such colour")
+
+
+def refused(path: Path, kind: Kind = MCAP, **more: object) -> str:
+    with pytest.raises(InputError) as caught:
+        check_place(path, kind, **more)  # type: ignore[arg-type]
+    return caught.value.found
+
+
+def test_free_places_and_files_of_the_kind_may_be_written(tmp_path: Path) -> None:
+    check_place(tmp_path / "new" / "x.mcap", MCAP)
+    for kind, content in ((JSON, "{}"), (HTML, "<!DOCTYPE html>"), (BY_ENDING[".svg"], "<svg>")):
+        (tmp_path / "x").write_text(content)
+        check_place(tmp_path / "x", kind)
+    (tmp_path / "x").write_text("")
+    check_place(tmp_path / "x", MCAP)
+    check_place(Path(os.devnull), JSON)
+
+
+def test_nothing_of_another_kind_is_replaced(tmp_path: Path) -> None:
+    notes = tmp_path / "notes.txt"
+    notes.write_text("my notes")
+    for kind in (MCAP, JSON, HTML, *BY_ENDING.values()):
+        assert f"is no {kind.name}" in refused(notes, kind)
+    assert "directory" in refused(tmp_path)
+    assert "no regular file" in refused(Path(os.devnull))
+    assert "standard output" in refused(Path("-"))
+    assert "null" in refused(tmp_path / "\0")
+
+
+def test_an_input_is_found_by_any_name(tmp_path: Path) -> None:
+    log = tmp_path / "x.mcap"
+    log.write_bytes(b"\x89MCAP0\r\n")
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "soft.mcap").symlink_to(log)
+    (tmp_path / "hard.mcap").hardlink_to(log)
+    names = [log, tmp_path / "sub" / ".." / "x.mcap", tmp_path / "soft.mcap", tmp_path / "hard.mcap"]
+    for name in names:
+        assert "reads it" in refused(name, inputs=[log])
+        assert "reads it" in refused(log, inputs=[name])
+    check_place(log, MCAP, inputs=[tmp_path / "other.mcap"])
+
+
+WRITER = """
+import sys, time
+from pathlib import Path
+from cranectl.support.files import replacing
+with replacing(Path(sys.argv[1])) as part:
+    print("writing", flush=True)
+    sys.stdin.readline()
+"""
+
+
+def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "x[1].mcap"
+    path.write_bytes(b"\x89MCAP0\r\n")
+    command = [sys.executable, "-c", WRITER, str(path)]
+    for kill in (False, True):
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline()
+            assert being_written(path)
+            assert "is writing it" in refused(path)
+            check_place(path, MCAP, at_once=True)
+            if kill:
+                process.kill()
+            else:
+                process.communicate("\n")
+        assert not being_written(path), "what a killed process leaves stands in nobody's way"
+        if not kill:
+            assert path.read_bytes() == b""
+            path.write_bytes(b"\x89MCAP0\r\n")
+        check_place(path, MCAP)
+    assert list(tmp_path.glob("*.part")), "and is there to be recovered"
+
+
+def test_threads_of_one_process_are_told_apart(tmp_path: Path) -> None:
+    path, found = tmp_path / "x.json", []
+    with replacing(path):
+        thread = threading.Thread(target=lambda: found.append(being_written(path)))
+        thread.start()
+        thread.join()
+    assert found == [True]
+    assert not being_written(path)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Scenario) -> Path:
+    """A directory with a log, a cut-off one, a scenario and notes."""
+    from cranectl.log import write_log
+
+    monkeypatch.chdir(tmp_path)
+    run = simulate_run(short, plant="analytic")
+    write_log("x.mcap", [run])
+    Path("cut.mcap").write_bytes(Path("x.mcap").read_bytes()[:-2000])
+    Path("s.toml").write_text('name = "s"\nduration = 0.1\nreference.start = [1.0, 0.77, -0.7]\n')
+    Path("notes.txt").write_text("my notes")
+    Path("old.json").write_text("{}")
+    Path("sub").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "info x.mcap --json x.mcap",
+        "info x.mcap --json sub/../x.mcap",
+        "info x.mcap --json notes.txt",
+        "run s.toml --out s.toml",
+        "run s.toml --out notes.txt",
+        "run s.toml --json s.toml",
+        "run s.toml --json old.json --out old.json",
+        "run s.toml --json new.json --out new.json",
+        "run s.toml --out -",
+        "run s.toml --rig notes.txt --out notes.txt",
+        "log recover cut.mcap --out sub/../cut.mcap",
+        "log recover cut.mcap --out notes.txt",
+        "compare x.mcap cut.mcap --merge cut.mcap",
+        "log export x.mcap --format csv --out x.mcap",
+        "log export x.mcap --out notes.txt --format csv",
+        "log export x.mcap --out -",
+        "report x.mcap --out notes.txt",
+        "report x.mcap --out x.mcap",
+        "render x.mcap notes.txt",
+        "log layout single notes.txt",
+        "log layout single -",
+        "design lqr --plot notes.txt",
+        "design lqr --json notes.txt",
+        "ladder s.toml --out notes.txt",
+        "ladder s.toml --out l.mcap --report l.mcap",
+        "live s.toml --record notes.txt",
+        "validate s.toml --json s.toml",
+        "advise s.toml --report s.toml",
+        "thesis --report notes.txt",
+        "certify lqr --plot notes.txt",
+        "budget s.toml --controller lqr --json s.toml",
+    ],
+)
+def test_no_command_writes_where_it_must_not(
+    here: Path, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
+    assert main(line.split()) == 2
+    assert (
+        "cannot write" in (told := capsys.readouterr().err) or "ends in" in told or "names no format" in told
+    )
+    assert {path: path.read_bytes() for path in here.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    "line",
+    [
+        "info x.mcap --json old.json",
+        "log layout single l.json",
+        "design lqr --plot d.svg --json d.json",
+        "run s.toml --plant analytic --out o.mcap --json -",
+    ],
+)
+def test_a_command_may_be_repeated(line: str) -> None:
+    """Its own output is no input."""
+    for _ in range(2):
+        assert main(line.split()) == 0
+
+
+def commands(group: click.Group) -> list[click.Command]:
+    return [
+        each
+        for command in group.commands.values()
+        for each in (commands(command) if isinstance(command, click.Group) else [command])
+    ]
+
+
+def test_every_command_is_guarded() -> None:
+    """By its class, and by the type of each option that names a file to write."""
+    written = {"--json", "--out", "--report", "--plot", "--merge", "--record"}
+    for command in commands(cli):
+        assert isinstance(command, Command), command.name
+        for parameter in command.params:
+            if written & set(parameter.opts) and parameter.metavar == "FILE" and command.name != "export":
+                assert isinstance(parameter.type, OutputFile), f"{command.name} {parameter.opts}"

@@ -7,7 +7,7 @@ import click
 
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, output_option
-from cranectl.support.places import HTML
+from cranectl.support.files import HTML
 
 
 @click.command("report", cls=Command)
@@ -32,7 +32,7 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     from cranectl.cli.output import console
     from cranectl.report.campaign.page import campaign_page
     from cranectl.report.page import write_page
-    from cranectl.support.places import check_place
+    from cranectl.support.files import check_place
 
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
     results = read_results(result, unfinished=unfinished)

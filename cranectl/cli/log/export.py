@@ -42,7 +42,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     from cranectl.cli.output import console
     from cranectl.export import chosen_exporter, export_table, write_table
     from cranectl.log import read_log
-    from cranectl.support.places import check_place
+    from cranectl.support.files import check_place
 
     exporter = chosen_exporter(format_name, out)
     path = out or Path(f"{log.stem}.{exporter.name}")

@@ -6,7 +6,7 @@ import click
 
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.options import plants_option
-from cranectl.support.places import JSON
+from cranectl.support.files import JSON
 
 
 @click.command("layout", cls=Command)

@@ -6,7 +6,7 @@ import click
 
 from cranectl.cli.command import Command
 from cranectl.cli.options import json_option, output_option
-from cranectl.support.places import MCAP
+from cranectl.support.files import MCAP
 
 
 @click.command("recover", cls=Command)

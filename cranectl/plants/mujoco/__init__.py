@@ -1,1 +1,1 @@
-"""The rig in MuJoCo, and its effects, a file each."""
+"""The rig in MuJoCo."""

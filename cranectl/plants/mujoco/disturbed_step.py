@@ -7,14 +7,13 @@ for bit where no ball joint turns, and to the fifth order of the step where one 
 for such forces belongs to the whole process, and a model without springs and dampers skips it.)
 """
 
-from math import cos
+from math import cos, sin
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.body import push_body
 from cranectl.plants.mujoco.step import (
     mj_check_acc,
     mj_check_pos,
@@ -73,6 +72,25 @@ def apply_disturbance(rig, disturbance):
     inertia = rig.load_mass * length * length
     rig.applied[rig.rates[3]] = inertia * cos_beta * cos_beta * disturbance[0]
     rig.applied[rig.rates[4]] = inertia * disturbance[1]
+
+
+@jit
+def push_body(rig, disturbance):
+    """The thesis's disturbance (2,) [rad/s²] on a load that swings, at the present state.
+
+    A force at its centre: torques at the cardan hinges would act on the hook, which has no mass. The trolley
+    takes the opposite force, as it does from a torque, so that a load without extent moves the same.
+    """
+    length = rig.qpos[rig.joints[2]]
+    alpha, beta = rig.qpos[rig.joints[3]], rig.qpos[rig.joints[4]]
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    along_alpha = rig.load_mass * length * cb * disturbance[0]
+    along_beta = rig.load_mass * length * disturbance[1]
+    rig.reaction[0] = -cb * along_beta
+    rig.reaction[1] = -(ca * along_alpha - sb * sa * along_beta)
+    rig.reaction[2] = -(sa * along_alpha + ca * sb * along_beta)
+    for i in range(3):
+        rig.wrench[i] = rig.air[i] - rig.reaction[i]
 
 
 @jit

@@ -6,12 +6,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.body import body_entries, hang_body
+from cranectl.plants.mujoco.effects import (
+    CARDAN_JOINTS,
+    DRIVEN_JOINTS,
+    add_frame,
+    add_friction,
+    body_entries,
+    frame_entries,
+    friction_entries,
+    hang_body,
+)
 from cranectl.plants.mujoco.entries import Entry, write_spec
-from cranectl.plants.mujoco.frame import add_frame, frame_entries
-from cranectl.plants.mujoco.friction import add_friction, friction_entries
-from cranectl.plants.mujoco.lean import leave_out_idle
-from cranectl.plants.mujoco.limits import limit_entries, limit_forces
 from cranectl.plants.mujoco.rope import DISTANCE, add_rope, rope_entries
 from cranectl.plants.plant import Drive
 from cranectl.plants.surroundings import gravity_in_rig
@@ -19,9 +24,8 @@ from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support import resources
 
-JOINTS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
+JOINTS = (*DRIVEN_JOINTS, *CARDAN_JOINTS)
 BODIES = ("bridge", "trolley", "load")
-DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 DRIVES = ("bridge_drive", "trolley_drive", "winch_drive")
 DRAWN_LENGTH = 0.7  # [m] of rope in the file, without which the cardan angles would have no inertia
 
@@ -74,7 +78,8 @@ def _add_structure(spec: mujoco.MjSpec, drive: Drive, effects: EffectSettings) -
     if effects.friction:
         add_friction(spec, on_axes=drive != "ideal")
     if effects.limits and drive != "ideal":
-        limit_forces(spec, DRIVES)
+        for name in DRIVES:  # the whole force, the weight that the winch holds included
+            spec.actuator(name).forcelimited = True
     if drive != "velocity":
         for name in DRIVES:
             spec.actuator(name).set_to_motor()
@@ -111,7 +116,8 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
     if effects.friction:
         found += friction_entries(effects.friction, on_axes=drive != "ideal")
     if effects.limits and drive != "ideal":
-        found += limit_entries(DRIVES, effects.limits)
+        forces = zip(DRIVES, effects.limits.force, strict=True)
+        found += [Entry("actuator", name, "forcerange", (-force, force)) for name, force in forces]
     return found
 
 
@@ -170,3 +176,36 @@ def sensor_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
 def drive_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
     """Index of each of DRIVES in ctrl."""
     return np.array([model.actuator(name).id for name in DRIVES], dtype=np.int64)
+
+
+DRAWN_ROPE = "rope"  # tendon
+ENCODERS = (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL)
+
+
+def leave_out_idle(spec: mujoco.MjSpec, effects: EffectSettings) -> None:
+    """Take away what is only drawn, the encoders, which a run reads in qpos and qvel, and idle forces.
+
+    All geoms are massless and touch nothing. The engine looks for springs, dampers and constraints at each
+    stage of a step, of which the crane has only what effects bring; and for groups of bodies that constraints
+    do not join, of which the crane is one. (Without a warm start friction would differ in the last digits,
+    and take longer.)
+    """
+    encoders = [sensor for sensor in spec.sensors if sensor.type in ENCODERS]
+    drawing = [*spec.geoms, spec.tendon(DRAWN_ROPE), *spec.materials, *spec.textures]
+    drawing += [*spec.cameras, *spec.lights]
+    for element in [*drawing, *encoders]:
+        spec.delete(element)
+    spec.stat.meansize = 1.0  # a scale of pictures, which the compiler would guess from the bodies
+    idle = mujoco.mjtDisableBit
+    _disable(spec, idle.mjDSBL_ISLAND)
+    if not effects.friction:
+        _disable(spec, idle.mjDSBL_CONSTRAINT, idle.mjDSBL_WARMSTART)
+    if not effects.frame:
+        _disable(spec, idle.mjDSBL_SPRING)
+    if not (effects.frame or effects.friction or effects.body):
+        _disable(spec, idle.mjDSBL_DAMPER)
+
+
+def _disable(spec: mujoco.MjSpec, *flags: mujoco.mjtDisableBit) -> None:
+    for flag in flags:
+        spec.option.disableflags |= int(flag)

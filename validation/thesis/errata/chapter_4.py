@@ -19,8 +19,8 @@ from validation.thesis.errata.registry import apart, beyond, erratum, shaped_pla
 def quintic_is_not_smooth_enough() -> tuple[float, float]:
     """Section 3.6 needs z_d in C^4; the quintic's z''' jumps from rest by 60 (theta_f - theta_0)/t_f³."""
     ends = np.array([0.0, 1.0])
-    jumps = {law: np.abs(time_law.evaluate(law, ends)[1:]).max() for law in ("degree-5", "degree-9")}
-    assert abs(time_law.evaluate("degree-5", ends)[3] - 60.0).max() < 1e-9
+    jumps = {law: np.abs(time_law(law, ends)[1:]).max() for law in ("degree-5", "degree-9")}
+    assert abs(time_law("degree-5", ends)[3] - 60.0).max() < 1e-9
     return float(jumps["degree-5"]), float(jumps["degree-9"])
 
 
