@@ -1,4 +1,9 @@
-"""The thesis's figures and tables as one page, numbered as in the thesis."""
+"""The thesis's figures and tables as one page, numbered as in the thesis.
+
+Its lost diagrams of model, controllers and simulation are our own drawings of our own system: right signs,
+our symbols. `validation/diagrams/draw.py` draws them in the page's text colour; a page may set the CSS
+variables --block (fill of blocks, none by default) and --forbidden (fill of the bounds in 4.6, as blocks).
+"""
 
 from collections.abc import Iterable
 
@@ -13,13 +18,16 @@ from cranectl.report.run.figures import FAMILIES, WIDTH, Curve, family_svg
 from cranectl.report.theme import SERIES, inline_svg, styled
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run
-from cranectl.thesis.controllers import FEEDBACK, ROBUSTIFIERS
-from cranectl.thesis.diagrams import DIAGRAMS, diagram_svg
-from cranectl.thesis.reproduction import SOURCES, Reproduction
+from cranectl.support import resources
+from cranectl.support.documents import read_toml
+from cranectl.thesis.reproduction import FEEDBACK, ROBUSTIFIERS, SOURCES, Reproduction
 from cranectl.thesis.tables import gain_table, printed_tables, robustifier_table
 
 # First figure of a scenario: the load in space; two figures a family follow, one for each feedback.
 FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
+# Of each diagram its title, and a note: what it shows, and what the thesis prints wrongly.
+DIAGRAMS: dict[str, dict[str, str]] = read_toml(resources.THESIS_DIRECTORY / "diagrams.toml")
+DIAGRAM_DIRECTORY = resources.THESIS_DIRECTORY / "diagrams"
 FAMILY_ORDER = tuple(name for name in FAMILIES if name != "space")
 
 
@@ -131,10 +139,15 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
 def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
     """The signal-flow pictures numbered from `first` to before `end`."""
     return tuple(
-        Figure(number, diagram.title, diagram_svg(number), diagram.note)
-        for number, diagram in DIAGRAMS.items()
+        Figure(number, texts["title"], diagram_svg(number), texts["note"])
+        for number, texts in DIAGRAMS.items()
         if _place(first) <= _place(number) < _place(end)
     )
+
+
+def diagram_svg(number: str) -> str:
+    """The diagram `number` as an <svg> element."""
+    return (DIAGRAM_DIRECTORY / f"{number}.svg").read_text(encoding="utf-8").rstrip()
 
 
 def _place(number: str) -> tuple[int, ...]:

@@ -13,8 +13,11 @@ from cranectl.signals import LOAD
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
-from cranectl.thesis.controllers import CONTROLLERS
 
+# The six controllers of the thesis and what it calls them; others that cranectl may have are not in it.
+FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}
+ROBUSTIFIERS = {"": "feedback alone", "hinf": "S/KS", "loop-shaping": "loop shaping"}
+CONTROLLERS = tuple(f"{feedback}+{r}".rstrip("+") for feedback in FEEDBACK for r in ROBUSTIFIERS)
 # Where the numbers of a row come from, in the order of columns.
 SOURCES: dict[str, tuple[str, Drive]] = {
     "analytic": ("analytic", "ideal"),
@@ -197,6 +200,12 @@ def reproduce(
         }
         reproduced[name] = ThesisTable(f"Table {name}, p. {table['page']}: {table['title']}", rows)
     return Reproduction(designs, reproduced, tuple(departures))
+
+
+def controller_name(name: str) -> str:
+    """A controller as the thesis calls it."""
+    feedback, _, robustifier = name.partition("+")
+    return FEEDBACK[feedback] + (f" + {ROBUSTIFIERS[robustifier]}" if robustifier else "")
 
 
 def prints_as(value: float, printed: float, decimals: int) -> bool:

@@ -1,8 +1,15 @@
 """The tables of the thesis beside ours, for the terminal and for the page."""
 
-from cranectl.report.table import Cell, Table
-from cranectl.thesis.controllers import FEEDBACK, controller_name
-from cranectl.thesis.reproduction import SOURCES, SYMBOLS, Number, Reproduction, ThesisTable
+from cranectl.report.table import Cell, Table, cells
+from cranectl.thesis.reproduction import (
+    FEEDBACK,
+    SOURCES,
+    SYMBOLS,
+    Number,
+    Reproduction,
+    ThesisTable,
+    controller_name,
+)
 
 SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
 
@@ -10,7 +17,7 @@ SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "
 def gain_table(reproduction: Reproduction) -> Table:
     """Gains of both feedbacks."""
     rows = tuple(
-        (Cell(FEEDBACK[name]), *(Cell(f"{gain:.5g}") for gain in gains))
+        cells(FEEDBACK[name], *(f"{gain:.5g}" for gain in gains))
         for name, gains in reproduction.gains.items()
     )
     headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
@@ -25,7 +32,7 @@ def robustifier_table(reproduction: Reproduction) -> Table:
             pole, gain = design.robustifier.fastest_mode
             left = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
             numbers = (_text(design.gamma_achieved), _text(left), _text(pole, ".4g"), _text(gain, ".4g"))
-            rows.append((Cell(controller_name(name)), *map(Cell, numbers)))
+            rows.append(cells(controller_name(name), *numbers))
     return Table(
         "Robustifiers, one axis",
         ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
@@ -42,11 +49,7 @@ def printed_tables(reproduction: Reproduction) -> dict[str, Table]:
 
 def _comparison(table: ThesisTable) -> Table:
     rows = tuple(
-        (
-            Cell(controller_name(controller) if k == 0 else ""),
-            Cell(SYMBOLS[column]),
-            *_number_cells(number),
-        )
+        cells(controller_name(controller) if k == 0 else "", SYMBOLS[column], *_numbers(number))
         for controller, numbers in table.rows.items()
         for k, (column, number) in enumerate(numbers.items())
     )
@@ -56,16 +59,11 @@ def _comparison(table: ThesisTable) -> Table:
     return Table(table.title, headings, rows, labels=2, note=note)
 
 
-def _number_cells(number: Number) -> tuple[Cell, ...]:
+def _numbers(number: Number) -> list[str | Cell]:
     ours = [_text(number.ours[source]) if source in number.ours else "–" for source in SOURCES]
     mark = "bad" if not number.within else "good" if number.explained else "open"
     difference = _text(number.difference, "+.4f") + ("" if number.explained else " ?")
-    return (
-        Cell(_text(number.printed)),
-        *map(Cell, ours),
-        Cell(difference, mark),
-        Cell(_text(number.tolerance)),
-    )
+    return [_text(number.printed), *ours, Cell(difference, mark), _text(number.tolerance)]
 
 
 def _text(value: float, form: str = ".4f") -> str:

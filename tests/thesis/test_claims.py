@@ -9,7 +9,7 @@ from cranectl.design import design_controller
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
-from cranectl.thesis.controllers import CONTROLLERS
+from cranectl.thesis.reproduction import CONTROLLERS
 from tests.conftest import ROOT, closed_loop
 
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 from cranectl.support import resources
-from cranectl.thesis.diagrams import DIAGRAMS, diagram_svg
+from cranectl.thesis.page import DIAGRAMS, diagram_svg
 from tests.conftest import ROOT
 
 DRAW = ROOT / "validation" / "diagrams" / "draw.py"
@@ -75,7 +75,7 @@ def points(shape: ElementTree.Element) -> list[tuple[float, float]]:
 
 def test_all_figures_that_are_drawn_here() -> None:
     assert list(DIAGRAMS) == list(TEXTS)
-    assert all(diagram.title and diagram.note.endswith(".") for diagram in DIAGRAMS.values())
+    assert all(texts["title"] and texts["note"].endswith(".") for texts in DIAGRAMS.values())
 
 
 def test_the_shipped_files_are_what_is_drawn_today(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_scales_and_has_a_name(number: str) -> None:
     svg = parse(number)
     assert svg.tag == f"{SVG}svg"
     assert svg.get("role") == "img"
-    assert svg.findtext(f"{SVG}title") == DIAGRAMS[number].title
+    assert svg.findtext(f"{SVG}title") == DIAGRAMS[number]["title"]
     assert not {"width", "height"} & set(svg.attrib)
     width = svg.attrib["viewBox"].split()[2]
     assert f"max-width:{width}px" in svg.attrib["style"]

@@ -25,9 +25,8 @@ from cranectl.report.page import render
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run
 from cranectl.support import resources
-from cranectl.thesis.controllers import CONTROLLERS
 from cranectl.thesis.page import FIRST_FIGURE, ChapterFigures, thesis_page
-from cranectl.thesis.reproduction import Number, Reproduction, reproduce, total_simulated_seconds
+from cranectl.thesis.reproduction import CONTROLLERS, Number, Reproduction, reproduce, total_simulated_seconds
 from tests.conftest import ROOT, closed_loop
 from tests.report.test_report import read_page
 

@@ -15,7 +15,7 @@ import simulation
 import tracking
 from blocks import new_drawing, to_svg
 
-from cranectl.thesis.diagrams import DIAGRAMS, DIRECTORY
+from cranectl.thesis.page import DIAGRAM_DIRECTORY, DIAGRAMS
 
 DRAWINGS = {
     "2.1": crane.draw_crane,
@@ -42,12 +42,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("directory", nargs="?", type=Path, default=DIRECTORY)
+    parser.add_argument("directory", nargs="?", type=Path, default=DIAGRAM_DIRECTORY)
     directory = parser.parse_args().directory
     for number, draw in DRAWINGS.items():
         drawing = new_drawing()
         draw(drawing)
-        svg = to_svg(drawing, DIAGRAMS[number].title)
+        svg = to_svg(drawing, DIAGRAMS[number]["title"])
         (directory / f"{number}.svg").write_text(f"{svg}\n", encoding="utf-8", newline="\n")
 
 

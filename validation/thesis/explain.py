@@ -29,7 +29,7 @@ from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.support import resources
 from cranectl.support.jit import jit
-from cranectl.thesis.controllers import CONTROLLERS
+from cranectl.thesis.reproduction import CONTROLLERS
 
 Array = NDArray[np.float64]
 
