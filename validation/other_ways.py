@@ -12,7 +12,7 @@ from mujoco.batch import Batch
 from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.trajectory_law import dense_robustifier
+from cranectl.analysis.budget.trajectory_loop import dense_robustifier
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.model import (
     drive_addresses,

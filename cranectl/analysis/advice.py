@@ -15,7 +15,7 @@ import numpy as np
 from cranectl.analysis.certificate.certify import Certificate, certify, make_nominal_loop
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
-from cranectl.analysis.deviation import Size, deviation
+from cranectl.analysis.ladder import Size, deviation
 from cranectl.analysis.levels import with_effects
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics

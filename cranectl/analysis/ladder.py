@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cranectl.analysis.continuous import simulate_continuous
-from cranectl.analysis.deviation import Size, deviation
 from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, Level, with_effects
 from cranectl.controllers.registry import controller_design, only_flat
 from cranectl.design import Design
@@ -15,6 +17,16 @@ from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run
 from cranectl.support.errors import unknown_name
 
 Progress = Callable[[float], None]  # called with simulated seconds
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Size:
+    """Of a deviation of the load position over a run: Euclidean norm over the axes [m]."""
+
+    rms: float
+    max: float
+    final: float
 
 
 @dataclass(frozen=True)
@@ -104,3 +116,25 @@ def simulated_seconds(scenario: Scenario, top: str) -> float:
     names = NAMES[: NAMES.index(top) + 1] if top in NAMES else NAMES
     effects = sum(name in EFFECTS for name in names)
     return scenario.duration * (len(names) + max(0, effects - 1))
+
+
+def size_of(load: Array) -> Size:
+    """Of deviations (N, 3); zero if there are none."""
+    if not len(load):
+        return Size(0.0, 0.0, 0.0)
+    with np.errstate(over="ignore"):  # of predictions that run away
+        norm = np.linalg.norm(load, axis=1)
+    return Size(float(np.sqrt(np.mean(norm**2))), float(norm.max()), float(norm[-1]))
+
+
+def load_difference(run: Run, before: Run) -> Array:
+    """Load of `run` less that of `before`, over the samples that both have, (n, 3) [m]."""
+    common = min(len(run.time_ns), len(before.time_ns))
+    difference: Array = run.load_position[:common] - before.load_position[:common]
+    return difference
+
+
+def deviation(run: Run, before: Run) -> Size | None:
+    """Of the load of `run` from that of `before`; None if they have no sample in common."""
+    difference = load_difference(run, before)
+    return size_of(difference) if len(difference) else None

@@ -10,8 +10,7 @@ from mcap.reader import make_reader
 from numpy.testing import assert_array_equal
 
 from cranectl.analysis.budget.error_budget import error_budget
-from cranectl.analysis.deviation import deviation
-from cranectl.analysis.ladder import evaluate_levels
+from cranectl.analysis.ladder import deviation, evaluate_levels
 from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, with_effects
 from cranectl.cli.main import main
 from cranectl.log.overlay import DISTANCE, write_overlay

@@ -8,8 +8,7 @@ from rich.console import Console
 
 from cranectl.analysis.advice import Advice, advise
 from cranectl.analysis.budget.error_budget import Budget, Entry
-from cranectl.analysis.deviation import Size
-from cranectl.analysis.ladder import LevelResult, evaluate_levels
+from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.screen import FILE_WIDTH, screen_table
 from cranectl.report.rig.tables import (

@@ -15,10 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.nominal import Nominal, Prediction
-from cranectl.analysis.budget.propagation import Deviation, FrictionPort, no_errors, propagate
-from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, loop_matrix
-from cranectl.analysis.deviation import Size
+from cranectl.analysis.budget.propagation import Deviation, FrictionPort
+from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop
 from cranectl.controllers.observer import (
     JOINTS,
     POSITION,
@@ -26,12 +24,9 @@ from cranectl.controllers.observer import (
     Observer,
     correct,
     initial_estimate,
-    make_observer,
     predict,
 )
-from cranectl.controllers.registry import only_flat
-from cranectl.scenario.effects import Sensing
-from cranectl.simulate.signal_path import Encoders, make_encoders, read_encoder
+from cranectl.simulate.signal_path import Encoders, read_encoder
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
@@ -89,6 +84,58 @@ def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array)
     variance = np.zeros((loop.virtual.shape[0], 3))
     propagate_variance(loop, estimator, np.square(deviations), variance)
     return variance
+
+
+@jit
+def loop_matrix(loop, delay, k, matrix):
+    """X and the commands under way, the youngest first, at sample k + 1 by those at k, into `matrix`.
+
+    `matrix` is (n + 3 `delay`) square.
+    """
+    size, p, at = loop.virtual.shape[2], loop.kept.shape[0], k // loop.stride
+    total = matrix.shape[0]
+    arriving = np.zeros(total)
+    matrix[:] = 0.0
+    controller_rows(loop, k, matrix)
+    matrix[:p, :p] = loop.by_state[at]
+    for axis in range(3):
+        arriving[:] = 0.0
+        if delay == 0:
+            arriving[:size] = loop.command[k, axis]
+        else:
+            arriving[total - 3 + axis] = 1.0
+            matrix[size + axis, :size] = loop.command[k, axis]
+        for late in range(1, delay):
+            matrix[size + 3 * late + axis, size + 3 * (late - 1) + axis] = 1.0
+        row = p + axis
+        for j in range(total):
+            matrix[row, j] = loop.period * arriving[j]
+        matrix[row, row] += 1.0
+        for i in range(p):
+            by_command = loop.by_command[at, i, axis]
+            matrix[i, row] += by_command * loop.integral
+            for j in range(total):
+                matrix[i, j] += by_command * loop.lead[axis] * arriving[j]
+
+
+@jit
+def controller_rows(loop, k, matrix):
+    """The rows of zeta, zeta' and the robustifier by X at sample k, into `matrix`."""
+    period, m, p = loop.period, loop.robustifier_input.shape[0], loop.kept.shape[0]
+    extension, robustifier = p + EXTENSION, p + ROBUSTIFIER
+    for j in range(loop.virtual.shape[2]):
+        matrix[extension, j] = 0.5 * period * period * loop.virtual[k, 2, j]
+        matrix[extension + 1, j] = period * loop.virtual[k, 2, j]
+    matrix[extension, extension] += 1.0
+    matrix[extension, extension + 1] += period
+    matrix[extension + 1, extension + 1] += 1.0
+    for axis in range(3):
+        first = robustifier + axis * m
+        for i in range(m):
+            for j in range(10):
+                matrix[first + i, j] = -loop.robustifier_input[i] * loop.flat[k, axis, j]
+            for j in range(m):
+                matrix[first + i, first + j] = loop.robustifier_state[i, j]
 
 
 @jit
@@ -202,79 +249,3 @@ def worst_friction(loop: TrajectoryLoop, friction: FrictionPort, about: Deviatio
     rates = np.abs(friction.rates + about.state[:, 1:10:2])[:-1]
     worst = worst_case(loop, friction.coulomb + friction.viscous * rates, FRICTION_INSTANTS, delay=delay)
     return float(np.linalg.norm(worst, axis=1).max(initial=0.0))
-
-
-CONFIDENCE = 1e-6  # probability that noise exceeds its bound anywhere
-PHASES = 5  # of the encoders' steps, over which quantisation is averaged
-
-
-def exact(sensing: Sensing) -> Sensing:
-    """Encoders without steps and noise."""
-    still = {"position_noise": (0.0, 0.0, 0.0), "angle_noise": 0.0}
-    return noisy(sensing).model_copy(update=still)
-
-
-def noisy(sensing: Sensing) -> Sensing:
-    """Encoders with noise but without steps."""
-    return sensing.model_copy(update={"position_resolution": (0.0, 0.0, 0.0), "angle_resolution": 0.0})
-
-
-def measured_error(nominal: Nominal, encoders: Encoders, on: Deviation) -> Array:
-    """Measured minus true joints (N, 10) with `encoders` and the observer on the motion `on`."""
-    run = nominal.run
-    states = run.block("state") + on.state[:, :10]
-    commands = run.block("input")[:-1, :3] + on.commanded
-    return observed_error(_observer(nominal), encoders, states, commands)
-
-
-def _observer(nominal: Nominal) -> Observer:
-    return make_observer(
-        nominal.effects.sensing.observer_bandwidth,
-        period=nominal.loop.period,
-        gravity=nominal.run.scenario.rig.gravity,
-    )
-
-
-def predict_noise(nominal: Nominal) -> Prediction:
-    """White noise through estimator and loop; its largest is that of the loop's independent values."""
-    run, loop, sensing = nominal.run, nominal.driven(), nominal.effects.sensing
-    deviations = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
-    variance = load_variance(loop, linear_estimator(_observer(nominal)), deviations)
-    power, samples = variance.sum(axis=1), len(variance)
-    independent = max(2.0, samples * loop.period * only_flat(run.design).margins.crossover / np.pi)
-    deviation = float(np.sqrt(power.max()))
-    size = Size(
-        rms=float(np.sqrt(power.mean())),
-        max=deviation * float(np.sqrt(2.0 * np.log(independent))),
-        final=float(np.sqrt(power[-1])),
-    )
-    bound = deviation * float(np.sqrt(2.0 * np.log(6.0 * samples / CONFIDENCE)))
-    return Prediction("noise", size, bound, np.zeros((samples, 3)))
-
-
-def predict_quantisation(nominal: Nominal, motion: Deviation) -> Prediction:
-    """Steps along the predicted motion, averaged over where the steps of the drives' encoders lie.
-
-    An error of at most half a step, of the spectrum that this motion gives it: nearly white when fast, a
-    constant at rest. Where the drives come to rest is not known to a step; the angles rest where theirs count
-    from. The bound is the worst pattern of such errors.
-    """
-    run, loop, sensing = nominal.run, nominal.driven(), nominal.effects.sensing
-    stepped, smooth = (make_encoders(s, len(run.time_ns)) for s in (sensing, noisy(sensing)))
-    without = measured_error(nominal, smooth, motion)
-    power, largest = np.zeros(len(run.time_ns)), 0.0
-    for phase in range(PHASES):
-        part = (phase + 0.5) / PHASES + 0.381966 * np.arange(3)  # the drives' phases spread apart
-        ports = no_errors(loop)
-        moved = motion.state.copy()
-        moved[:, 0:6:2] += part % 1.0 * stepped.resolution[:3]
-        shifted = motion._replace(state=moved)
-        ports.measured[:] = measured_error(nominal, stepped, shifted) - without
-        square = np.square(propagate(loop, ports).load).sum(axis=1)
-        power += square / PHASES
-        largest += float(np.sqrt(square.max())) / PHASES
-    size = Size(float(np.sqrt(power.mean())), largest, float(np.sqrt(power[-1])))
-    estimator = linear_estimator(_observer(nominal))
-    amplitudes = np.tile(0.5 * stepped.resolution, (loop.samples - 1, 1))
-    worst = worst_case(loop, amplitudes, ENCODER_INSTANTS, estimator=estimator).max(axis=0)
-    return Prediction("quantisation", size, float(np.linalg.norm(worst)), np.zeros((len(power), 3)))

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports, no_errors
-from cranectl.analysis.budget.trajectory_law import EXTENSION, ROBUSTIFIER
-from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, analytic_rig
+from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop, analytic_rig
 from cranectl.controllers.registry import only_flat
 from cranectl.plants.analytic import derivative
 from cranectl.plants.mujoco.model import ideal_inertia

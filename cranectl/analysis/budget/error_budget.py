@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.analysis.budget.bounded_signals import exact, noisy
-from cranectl.analysis.budget.nominal import STRUCTURE, nominal_run
-from cranectl.analysis.budget.prediction import LEVELS, predict_levels
+from cranectl.analysis.budget.prediction import LEVELS, exact, noisy, predict_levels
+from cranectl.analysis.budget.trajectory_loop import STRUCTURE, nominal_run
 from cranectl.analysis.continuous import simulate_continuous
-from cranectl.analysis.deviation import Size, load_difference, size_of
-from cranectl.analysis.ladder import check_steps
+from cranectl.analysis.ladder import Size, check_steps, load_difference, size_of
 from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers.registry import only_flat
 from cranectl.scenario import Scenario

@@ -9,10 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.higher_orders import higher_orders
-from cranectl.analysis.budget.nominal import Nominal, ideal_run, linearised, nominal_run
-from cranectl.analysis.budget.propagation import Deviation, plant_errors, propagate
-from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run
+from cranectl.analysis.budget.propagation import Deviation, higher_orders, plant_errors, propagate
+from cranectl.analysis.budget.trajectory_loop import (
+    Nominal,
+    TrajectoryLoop,
+    ideal_run,
+    linearise_run,
+    linearised,
+    nominal_run,
+)
 from cranectl.compare.limits import VELOCITY_PAIR, Limits, NoLimits
 from cranectl.design import Design
 from cranectl.scenario import Scenario

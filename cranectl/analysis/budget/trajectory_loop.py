@@ -12,31 +12,42 @@ drives get their set-points, the dynamic extension and the robustifier states of
 are central differences of the very kernels that simulate; the robustifier is linear already.
 """
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.crane_equations import Work, advance, make_work
-from cranectl.analysis.budget.real_crane import RealCrane, kept_states, load_positions, nominal_states
-from cranectl.analysis.budget.trajectory_law import (
-    DIFFERENCE,
-    EXTENSION,
-    ROBUSTIFIER,
-    dense_robustifier,
-    law_rows,
+from cranectl.analysis.budget.real_crane import (
+    RealCrane,
+    Work,
+    advance,
+    load_positions,
+    make_crane,
+    make_work,
+    nominal_states,
 )
-from cranectl.controllers.registry import only_flat
+from cranectl.analysis.levels import AssumedEffects, assumed_effects, replace_effects
+from cranectl.controllers.flat import Tracker
+from cranectl.controllers.registry import flat_design, only_flat
+from cranectl.design import Design
+from cranectl.design.discretisation import diagonal
+from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
 from cranectl.plants.plant import Drive
-from cranectl.scenario import NANOSECONDS
-from cranectl.simulate import Run, tracker_of
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.signals import ROPE
+from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
 from cranectl.simulate.actuation import make_actuation
 from cranectl.support.jit import jit
 
 Array = NDArray[np.float64]
 
+EXTENSION, ROBUSTIFIER = 3, 5  # places in X after the plant's states, which w follows
+DIFFERENCE = 1e-6  # half width of the central differences, SI units
+STRUCTURE = ("rope", "body", "wind", "frame")  # effects that change the equations of motion
 STRIDE = 4  # samples that share one linearisation of the crane as it is built; a rope moves little in them
 
 
@@ -149,7 +160,7 @@ def linearise_run(
     disturbances = np.ascontiguousarray(run.block("disturbance")[:-1])
     states, kept, stride = joints, np.arange(10), 1
     if crane is not None:
-        states, kept = nominal_states(crane, joints, run.tension), kept_states(crane)
+        states, kept = nominal_states(crane, joints, run.tension), np.flatnonzero(np.repeat(crane.moves, 2))
         stride = STRIDE
     p, rows = len(kept), max(samples - 1, 0)
     plant = Plant(
@@ -208,52 +219,98 @@ def analytic_rig(run: Run, drive: Drive = "ideal") -> AnalyticRig:
 
 
 @jit
-def loop_matrix(loop, delay, k, matrix):
-    """X and the commands under way, the youngest first, at sample k + 1 by those at k, into `matrix`.
+def linearise_law(gravity, states, extensions, virtual, flat_by, input_by, input_by_virtual):
+    """Derivatives of flat output and input by (x, zeta, zeta'), and of the input by v, at every sample.
 
-    `matrix` is (n + 3 `delay`) square.
+    `flat_by` (N, 12, 12), `input_by` (N, 3, 12) at v held, `input_by_virtual` (N, 3, 3).
     """
-    size, p, at = loop.virtual.shape[2], loop.kept.shape[0], k // loop.stride
-    total = matrix.shape[0]
-    arriving = np.zeros(total)
-    matrix[:] = 0.0
-    controller_rows(loop, k, matrix)
-    matrix[:p, :p] = loop.by_state[at]
-    for axis in range(3):
-        arriving[:] = 0.0
-        if delay == 0:
-            arriving[:size] = loop.command[k, axis]
-        else:
-            arriving[total - 3 + axis] = 1.0
-            matrix[size + axis, :size] = loop.command[k, axis]
-        for late in range(1, delay):
-            matrix[size + 3 * late + axis, size + 3 * (late - 1) + axis] = 1.0
-        row = p + axis
-        for j in range(total):
-            matrix[row, j] = loop.period * arriving[j]
-        matrix[row, row] += 1.0
-        for i in range(p):
-            by_command = loop.by_command[at, i, axis]
-            matrix[i, row] += by_command * loop.integral
-            for j in range(total):
-                matrix[i, j] += by_command * loop.lead[axis] * arriving[j]
+    above, below, port = np.zeros(12), np.zeros(12), np.zeros(15)
+    for k in range(len(states)):
+        port[:10], port[10:12], port[12:] = states[k], extensions[k], virtual[k]
+        for column in range(15):
+            middle = port[column]
+            port[column] = middle + DIFFERENCE
+            flat_output(port[:10], port[10], port[11], gravity, above)
+            high = linearising_input(port[:10], port[10], port[11], port[12], port[13], port[14], gravity)
+            port[column] = middle - DIFFERENCE
+            flat_output(port[:10], port[10], port[11], gravity, below)
+            low = linearising_input(port[:10], port[10], port[11], port[12], port[13], port[14], gravity)
+            port[column] = middle
+            for i in range(3):
+                slope = (high[i] - low[i]) / (2.0 * DIFFERENCE)
+                if column < 12:
+                    input_by[k, i, column] = slope
+                else:
+                    input_by_virtual[k, i, column - 12] = slope
+            if column < 12:
+                for i in range(12):
+                    flat_by[k, i, column] = (above[i] - below[i]) / (2.0 * DIFFERENCE)
 
 
-@jit
-def controller_rows(loop, k, matrix):
-    """The rows of zeta, zeta' and the robustifier by X at sample k, into `matrix`."""
-    period, m, p = loop.period, loop.robustifier_input.shape[0], loop.kept.shape[0]
-    extension, robustifier = p + EXTENSION, p + ROBUSTIFIER
-    for j in range(loop.virtual.shape[2]):
-        matrix[extension, j] = 0.5 * period * period * loop.virtual[k, 2, j]
-        matrix[extension + 1, j] = period * loop.virtual[k, 2, j]
-    matrix[extension, extension] += 1.0
-    matrix[extension, extension + 1] += period
-    matrix[extension + 1, extension + 1] += 1.0
+def law_rows(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array, Array]:
+    """(N, 3, 10) flat output by the joints; v and commanded acceleration by X, (N, 3, n)."""
+    samples = len(run.time_ns)
+    flat_by, input_by = np.zeros((samples, 12, 12)), np.zeros((samples, 3, 12))
+    input_by_virtual = np.zeros((samples, 3, 3))
+    state, controller, virtual = (
+        np.ascontiguousarray(block)
+        for block in (run.block("state"), run.block("controller")[:, :2], run.block("virtual_input")[:, :3])
+    )
+    linearise_law(tracker.gravity, state, controller, virtual, flat_by, input_by, input_by_virtual)
+    output = dense_robustifier(tracker)[2]
+    extension, robustifier, m = p + EXTENSION, p + ROBUSTIFIER, len(output)
+    measured = [*range(10), extension, extension + 1]
+    v = np.zeros((samples, 3, robustifier + 3 * m))
     for axis in range(3):
-        first = robustifier + axis * m
-        for i in range(m):
-            for j in range(10):
-                matrix[first + i, j] = -loop.robustifier_input[i] * loop.flat[k, axis, j]
-            for j in range(m):
-                matrix[first + i, first + j] = loop.robustifier_state[i, j]
+        v[:, axis, measured] = -tracker.feedthrough * flat_by[:, axis]
+        for order in range(4):
+            v[:, axis, measured] -= tracker.gain[order] * flat_by[:, 3 * order + axis]
+        v[:, axis, robustifier + axis * m : robustifier + (axis + 1) * m] = output
+    command = np.matmul(input_by_virtual, v)
+    command[:, :, measured] += input_by
+    return np.ascontiguousarray(flat_by[:, :3, :10]), v, command
+
+
+def dense_robustifier(tracker: Tracker) -> tuple[Array, Array, Array]:
+    """One axis's sampled robustifier as dense (A, b, c)."""
+    return (
+        diagonal(tracker.state_matrix),
+        np.ascontiguousarray(tracker.input_matrix.ravel()),
+        np.ascontiguousarray(tracker.output_matrix.ravel()),
+    )
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """The nominal run, linearised."""
+
+    run: Run
+    loop: TrajectoryLoop  # of the run's own plant
+    effects: AssumedEffects
+    _driven: dict[tuple[str, ...], TrajectoryLoop] = field(default_factory=dict)
+
+    def driven(self, *effects: str) -> TrajectoryLoop:
+        """The loop with velocity drives and those of `effects` that change the equations of motion."""
+        structure = tuple(name for name in STRUCTURE if name in effects)
+        if structure not in self._driven:
+            run, chosen = self.run, self.effects.only(*structure)
+            crane = make_crane(run.scenario, chosen, float(run.block("state")[0, ROPE]))
+            winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
+            self._driven[structure] = linearise_run(run, crane=crane, winds=winds)
+        return self._driven[structure]
+
+
+def nominal_run(scenario: Scenario, controller: str | None = None) -> Nominal:
+    """Run and linearise the sampled ideal of `scenario`."""
+    design = flat_design(controller or scenario.controller.name, scenario)
+    return linearised(ideal_run(scenario, design), scenario)
+
+
+def ideal_run(scenario: Scenario, design: Design) -> Run:
+    """The sampled ideal: the analytic plant with ideal drives and no effects."""
+    return simulate_run(replace_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
+
+
+def linearised(ideal: Run, scenario: Scenario) -> Nominal:
+    """The ideal run of `scenario` with its loop and the effects that the scenario has."""
+    return Nominal(ideal, linearise_run(ideal), assumed_effects(scenario))

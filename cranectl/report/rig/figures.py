@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from cranectl.analysis.certificate.certify import Certificate, NominalLoop
 from cranectl.analysis.certificate.loop import InnerLoop
 from cranectl.analysis.certificate.nu_gap import complement, distance, orthonormal, sines
-from cranectl.analysis.deviation import load_difference
-from cranectl.analysis.ladder import LevelResult
+from cranectl.analysis.ladder import LevelResult, load_difference
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 from cranectl.support.colours import LIGHT
 

@@ -8,8 +8,7 @@ from cranectl.analysis.budget.error_budget import Budget, Entry
 from cranectl.analysis.certificate.certify import Certificate, PointVerdict
 from cranectl.analysis.certificate.conservatism import Limits
 from cranectl.analysis.certificate.structured import DriveMargins
-from cranectl.analysis.deviation import Size
-from cranectl.analysis.ladder import LevelResult
+from cranectl.analysis.ladder import LevelResult, Size
 from cranectl.analysis.levels import BASE
 from cranectl.report.table import Cell, Table, cells
 

@@ -10,11 +10,10 @@ import pytest
 
 from cranectl.analysis.budget.equivalent import friction_of, hold_error, integrator_error
 from cranectl.analysis.budget.error_budget import Budget, Entry, error_budget
-from cranectl.analysis.budget.higher_orders import second_order
-from cranectl.analysis.budget.nominal import Nominal, nominal_run
 from cranectl.analysis.budget.prediction import LEVELS, predict_levels
-from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate
-from cranectl.analysis.deviation import Size, size_of
+from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate, second_order
+from cranectl.analysis.budget.trajectory_loop import Nominal, nominal_run
+from cranectl.analysis.ladder import Size, size_of
 from cranectl.cli.main import main
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run

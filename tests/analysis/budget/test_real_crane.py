@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.crane_equations import STRETCH, advance, make_work
-from cranectl.analysis.budget.real_crane import load_positions, make_crane, nominal_states
+from cranectl.analysis.budget.real_crane import (
+    STRETCH,
+    advance,
+    load_positions,
+    make_crane,
+    make_work,
+    nominal_states,
+)
 from cranectl.analysis.levels import assumed_effects
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.scenario import load_scenario

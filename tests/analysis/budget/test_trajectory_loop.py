@@ -10,13 +10,13 @@ from cranectl.analysis.budget.bounded_signals import (
     joined_matrices,
     linear_estimator,
     load_variance,
+    loop_matrix,
     observed_error,
     worst_case,
     worst_friction,
 )
-from cranectl.analysis.budget.nominal import nominal_run
 from cranectl.analysis.budget.propagation import NO_FRICTION, FrictionPort, no_errors, propagate
-from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, loop_matrix
+from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, nominal_run
 from cranectl.controllers.observer import make_observer
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
