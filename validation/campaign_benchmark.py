@@ -20,10 +20,8 @@ from figures import Figure, figure, interleaved, ratio_of_best
 
 from cranectl.campaign import Campaign, make_campaign
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.settings import parse_campaign
-from cranectl.campaign.threads import run_batches
-from cranectl.campaign.worker import BLOCK, Worker
+from cranectl.campaign.workers import BLOCK, Prepared, Worker, run_batches
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
 from cranectl.plants.mujoco.step import mj_step

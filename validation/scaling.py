@@ -10,7 +10,7 @@ from figures import Figure, figure, interleaved
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.results import read_part, write_part
 from cranectl.campaign.store import open_store
-from cranectl.campaign.threads import run_batch
+from cranectl.campaign.workers import run_batches
 
 ROWS = 977  # of a part of a campaign of a million runs
 BATCH_S = 0.013  # of scheduler, client and worker for a batch that does nothing; docs/how-to/campaigns.md
@@ -48,7 +48,7 @@ A thousand million, in the order in which it breaks:
 def result_costs(repeats: int) -> list[Figure]:
     """Of a part as large as those of a million runs."""
     campaign = campaign_of("lqr", "analytic")
-    (row,) = run_batch(campaign, Batch("analytic", "lqr", 0, 1))
+    ((_, (row,)),) = run_batches(campaign, [Batch("analytic", "lqr", 0, 1)])
     batch = Batch("analytic", "lqr", 0, ROWS)
     rows = [row | {"sample": k} for k in range(ROWS)]
     with tempfile.TemporaryDirectory() as folder, open_store(campaign, Path(folder)) as store:

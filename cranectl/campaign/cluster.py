@@ -1,24 +1,31 @@
 """Run the batches of a campaign on a Dask cluster: the rows are those of the threads, to the last bit.
 
 Dask runs a batch again if its worker dies. Whatever ends a campaign early, such as a scheduler that is gone,
-leaves the batches that came in to the caller, who can go on later with the rest.
+leaves the batches that came in to the caller, who can go on later with the rest. A batch travels with the
+manifest of its campaign, from which alone its rows follow: run twice, or elsewhere, they are the same.
 """
 
+import functools
 import hashlib
 import importlib
+import json
 import logging
-from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+import signal
+import zlib
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import software_of
-from cranectl.campaign.remote import check_software, packed, run_remotely
+from cranectl.campaign.manifest import campaign_of, manifest_of, software_of
 from cranectl.campaign.table import Row
+from cranectl.campaign.workers import Prepared, Stop, Worker
+from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
-from cranectl.support.provenance import HARMLESS, PACKAGES
+from cranectl.support.interrupts import SIGNALS
+from cranectl.support.provenance import HARMLESS, PACKAGES, provenance_differences
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -63,10 +70,13 @@ def run_batches_on(
     """
     from distributed import as_completed
 
-    _check_installed(client, software_of(campaign.settings.plants))
-    manifest = packed(campaign)
-    keys = [_key(manifest, batch) for batch in batches]
-    futures = client.map(run_remotely, batches, manifest=manifest, key=keys, retries=TRIES - 1)
+    manifest = manifest_of(campaign)
+    _check_installed(client, manifest["versions"])
+    sent = packed(manifest)
+    # The same batch of the same campaign with the same software has the same key, whoever asks for it.
+    digest = hashlib.sha256(sent).hexdigest()[:16]
+    keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]
+    futures = client.map(run_remotely, batches, manifest=sent, key=keys, retries=TRIES - 1)
     by_key = dict(zip(keys, batches, strict=True))
     for future in as_completed(futures, loop=client.loop):
         rows = _rows(client, future)
@@ -80,20 +90,10 @@ def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
     names = [name for name in PACKAGES if name not in HARMLESS]
     found: Any = client.get_versions(packages=names)
     # The scheduler only loads cranectl, so that its other packages do not matter.
-    places = {"scheduler": _packages(found["scheduler"], ["cranectl"])}
-    for address, there in found["workers"].items():
-        places[f"worker {address}"] = _packages(there, names)
-    for where, packages in places.items():
-        check_software({**wanted, **packages}, wanted, where)
-
-
-def _packages(found: Any, names: Collection[str]) -> dict[str, str]:
-    return {name: found["packages"][name] or "absent" for name in names}
-
-
-def _key(manifest: bytes, batch: Batch) -> str:
-    """The same batch of the same campaign with the same software has the same key, whoever asks for it."""
-    return f"cranectl-{hashlib.sha256(manifest).hexdigest()[:16]}-{'-'.join(map(str, batch))}"
+    places = [("scheduler", found["scheduler"]["packages"], ["cranectl"])]
+    places += [(f"worker {place}", its["packages"], names) for place, its in found["workers"].items()]
+    for where, packages, asked in places:
+        _check_software({**wanted, **{name: packages[name] or "absent" for name in asked}}, wanted, where)
 
 
 def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
@@ -185,9 +185,66 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
             threads_per_worker=1,
             dashboard_address=None,
             memory_limit=0,
-            preload=["cranectl.campaign.remote"],
+            preload=[__name__],
             silence_logs=logging.CRITICAL,
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         yield client
+
+
+def packed(manifest: Table) -> bytes:
+    """What is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
+    return zlib.compress(json.dumps(manifest).encode())
+
+
+def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
+    """The rows of `batch`, or why they cannot be had here, which another try would not change."""
+    try:
+        prepared = _prepared(manifest)
+    except InputError as error:
+        return error
+    return Worker(prepared).run_batch(batch, _cancelled())
+
+
+def dask_setup(_worker: Any) -> None:
+    """Dask calls it in every process of a local cluster: who ends them is the command that started them."""
+    for number in SIGNALS:
+        if number != signal.SIGTERM:  # by which Dask itself ends them
+            signal.signal(number, signal.SIG_IGN)
+
+
+def _check_software(found: Mapping[str, str], wanted: Mapping[str, str], where: str) -> None:
+    """Raise InputError, with names, if rows by `found` could differ from those by `wanted`."""
+    different = provenance_differences(found, wanted, word="here")
+    if different:
+        raise InputError(
+            f"the {where} has other software: {'; '.join(different)}",
+            allowed="the same versions everywhere, or rows would differ in their last digits",
+            remedy="install there what is here, start it again, and go on with --resume",
+        )
+
+
+@functools.lru_cache(maxsize=2)
+def _prepared(packed_manifest: bytes) -> Prepared:
+    """Made once in each process; raises InputError where its software is not that of the manifest."""
+    from distributed import get_worker
+
+    manifest = json.loads(zlib.decompress(packed_manifest))
+    here = software_of(manifest["campaign"]["plants"])
+    _check_software(here, manifest["versions"], f"worker {get_worker().address}")
+    return Prepared(campaign_of(manifest, "the manifest of the campaign"))
+
+
+def _cancelled() -> Stop:
+    """Whether the batch is not wanted any more: Dask cannot end a thread, so the thread must ask."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    key = worker.get_current_task()
+
+    def cancelled() -> bool:
+        task = worker.state.tasks.get(key)
+        return task is None or task.state == "cancelled"
+
+    return cancelled

@@ -3,7 +3,10 @@
 from typing import Any
 
 from cranectl.campaign import Campaign, make_campaign
+from cranectl.campaign.definition import Batch
 from cranectl.campaign.settings import parse_campaign
+from cranectl.campaign.table import Row
+from cranectl.campaign.workers import run_batches
 
 
 def uniform(low: float, high: float, **more: Any) -> dict[str, Any]:
@@ -45,3 +48,8 @@ def table(uncertain: dict[str, Any] | None = None, **changes: Any) -> dict[str, 
 
 def campaign(uncertain: dict[str, Any] | None = None, **changes: Any) -> Campaign:
     return make_campaign(parse_campaign(table(uncertain, **changes), "test.toml"))
+
+
+def run_batch(made: Campaign, batch: Batch) -> list[Row]:
+    ((_, rows),) = run_batches(made, [batch])
+    return rows

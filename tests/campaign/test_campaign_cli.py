@@ -78,7 +78,7 @@ def test_a_finished_result_is_judged_by_other_limits_without_running(
     def nothing_is_run(*_arguments: object, **_named: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("cranectl.campaign.threads.run_batches", nothing_is_run)
+    monkeypatch.setattr("cranectl.campaign.workers.run_batches", nothing_is_run)
     limit = ["--set", "limits.max_error_m=0.5", "--resume", "--out", "mine", "--json", "-"]
     assert main(["campaign", "run", "small.toml", *limit]) == 0
     captured = capsys.readouterr()

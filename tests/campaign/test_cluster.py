@@ -14,9 +14,9 @@ import pytest
 from distributed import LocalCluster
 
 from cranectl.campaign import Campaign, load_campaign
-from cranectl.campaign.cluster import cluster_client, run_batches_on
+from cranectl.campaign.cluster import cluster_client, packed, run_batches_on, run_remotely
 from cranectl.campaign.definition import Batch, batches_of
-from cranectl.campaign.remote import packed, run_remotely
+from cranectl.campaign.manifest import manifest_of
 from cranectl.campaign.store import Store, open_store
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
@@ -130,7 +130,7 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> N
         return any(worker.state.executing for worker in cluster.workers.values())
 
     with cluster_client(cluster.scheduler_address, 1) as client:
-        future = client.submit(run_remotely, batches_of(long)[0], packed(long))
+        future = client.submit(run_remotely, batches_of(long)[0], packed(manifest_of(long)))
         assert future.status == "pending"
         wait_until(running)
     wait_until(lambda: not running())
@@ -147,8 +147,8 @@ def test_other_software_is_refused(
     refused: Refused,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for room in ("cluster", "manifest"):  # the command's, not the worker's
-        monkeypatch.setattr(f"cranectl.campaign.{room}.software_of", lambda _: provenance() | {name: "1.0"})
+    other = provenance() | {name: "1.0"}
+    monkeypatch.setattr("cranectl.campaign.manifest.software_of", lambda _: other)  # not the worker's
     error = refused(*RUN, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
     assert f" {name} " in error

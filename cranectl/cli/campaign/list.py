@@ -63,7 +63,7 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, json_file: str | None
         screen.print(line)
     facts = _facts(campaign)
     if not no_estimate:
-        from cranectl.campaign.threads import estimated_seconds
+        from cranectl.campaign.workers import estimated_seconds
         from cranectl.cases.workers import available_cores
 
         cores = available_cores()

@@ -134,7 +134,7 @@ def _engine(scheduler: str | None, cluster: str | None, workers: int | None) -> 
         with cluster_client(scheduler, workers) as client:
             yield functools.partial(run_batches_on, client)
     else:
-        from cranectl.campaign.threads import run_batches
+        from cranectl.campaign.workers import run_batches
 
         yield functools.partial(run_batches, workers=workers)
 

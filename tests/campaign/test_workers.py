@@ -7,16 +7,14 @@ import pytest
 
 from cranectl.campaign import Campaign, sample_values, sampled_scenario
 from cranectl.campaign.definition import Batch, nominal_scenario
-from cranectl.campaign.prepared import Prepared
 from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
-from cranectl.campaign.threads import run_batch, run_batches
-from cranectl.campaign.worker import StoppedError, Worker
+from cranectl.campaign.workers import Prepared, StoppedError, Worker, run_batches
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
-from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fixed, uniform
+from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fixed, run_batch, uniform
 
 SHORT = ["duration=0.25", "disturbances.0.start=0.05", "disturbances.0.end=0.2", "disturbances.1.start=0.1"]
 OFFSET = uniform(-0.02, 0.02)
@@ -183,10 +181,10 @@ def test_errors_in_the_program_are_told_of_a_sample_and_raised_of_a_worker(
         raise ZeroDivisionError("of a worker")
 
     batch = Batch("analytic", "lqr", 0, 1)
-    monkeypatch.setattr("cranectl.campaign.worker.metrics_setup", broken)
+    monkeypatch.setattr("cranectl.campaign.workers.metrics_setup", broken)
     (row,) = run_batch(both, batch)
     assert (row["status"], row["reason"]) == ("failed", "ZeroDivisionError: of a worker")
-    monkeypatch.setattr("cranectl.campaign.threads.Worker", broken)
+    monkeypatch.setattr("cranectl.campaign.workers.Worker", broken)
     with pytest.raises(ZeroDivisionError):
         list(run_batches(both, [batch], workers=2))
 
