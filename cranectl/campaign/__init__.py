@@ -1,8 +1,7 @@
 """Campaigns: thousands of closed-loop runs of one scenario under stated uncertainty."""
 
-from cranectl.campaign.definition import Campaign, sampled_scenario
+from cranectl.campaign.definition import Campaign, Parameter, sampled_scenario
 from cranectl.campaign.load import load_campaign, make_campaign
-from cranectl.campaign.parameters import Parameter
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.settings import CampaignSettings, campaign_names, read_campaign
 

@@ -1,20 +1,58 @@
 """A campaign as it is run: settings, nominal scenario, uncertain parameters, and the batches it is cut into.
 
-The batches are decided by the campaign alone, not by who runs it.
+A parameter is a number of the scenario, found by its dotted name, with its nominal value. The batches are
+decided by the campaign alone, not by who runs it.
 """
 
 import itertools
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from cranectl.campaign.correlation import Copula
-from cranectl.campaign.parameters import Parameter
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.campaign.distributions import LEAST_MASS, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants.registry import plant_entry
-from cranectl.scenario import Scenario
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
-from cranectl.support.documents import assign, mapped
+from cranectl.support.documents import assign, leaves, mapped
+from cranectl.support.errors import InputError, is_near, nearest_first
+from cranectl.support.patterns import SHOWN
+
+Array = NDArray[np.float64]
+
+PHYSICAL = ("rig", "effects", "initial", "disturbances")  # of a scenario; the rest is the controller's
+PERIOD = "control.period"  # which the controller knows: it is made for that of each run
+TIMES = ("start", "end", "seconds")  # of disturbances and of the delay: whole control periods
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One uncertain number of a scenario."""
+
+    name: str  # dotted, "rig.load_mass"
+    distribution: Distribution
+    nominal: float  # what the controller assumes
+    whole: bool  # whether the scenario takes whole numbers only
+    multiple: float  # values are rounded to multiples of this; 0 for any value
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest value before rounding, infinite where there is none."""
+        return self.distribution.ends(self.nominal)
+
+    def values(self, u: Array) -> Array:
+        """Values at the points `u` (k,) of the unit interval, shape (k,); the nominal value where NaN."""
+        values = self.distribution.quantile(u, self.nominal)
+        if self.multiple:
+            low, high = (end / self.multiple for end in self.ends)
+            counts = np.clip(np.round(values / self.multiple), np.ceil(low - 1e-6), np.floor(high + 1e-6))
+            values = counts * self.multiple
+        return np.where(np.isnan(u), self.nominal, values)
 
 
 @dataclass(frozen=True)
@@ -24,7 +62,6 @@ class Campaign:
     settings: CampaignSettings
     nominal: Scenario  # what the controller assumes
     parameters: tuple[Parameter, ...]  # columns of all samples
-    copula: Copula | None
     runs: int  # number of samples
 
     @property
@@ -94,3 +131,108 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
 def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
     """What the controller takes a sample for: the nominal crane, with the control period that it runs at."""
     return campaign.nominal.model_copy(update={"control": sampled.control})
+
+
+def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parameter, ...]:
+    """The uncertain parameters in the order of the campaign; raises InputError for what `nominal` lacks."""
+    values = dict(leaves(nominal.model_dump()))
+    step = _common_period(settings.uncertain.get(PERIOD), nominal)
+    return tuple(
+        _parameter(name, distribution, values, step) for name, distribution in settings.uncertain.items()
+    )
+
+
+def numbers_of(scenario: Scenario) -> dict[str, float]:
+    """Every number of a scenario by its dotted name."""
+    return {name: value for name, value in leaves(scenario.model_dump()) if _is_number(value)}
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _common_period(distribution: Distribution | None, nominal: Scenario) -> float:
+    """What times must be multiples of [s], whatever control period a run has."""
+    if distribution is None:
+        return nominal.control.period
+    period = nominal.control.period
+    if not isinstance(distribution, FewValues):
+        raise InputError(
+            f"uncertain.{PERIOD}: it takes single periods",
+            allowed="distribution choice or fixed: periods that divide all times of the scenario",
+            remedy='take \'distribution = "choice"\' with "values", such as '
+            f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]",
+        )
+    periods = distribution.quantile(distribution.grid(), period)
+    return math.lcm(*(max(1, round(each * NANOSECONDS)) for each in periods)) / NANOSECONDS
+
+
+def _parameter(name: str, distribution: Distribution, values: dict[str, Any], time_step: float) -> Parameter:
+    section, _, rest = name.partition(".")
+    if name not in values:
+        raise _unknown(name, values)
+    nominal = values[name]
+    if not _is_number(nominal):
+        raise InputError(
+            f"uncertain.{name}: its value in the scenario is {nominal!r}, no number",
+            allowed="parameters that have a number as nominal value",
+            remedy=f"give it one in the scenario or by 'set = [\"{name}=...\"]'" if nominal is None else "",
+        )
+    if section not in PHYSICAL and name != PERIOD:
+        raise InputError(
+            f"uncertain.{name}: '{section}' belongs to the controller and the run, not to the crane",
+            allowed=f"{PERIOD}, and parameters of the crane and what acts on it: {', '.join(PHYSICAL)}",
+            remedy="compare other values with a campaign each",
+        )
+    whole = isinstance(nominal, int)
+    if whole and not distribution.whole:
+        raise InputError(
+            f"uncertain.{name}: it takes whole numbers",
+            allowed="distribution choice, fixed or integers, with whole numbers",
+            remedy="take 'distribution = \"integers\"', which gives every run a number of its own",
+        )
+    if distribution.relative and nominal == 0:
+        raise InputError(
+            f"uncertain.{name}: relative, but its nominal value is 0",
+            allowed="relative for nominal values other than 0",
+            remedy="give the numbers themselves and leave 'relative' out",
+        )
+    if isinstance(distribution, Normal) and distribution.mass(nominal) < LEAST_MASS:
+        raise InputError(
+            f"uncertain.{name}: low and high cut off all of the normal distribution",
+            allowed="low and high within a few deviations of the mean",
+            remedy="correct mean, low or high",
+        )
+    timed = not distribution.discrete and (section == "disturbances" or rest.startswith("delay."))
+    multiple = time_step if timed and name.rpartition(".")[2] in TIMES else 0.0
+    low, high = distribution.ends(nominal)
+    if multiple and np.floor(high / multiple + 1e-6) < np.ceil(low / multiple - 1e-6):
+        raise InputError(
+            f"uncertain.{name}: no whole control period lies between {low:g} s and {high:g} s",
+            allowed=f"multiples of control.period = {multiple:g} s",
+            remedy="widen the range or take 'distribution = \"choice\"'",
+        )
+    return Parameter(name, distribution, float(nominal), whole, multiple)
+
+
+def _unknown(name: str, values: dict[str, Any]) -> InputError:
+    """The error for a name that has no value; lists those below it, else the nearest."""
+    everything = {**values, **dict(leaves(ALL_EFFECTS.model_dump(), "effects"))}
+    known = [
+        leaf
+        for leaf, value in everything.items()
+        if (leaf.split(".")[0] in PHYSICAL or leaf == PERIOD) and _is_number(value)
+    ]
+    below = [leaf for leaf in known if leaf.startswith(f"{name}.")]
+    if below:
+        return InputError(
+            f"uncertain.{name} is a table or a list, not a number",
+            allowed=", ".join(below),
+            remedy="give each of them a distribution",
+        )
+    near = nearest_first(name, known)[:SHOWN]
+    return InputError(
+        f"unknown parameter '{name}' under [uncertain]",
+        allowed=f"numbers of the scenario, the nearest being {', '.join(near)}",
+        remedy=f"did you mean '{near[0]}'?" if is_near(name, near[0]) else "choose a number of the scenario",
+    )

@@ -13,14 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.correlation import gaussian_copula
-from cranectl.campaign.definition import Campaign, sampled_scenario
+from cranectl.campaign.definition import Campaign, Parameter, numbers_of, parameters_of, sampled_scenario
 from cranectl.campaign.distributions import FewValues
-from cranectl.campaign.parameters import Parameter, nominal_scenario, numbers_of, parameters_of
-from cranectl.campaign.sampling import sample_values
+from cranectl.campaign.sampling import gaussian_copula, sample_values
 from cranectl.campaign.settings import COUNTED, MAX_RUNS, CampaignSettings, read_campaign
 from cranectl.plants.registry import check_effects, plant_entry
-from cranectl.scenario import Scenario
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario.effects import EffectSettings
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
 
@@ -113,7 +112,7 @@ def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
 
 def make_campaign(settings: CampaignSettings) -> Campaign:
     """The campaign of `settings`, checked."""
-    nominal = nominal_scenario(settings)
+    nominal = _nominal_scenario(settings)
     parameters = parameters_of(settings, nominal)
     if settings.correlation and settings.sampling not in ("monte-carlo", "latin-hypercube", "sobol"):
         raise InputError(
@@ -122,10 +121,23 @@ def make_campaign(settings: CampaignSettings) -> Campaign:
             remedy="leave the correlations out or take another sampling",
         )
     _check_effect(settings, parameters, nominal)
-    copula = gaussian_copula(settings.correlation, parameters)
-    campaign = Campaign(settings, nominal, parameters, copula, _runs(settings, parameters))
+    campaign = Campaign(settings, nominal, parameters, _runs(settings, parameters))
+    if settings.correlation:
+        gaussian_copula(campaign)
     _check_values(campaign)
     return campaign
+
+
+def _nominal_scenario(settings: CampaignSettings) -> Scenario:
+    """What the controller assumes: the campaign's scenario, with every uncertain effect switched on."""
+    scenario = load_scenario(settings.scenario, overrides=settings.set)
+    named = {name.split(".")[1] for name in settings.uncertain if name.startswith("effects.")}
+    switches = [
+        f"effects.{effect}={{}}"
+        for effect in EffectSettings.model_fields
+        if effect in named and getattr(scenario.effects, effect) is None
+    ]
+    return load_scenario(settings.scenario, overrides=[*settings.set, *switches])
 
 
 def _runs(settings: CampaignSettings, parameters: Sequence[Parameter]) -> int:

@@ -9,9 +9,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from cranectl.campaign.correlation import gaussian_copula
-from cranectl.campaign.definition import Campaign
-from cranectl.campaign.parameters import parameters_of
+from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
 from cranectl.plants.registry import plant_sources
 from cranectl.scenario import Scenario
@@ -74,9 +72,7 @@ def campaign_of(manifest: Mapping[str, Any], source: str) -> Campaign:
     """The campaign that `manifest` was made of, from nothing else: its scenario's file may have changed."""
     settings = parse_campaign(manifest["campaign"], source)
     nominal = parse_settings(Scenario, manifest["scenario"], source)
-    parameters = parameters_of(settings, nominal)
-    copula = gaussian_copula(settings.correlation, parameters)
-    return Campaign(settings, nominal, parameters, copula, manifest["runs"])
+    return Campaign(settings, nominal, parameters_of(settings, nominal), manifest["runs"])
 
 
 def origins_of(manifest: Mapping[str, Any]) -> list[Origin]:

@@ -1,4 +1,4 @@
-"""Samples of a campaign: points of the unit cube by the campaign's method, and values from them.
+"""Samples of a campaign: points of the unit cube by the campaign's method, correlated, and values from them.
 
 Random numbers come by counter: Philox keyed by seed and a label, so that each column has a stream of its own,
 and a parameter's values do not change when others are added or removed. Sample i depends on the campaign's
@@ -9,14 +9,14 @@ here may round differently for different sizes or strides of arrays.
 import hashlib
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.correlation import correlated
-from cranectl.campaign.definition import Campaign
-from cranectl.campaign.parameters import Parameter
+from cranectl.campaign.definition import Campaign, Parameter
+from cranectl.campaign.settings import Correlation
+from cranectl.support.errors import InputError, unknown_name
 
 Array = NDArray[np.float64]
 
@@ -53,6 +53,7 @@ def saltelli_blocks(campaign: Campaign, outputs: Array) -> dict[str, Array]:
 
 
 OPEN = (2.0**-54, 1.0 - 2.0**-53)  # limits of random points: normal scores stay finite
+LEAST_EIGENVALUE = 1e-9  # of a correlation matrix; below, it is singular to rounding
 BITS = 30  # of each coordinate of a Sobol point; SciPy 1.17 cannot skip points of more than 32
 
 
@@ -74,7 +75,7 @@ def unit_points(campaign: Campaign, first: int, last: int) -> Array:
     if not 0 <= first <= last <= campaign.runs:
         raise ValueError(f"samples [{first}, {last}) of {campaign.runs}")
     points = METHODS[campaign.settings.sampling](campaign, first, last)
-    return correlated(points, campaign.copula) if campaign.copula is not None else points
+    return _correlated(points, *gaussian_copula(campaign)) if campaign.settings.correlation else points
 
 
 def monte_carlo(campaign: Campaign, first: int, last: int) -> Array:
@@ -170,3 +171,69 @@ METHODS: dict[str, Callable[[Campaign, int, int], Array]] = {
     "grid": grid,
     "one-at-a-time": one_at_a_time,
 }
+
+
+def gaussian_copula(campaign: Campaign) -> tuple[list[int], Array]:
+    """Which columns are correlated, and the factor (c, c) that correlates their normal scores.
+
+    It is lower triangular, factor @ factor.T is their correlation. A normal copula of correlation r has
+    Spearman's rank correlation (6/π) asin(r/2), whatever the distributions (Kruskal 1958), so
+    r = 2 sin(π ρ/6). Raises InputError for what cannot be correlated.
+    """
+    names = campaign.names
+    pairs: dict[frozenset[str], float] = {}
+    for correlation in campaign.settings.correlation:
+        pair = frozenset(correlation.between)
+        _check_pair(correlation, pair in pairs, campaign.parameters)
+        pairs[pair] = 2.0 * math.sin(math.pi * correlation.value / 6.0)
+    used = sorted({name for pair in pairs for name in pair}, key=names.index)
+    matrix = np.eye(len(used))
+    for pair, value in pairs.items():
+        a, b = (used.index(name) for name in pair)
+        matrix[a, b] = matrix[b, a] = value
+    smallest = float(np.linalg.eigvalsh(matrix)[0])
+    if smallest < LEAST_EIGENVALUE:
+        raise InputError(
+            f"the correlations contradict each other: their matrix has the eigenvalue {smallest:.3g}",
+            allowed="correlations whose matrix is positive definite; pairs that are not named have 0",
+            remedy=f"weaken the correlations between {', '.join(used)}, or name the missing pairs",
+        )
+    factor = np.linalg.cholesky(matrix).astype(np.float64)
+    return [names.index(name) for name in used], factor
+
+
+def _correlated(points: Array, columns: Sequence[int], factor: Array) -> Array:
+    """Independent points of the unit cube (k, d) made dependent in some columns; the others stay.
+
+    Summed term by term: products of matrices round differently for blocks of different size.
+    """
+    from scipy.special import ndtr, ndtri
+
+    scores = [ndtri(np.ascontiguousarray(points[:, column])) for column in columns]
+    result = points.copy(order="F")
+    for row, column in enumerate(columns):
+        mixed = np.zeros(len(points))
+        for index in range(row + 1):
+            mixed += factor[row, index] * scores[index]
+        result[:, column] = ndtr(mixed)
+    return result
+
+
+def _check_pair(correlation: Correlation, repeated: bool, parameters: Sequence[Parameter]) -> None:
+    a, b = correlation.between
+    by_name = {parameter.name: parameter for parameter in parameters}
+    for name in (a, b):
+        if name not in by_name:
+            raise unknown_name("uncertain parameter", name, by_name)
+        if by_name[name].distribution.discrete:
+            raise InputError(
+                f"correlation with '{name}', which has single values",
+                allowed="correlations between parameters with a density: uniform, normal, log-uniform",
+                remedy="leave the correlation out or take another distribution",
+            )
+    if a == b or repeated:
+        raise InputError(
+            f"correlation of '{a}' with itself" if a == b else f"two correlations between '{a}' and '{b}'",
+            allowed="one correlation for each pair of different parameters",
+            remedy="remove it",
+        )

@@ -21,8 +21,8 @@ from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.flat import Tracker
 from cranectl.controllers.registry import controller_design
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
-from cranectl.plants.registry import check_effects
 from cranectl.plants.plant import Plant
+from cranectl.plants.registry import check_effects
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import PlannedReference, law_of, make_plant, plan_reference, plan_run

@@ -166,7 +166,7 @@ def test_contradicting_correlations_are_found() -> None:
     chain = [between(mass, lag, 0.9), between(lag, push, 0.9)]
     wrong = error(uncertain, correlation=[*chain, between(mass, push, -0.9)])
     assert "contradict each other" in wrong.found
-    assert campaign(uncertain, correlation=[*chain, between(mass, push, 0.9)]).copula is not None
+    campaign(uncertain, correlation=[*chain, between(mass, push, 0.9)])
 
 
 def test_files_names_and_overrides(tmp_path: Path) -> None:

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from cranectl.campaign import Campaign
-from cranectl.campaign.definition import Batch
-from cranectl.campaign.parameters import PERIOD, PHYSICAL, numbers_of
+from cranectl.campaign.definition import PERIOD, PHYSICAL, Batch, numbers_of
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS

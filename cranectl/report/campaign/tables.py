@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from cranectl.campaign.definition import Parameter
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis
 from cranectl.campaign.groups import EFFORT, MAIN_METRICS
-from cranectl.campaign.parameters import Parameter
 from cranectl.campaign.sensitivity import SobolIndices
 from cranectl.campaign.statistics import quantiles
 from cranectl.campaign.summary import CONFIDENCE, GroupSummary
