@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.analysis.certificate.certify import Certificate, certify, make_nominal_loop
+from cranectl.analysis.certificate.certify import Certificate, certify, make_nominal_loops
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.ladder import Size, deviation
@@ -55,7 +55,7 @@ class Assessment:
     @property
     def least_margin(self) -> float:
         """B(G, K) minus the largest nu-gap."""
-        return self.certificate.margin - self.certificate.worst.gap
+        return self.certificate.least_margin
 
     @property
     def grade(self) -> str:
@@ -149,7 +149,7 @@ def advise(
 def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]) -> Assessment:
     """Certify `controller` at `points` and run it on the engine's rig."""
     design = design_controller(controller, scenario.design)
-    certificate = certify(make_nominal_loop(scenario, design), scenario, points, drive="velocity")
+    certificate = certify(make_nominal_loops(scenario, design, points), scenario, points, drive="velocity")
     run = simulate_run(scenario, plant="mujoco", drive="velocity", design=design)
     ideal = simulate_continuous(scenario, design)
     return Assessment(controller, certificate, run.status, run_metrics(run), deviation(run, ideal))

@@ -76,7 +76,7 @@ def advise_command(
 def _write_report(found: "Advice", report: Path, command: str) -> None:
     """Evaluate the fidelity levels with the best controller, budget it, and write all of it."""
     from cranectl.analysis.budget.error_budget import error_budget
-    from cranectl.analysis.certificate.certify import make_nominal_loop
+    from cranectl.analysis.certificate.certify import make_nominal_loops
     from cranectl.analysis.ladder import evaluate_levels
     from cranectl.design import design_controller
     from cranectl.report.page import write_page
@@ -84,8 +84,9 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
 
     best, scenario = found.best, found.scenario
     assert best is not None
-    nominal_loop = make_nominal_loop(scenario, design_controller(best.controller, scenario.design))
-    worst = nominal_loop.inner_loop(scenario, best.certificate.worst.point, "velocity")
+    point, design = best.certificate.worst.point, design_controller(best.controller, scenario.design)
+    nominal_loop = make_nominal_loops(scenario, design, [point])[point.rope_length]
+    worst = nominal_loop.inner_loop(scenario, point, "velocity")
     results = list(evaluate_levels(scenario, best.controller))
     budget = error_budget(scenario, best.controller)
     write_page(rig_page(found, nominal_loop, worst, results, budget, command), report)

@@ -75,21 +75,24 @@ def certify_command(
     The plant as it is run, with the linear part of the scenario's effects, rope, body and frame included, is
     compared with the design model by the nu-gap, point by point. A gap below the margin b(G, K) guarantees
     that the linear loop frozen at that point is stable. Exit code 1 if a point is refused; refused does not
-    mean unstable.
+    mean unstable. Of a law that is not of the flat family its linearisation is judged, if it declares one:
+    both horizontal axes, with a load that hangs at rest.
 
     \b
+    cranectl certify lqr-integral --delay 0.01
     cranectl certify lqr+loop-shaping --delay 0.01
     cranectl certify pole-placement --tilt 0 0 --time-constant 0.05 --delay 0.02 --limits
     cranectl certify lqr+loop-shaping --set effects.body={} --set effects.frame={}
     """
-    from cranectl.analysis.certificate.certify import certify, make_nominal_loop
+    from cranectl.analysis.certificate.certify import certify, make_nominal_loops
     from cranectl.analysis.certificate.conservatism import find_limits
     from cranectl.analysis.certificate.linear_plant import LINEAR, NOT_LINEAR, present
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
     from cranectl.analysis.certificate.structured import drive_margins
     from cranectl.cli import exit_codes
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.controllers.registry import flat_design
+    from cranectl.controllers.registry import controller_design
+    from cranectl.design import Design
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import default_scenario, load_scenario
     from cranectl.simulate import checked_drive
@@ -103,22 +106,24 @@ def certify_command(
     else:
         loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     checked = checked_drive(drive)
-    design = flat_design(controller, loaded)
+    design = controller_design(controller, loaded)
+    flat = isinstance(design, Design)
     points = grid_of(
         loaded,
         rope_lengths=rope_lengths or ROPE_LENGTHS,
-        tilts=tilts or TILTS,
-        hoisting_speeds=hoisting_speeds or HOISTING_SPEEDS,
+        tilts=tilts or (TILTS if flat else TILTS[:1]),
+        hoisting_speeds=hoisting_speeds or (HOISTING_SPEEDS if flat else (0.0,)),
     )
-    nominal_loop = make_nominal_loop(loaded, design, open_at)
+    nominal_loops = make_nominal_loops(loaded, design, points, open_at)
     with progress_bar(len(points), done="points") as (advance, describe):
         describe(design.name)
-        found = certify(nominal_loop, loaded, points, drive=checked, progress=advance)
+        found = certify(nominal_loops, loaded, points, drive=checked, progress=advance)
+    nominal_loop = nominal_loops[found.worst.point.rope_length]
     inner = nominal_loop.inner_loop(loaded, found.worst.point, checked)
-    margins = drive_margins(inner, nominal_loop.opening.robustifier, nominal_loop.period)
+    margins = drive_margins(inner, nominal_loop.opening.axis.robustifier, nominal_loop.period)
     lengths = sorted({point.rope_length for point in points})
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
-    limit_list = [find_limits(nominal_loop, loaded, point, checked) for point in ends]
+    limit_list = [find_limits(nominal_loops[end.rope_length], loaded, end, checked) for end in ends]
     screen = console(json_file)
     screen.print(map_table(found))
     for line in summary_lines(found):

@@ -72,11 +72,18 @@ class Nominal(NamedTuple):
     parameters: Mapping[str, Any]  # all that the law declares
 
 
+CRANE_STATES = 4  # of one horizontal axis: position, its rate, angle, its rate
+
+
 class LinearLaw(NamedTuple):
-    """One horizontal axis near rest: x' = A x + B u, u = -gain·x, with u the drive's acceleration [m/s²]."""
+    """One horizontal axis near rest: x' = A x + B u, u = -gain·x, with u the drive's acceleration [m/s²].
+
+    The first `CRANE_STATES` are the crane's, deviations from the path; what the law adds, such as
+    integrators, follows and takes nothing of u.
+    """
 
     rope_length: float  # [m]
-    a: Array  # (n, n), the crane with the law's integrators
+    a: Array  # (n, n)
     b: Array  # (n, 1)
     gain: Array  # (n,)
 

@@ -1,6 +1,6 @@
 """Simulate a scenario on a plant."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -126,14 +126,20 @@ def law_of(
     return addressed_law(controller, _known(nominal, design, controller, drive, plan))
 
 
-def linearised_law(nominal: Scenario, design: LawDesign) -> list[LinearLaw]:
-    """A law near rest at the shortest, the middle and the longest rope; nothing if it cannot say it."""
+def linearised_law(
+    nominal: Scenario, design: LawDesign, rope_lengths: Sequence[float] = ()
+) -> list[LinearLaw]:
+    """A law near rest at some rope lengths [m]; nothing if it cannot say it.
+
+    By default at the shortest, the middle and the longest rope of the rig.
+    """
     controller = load_controller(design.name)
     if controller.linearise is None:
         return []
     known = _known(nominal, design, controller, "ideal", plan_reference(nominal))
     shortest, longest = nominal.rig.rope_range
-    return [controller.linearise(known, length) for length in (shortest, 0.5 * (shortest + longest), longest)]
+    lengths = rope_lengths or (shortest, 0.5 * (shortest + longest), longest)
+    return [controller.linearise(known, length) for length in lengths]
 
 
 def _known(

@@ -72,7 +72,6 @@ def test_a_law_is_run_logged_read_compared_reported_and_drawn(
 @pytest.mark.parametrize(
     "command",
     [
-        "certify NAME",
         "budget fixed-position --controller NAME",
         "advise fixed-position --controller NAME",
         "design NAME --plot a.svg",

@@ -5,18 +5,19 @@ if at each frequency the chordal distance lies below the margin of the loop at t
 frozen at that point is then stable. It says nothing of the motion between points.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from cranectl.analysis.certificate.linear_plant import linear_plant
+from cranectl.analysis.certificate.linear_plant import LinearPlant, linear_plant
 from cranectl.analysis.certificate.loop import (
     InnerLoop,
     Opening,
     choose_opening,
     closed_loop_radius,
-    design_inner_loop,
+    flat_axis,
     inner_loop_of,
+    law_axis,
 )
 from cranectl.analysis.certificate.nu_gap import (
     CoprimeMargin,
@@ -28,10 +29,13 @@ from cranectl.analysis.certificate.nu_gap import (
 )
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.systems import RESOLUTION
+from cranectl.controllers.controller import LawDesign, LinearLaw
+from cranectl.controllers.registry import load_controller, only_flat
 from cranectl.design import Design
+from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.simulate import tracker_of
+from cranectl.simulate import linearised_law, tracker_of
 from cranectl.support.errors import InputError
 
 MOST_DELAY_SAMPLES = 300  # a point takes 2 s then, and no controller here bears half as much
@@ -43,17 +47,31 @@ Grade = Literal["gap", "by frequency", "refused"]
 
 @dataclass(frozen=True)
 class NominalLoop:
-    """What a controller's plants are compared with; the same at every point."""
+    """What a controller's plants are compared with."""
 
-    design: Design
+    design: Design | LawDesign
     opening: Opening
-    period: float  # [s]
     graph: Graph  # of the design model
     margin: CoprimeMargin
 
+    @property
+    def period(self) -> float:
+        """Of control [s]."""
+        return self.opening.axis.period
+
+    def plant(
+        self, scenario: Scenario, point: OperatingPoint, drive: Drive, plant: MujocoPlant | None = None
+    ) -> LinearPlant:
+        """The plant of `scenario`, or another, frozen at `point`, as this controller sees it."""
+        return linear_plant(scenario, point, drive, plant=plant, flat=isinstance(self.design, Design))
+
+    def close(self, plant: LinearPlant) -> InnerLoop:
+        """A linear plant under the design's state feedback."""
+        return inner_loop_of(plant, self.opening.axis.gain)
+
     def inner_loop(self, scenario: Scenario, point: OperatingPoint, drive: Drive) -> InnerLoop:
-        """The plant of `scenario` frozen at `point`, under the design's state feedback."""
-        return inner_loop_of(linear_plant(scenario, point, drive), self.design.gain)
+        """Both of these."""
+        return self.close(self.plant(scenario, point, drive))
 
     def judge(self, inner: InnerLoop, point: OperatingPoint) -> "PointVerdict":
         """Compare the plant frozen at `point`."""
@@ -61,10 +79,12 @@ class NominalLoop:
         gap = nu_gap(graph, self.graph)
         return PointVerdict(
             point=point,
+            margin=self.margin.margin,
+            margin_frequency=self.margin.angle / self.period,
             gap=gap.gap,
             frequency=gap.angle / self.period,
             grade=self.grade(graph, gap),
-            closed_loop_radius=closed_loop_radius(inner, self.opening.robustifier),
+            closed_loop_radius=closed_loop_radius(inner, self.opening.axis.robustifier),
         )
 
     def certifies(self, inner: InnerLoop) -> bool:
@@ -78,7 +98,7 @@ class NominalLoop:
             return "gap"
         if gap.winding != 0 or self.margin.margin <= 0.0:
             return "refused"
-        controller, poles = self.opening.controller, self.opening.robustifier.poles()
+        controller, poles = self.opening.controller, self.opening.axis.robustifier.poles()
         excess = largest_excess(graph, self.graph, controller, poles)
         return "by frequency" if excess + CAUTION < 0.0 else "refused"
 
@@ -88,6 +108,8 @@ class PointVerdict:
     """One operating point."""
 
     point: OperatingPoint
+    margin: float  # b(G, K)
+    margin_frequency: float  # [rad/s]
     gap: float
     frequency: float  # of the largest chordal distance [rad/s]
     grade: Grade
@@ -117,15 +139,23 @@ class Certificate:
     drive: Drive
     delay: float  # [s]
     time_constants: tuple[float, float, float]  # of the drives [s]
-    opening: Opening
-    margin: float  # b(G, K)
-    margin_frequency: float  # [rad/s]
+    opening: Opening  # at the worst point
     points: tuple[PointVerdict, ...]
 
     @property
     def worst(self) -> PointVerdict:
-        """The point of the largest nu-gap."""
-        return max(self.points, key=lambda verdict: verdict.gap)
+        """The point at which the least is left of the margin."""
+        return worst_of(self.points)
+
+    @property
+    def margin(self) -> float:
+        """b(G, K) at the worst point; the flat family's is the same at all."""
+        return self.worst.margin
+
+    @property
+    def least_margin(self) -> float:
+        """What the gap leaves of it there."""
+        return self.margin - self.worst.gap
 
     @property
     def certified(self) -> bool:
@@ -142,18 +172,61 @@ class Certificate:
             "opened_at": self.opening.name,
             "scales": self.opening.scales.tolist(),
             "margin": self.margin,
-            "margin_frequency": self.margin_frequency,
+            "margin_frequency": self.worst.margin_frequency,
             "certified": self.certified,
-            "least_margin": self.margin - self.worst.gap,
+            "least_margin": self.least_margin,
             "worst": self.worst.to_json(),
             "points": [verdict.to_json() for verdict in self.points],
         }
 
 
-def make_nominal_loop(scenario: Scenario, design: Design, opened_at: str | None = None) -> NominalLoop:
+def worst_of(points: Sequence[PointVerdict]) -> PointVerdict:
+    """The first of those at which the nu-gap leaves least of the margin."""
+    return min(points, key=lambda verdict: verdict.margin - verdict.gap)
+
+
+def make_nominal_loops(
+    scenario: Scenario,
+    design: Design | LawDesign,
+    points: Sequence[OperatingPoint],
+    opened_at: str | None = None,
+) -> dict[float, NominalLoop]:
+    """By rope length, the loop of `design` at `points`: of the flat family always the same.
+
+    Of any other law it is the linearisation that the law declares, of a load that hangs at rest. Raises
+    InputError for a law that has none, for points at which it says nothing, and as `make_nominal_loop`.
+    """
+    lengths = list(dict.fromkeys(point.rope_length for point in points))
+    if isinstance(design, Design):
+        return dict.fromkeys(lengths, make_nominal_loop(scenario, design, opened_at))
+    law = load_controller(design.name)
+    if law.linearise is None or (law.command, law.measures, law.every) != ("acceleration", "state", 1):
+        raise InputError(
+            f"'{design.name}' has no linear design of one axis, from state to acceleration once a period",
+            allowed="the flat family, and laws that declare such a linearisation",
+            remedy="judge it by simulation: cranectl ladder, cranectl campaign",
+        )
+    wind = scenario.effects.wind
+    if any(point != OperatingPoint(point.rope_length) for point in points) or (wind and any(wind.mean)):
+        raise InputError(
+            f"{design.name} where the rope is tilted, hoists or stands in wind",
+            allowed="a load that hangs at rest, which is what the law's linearisation is made for",
+            remedy="take --tilt 0 0 and --hoisting-speed 0, and no mean wind",
+        )
+    linear = linearised_law(scenario, design, lengths)
+    return {each.rope_length: make_nominal_loop(scenario, design, opened_at, each) for each in linear}
+
+
+def make_nominal_loop(
+    scenario: Scenario,
+    design: Design | LawDesign,
+    opened_at: str | None = None,
+    linear: LinearLaw | None = None,
+) -> NominalLoop:
     """Design model and margin of `design` with the loop opened at a signal, see `choose_opening`.
 
-    Raises InputError for a signal at which it cannot be, and for a long delay.
+    `linear`: of a law that is not of the flat family. Raises InputError for a signal at which it cannot be
+    opened, and for a long delay.
     """
     samples = scenario.delay_samples
     if samples > MOST_DELAY_SAMPLES:
@@ -162,16 +235,20 @@ def make_nominal_loop(scenario: Scenario, design: Design, opened_at: str | None 
             allowed=f"at most {MOST_DELAY_SAMPLES}",
             remedy="'cranectl run' simulates any delay; no loop is certified with one like this",
         )
-    tracker_of(scenario, design)  # raises if the design's own loop is unstable when sampled
     period = scenario.period_ns / NANOSECONDS
-    opening = choose_opening(design, scenario.design, period, opened_at)
-    graph = opening.graph(design_inner_loop(design.gain, period))
-    margin = coprime_margin(graph, opening.controller, opening.robustifier.poles())
-    return NominalLoop(design, opening, period, graph, margin)
+    if linear is not None:
+        axis = law_axis(linear, period)
+    else:
+        tracker_of(scenario, only_flat(design))  # raises if the design's own loop is unstable when sampled
+        axis = flat_axis(only_flat(design), period)
+    opening = choose_opening(design.name, axis, scenario.design, opened_at)
+    graph = opening.graph(axis.inner_loop())
+    margin = coprime_margin(graph, opening.controller, axis.robustifier.poles())
+    return NominalLoop(design, opening, graph, margin)
 
 
 def certify(
-    nominal_loop: NominalLoop,
+    nominal_loops: Mapping[float, NominalLoop],
     scenario: Scenario,
     points: Sequence[OperatingPoint],
     *,
@@ -180,7 +257,8 @@ def certify(
 ) -> Certificate:
     """Judge a controller at every point; drives, delay and observer are those of `scenario`.
 
-    Raises InputError for force drives, whose loop is not linearised.
+    `nominal_loops`: by rope length, see `make_nominal_loops`. Raises InputError for force drives, whose loop
+    is not linearised.
     """
     if drive == "force":
         raise InputError(
@@ -190,18 +268,18 @@ def certify(
         )
     verdicts = []
     for point in points:
-        verdicts.append(nominal_loop.judge(nominal_loop.inner_loop(scenario, point, drive), point))
+        loop = nominal_loops[point.rope_length]
+        verdicts.append(loop.judge(loop.inner_loop(scenario, point, drive), point))
         if progress is not None:
             progress(1.0)
     lag_x, lag_y, lag_l = (float(lag) for lag in scenario.rig.time_constants)
     delay = scenario.effects.delay
+    loop = nominal_loops[worst_of(verdicts).point.rope_length]
     return Certificate(
-        controller=nominal_loop.design.name,
+        controller=loop.design.name,
         drive=drive,
         delay=delay.seconds if delay else 0.0,
         time_constants=(lag_x, lag_y, lag_l),
-        opening=nominal_loop.opening,
-        margin=nominal_loop.margin.margin,
-        margin_frequency=nominal_loop.margin.angle / nominal_loop.period,
+        opening=loop.opening,
         points=tuple(verdicts),
     )

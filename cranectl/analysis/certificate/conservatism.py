@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cranectl.analysis.certificate.certify import NominalLoop
-from cranectl.analysis.certificate.linear_plant import linear_plant, run_plant
-from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_radius, inner_loop_of
+from cranectl.analysis.certificate.linear_plant import run_plant
+from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_radius
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
@@ -42,17 +42,17 @@ class Limits:
 
 def find_limits(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint, drive: Drive) -> Limits:
     """Raise delay, then lag, at `point`; the other stays as in `scenario`."""
-    plant = linear_plant(scenario, point, drive)
+    plant = nominal_loop.plant(scenario, point, drive)
 
     def delayed(samples: int) -> InnerLoop:
-        return inner_loop_of(replace(plant, delay=samples), nominal_loop.design.gain)
+        return nominal_loop.close(replace(plant, delay=samples))
 
     def lagging(steps: int) -> InnerLoop:
         slower = run_plant(with_further_lag(scenario, steps * LAG_STEP), drive)
-        return inner_loop_of(linear_plant(scenario, point, drive, plant=slower), nominal_loop.design.gain)
+        return nominal_loop.close(nominal_loop.plant(scenario, point, drive, slower))
 
     def stable(inner: InnerLoop) -> bool:
-        return closed_loop_radius(inner, nominal_loop.opening.robustifier) < 1.0
+        return closed_loop_radius(inner, nominal_loop.opening.axis.robustifier) < 1.0
 
     def both(loop: Callable[[int], InnerLoop], first: int, most: int) -> list[int | None]:
         certified = last_good(lambda k: nominal_loop.certifies(loop(k)), first, most)

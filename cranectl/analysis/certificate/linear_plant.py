@@ -7,6 +7,8 @@ set-points. Delay lies between them.
     v ─► law ─► command ─► z^-k ─► drives, crane ─► joints ─► encoders, observer ─► law
           └─► flat state (z, z', z'', z''') as the tracker sees it
 
+Of any other law v is what it commands, accelerations u, and in place of the flat state are the joints.
+
 Of a scenario's effects what is linear enters, the rest is left out; both are named.
 """
 
@@ -37,7 +39,7 @@ from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import EffectSettings
-from cranectl.signals import ALPHA, BETA, ROPE, ROPE_RATE
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY
 from cranectl.simulate import make_plant, tracker_of
 from cranectl.simulate.actuation import Actuation, actuate, make_actuation
 
@@ -88,16 +90,21 @@ UNSEEN = 1e-7  # below which an entry of the matrix is rounding
 
 SETPOINT, ESTIMATE = 2, 5  # places in the memory, which begins with zeta and its rate
 
-# Inputs and outputs of the linear plant.
+# Inputs of the linear plant.
 ARRIVING, V = slice(0, 3), slice(3, 6)
-COMMAND, FLAT = slice(0, 3), slice(3, 15)
+# Of another law: inputs and outputs, commands first, of the two horizontal axes; joints as they are measured.
+HORIZONTAL = [0, 1, 3, 4]
+AT_HORIZONTAL = [0, 1, *(3 + joint for joint in (BRIDGE, TROLLEY, BRIDGE + 1, TROLLEY + 1)),
+                 *(3 + joint for joint in (BETA, ALPHA, BETA + 1, ALPHA + 1))]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class LinearPlant:
     """Inputs: commands arriving at the drives (3), v (3). Outputs: commands given (3), flat state (12).
 
-    The flat state is ordered as in `signals.FLAT_OUTPUT`, (z, z', z'', z'''), three axes each.
+    The flat state is ordered as in `signals.FLAT_OUTPUT`, (z, z', z'', z'''), three axes each. Of a law that
+    is not of the flat family the horizontal axes: commands (2), u (2); commands (2), then position, rate,
+    angle, and its rate (8), two axes each.
     """
 
     system: SampledSystem  # the first ten states are the joints
@@ -107,11 +114,17 @@ class LinearPlant:
 
 
 def linear_plant(
-    scenario: Scenario, point: OperatingPoint, drive: Drive, *, plant: MujocoPlant | None = None
+    scenario: Scenario,
+    point: OperatingPoint,
+    drive: Drive,
+    *,
+    plant: MujocoPlant | None = None,
+    flat: bool = True,
 ) -> LinearPlant:
     """Linearise the MuJoCo plant of `scenario` with its tracker at `point`, or another `plant`.
 
-    Of the effects, those of `plant_effects`, delay and the observer are taken into account.
+    Of the effects, those of `plant_effects`, delay and the observer are taken into account. Not `flat`:
+    without the linearising law, for any other.
     """
     plant = plant or run_plant(scenario, drive)
     tracker = tracker_of(scenario, design_controller("pole-placement"))  # only its inner law is used
@@ -126,13 +139,15 @@ def linear_plant(
             sensing.observer_bandwidth, period=tracker.period, gravity=tracker.gravity
         )  # fmt: skip
     actuation = make_actuation(scenario, held.joints)
-    law, memory = _law_function(tracker, actuation, observer, drive), _held_memory(held, command, observer)
+    law = _law_function(tracker if flat else None, actuation, observer, drive)
+    memory = _held_memory(held, command, observer)
     at = np.concatenate([held.joints, memory, held.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
     law_matrix = differences(law, at, steps)
     kept = [k for k in range(len(memory)) if drive == "velocity" or not SETPOINT <= k < ESTIMATE]
+    whole = _joined(crane_matrix, law_matrix, len(memory), kept)
     return LinearPlant(
-        system=_joined(crane_matrix, law_matrix, len(memory), kept),
+        system=whole if flat else _horizontal(whole),
         delay=scenario.delay_samples,
         period=tracker.period,
         point=point,
@@ -194,9 +209,12 @@ def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> 
 
 
 def _law_function(
-    tracker: Tracker, actuation: Actuation, observer: Observer | None, drive: Drive
+    tracker: Tracker | None, actuation: Actuation, observer: Observer | None, drive: Drive
 ) -> Callable[[Array], Array]:
-    """(joints, memory, v) → (memory one period later, command (3), flat state (12))."""
+    """(joints, memory, v) → (memory one period later, command (3), flat state (12)).
+
+    Without a tracker v is what is commanded, and the joints (10) take the place of the flat state.
+    """
     size = ESTIMATE + (0 if observer is None else MEMORY)
     first = 0 if drive == "ideal" else 3
 
@@ -208,12 +226,15 @@ def _law_function(
             for joint in range(JOINTS):
                 correct(observer, joint, joints[2 * joint], estimate)
             joints[0::2], joints[1::2] = estimate[:JOINTS], estimate[JOINTS : 2 * JOINTS]
-        flat_output(joints, memory[ZETA], memory[ZETA + 1], tracker.gravity, flat)
-        inner_law(tracker, joints, memory, v, given[:3])
+        if tracker is None:
+            given[:3] = v
+        else:
+            flat_output(joints, memory[ZETA], memory[ZETA + 1], tracker.gravity, flat)
+            inner_law(tracker, joints, memory, v, given[:3])
         actuate(actuation._replace(velocity=memory[SETPOINT:ESTIMATE]), given)
         if observer is not None:
             predict(observer, given[:3], estimate)
-        return np.concatenate([memory, given[first : first + 3], flat[:12]])
+        return np.concatenate([memory, given[first : first + 3], joints if tracker is None else flat[:12]])
 
     return law
 
@@ -223,7 +244,7 @@ def _joined(crane: Array, law: Array, size: int, kept: list[int]) -> SampledSyst
 
     The law sees the crane's first ten states.
     """
-    rows, n, m = [*kept, *range(size, size + 15)], len(crane), len(kept)
+    rows, n, m = [*kept, *range(size, len(law))], len(crane), len(kept)
     seen = np.zeros((len(rows), n))
     seen[:, :JOINT_SIGNALS] = law[rows, :JOINT_SIGNALS]
     law_a = np.hstack([seen, law[np.ix_(rows, [JOINT_SIGNALS + k for k in kept])]])
@@ -231,6 +252,16 @@ def _joined(crane: Array, law: Array, size: int, kept: list[int]) -> SampledSyst
     a, b = np.zeros((n + m, n + m)), np.zeros((n + m, 6))
     a[:n, :n], b[:n, ARRIVING] = crane[:, :n], crane[:, n:]
     a[n:], b[n:, V] = law_a[:m], law_b[:m]
-    d = np.zeros((15, 6))
+    d = np.zeros((len(law) - size, 6))
     d[:, V] = law_b[m:]
     return SampledSystem(a, b, law_a[m:], d)
+
+
+def _horizontal(system: SampledSystem) -> SampledSystem:
+    """What the two horizontal axes move, at rest without the rope, which is another law's own axis."""
+    a, b = system.a, system.b[:, HORIZONTAL]
+    reached = (np.abs(b) > UNSEEN).any(axis=1)
+    for _ in range(len(a)):
+        reached |= (np.abs(a[:, reached]) > UNSEEN).any(axis=1)
+    c, d = system.c[AT_HORIZONTAL], system.d[np.ix_(AT_HORIZONTAL, HORIZONTAL)]
+    return SampledSystem(a[np.ix_(reached, reached)], b[reached], c[:, reached], d)

@@ -1,12 +1,14 @@
 """The loop as the certificate opens it: graphs of plant and design model, and the controller.
 
 State feedback v = v-bar - F (z, z', z'', z''') is closed on each axis. The loop is opened at
-one of two signals, see docs/explanation/certificate.md:
+one of these signals, see docs/explanation/certificate.md:
 
     "v-bar"  plant: W then the inner loop, to z.                  controller: W^-1 times the robustifier
     "v"      plant: the chain from v to the scaled flat state.    controller: state feedback + robustifier
+    "u"      plant: the crane from accelerations of its drives to their positions, the angles, and the rates
+             of both, scaled; without the rope.                   controller: a law's linearisation
 
-The nu-gap depends on the signal and on the scales of what is measured there. At "v" the flat state is scaled
+The nu-gap depends on the signal and on the scales of what is measured there. At "v" and "u" that is scaled
 so that b(G, K) is as large as it can be. The logarithm of 1/b² is a maximum over frequency of convex
 functions of the logarithms of the scales (a geometric program), so a descent from anywhere ends at the one
 optimum.
@@ -18,7 +20,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from cranectl.analysis.certificate.linear_plant import ARRIVING, COMMAND, FLAT, LinearPlant, V
+from cranectl.analysis.certificate.linear_plant import LinearPlant
 from cranectl.analysis.certificate.nu_gap import Graph
 from cranectl.analysis.certificate.systems import (
     Array,
@@ -27,83 +29,121 @@ from cranectl.analysis.certificate.systems import (
     close_inputs,
     with_delay,
 )
+from cranectl.controllers.controller import CRANE_STATES, LinearLaw
 from cranectl.design import Design
 from cranectl.design.discretisation import diagonal, sampled_blocks
 from cranectl.scenario import DesignSettings
 from cranectl.support.errors import InputError
 
-AXES = 3
-EYE: Array = np.eye(AXES)
+SIGNALS = CRANE_STATES  # four measured on each axis: a flat output and three derivatives, or crane states
 
 
 @dataclass(frozen=True)
 class InnerLoop:
-    """From v-bar (3) to the flat state (12) with state feedback closed; delays kept out of the matrices."""
+    """From v-bar (m) to what is measured (4 m) with state feedback closed; delays kept out of the matrices.
 
-    undelayed: SampledSystem  # inputs: what delay adds to the commands (3), v-bar; outputs: commands, flat
+    m axes: three of flat states, or the two horizontal ones of a law, whose u then is v.
+    """
+
+    undelayed: SampledSystem  # inputs: what delay adds to the commands, v-bar; outputs: commands, measured
     delay: int  # [samples]
-    arriving: SampledSystem  # delay as states; inputs: added to what arrives, v-bar; outputs: arriving, flat
+    arriving: SampledSystem  # delay as states; inputs: added to arriving, v-bar; outputs: arriving, measured
 
     @property
     def delayed(self) -> SampledSystem:
-        """From v-bar to the flat state, with delay as states."""
-        return SampledSystem(
-            self.arriving.a, self.arriving.b[:, V], self.arriving.c[FLAT], self.arriving.d[FLAT, V]
-        )
+        """From v-bar to what is measured, with delay as states."""
+        a, b, c, d = self.arriving
+        _, rest = parts(self.arriving)
+        return SampledSystem(a, b[:, rest], c[rest], d[rest, rest])
 
     def response(self, z: Complex) -> Complex:
-        """(k, 12, 3) at points `z` (k,)."""
-        response = self.undelayed.response(z)
+        """(k, 4 m, m) at points `z` (k,)."""
+        response, (drives, rest) = self.undelayed.response(z), parts(self.undelayed)
         if self.delay == 0:
-            return response[:, FLAT, V]
+            return response[:, rest, rest]
         late = (z**-self.delay - 1.0)[:, None, None]
-        own, given = late * response[:, COMMAND, ARRIVING], late * response[:, COMMAND, V]
-        added = np.linalg.solve(EYE - own, given)
-        total: Complex = response[:, FLAT, V] + response[:, FLAT, ARRIVING] @ added
+        own, given = late * response[:, drives, drives], late * response[:, drives, rest]
+        added = np.linalg.solve(np.eye(own.shape[1]) - own, given)
+        total: Complex = response[:, rest, rest] + response[:, rest, drives] @ added
         return total
+
+
+def parts(system: SampledSystem) -> tuple[slice, slice]:
+    """Of the inputs and of the outputs of a plant or inner loop: those at the drives, and the rest."""
+    axes = system.b.shape[1] // 2
+    return slice(0, axes), slice(axes, None)
 
 
 def inner_loop_of(plant: LinearPlant, gain: Array) -> InnerLoop:
     """The linearised plant under state feedback with `gain` (4,) on each axis."""
-    closed = close_inputs(plant.system, FLAT, V, -np.kron(gain, EYE).astype(float))
+    drives, rest = parts(plant.system)
+    eye = np.eye(drives.stop)
+    closed = close_inputs(plant.system, rest, rest, -np.kron(gain, eye).astype(float))
     return InnerLoop(
-        undelayed=close_inputs(closed, COMMAND, ARRIVING, EYE),
+        undelayed=close_inputs(closed, drives, drives, eye),
         delay=plant.delay,
-        arriving=with_delay(closed, COMMAND, ARRIVING, plant.delay),
+        arriving=with_delay(closed, drives, drives, plant.delay),
     )
 
 
-def design_inner_loop(gain: Array, period: float) -> InnerLoop:
-    """The design model: chains z'''' = v, v held over the period, under the same state feedback."""
-    chain = np.zeros((5, 5))
-    chain[:4, :4], chain[3, 4] = np.diag(np.ones(3), 1), 1.0
-    exponential = expm(chain * period)
-    a, b = np.kron(exponential[:4, :4], EYE), np.kron(exponential[:4, 4:], EYE)
-    whole = SampledSystem(
-        a - b @ np.kron(gain, EYE),
-        np.hstack([np.zeros((12, AXES)), b]),
-        np.vstack([np.zeros((AXES, 12)), np.eye(12)]),
-        np.zeros((15, 2 * AXES)),
-    )
-    return InnerLoop(undelayed=whole, delay=0, arriving=whole)
+@dataclass(frozen=True)
+class AxisDesign:
+    """One axis of the loop as it was designed: x' = A x + B v, v = -(F + R) x, all axes alike."""
+
+    a: Array  # (4, 4)
+    b: Array  # (4, 1)
+    gain: Array  # F (4,)
+    robustifier: SampledSystem  # R, from -x (4) to what it adds to v
+    axes: int
+    period: float  # [s], over which v is held
+
+    def inner_loop(self) -> InnerLoop:
+        """The design model, all axes of it, under state feedback."""
+        phi, hold = sampled(self.a, self.b, self.period)
+        eye, n = np.eye(self.axes), SIGNALS * self.axes
+        a, b = np.kron(phi, eye), np.kron(hold, eye)
+        whole = SampledSystem(
+            (a - b @ np.kron(self.gain, eye)).astype(float),
+            np.hstack([np.zeros((n, self.axes)), b]),
+            np.vstack([np.zeros((self.axes, n)), np.eye(n)]),
+            np.zeros((n + self.axes, 2 * self.axes)),
+        )
+        return InnerLoop(undelayed=whole, delay=0, arriving=whole)
 
 
-def robustifier_of(design: Design, period: float) -> SampledSystem:
-    """The sampled robustifier of one axis as the tracker runs it, from e to v-bar."""
+def flat_axis(design: Design, period: float) -> AxisDesign:
+    """The chain z'''' = v, its state feedback, and the robustifier from e to v-bar as the tracker runs it."""
     r = design.robustifier
     blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
-    return SampledSystem(
+    first = np.eye(1, SIGNALS)
+    robustifier = SampledSystem(
         diagonal(blocks.state_matrix),
-        blocks.input_matrix.reshape(-1, 1),
+        blocks.input_matrix.reshape(-1, 1) @ first,
         blocks.output_matrix.reshape(1, -1),
-        np.array([[blocks.feedthrough]]),
+        blocks.feedthrough * first,
     )
+    return AxisDesign(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], design.gain, robustifier, 3, period)
+
+
+def law_axis(law: LinearLaw, period: float) -> AxisDesign:
+    """The linearisation of a law: the states that it adds to those of the crane are its R."""
+    crane, own = slice(SIGNALS), slice(SIGNALS, None)
+    phi, hold = sampled(law.a[own, own], law.a[own, crane], period)
+    robustifier = SampledSystem(phi, hold, law.gain[None, own], np.zeros((1, SIGNALS)))
+    return AxisDesign(law.a[crane, crane], law.b[crane], law.gain[crane], robustifier, 2, period)
+
+
+def sampled(a: Array, b: Array, period: float) -> tuple[Array, Array]:
+    """A and B of x' = A x + B u for u held over `period` [s]."""
+    n, m = b.shape
+    exponential = expm(period * np.block([[a, b], [np.zeros((m, n + m))]]))
+    return exponential[:n, :n], exponential[:n, n:]
 
 
 def closed_loop_matrix(inner: InnerLoop, robustifier: SampledSystem) -> Array:
     """State matrix of the whole loop: linear plant, its delays, then the robustifier states axis by axis."""
-    a, b, c = inner.delayed.a, inner.delayed.b, inner.delayed.c[:AXES]
-    r = on_each_axis(robustifier)
+    a, b, c, _ = inner.delayed
+    r = on_each_axis(robustifier, b.shape[1])
     return np.block([[a - b @ r.d @ c, b @ r.c], [-r.b @ c, r.a]]).astype(float)
 
 
@@ -112,10 +152,12 @@ def closed_loop_radius(inner: InnerLoop, robustifier: SampledSystem) -> float:
     return float(np.abs(np.linalg.eigvals(closed_loop_matrix(inner, robustifier))).max())
 
 
-def on_each_axis(system: SampledSystem) -> SampledSystem:
-    """The same single-input single-output system on each of the three axes."""
-    a, b, c, d = (np.kron(EYE, matrix).astype(float) for matrix in system)
-    return SampledSystem(a, b, c, d)
+def on_each_axis(system: SampledSystem, axes: int) -> SampledSystem:
+    """The same system on each axis: states axis by axis, inputs and outputs signal by signal."""
+    eye: Array = np.eye(axes)
+    b = np.einsum("xy,si->xsiy", eye, system.b).reshape(axes * len(system.a), axes * SIGNALS)
+    a, c, d = np.kron(eye, system.a), np.kron(eye, system.c), np.kron(system.d, eye)
+    return SampledSystem(a.astype(float), b, c.astype(float), d.astype(float))
 
 
 @dataclass(frozen=True)
@@ -138,78 +180,75 @@ class Weight:
 class Opening:
     """Where the loop is opened and how the signals there are scaled."""
 
-    name: str  # v-bar or v
-    gain: Array  # (4,)
-    robustifier: SampledSystem
+    name: str  # v-bar, v or u
+    axis: AxisDesign
     weight: Weight | None  # at "v-bar"
-    scales: Array  # (4,) of z, z', z'', z''' at "v" [1/m⁠·s⁴ …]: y = scale times signal
+    scales: Array  # (4,) of z, z', z'', z''' at "v" [1/m⁠·s⁴ …], of an axis at "u": y = scale times signal
 
     def graph(self, inner: InnerLoop) -> Graph:
         """The plant's graph. Its poles are those of the inner loop; nothing integrates in it."""
-        poles, weight = inner.delayed.poles(), self.weight
+        poles, weight, axes = inner.delayed.poles(), self.weight, self.axis.axes
+        eye = np.eye(axes)
         if weight is not None:
-            poles = np.concatenate([poles, np.full(AXES, weight.pole)])
+            poles = np.concatenate([poles, np.full(axes, weight.pole)])
 
         def symbol(z: Complex) -> Complex:
-            flat = inner.response(z)
+            measured = inner.response(z)
             if weight is not None:
-                output, given = weight.proportional * flat[:, :AXES], weight.denominator(z) * EYE
+                output, given = weight.proportional * measured[:, :axes], weight.denominator(z) * eye
             else:
-                output = np.repeat(self.scales, AXES)[:, None] * flat
-                given = EYE - np.kron(self.gain, EYE) @ flat
+                output = np.repeat(self.scales, axes)[:, None] * measured
+                given = eye - np.kron(self.axis.gain, eye) @ measured
             return np.concatenate([output, given], axis=1)
 
         return Graph(symbol, poles)
 
     def controller(self, z: Complex) -> Complex:
-        """K with u = K y at points `z`: (k, 3, outputs)."""
-        r = self.robustifier.response(z)
+        """K with u = K y at points `z`: (k, m, outputs)."""
+        r, eye = self.axis.robustifier.response(z), np.eye(self.axis.axes)
         if self.weight is not None:
-            shaped: Complex = -r * self.weight.denominator(z) / self.weight.proportional * EYE
+            shaped: Complex = -r[:, :, :1] * self.weight.denominator(z) / self.weight.proportional * eye
             return shaped
-        rows = np.broadcast_to(self.gain, (len(z), 4)).astype(complex)
-        rows[:, 0] += r[:, 0, 0]
-        return np.kron(-rows / self.scales, EYE).reshape(len(z), AXES, 4 * AXES).astype(complex)
+        rows = -(self.axis.gain + r[:, 0]) / self.scales
+        return np.kron(rows, eye).reshape(len(z), len(eye), -1).astype(complex)
 
 
 GRID = np.exp(1j * np.geomspace(1e-5, np.pi, 250))  # of the optimisation only; the margin is found anew
 
 
-def choose_opening(design: Design, settings: DesignSettings, period: float, name: str | None) -> Opening:
-    """The loop opened at the signal `name`: by default "v-bar" for loop shaping and "v" for the others.
+def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, name: str | None) -> Opening:
+    """The loop opened at `name`: by default "v-bar" for loop shaping, "v" for the others of the flat family.
 
-    Raises InputError for a signal at which it cannot be.
+    Every other law is opened at "u". Raises InputError for a signal at which it cannot be.
     """
-    shaping = design.name.endswith("+loop-shaping")
-    robustifier = robustifier_of(design, period)
-    name = name or ("v-bar" if shaping else "v")
+    shaping, plain = controller.endswith("+loop-shaping"), "v" if axis.axes == 3 else "u"
+    name = name or ("v-bar" if shaping else plain)
     if name == "v-bar" and shaping:
         p, i = settings.loop_shaping.proportional, settings.loop_shaping.integral
-        return Opening(name, design.gain, robustifier, Weight(p, 1.0 - i * period / p), np.ones(4))
-    if name == "v":
-        return Opening(name, design.gain, robustifier, None, best_scales(design.gain, robustifier, period))
+        return Opening(name, axis, Weight(p, 1.0 - i * axis.period / p), np.ones(SIGNALS))
+    if name == plain:
+        return Opening(name, axis, None, best_scales(axis))
     raise InputError(
-        f"the loop of {design.name} opened at '{name}'",
-        allowed="v for every controller, v-bar for those with loop shaping",
+        f"the loop of {controller} opened at '{name}'",
+        allowed="v for the flat family, v-bar for those of it with loop shaping, u for other laws",
         remedy="choose another signal with --open-at, or leave it out",
     )
 
 
-def best_scales(gain: Array, robustifier: SampledSystem, period: float) -> Array:
-    """Scales (4,) of z, z', z'', z''' for which b(G, K) at "v" is largest."""
-    flat = design_inner_loop(gain, period).response(GRID)[:, ::3, 0]  # one axis
-    r = robustifier.response(GRID)[:, 0, 0]
-    law = np.tile(gain.astype(complex), (len(GRID), 1))
-    law[:, 0] += r
-    plant, controller = np.abs(flat) ** 2, np.abs(law) ** 2
-    v, loop = np.abs(1.0 - flat @ gain) ** 2, np.abs(1.0 + r * flat[:, 0]) ** 2
+def best_scales(axis: AxisDesign) -> Array:
+    """Scales (4,) of what is measured on an axis for which b(G, K) at "v" or "u" is largest."""
+    measured = axis.inner_loop().response(GRID)[:, :: axis.axes, 0]
+    r = axis.robustifier.response(GRID)[:, 0]
+    plant, controller = np.abs(measured) ** 2, np.abs(axis.gain + r) ** 2
+    v, loop = np.abs(1.0 - measured @ axis.gain) ** 2, np.abs(1.0 + (r * measured).sum(axis=1)) ** 2
 
     def cost(logarithms: Array) -> float:
         squares = np.exp(2.0 * logarithms)
         return float(np.log((plant @ squares + v) * (1.0 + controller @ (1.0 / squares)) / loop).max())
 
+    start = np.log(np.abs(axis.gain))
     optimum = minimize(
-        cost, np.log(gain), method="Nelder-Mead", options={"maxfev": 4000, "xatol": 1e-5, "fatol": 1e-8}
+        cost, start, method="Nelder-Mead", options={"maxfev": 4000, "xatol": 1e-5, "fatol": 1e-8}
     )
     scales: Array = np.exp(optimum.x)
     return scales

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.analysis.certificate.frequency_intervals import Bounded, first_gap
-from cranectl.analysis.certificate.loop import AXES, EYE, InnerLoop, closed_loop_matrix, on_each_axis
+from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_matrix, on_each_axis, parts
 from cranectl.analysis.certificate.systems import LOWEST, Array, Complex, SampledSystem, starting_grid
 
 RADIUS = 4.0  # of the logarithms searched, about the scaling that balances rows and columns
@@ -150,7 +150,7 @@ def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -
     if np.abs(poles).max() >= 1.0:
         return DriveMargins(0.0, tuple((spread, 0.0) for spread in SPREADS))
     grid = np.union1d(starting_grid(poles), np.geomspace(LOWEST, np.pi, POINTS))
-    shifted = loop._replace(d=loop.d + 0.5 * EYE)
+    shifted = loop._replace(d=loop.d + 0.5 * np.eye(len(loop.d)))
     bounds = bounded(loop, grid)
     return DriveMargins(
         disk_margin=_disk_margin(shifted, bounded(shifted, grid)),
@@ -159,14 +159,14 @@ def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -
 
 
 def drive_loop(inner: InnerLoop, robustifier: SampledSystem) -> SampledSystem:
-    """T': from a disturbance on the arriving commands (3) to the arriving commands without it (3)."""
-    system, r = inner.arriving, on_each_axis(robustifier)
-    load = system.c[AXES : 2 * AXES]
+    """T': from a disturbance on the arriving commands (m) to the arriving commands without it (m)."""
+    system, (drives, rest) = inner.arriving, parts(inner.arriving)
+    r = on_each_axis(robustifier, drives.stop)
     a = closed_loop_matrix(inner, robustifier)
-    b = np.vstack([system.b[:, :AXES], np.zeros((len(r.a), AXES))])
-    d_v = system.d[:AXES, AXES:]
-    c = np.hstack([system.c[:AXES] - d_v @ r.d @ load, d_v @ r.c])
-    return SampledSystem(a, b, c, system.d[:AXES, :AXES])
+    b = np.vstack([system.b[:, drives], np.zeros((len(r.a), drives.stop))])
+    d_v = system.d[drives, rest]
+    c = np.hstack([system.c[drives] - d_v @ r.d @ system.c[rest], d_v @ r.c])
+    return SampledSystem(a, b, c, system.d[drives, drives])
 
 
 def bounded(system: SampledSystem, angles: Array) -> Bounded:

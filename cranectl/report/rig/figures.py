@@ -89,7 +89,9 @@ def _draw_map(axes: Axes, certificate: Certificate, colours: Mapping[str, str]) 
                 axes.plot(
                     verdict.point.rope_length, verdict.gap, MARKS[verdict.grade], color=colour, markersize=4
                 )
-    axes.axhline(certificate.margin, color=colours["limit"], label=f"margin b = {certificate.margin:.3f}")
+    margins = {verdict.point.rope_length: verdict.margin for verdict in certificate.points}
+    label = f"margin b = {certificate.margin:.3f}"
+    axes.plot(*zip(*sorted(margins.items()), strict=True), "-_", color=colours["limit"], label=label)
     axes.set(title="ν-gap; ○ certified, □ by frequency, × refused", xlabel="rope length [m]", ylabel="ν-gap")
     _finish(axes)
 

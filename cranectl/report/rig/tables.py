@@ -118,8 +118,8 @@ def summary_lines(certificate: Certificate) -> list[str]:
     unstable = sum(not verdict.stable for verdict in certificate.points)
     return [
         f"loop opened at {certificate.opening.name}; b(G, K) = {certificate.margin:.4f} at "
-        f"{certificate.margin_frequency:.3g} rad/s; delay {certificate.delay:g} s",
-        f"least margin {certificate.margin - worst.gap:+.4f}: gap {worst.gap:.4f} at "
+        f"{worst.margin_frequency:.3g} rad/s; delay {certificate.delay:g} s",
+        f"least margin {certificate.least_margin:+.4f}: gap {worst.gap:.4f} at "
         f"{worst.frequency:.3g} rad/s, {worst.point}",
         f"of {len(grades)} points certified: {grades.count('gap')} by the gap, "
         f"{grades.count('by frequency')} frequency by frequency (f); refused (r): {grades.count('refused')}; "
@@ -139,7 +139,7 @@ def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
     for spread, delay in margins.delays:
         tolerated = f"{1e3 * delay:.1f} ms" if delay > 0.0 else "not known"
         rows.append((f"gains ± {100 * spread:.0f} % and further delay up to", tolerated))
-    title = f"The three drives at once, each on its own: {worst.point}"
+    title = f"The drives at once, each on its own: {worst.point}"
     return Table(title, ("what changes", "tolerated"), tuple(cells(*row) for row in rows))
 
 

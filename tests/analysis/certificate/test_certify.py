@@ -9,17 +9,18 @@ import control
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.certify import NominalLoop, certify, make_nominal_loop
+from cranectl.analysis.certificate.certify import NominalLoop, certify, make_nominal_loop, make_nominal_loops
 from cranectl.analysis.certificate.conservatism import find_limits, last_good, with_further_lag
 from cranectl.analysis.certificate.linear_plant import ARRIVING, linear_plant
-from cranectl.analysis.certificate.loop import closed_loop_radius, design_inner_loop, inner_loop_of
+from cranectl.analysis.certificate.loop import closed_loop_radius, inner_loop_of
 from cranectl.analysis.certificate.nu_gap import nu_gap
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.structured import GUARD, drive_loop, drive_margins
 from cranectl.cli.main import main
+from cranectl.controllers.registry import controller_design
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.scenario import Scenario, default_scenario
-from cranectl.simulate import simulate_run
+from cranectl.simulate import linearised_law, simulate_run
 from cranectl.support.errors import InputError
 
 PERIOD = 1e-3
@@ -58,7 +59,7 @@ def test_the_scales_at_v_are_the_best(controller: str) -> None:
     scenario = default_scenario()
     nominal_loop = make_nominal_loop(scenario, design_controller(controller, scenario.design), "v")
     plain = replace(nominal_loop.opening, scales=nominal_loop.design.gain)
-    inner = design_inner_loop(nominal_loop.design.gain, PERIOD)
+    inner = nominal_loop.opening.axis.inner_loop()
     z = np.exp(1j * np.geomspace(1e-5, np.pi, 400))
 
     def margin(scales: np.ndarray) -> float:
@@ -92,7 +93,7 @@ def test_gaps_of_an_uncompensated_loop(lag: float, delay: float, pole_placement:
 
 def test_a_nu_gap_of_the_design_model_to_itself_is_nothing() -> None:
     nominal_loop = nominal_loop_of("lqr+loop-shaping")
-    verdict = nominal_loop.judge(design_inner_loop(nominal_loop.design.gain, PERIOD), HANGING)
+    verdict = nominal_loop.judge(nominal_loop.opening.axis.inner_loop(), HANGING)
     assert verdict.gap < 1e-7
     assert verdict.certified
     assert verdict.stable
@@ -160,14 +161,14 @@ def test_drive_margins_are_safe_and_not_far_off() -> None:
     nominal_loop, scenario = nominal_loop_of("lqr+loop-shaping"), scenario_of(0.02, 0.01)
     plant = linear_plant(scenario, OperatingPoint(0.5, (0.5, 0.0)), "velocity")
     inner = inner_loop_of(plant, nominal_loop.design.gain)
-    margins = drive_margins(inner, nominal_loop.opening.robustifier, PERIOD)
+    margins = drive_margins(inner, nominal_loop.opening.axis.robustifier, PERIOD)
 
     def stable(gains: np.ndarray, delay: int) -> bool:
         b = plant.system.b.copy()
         b[:, ARRIVING] *= gains
         changed = replace(plant, system=plant.system._replace(b=b), delay=plant.delay + delay)
         loop = inner_loop_of(changed, nominal_loop.design.gain)
-        return closed_loop_radius(loop, nominal_loop.opening.robustifier) < 1.0
+        return closed_loop_radius(loop, nominal_loop.opening.axis.robustifier) < 1.0
 
     rng = np.random.default_rng(0)
     for spread, delay in margins.delays[1:3]:
@@ -180,7 +181,7 @@ def test_drive_margins_are_safe_and_not_far_off() -> None:
     assert not stable(np.array([1.0, 1.0, -1.0]), 0)
     assert list(margins.delays) == sorted(margins.delays, key=lambda pair: -pair[1])
     late = nominal_loop.inner_loop(scenario_of(0.02, 0.2), HANGING, "velocity")
-    none = drive_margins(late, nominal_loop.opening.robustifier, PERIOD)
+    none = drive_margins(late, nominal_loop.opening.axis.robustifier, PERIOD)
     assert (none.disk_margin, none.gain_range) == (0.0, (1.0, 1.0)), "of an unstable loop"
     assert not any(delay for _, delay in none.delays)
 
@@ -189,7 +190,7 @@ def test_disk_margin_of_one_drive_is_python_controls() -> None:
     """Hanging, the bridge moves alone: opened there, the loop has one input and one output."""
     nominal_loop = nominal_loop_of("lqr")
     inner = nominal_loop.inner_loop(scenario_of(), HANGING, "velocity")
-    closed = drive_loop(inner, nominal_loop.opening.robustifier)  # T' = -T
+    closed = drive_loop(inner, nominal_loop.opening.axis.robustifier)  # T' = -T
     omega = np.geomspace(0.1, 100.0, 400)
     t = -closed.response(np.exp(1j * omega * PERIOD))
     assert np.abs(t[:, 0, 1:]).max() < 1e-6 * np.abs(t).max()
@@ -197,7 +198,7 @@ def test_disk_margin_of_one_drive_is_python_controls() -> None:
     loop = control.feedback(bridge, 1.0, sign=1)  # T / (1 - T)
     expected, *_ = control.disk_margins(loop, omega)
     assert 1.0 / np.abs(0.5 - t[:, 0, 0]).max() == pytest.approx(float(expected), rel=1e-3)
-    together = drive_margins(inner, nominal_loop.opening.robustifier, PERIOD).disk_margin
+    together = drive_margins(inner, nominal_loop.opening.axis.robustifier, PERIOD).disk_margin
     alone = 1.0 / np.abs(0.5 - np.diagonal(t, 0, 1, 2)).max()
     assert together == pytest.approx(alone / GUARD, rel=1e-3)
 
@@ -228,7 +229,8 @@ def test_opening_the_loop_at_v_bar_belongs_to_loop_shaping() -> None:
 
 def test_a_certificate_knows_its_worst_point() -> None:
     points = [OperatingPoint(0.7), OperatingPoint(0.7, (2.0, 2.0)), OperatingPoint(0.2)]
-    found = certify(nominal_loop_of("pole-placement+loop-shaping"), scenario_of(), points, drive="velocity")
+    loops = {point.rope_length: nominal_loop_of("pole-placement+loop-shaping") for point in points}
+    found = certify(loops, scenario_of(), points, drive="velocity")
     assert found.worst.point == points[1]
     assert not found.certified
     assert found.points[0].certified
@@ -289,3 +291,57 @@ def test_command_explains_wrong_input(
 ) -> None:
     assert main(arguments) == 2
     assert found in capsys.readouterr().err
+
+
+@functools.cache
+def law_loops(*lengths: float) -> dict[float, NominalLoop]:
+    scenario = default_scenario()
+    points = [OperatingPoint(length) for length in lengths]
+    return make_nominal_loops(scenario, controller_design("lqr-integral", scenario), points)
+
+
+def test_never_wrong_of_a_law_by_its_linearisation() -> None:
+    """Lag, delay, gain of the drives at random under `lqr-integral`: what is certified is stable."""
+    rng, certified, unstable = np.random.default_rng(5), 0, 0
+    for case in range(24):
+        length = (0.2, 0.7, 1.3)[case % 3]
+        loop, point = law_loops(0.2, 0.7, 1.3)[length], OperatingPoint(length)
+        lag, delay = 10.0 ** rng.uniform(-2.7, -0.7), int(rng.integers(0, 10 if case % 2 else 150))
+        plant = loop.plant(scenario_of(lag, 0.0), point, "velocity")
+        b = plant.system.b.copy()
+        b[:, :2] *= 10.0 ** (rng.uniform(-0.05, 0.05) if case % 2 else rng.uniform(-0.8, 0.8))
+        plant = replace(plant, system=plant.system._replace(b=b), delay=delay)
+        verdict = loop.judge(loop.close(plant), point)
+        assert verdict.stable or not verdict.certified
+        certified += verdict.certified
+        unstable += not verdict.stable
+    assert certified >= 6
+    assert unstable >= 3, "the cases are too tame to prove anything"
+
+
+def test_the_design_model_of_a_law_is_the_crane_with_ideal_drives() -> None:
+    """Hence next to no gap; and its closed loop has the poles that the design says."""
+    scenario, loop = default_scenario(), law_loops(0.2, 0.7, 1.3)[0.7]
+    verdict = loop.judge(loop.inner_loop(scenario, HANGING, "ideal"), HANGING)
+    assert verdict.gap < 1e-3
+    assert verdict.certified
+    law = linearised_law(scenario, loop.design, [0.7])[0]
+    slowest = np.linalg.eigvals(law.a - law.b @ law.gain[np.newaxis]).real.max()
+    assert np.log(verdict.closed_loop_radius) / PERIOD == pytest.approx(slowest, rel=0.02)
+
+
+def test_a_law_is_judged_where_its_linearisation_holds(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["certify", "lqr-integral", "--rope-length", "0.7"]
+    assert main([*command, "--delay", "0.01", "--json", "-"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["opened_at"], len(data["points"])) == ("u", 1)
+    assert main([*command, "--delay", "0.15"]) == 1
+    capsys.readouterr()
+    for arguments, found in (
+        ([*command, "--tilt", "1", "1"], "a load that hangs at rest"),
+        ([*command, "--set", "effects.wind.mean=[1,0,0]"], "no mean wind"),
+        ([*command, "--open-at", "v"], "u for other laws"),
+        (["certify", "pid"], "'pid' has no linear design"),
+    ):
+        assert main(arguments) == 2
+        assert found in capsys.readouterr().err

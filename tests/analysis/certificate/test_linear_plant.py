@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cranectl.analysis.certificate.certify import make_nominal_loops
 from cranectl.analysis.certificate.linear_plant import (
     LINEAR,
     NOT_LINEAR,
@@ -13,22 +14,23 @@ from cranectl.analysis.certificate.linear_plant import (
 )
 from cranectl.analysis.certificate.loop import (
     closed_loop_matrix,
-    design_inner_loop,
+    flat_axis,
     inner_loop_of,
-    robustifier_of,
 )
 from cranectl.analysis.certificate.operating_points import OperatingPoint, equilibrium, grid_of, tilt_angles
 from cranectl.controllers.flat import RUNNING, ZETA, control_step, initial_memory
+from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.linearisation import change_since, coordinates, put
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario, default_scenario
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
-from cranectl.signals import BASE_WIDTH, FLAT_OUTPUT_COLUMN, INPUT_COLUMN
+from cranectl.signals import BASE_WIDTH, FLAT_OUTPUT_COLUMN, INPUT_COLUMN, ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import actuate, make_actuation
 from cranectl.simulate.loops import python_loop
-from cranectl.simulate.runner import inputs_of
+from cranectl.simulate.run import record_width
+from cranectl.simulate.runner import inputs_of, law_of, memory_of
 from cranectl.simulate.signal_path import make_signal_path
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
@@ -95,7 +97,7 @@ def linear_loop(
     """The same of the linear loop."""
     design = design_controller("lqr+loop-shaping", scenario.design)
     inner = inner_loop_of(linear_plant(scenario, point, drive), design.gain)
-    matrix = closed_loop_matrix(inner, robustifier_of(design, PERIOD))
+    matrix = closed_loop_matrix(inner, flat_axis(design, PERIOD).robustifier)
     x, states = np.append(offset, np.zeros(len(matrix) - 10)), []
     for _ in range(steps):
         states.append(x[:10])
@@ -205,7 +207,7 @@ def test_hanging_still_with_ideal_drives_it_is_the_design_model() -> None:
     design = design_controller("lqr")
     inner = inner_loop_of(linear_plant(default_scenario(), OperatingPoint(0.7), "ideal"), design.gain)
     z = np.exp(1j * PERIOD * np.array([0.01, 0.1, 1.0, 3.0, 10.0]))
-    expected = design_inner_loop(design.gain, PERIOD).response(z)
+    expected = flat_axis(design, PERIOD).inner_loop().response(z)
     found = inner.response(z)
     scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
     assert np.abs(found - expected).max() < 0.01 * scale.max()
@@ -226,8 +228,9 @@ def test_delay_beside_the_matrices_is_delay_as_states(delay: int) -> None:
     assert np.abs(inner.response(z) - expected).max() < 1e-8 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("controller", ["lqr+loop-shaping", "lqr-integral"])
 @pytest.mark.parametrize("delay", [0, 4])
-def test_linear_loop_with_observer_moves_as_a_run(delay: int) -> None:
+def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -> None:
     """Against the very loop of a run, encoders of any fineness and no noise, over 200 samples."""
     scenario = default_scenario(
         overrides=[
@@ -238,28 +241,30 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int) -> None:
             "effects.sensing.angle_noise=0.0",
         ]
     )
-    point, design = OperatingPoint(0.6), design_controller("lqr+loop-shaping", scenario.design)
-    inner = inner_loop_of(linear_plant(scenario, point, "velocity"), design.gain)
-    matrix = closed_loop_matrix(inner, robustifier_of(design, PERIOD))
+    point, design = OperatingPoint(0.6), controller_design(controller, scenario)
+    loop = make_nominal_loops(scenario, design, [point])[point.rope_length]
+    inner = loop.inner_loop(scenario, point, "velocity")
+    matrix = closed_loop_matrix(inner, loop.opening.axis.robustifier)
+    seen = np.arange(10) if loop.opening.name == "v-bar" else np.delete(np.arange(10), [ROPE, ROPE_RATE])
     held, offset = np.zeros(10), np.zeros(10)
-    held[4] = point.rope_length
-    offset[0::2] = 1e-6 * np.random.default_rng(2).normal(size=5)
+    held[ROPE] = point.rope_length
+    places = seen[seen % 2 == 0]
+    offset[places] = 1e-6 * np.random.default_rng(2).normal(size=len(places))
     plan = plan_scenario(scenario)
     plan.reference[:] = 0.0
     plan.reference[:, 2] = -point.rope_length
-    tracker, plant = tracker_of(scenario, design), run_plant(scenario, "velocity")
-    inputs = inputs_of(scenario, tracker, make_actuation(scenario, held), plan, "velocity")._replace(
+    law, plant = law_of(scenario, design, "velocity", plan), run_plant(scenario, "velocity")
+    inputs = inputs_of(scenario, law, make_actuation(scenario, held), plan, "velocity")._replace(
         stop_outside=False
     )
     path = make_signal_path(scenario, held, drive="velocity", samples=200)
-    record = np.zeros((200, BASE_WIDTH + 3 * design.robustifier.sampled_order))
+    record = np.zeros((200, record_width(design)))
     plant.reset(held + offset)
-    memory = initial_memory(tracker, plan.reference[0])
-    python_loop(plant)(inputs, path, record, memory, 0, 200)
+    python_loop(plant)(inputs, path, record, memory_of(law, plan.reference[0]), 0, 200)
     x = np.zeros(len(matrix))
-    x[:10] = offset
-    for joints in record[:, :10] - held:
-        assert x[:10] == pytest.approx(joints, abs=3e-3 * np.abs(offset).max())
+    x[: len(seen)] = offset[seen]
+    for joints in record[:, seen] - held[seen]:
+        assert x[: len(seen)] == pytest.approx(joints, abs=3e-3 * np.abs(offset).max())
         x = matrix @ x
     assert np.abs(record[-1, :10] - record[0, :10]).max() > 0.1 * np.abs(offset).max(), "nothing moved"
 
