@@ -1,15 +1,26 @@
-"""The registry of controllers, FEEDBACK or FEEDBACK+ROBUSTIFIER, and the one way to design them."""
+"""The registry of controllers, FEEDBACK or FEEDBACK+ROBUSTIFIER, and the one way to design them.
 
+A design is a pure function of its settings, of this program and of its libraries. It is kept on disk beside
+compiled code, since loading what computes it takes longer than most runs, and used bit for bit, or, if a bit
+of it has changed, computed again.
+"""
+
+import contextlib
 import functools
+import hashlib
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cranectl.design.kept import kept_design
 from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
 from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.files import write_text
+from cranectl.support.jit import cache_directory
+from cranectl.support.provenance import provenance
 
 if TYPE_CHECKING:
     import control
@@ -22,53 +33,60 @@ CONTROLLERS = tuple(
 )
 
 
-def checked_controller(name: str) -> str:
-    """`name` if it is in `CONTROLLERS`; raises InputError that lists the known names otherwise."""
-    if name not in CONTROLLERS:
-        raise unknown_name("controller", name, CONTROLLERS)
-    return name
-
-
 @functools.lru_cache(maxsize=64)
 def design_controller(name: str, settings: DesignSettings | None = None) -> Design:
-    """Design the controller `name` for one axis.
+    """Design the controller `name` for one axis, or take the design that an earlier process kept.
 
     Raises InputError for a name not in `CONTROLLERS` and for settings that no controller can meet.
     """
+    if name not in CONTROLLERS:
+        raise unknown_name("controller", name, CONTROLLERS)
     settings = settings or DesignSettings()
-    return kept_design(checked_controller(name), settings, lambda: _computed(name, settings))
+    key = [name, settings.model_dump(mode="json"), provenance()]
+    path = cache_directory() / "designs" / f"{_digest(json.dumps(key, sort_keys=True))}.json"
+    text = _read(path)
+    if text is None:
+        text = json.dumps(_computed(name, settings).to_json())
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(exist_ok=True)
+            write_text(path, f"{_digest(text)}\n{text}")
+    # Read back even if just computed: arrays of another memory order may change the last bit of a product.
+    return Design.from_json(json.loads(text))
+
+
+def _read(path: Path) -> str | None:
+    try:
+        digest, _, text = path.read_text(encoding="utf-8").partition("\n")
+    except (OSError, UnicodeDecodeError):
+        return None
+    return text if digest == _digest(text) else None
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _computed(name: str, settings: DesignSettings) -> Design:
-    from cranectl.design import state_feedback  # python-control takes more than a second to import
+    # python-control takes more than a second to import
+    from cranectl.design.linear_systems import real_modal_form
+    from cranectl.design.margins import closed_loop_poles, loop_margins, open_loop
+    from cranectl.design.state_feedback import lqr_gain, pole_placement_gain
 
-    feedback_name, _, robustifier_name = name.partition("+")
-    gains = {"pole-placement": state_feedback.pole_placement_gain, "lqr": state_feedback.lqr_gain}
-    gain = gains[feedback_name](settings)
-    robustifier, gamma, achieved = _robustifier(robustifier_name, gain, settings)
-    return _record(name, gain, robustifier, gamma, achieved)
-
-
-def with_gain(design: Design, gain: np.ndarray) -> Design:
-    """`design` with another state feedback (4,) and the same robustifier, its poles and margins anew.
-
-    Raises InputError if the loop of an axis is unstable.
-    """
-    import control
-
-    from cranectl.design.margins import closed_loop_poles, open_loop
-
-    r = design.robustifier
-    robustifier = control.ss(r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), r.d)
-    fastest = closed_loop_poles(open_loop(gain, robustifier)).real.max()
-    if not fastest < 0.0:
-        raise InputError(
-            f"unstable with the gains {', '.join(f'{k:g}' for k in gain)}: a pole at {fastest:.3g} 1/s",
-            allowed="gains that put all poles of the closed loop to the left",
-            remedy="change k3, k2, k1, k0 in this order when raising them, or all at once",
-        )
-    name = f"{design.name.removesuffix(BY_HAND)}{BY_HAND}"
-    return replace(_record(name, gain, robustifier, None, None), robustifier=r)
+    feedback, _, kind = name.partition("+")
+    gain = {"pole-placement": pole_placement_gain, "lqr": lqr_gain}[feedback](settings)
+    robustifier, gamma, achieved = _robustifier(kind, gain, settings)
+    loop, modal = open_loop(gain, robustifier), real_modal_form(robustifier)
+    record = Robustifier(modal.A, modal.B.ravel(), modal.C.ravel(), float(modal.D[0, 0]))
+    return Design(
+        name=name,
+        gain=gain,
+        closed_loop_poles=closed_loop_poles(loop),
+        margins=loop_margins(loop),
+        robustifier=record if record.order else NO_ROBUSTIFIER,
+        gamma=gamma,
+        gamma_achieved=achieved,
+        stability_margin=1.0 / achieved if achieved is not None and kind == "loop-shaping" else None,
+    )
 
 
 def _robustifier(
@@ -88,26 +106,32 @@ def _robustifier(
     return control.ss([], [], [], [[0.0]]), None, None
 
 
-def _record(
-    name: str,
-    gain: np.ndarray,
-    robustifier: "control.StateSpace",
-    gamma: float | None,
-    achieved: float | None,
-) -> Design:
-    from cranectl.design.margins import closed_loop_poles, loop_margins, open_loop
-    from cranectl.design.modal import real_modal_form
+def with_gain(design: Design, gain: np.ndarray) -> Design:
+    """`design` with another state feedback (4,) and the same robustifier, its poles and margins anew.
 
-    loop = open_loop(gain, robustifier)
-    modal = real_modal_form(robustifier)
-    record = Robustifier(modal.A, modal.B.ravel(), modal.C.ravel(), float(modal.D[0, 0]))
-    return Design(
-        name=name,
+    Raises InputError if the loop of an axis is unstable.
+    """
+    import control
+
+    from cranectl.design.margins import closed_loop_poles, loop_margins, open_loop
+
+    r = design.robustifier
+    loop = open_loop(gain, control.ss(r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), r.d))
+    poles = closed_loop_poles(loop)
+    fastest = poles.real.max()
+    if not fastest < 0.0:
+        raise InputError(
+            f"unstable with the gains {', '.join(f'{k:g}' for k in gain)}: a pole at {fastest:.3g} 1/s",
+            allowed="gains that put all poles of the closed loop to the left",
+            remedy="change k3, k2, k1, k0 in this order when raising them, or all at once",
+        )
+    return replace(
+        design,
+        name=f"{design.name.removesuffix(BY_HAND)}{BY_HAND}",
         gain=gain,
-        closed_loop_poles=closed_loop_poles(loop),
+        closed_loop_poles=poles,
         margins=loop_margins(loop),
-        robustifier=record if record.order else NO_ROBUSTIFIER,
-        gamma=gamma,
-        gamma_achieved=achieved,
-        stability_margin=1.0 / achieved if achieved is not None and name.endswith("loop-shaping") else None,
+        gamma=None,
+        gamma_achieved=None,
+        stability_margin=None,
     )

@@ -1,12 +1,24 @@
 """Small tools for linear systems that python-control does not have."""
 
+from dataclasses import dataclass
+
 import control
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.design.discretisation import diagonal
 from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HinfController:
+    """What an H-infinity synthesis gives."""
+
+    controller: control.StateSpace
+    gamma_min: float  # smallest norm that any controller reaches
+    gamma: float  # of this controller, recomputed from its closed loop
 
 
 def inner_loop(gain: Array) -> control.StateSpace:
@@ -35,19 +47,7 @@ def hinf_norm(system: control.StateSpace) -> float:
 
 def closed_loop_norm(generalised: control.StateSpace, k: control.StateSpace) -> float:
     """Norm from w to z with u = K y around `generalised`, (w, u) to (z, y), rebuilt; infinite if unstable."""
-    m, p = k.noutputs, k.ninputs
-    a, b, c, d = generalised.A, generalised.B, generalised.C, generalised.D
-    b_1, b_2, c_1, c_2 = b[:, :-m], b[:, -m:], c[:-p], c[-p:]
-    d_11, d_12, d_21, d_22 = d[:-p, :-m], d[:-p, -m:], d[-p:, :-m], d[-p:, -m:]
-    e = np.linalg.inv(np.eye(m) - k.D @ d_22)  # u = e (C_K x_K + D_K (C_2 x + D_21 w))
-    u_x, u_k, u_w = e @ k.D @ c_2, e @ k.C, e @ k.D @ d_21
-    y_x, y_k, y_w = c_2 + d_22 @ u_x, d_22 @ u_k, d_21 + d_22 @ u_w
-    closed = control.ss(
-        np.block([[a + b_2 @ u_x, b_2 @ u_k], [k.B @ y_x, k.A + k.B @ y_k]]),
-        np.vstack([b_1 + b_2 @ u_w, k.B @ y_w]),
-        np.hstack([c_1 + d_12 @ u_x, d_12 @ u_k]),
-        d_11 + d_12 @ u_w,
-    )
+    closed = generalised.lft(k)
     return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)
 
 
@@ -79,3 +79,44 @@ def check_regulable(a: Array, b: Array, c: Array, what: str) -> None:
                     allowed="plants whose unstable poles can be controlled and observed",
                     remedy="remove the mode from the model, or add an input or output that reaches it",
                 )
+
+
+def real_modal_form(system: control.StateSpace) -> control.StateSpace:
+    """The same single-input single-output system with 2 x 2 blocks on the diagonal of A.
+
+    Conjugate pairs come first, a block each, then real poles, two to a block. Each mode is scaled so that it
+    is driven as strongly as it is seen. Raises InputError where poles nearly coincide: there is no such form.
+    """
+    poles, vectors = np.linalg.eig(system.A)
+    if len(poles) and np.linalg.cond(vectors) > 1e10:
+        raise InputError(
+            f"the robustifier has no modal form: its poles nearly coincide: {poles_text(system.A)}",
+            allowed="designs with distinct robustifier poles",
+            remedy="change a weight or back_off a little",
+        )
+    columns: list[Array] = []
+    blocks: list[Array] = []
+    for k in np.lexsort((poles.imag, poles.real, poles.imag == 0.0)):
+        if poles[k].imag == 0.0:
+            columns.append(vectors[:, k].real)
+            blocks.append(poles[k : k + 1].real.reshape(1, 1))
+        elif poles[k].imag > 0.0:
+            columns += [vectors[:, k].real, vectors[:, k].imag]
+            re, im = poles[k].real, poles[k].imag
+            blocks.append(np.array([[re, im], [-im, re]]))
+    transform = np.column_stack(columns) if columns else np.zeros((0, 0))
+    b, c = np.linalg.solve(transform, system.B), system.C @ transform
+    scale = _scales(blocks, b.ravel(), c.ravel())
+    a, b, c = diagonal(blocks), b * scale[:, np.newaxis], c / scale
+    return control.ss(a, b, c, system.D)
+
+
+def _scales(blocks: list[Array], b: Array, c: Array) -> Array:
+    """Factor for each state that balances how its mode is driven and seen."""
+    scales, at = [], 0
+    for block in blocks:
+        rows = slice(at, at + len(block))
+        driven, seen = np.linalg.norm(b[rows]), np.linalg.norm(c[rows])
+        scales += [float(np.sqrt(seen / driven)) if driven and seen else 1.0] * len(block)
+        at += len(block)
+    return np.array(scales)

@@ -4,8 +4,6 @@ McFarlane, Glover: A Loop Shaping Design Procedure Using H-infinity Synthesis, I
 feed-through as in Skogestad, Postlethwaite: Multivariable Feedback Control, 2nd ed., section 9.4.
 """
 
-from dataclasses import dataclass
-
 import control
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +11,7 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 
 from cranectl.design.linear_systems import (
     Array,
+    HinfController,
     check_regulable,
     closed_loop_norm,
     inner_loop,
@@ -22,20 +21,12 @@ from cranectl.scenario import LoopShapingSettings
 from cranectl.support.errors import InputError
 
 
-@dataclass(frozen=True)
-class LoopShapingController:
-    """K-infinity for a shaped plant, in positive feedback u = K y."""
+def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> HinfController:
+    """Robustly stabilise the normalised coprime factors of the shaped `plant`, in positive feedback u = K y.
 
-    controller: control.StateSpace
-    gamma_min: float  # 1 / largest stability margin that any controller reaches
-    gamma: float  # of this controller, recomputed from its closed loop
-
-
-def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> LoopShapingController:
-    """Robustly stabilise the normalised coprime factors of the shaped `plant`.
-
-    Any number of inputs and outputs, stable or not, with or without feed-through. `back_off` > 1: the
-    controller is designed for gamma = back_off * gamma_min. Raises InputError where there is none.
+    Any number of inputs and outputs, stable or not, with or without feed-through. gamma_min is 1 / the
+    largest stability margin; with `back_off` > 1 the controller is designed for gamma = back_off * gamma_min.
+    Raises InputError where there is none.
     """
     if not back_off > 1.0:
         raise InputError(
@@ -62,7 +53,7 @@ def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> LoopS
             allowed="shaped plants whose Riccati equations are well conditioned",
             remedy="scale the plant, or choose a smoother weight",
         )
-    return LoopShapingController(k, gamma_min, achieved)
+    return HinfController(k, gamma_min, achieved)
 
 
 def loop_shaping_robustifier(

@@ -5,8 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from cranectl.design.axis import Array, loop_matrices
-from cranectl.design.records import Margins
+from cranectl.design.records import Array, Margins, loop_matrices
 
 
 def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpace:

@@ -4,14 +4,13 @@ Skogestad, Postlethwaite: Multivariable Feedback Control, 2nd ed., section 9.3.5
 ctrlsys (BSD-3); the closed loop is rebuilt here from plant and controller and checked.
 """
 
-from dataclasses import dataclass
-
 import control
 import ctrlsys
 import numpy as np
 
 from cranectl.design.linear_systems import (
     Array,
+    HinfController,
     check_regulable,
     closed_loop_norm,
     inner_loop,
@@ -22,26 +21,17 @@ from cranectl.scenario import HinfSettings
 from cranectl.support.errors import InputError
 
 
-@dataclass(frozen=True)
-class MixedSensitivityController:
-    """K for a plant, in negative feedback u = K (r - y)."""
-
-    controller: control.StateSpace
-    gamma_opt: float  # smallest norm of [W_s S; W_ks K S] that any controller reaches
-    gamma: float  # of this controller, recomputed from its closed loop
-
-
 def mixed_sensitivity(
     plant: control.StateSpace,
     sensitivity_weight: control.StateSpace,
     control_weight: control.StateSpace,
     back_off: float = 1.0,
     gamma: float | None = None,
-) -> MixedSensitivityController:
+) -> HinfController:
     """Bring the norm of [W_s S; W_ks K S] below `gamma`, by default the smallest times `back_off` >= 1.
 
-    Exactly at the optimum the controller has a pole that grows without bound. Raises InputError for weights
-    of wrong dimension or with unstable poles, and where no controller exists.
+    K is for negative feedback u = K (r - y); exactly at the optimum it has a pole that grows without bound.
+    Raises InputError for weights of wrong dimension or with unstable poles, and where no controller exists.
     """
     _check_weight("sensitivity weight", sensitivity_weight, plant.noutputs)
     _check_weight("control weight", control_weight, plant.ninputs)
@@ -69,7 +59,7 @@ def mixed_sensitivity(
             allowed="weights for which the synthesis is well conditioned",
             remedy="increase back_off, or choose less extreme weights",
         )
-    return MixedSensitivityController(controller, gamma_opt, achieved)
+    return HinfController(controller, gamma_opt, achieved)
 
 
 def hinf_robustifier(gain: Array, settings: HinfSettings) -> tuple[control.StateSpace, float, float]:
@@ -81,7 +71,7 @@ def hinf_robustifier(gain: Array, settings: HinfSettings) -> tuple[control.State
     weight = control.ss([[-pole]], [[1.0]], [[omega - pole * direct]], [[direct]])
     control_weight = control.ss([], [], [], [[settings.control_weight]])
     design = mixed_sensitivity(inner_loop(gain), weight, control_weight, settings.back_off, settings.gamma)
-    return design.controller, design.gamma_opt, design.gamma
+    return design.controller, design.gamma_min, design.gamma
 
 
 def generalised_plant(

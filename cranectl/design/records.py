@@ -1,4 +1,4 @@
-"""What a design is, once computed: gains, achieved poles, margins, robustifier."""
+"""What a design is, once computed: gains, achieved poles, margins, robustifier; the loop that it makes."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,12 +10,16 @@ from cranectl.signals import SignalGroup, flat_groups
 
 Array = NDArray[np.float64]
 
+# z'''' = v of one axis as a system; python-control takes most of a second to import.
+CHAIN_A: Array = np.diag(np.ones(3), 1)
+CHAIN_B: Array = np.eye(4)[:, 3:]
+
 
 @dataclass(frozen=True)
 class Robustifier:
     """A linear system from e [m] to v-bar [m/s⁴], the same for each axis, in continuous time.
 
-    xi' = A xi + B e, v-bar = C xi + D e, with A in the form of `design.modal`.
+    xi' = A xi + B e, v-bar = C xi + D e, with A in the form of `real_modal_form`.
     """
 
     a: Array  # (n, n)
@@ -144,3 +148,24 @@ class Design:
                 "robustifier": Robustifier.from_json(data["robustifier"]),
             }
         )
+
+
+def loop_matrices(gain: Array, a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, Array]:
+    """A, B, C of the loop cut at v: chain z'''' = v, then gain · (z, z', z'', z''') + robustifier z.
+
+    The robustifier as matrices (n, n), (n, 1), (1, n), (1, 1).
+    """
+    n = len(a)
+    return (
+        np.block([[CHAIN_A, np.zeros((4, n))], [b @ np.eye(4)[:1], a]]),
+        np.vstack([CHAIN_B, np.zeros((n, 1))]),
+        np.hstack([np.asarray(gain).reshape(1, 4) + d @ np.eye(4)[:1], c]),
+    )
+
+
+def closed_loop_matrix(gain: Array, robustifier: Robustifier) -> Array:
+    """State matrix of one axis's error in the closed loop, (4 + n, 4 + n)."""
+    r = robustifier
+    a, b, c = loop_matrices(gain, r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), np.array([[r.d]]))
+    closed: Array = a - b @ c
+    return closed

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
-from cranectl.design.axis import closed_loop_matrix
+from cranectl.design.records import closed_loop_matrix
 from cranectl.log import topics
 from cranectl.mcap_columns.records import DamageError
 from cranectl.reference import build_trajectory

@@ -16,7 +16,7 @@ from cranectl.controllers.flat import (
     robustify,
 )
 from cranectl.design import Design, Robustifier, design_controller
-from cranectl.design.axis import closed_loop_matrix
+from cranectl.design.records import closed_loop_matrix
 from cranectl.model.flatness import flat_output, linearising_input, states_and_inputs
 from cranectl.scenario import DesignSettings
 from cranectl.status import RunStatus

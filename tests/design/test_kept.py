@@ -6,28 +6,32 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.design import CONTROLLERS, Design, design_controller, kept
+from cranectl.design import CONTROLLERS, Design, controllers, design_controller
 from cranectl.scenario import DesignSettings
 from cranectl.support.errors import InputError
 
 
 @pytest.fixture(autouse=True)
 def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
+    monkeypatch.setattr(controllers, "cache_directory", lambda: tmp_path)
 
 
 def fresh(name: str, settings: DesignSettings | None = None) -> Design:
     return design_controller.__wrapped__(name, settings)
 
 
-def never() -> Design:
-    raise AssertionError("computed again")
+def compute_never(monkeypatch: pytest.MonkeyPatch) -> None:
+    def computed(*_: object) -> Design:
+        raise AssertionError("computed again")
+
+    monkeypatch.setattr(controllers, "_computed", computed)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_what_is_kept_is_what_was_computed(name: str) -> None:
+def test_what_is_kept_is_what_was_computed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     computed = fresh(name)
-    again = kept.kept_design(name, DesignSettings(), never)
+    compute_never(monkeypatch)
+    again = fresh(name)
     assert again.to_json() == computed.to_json()
     for one, other in ((again.gain, computed.gain), (again.robustifier.a, computed.robustifier.a)):
         assert one.tobytes("A") == other.tobytes("A")
@@ -53,16 +57,17 @@ def test_what_is_damaged_is_computed_again(tmp_path: Path, damage: bytes) -> Non
 
 def test_other_software_is_another_design(monkeypatch: pytest.MonkeyPatch) -> None:
     fresh("lqr")
-    monkeypatch.setattr(kept, "provenance", lambda: {"sources": "other"})
+    compute_never(monkeypatch)
+    monkeypatch.setattr(controllers, "provenance", lambda: {"sources": "other"})
     with pytest.raises(AssertionError, match="computed again"):
-        kept.kept_design("lqr", DesignSettings(), never)
+        fresh("lqr")
 
 
 def test_a_place_that_cannot_be_written_costs_time_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path / "file")
+    monkeypatch.setattr(controllers, "cache_directory", lambda: tmp_path / "file")
     assert fresh("lqr").name == "lqr"
 
 

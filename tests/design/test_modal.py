@@ -7,7 +7,7 @@ from scipy.signal import cont2discrete
 
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.design.discretisation import sampled_blocks, sampled_loop
-from cranectl.design.modal import real_modal_form
+from cranectl.design.linear_systems import real_modal_form
 from cranectl.support.errors import InputError
 
 PERIOD = 1e-3
