@@ -51,8 +51,7 @@ def render_command(
     """
     from cranectl.cli.output import console, progress_bar
     from cranectl.log import read_log
-    from cranectl.render.draw import draw_runs
-    from cranectl.render.settings import render_settings
+    from cranectl.render.draw import draw_runs, render_settings
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
     runs = read_log(log)

@@ -12,9 +12,7 @@ from PIL import Image
 
 from cranectl.cli.main import main
 from cranectl.log import read_log
-from cranectl.render.draw import draw_runs
-from cranectl.render.settings import render_settings
-from cranectl.render.video import write_mp4
+from cranectl.render.draw import draw_runs, render_settings, write_mp4
 from cranectl.support.colours import LIGHT, rgb
 
 SHORT = ["--set", "duration=0.6", "--set", "disturbances.0.start=0.1", "--set", "disturbances.1.start=0.2"]

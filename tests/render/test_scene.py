@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cranectl.plants.registry import PLANTS
+from cranectl.render.draw import CAMERAS
 from cranectl.render.scene import renderer
-from cranectl.render.settings import CAMERAS
 from cranectl.render.timeline import timeline_of
 from cranectl.signals import TENSION_COLUMN
 from cranectl.support import resources
