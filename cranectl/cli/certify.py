@@ -136,8 +136,8 @@ def certify_command(
         if names:
             screen.print(f"{what}: {', '.join(names)}")
     if plot is not None:
-        from cranectl.report.figure_file import save_figure
-        from cranectl.report.rig.figures import certificate_figure  # matplotlib, only where asked for
+        from cranectl.report.rig.page import certificate_figure  # matplotlib, only where asked for
+        from cranectl.report.theme import save_figure
 
         save_figure(certificate_figure(found, nominal_loop, inner), plot)
         screen.print(f"picture: {plot}")

@@ -112,7 +112,7 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
     from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import compare_runs, ended_as_expected, judge, least_good
-    from cranectl.report.run.agreement import agreement_table, limit_notes
+    from cranectl.report.run.tables import agreement_table, limit_notes
 
     pairs = _pairs((log,))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())

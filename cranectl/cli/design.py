@@ -60,7 +60,7 @@ def design_command(
     tracker_of(loaded, design)  # raises if sampling makes it unstable
     if plot is not None:
         from cranectl.report.design_figures import design_figure  # matplotlib, only where it is asked for
-        from cranectl.report.figure_file import save_figure
+        from cranectl.report.theme import save_figure
 
         save_figure(design_figure(design), plot)
     for table in design_tables(design):

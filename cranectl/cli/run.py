@@ -54,8 +54,7 @@ def run_command(
     from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.plants.registry import PLANTS
-    from cranectl.report.run.agreement import agreement_table, limit_notes, run_notes
-    from cranectl.report.run.tables import metrics_table, run_table
+    from cranectl.report.run.tables import agreement_table, limit_notes, metrics_table, run_notes, run_table
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
 

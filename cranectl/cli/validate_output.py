@@ -11,7 +11,7 @@ from cranectl.cases.workers import Outcome
 from cranectl.cli import exit_codes
 from cranectl.cli.output import FAILED, PASSED, console, write_json
 from cranectl.cli.screen import styled
-from cranectl.report.run.agreement import agreement_table, limit_notes, run_notes
+from cranectl.report.run.tables import agreement_table, limit_notes, run_notes
 
 SHOWN = 10  # failures shown on the screen
 

@@ -1,4 +1,4 @@
-"""Colours that follow the reader's light or dark scheme, and figures as inline SVG that use them.
+"""Colours that follow the reader's light or dark scheme, figures as inline SVG that use them, or as files.
 
 A figure is drawn in stand-in colours, one for each role; in the SVG they become CSS variables of the page.
 """
@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -14,9 +15,12 @@ from cycler import cycler
 from matplotlib.figure import Figure
 
 from cranectl.support.colours import COLOURS
+from cranectl.support.errors import InputError
+from cranectl.support.files import replacing
 
 SERIES = tuple(role for role in COLOURS if role.startswith("series"))
 STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(COLOURS)}
+UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 _STYLE: dict[Any, Any] = {
     "axes.edgecolor": STAND_IN["muted"],
@@ -74,3 +78,18 @@ def inline_svg(figure: Figure, name: str) -> str:
     for role, colour in STAND_IN.items():
         text = text.replace(colour, f"var(--{role})")
     return text.strip()
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Draw to `path`, format by its suffix; raises InputError if that cannot be done."""
+    kind = path.suffix.lower()
+    try:
+        # No date and no random identifiers: the same figure, the same bytes.
+        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}), replacing(path) as part:
+            figure.savefig(part, format=kind[1:] or None, metadata=UNDATED.get(kind))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot draw to {path}: {error}",
+            allowed="a .svg, .pdf or .png file in an existing directory",
+            remedy="choose another file with --plot",
+        ) from None

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure as Drawing
 from cranectl.reference import time_law
 from cranectl.report.design_figures import loop_shaping_figure
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.run.captions import agreement, caption
 from cranectl.report.run.figures import FAMILIES, WIDTH, Curve, family_svg
+from cranectl.report.run.page import agreement, caption
 from cranectl.report.theme import SERIES, inline_svg, styled
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run

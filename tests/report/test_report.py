@@ -13,9 +13,8 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
 from cranectl.report.page import Figure, Page, Section, render
-from cranectl.report.run.captions import agreement, caption
 from cranectl.report.run.figures import FAMILIES, Curve, family_svg, largest_difference
-from cranectl.report.run.page import log_page
+from cranectl.report.run.page import agreement, caption, log_page
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
 from cranectl.scenario import Scenario

@@ -7,8 +7,7 @@ import pytest
 
 from cranectl.cases.case import RunSummary
 from cranectl.compare.runs import Agreement
-from cranectl.report.run.agreement import agreement_table
-from cranectl.report.run.tables import run_table
+from cranectl.report.run.tables import agreement_table, run_table
 from cranectl.report.table import Cell
 from cranectl.status import RunStatus
 

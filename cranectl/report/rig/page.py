@@ -1,15 +1,19 @@
 """The pages of a rig: the fidelity ladder alone, or advice, certificate, ladder and error budget."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
 
 from cranectl.analysis.advice import Advice, Assessment
 from cranectl.analysis.budget.error_budget import Budget
-from cranectl.analysis.certificate.certify import NominalLoop
+from cranectl.analysis.certificate.certify import Certificate, NominalLoop
 from cranectl.analysis.certificate.loop import InnerLoop
-from cranectl.analysis.ladder import LevelResult
+from cranectl.analysis.certificate.nu_gap import complement, distance, orthonormal, sines
+from cranectl.analysis.ladder import LevelResult, load_difference
 from cranectl.analysis.levels import BASE
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.rig.figures import certificate_figure, deviation_bars, level_distances
 from cranectl.report.rig.tables import (
     budget_table,
     certificates_table,
@@ -19,9 +23,15 @@ from cranectl.report.rig.tables import (
     levels_table,
     recommendation,
 )
-from cranectl.report.theme import STAND_IN, inline_svg, styled
+from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 from cranectl.scenario import Scenario
+from cranectl.support.colours import LIGHT
 
+WIDTH = 6.4  # [in]
+LEAST = 1e-9  # [m] that is drawn
+LOWEST = 1e-2  # [rad/s]
+STYLES = ("-", "--", ":", "-.")
+MARKS = {"gap": "o", "by frequency": "s", "refused": "x"}
 FROZEN = (
     "A nu-gap below the margin guarantees that the linear loop, frozen at that point, is stable. "
     "It says nothing of the motion from point to point; refused does not mean unstable."
@@ -100,3 +110,108 @@ def _budget_figure(budget: Budget) -> Figure:
     rough = [entry.level for entry in entries if entry.rough]
     sentence = f"Estimates without a bound, which may be far off: {', '.join(rough)}." if rough else ""
     return Figure("4", "predicted, measured, bounded", svg, sentence)
+
+
+def deviation_bars(
+    names: Sequence[str], pair: Mapping[str, Sequence[float]], anchor: str, *, bounds: Sequence[float] = ()
+) -> str:
+    """Two bars a name, from label to values [m], and a mark where a bound is finite; as SVG."""
+    with styled():
+        drawing = Drawing(figsize=(WIDTH, 0.9 + 0.3 * len(names)), layout="constrained")
+        axes, place = drawing.subplots(), np.arange(len(names))
+        for offset, role, (label, values) in zip((-0.2, 0.2), SERIES[:2], pair.items(), strict=True):
+            lengths = np.maximum(values, LEAST)
+            axes.barh(place + offset, lengths, height=0.36, color=STAND_IN[role], label=label)
+        bounded = [(bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
+        if bounded:
+            axes.plot(*zip(*bounded, strict=True), "|", color=STAND_IN["limit"], markersize=14, label="bound")
+        axes.set_xscale("log")
+        axes.set(xlim=(LEAST, None), xlabel="largest deviation of the load [m]")
+        axes.set_yticks(place, names)
+        axes.invert_yaxis()
+        axes.grid(visible=False, axis="y")
+        drawing.legend(loc="outside upper center", ncols=3)
+        return inline_svg(drawing, anchor)
+
+
+def level_distances(results: Sequence[LevelResult], anchor: str) -> str:
+    """Distance of each load from the first one's over time, solid, then dashed; as SVG."""
+    with styled():
+        drawing = Drawing(figsize=(WIDTH, 3.4), layout="constrained")
+        axes, first = drawing.subplots(), results[0].run
+        for k, result in enumerate(results[1:]):
+            away = np.linalg.norm(load_difference(result.run, first), axis=1).clip(min=LEAST)
+            style, colour = STYLES[k // len(SERIES) % 3], STAND_IN[SERIES[k % len(SERIES)]]
+            axes.semilogy(first.time[: len(away)], away, style, color=colour, label=result.level.name)
+        axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(LEAST, None))
+        axes.margins(x=0.0)
+        drawing.legend(loc="outside upper center", ncols=6)
+        return inline_svg(drawing, anchor)
+
+
+def certificate_figure(
+    certificate: Certificate,
+    nominal_loop: NominalLoop,
+    worst: InnerLoop,
+    *,
+    colours: Mapping[str, str] = LIGHT,
+) -> Drawing:
+    """The map on the left, on the right the worst point, where the loop is `worst`; `colours` by role."""
+    figure = Drawing(figsize=(10.0, 4.4), layout="constrained")
+    figure.suptitle(
+        f"{certificate.controller}, {certificate.drive} drives, delay {1e3 * certificate.delay:g} ms"
+    )
+    left, right = figure.subplots(1, 2)
+    _draw_map(left, certificate, colours)
+    _draw_frequency(right, certificate, nominal_loop, worst, colours)
+    return figure
+
+
+def _draw_map(axes: Axes, certificate: Certificate, colours: Mapping[str, str]) -> None:
+    tilts = list(dict.fromkeys(verdict.point.tilt for verdict in certificate.points))
+    speeds = list(dict.fromkeys(verdict.point.hoisting_speed for verdict in certificate.points))
+    for i, tilt in enumerate(tilts):
+        for j, speed in enumerate(speeds):
+            line = [v for v in certificate.points if (v.point.tilt, v.point.hoisting_speed) == (tilt, speed)]
+            lengths, gaps = [v.point.rope_length for v in line], [v.gap for v in line]
+            colour = colours[SERIES[i % len(SERIES)]]
+            label = f"{tilt[0]:g}, {tilt[1]:g} rad/s²; {speed:+g} m/s"
+            axes.plot(lengths, gaps, STYLES[j % len(STYLES)], color=colour, linewidth=1.0, label=label)
+            for verdict in line:
+                axes.plot(
+                    verdict.point.rope_length, verdict.gap, MARKS[verdict.grade], color=colour, markersize=4
+                )
+    margins = {verdict.point.rope_length: verdict.margin for verdict in certificate.points}
+    label = f"margin b = {certificate.margin:.3f}"
+    axes.plot(*zip(*sorted(margins.items()), strict=True), "-_", color=colours["limit"], label=label)
+    axes.set(title="ν-gap; ○ certified, □ by frequency, × refused", xlabel="rope length [m]", ylabel="ν-gap")
+    _finish(axes)
+
+
+def _draw_frequency(
+    axes: Axes,
+    certificate: Certificate,
+    nominal_loop: NominalLoop,
+    worst: InnerLoop,
+    colours: Mapping[str, str],
+) -> None:
+    omega = np.geomspace(LOWEST, np.pi / nominal_loop.period, 600)
+    z = np.exp(1j * omega * nominal_loop.period)
+    run = orthonormal(nominal_loop.opening.graph(worst).response(z))
+    model = orthonormal(nominal_loop.graph.response(z))
+    axes.semilogx(omega, distance(run, model), color=colours[SERIES[0]], label="distance to the design model")
+    margin = sines(complement(nominal_loop.opening.controller(z)), model)
+    axes.semilogx(omega, margin, color=colours["limit"], label="margin of the loop")
+    axes.set(
+        title=f"worst: {certificate.worst.point}",
+        xlabel="angular frequency [rad/s]",
+        ylabel="sine of the angle",
+    )
+    axes.title.set_fontsize(9)
+    _finish(axes)
+
+
+def _finish(axes: Axes) -> None:
+    axes.set_ylim(0.0, 1.02)
+    axes.grid(visible=True, linewidth=0.4)
+    axes.legend(frameon=False, fontsize=7.5)

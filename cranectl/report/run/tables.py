@@ -1,14 +1,17 @@
-"""Tables of runs and their logs, for the terminal and for pages."""
+"""Tables of runs, agreements and logs, for the terminal and for pages, and what they have no room for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import degrees
 
-from cranectl.cases.case import RunSummary
+from cranectl.cases.case import CaseResult, RunSummary
 from cranectl.compare.golden import RegressionVerdict
-from cranectl.compare.runs import Comparison
+from cranectl.compare.limits import Limits
+from cranectl.compare.runs import Agreement, Comparison
 from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import VERDICTS, Cell, Table, cells
+
+Drives = dict[str, tuple[Agreement, bool]]  # by name; with whether the case passed
 
 
 def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table:
@@ -113,3 +116,114 @@ def topic_table(description: LogDescription) -> Table:
         for topic in description.topics
     )
     return Table("Topics", ("topic", "message", "messages", "rate [Hz]"), rows, labels=2)
+
+
+def agreement_table(agreements: Sequence[Agreement], passed: Sequence[bool]) -> Table:
+    """One row a scenario, controller and plant, its drives side by side; `passed`: of each agreement.
+
+    A limit that all scenarios share stands above its column, others beside the numbers.
+    """
+    drives = dict.fromkeys(agreement.drive for agreement in agreements)
+    shared = {drive: _shared([a for a in agreements if a.drive == drive]) for drive in drives}
+    headings = [
+        f"{drive}\n{what}" + ("" if limit is None else f"\n< {limit:.3g}")
+        for drive, limits in shared.items()
+        for what, limit in zip(("load [m]", "angle [rad]"), limits or (None, None), strict=True)
+    ]
+    several = len({agreement.plant for agreement in agreements}) > 1
+    scenarios: dict[str, dict[str, Drives]] = {}
+    for agreement, good in zip(agreements, passed, strict=True):
+        of_scenario = scenarios.setdefault(agreement.scenario, {})
+        name = f"{agreement.controller}, {agreement.plant}" if several else agreement.controller
+        of_scenario.setdefault(name, {})[agreement.drive] = (agreement, good)
+    rows: list[tuple[Cell, ...]] = []
+    for scenario, of_scenario in scenarios.items():
+        rows.append(cells(Cell(scenario, "head"), *[""] * (len(headings) + 1)))
+        rows += [
+            cells(f" {name}", *_numbers(of_drives, shared), _verdict(of_drives))
+            for name, of_drives in of_scenario.items()
+        ]
+    return Table("Agreement of the plants", ("controller", *headings, "verdict"), tuple(rows))
+
+
+def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
+    """The limits that all have, if they have the same."""
+    (first, *others) = {(agreement.limit_m, agreement.limit_rad) for agreement in agreements}
+    load_m, angle_rad = first
+    return None if others or load_m is None or angle_rad is None else (load_m, angle_rad)
+
+
+def _numbers(drives: Drives, shared: dict[str, tuple[float, float] | None]) -> Iterator[Cell | str]:
+    for drive, limits in shared.items():
+        if drive in drives:
+            agreement, _ = drives[drive]
+            yield _apart(agreement.max_load_error_m, agreement.limit_m, beside=limits is None)
+            yield _apart(agreement.max_angle_error_rad, agreement.limit_rad, beside=limits is None)
+        else:
+            yield from ("-", "-")
+
+
+def _apart(value: float, limit: float | None, *, beside: bool) -> Cell:
+    text = f"{value:.1e} < {limit:.1e}" if beside and limit is not None else f"{value:.1e}"
+    return Cell(text, "" if limit is None or value <= limit else "bad")  # not a number keeps no limit
+
+
+def _verdict(drives: Drives) -> Cell:
+    """Of one row: of the drives that are judged, named if others are not."""
+    judged = [drive for drive, (agreement, _) in drives.items() if agreement.passed is not None]
+    verdict = VERDICTS[all(good for _, good in drives.values())]
+    if verdict.mark == "bad" or len(judged) == len(drives):
+        return verdict
+    return Cell(f"{verdict.text} ({', '.join(judged)})", verdict.mark) if judged else VERDICTS[None]
+
+
+def limit_notes(agreements: Sequence[Agreement]) -> list[str]:
+    """Of which scenarios the limits are their own, and which have none, and why."""
+    where: dict[tuple[bool, str, str], dict[str, None]] = {}
+    for agreement in agreements:
+        if agreement.limits != Limits.source:  # from elsewhere than the shipped file
+            where.setdefault((agreement.passed is None, agreement.drive, agreement.limits), {})[
+                agreement.scenario
+            ] = None
+    return [
+        f"{', '.join(names)}, {drive} drives: {'not judged' if unjudged else 'limits'}: {why}"
+        for (unjudged, drive, why), names in where.items()
+    ]
+
+
+def run_notes(results: Sequence[CaseResult]) -> list[str]:
+    """What the tables have no room for: stops, workspace violations, long steps; a line each."""
+    where: dict[tuple[str, str], list[str]] = {}
+    expected_stops: dict[tuple[str, str], list[float]] = {}
+    for result in results:
+        for run in result.runs:
+            if run.status.stopped and result.as_expected:
+                expected_stops.setdefault((run.scenario, run.status.label), []).append(run.end_s)
+            for note in _notes(run, result.expected):
+                name = f"{run.scenario}, {run.controller}"
+                where.setdefault((name, note), []).append(f"{run.plant}/{run.drive}")
+    stops = [
+        f"{scenario}: {len(times)} runs stop with {status} at {min(times):g} to {max(times):g} s, as expected"
+        for (scenario, status), times in expected_stops.items()
+    ]
+    steps = [
+        f"{agreement.scenario}, {agreement.controller}: the steps are too long for the plants to agree; with "
+        f"control.physics_step = {agreement.curing_step_s:g} they do"
+        for result in results
+        for agreement in result.agreements
+        if agreement.curing_step_s is not None
+    ]
+    return [f"{name}: {note} ({', '.join(places)})" for (name, note), places in where.items()] + stops + steps
+
+
+def _notes(run: RunSummary, expected: str) -> list[str]:
+    notes = []
+    if run.status.label != expected:
+        notes.append(f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}")
+    if run.status.label != expected and expected != "completed":
+        notes.append(f"expected to end with {expected}")
+    violations = run.metrics.workspace_violations if run.metrics is not None else ()
+    return notes + [
+        f"{violation.signal} leaves the workspace by up to {violation.max_excess_m:.2f} m"
+        for violation in violations
+    ]
