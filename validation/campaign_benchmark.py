@@ -27,9 +27,8 @@ from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_a
 from cranectl.plants.mujoco.step import mj_step
 from cranectl.scenario import load_scenario
 from cranectl.simulate import make_plant, plan_scenario, tracker_of
-from cranectl.simulate.blocks import stream_run
 from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import start_run
+from cranectl.simulate.runner import start_run, stream_run
 from cranectl.support import resources
 from cranectl.support.jit import jit
 

@@ -26,9 +26,8 @@ from cranectl.plants.registry import check_effects
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import PlannedReference, law_of, make_plant, plan_reference, plan_run
-from cranectl.simulate.blocks import Block, stream_run
 from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import start_run
+from cranectl.simulate.runner import Block, start_run, stream_run
 from cranectl.support.errors import InputError
 
 Array = NDArray[np.float64]

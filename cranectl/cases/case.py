@@ -173,14 +173,20 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     """
     design = controller_design(case.controller, case.scenario)
     plan = plan_scenario(case.scenario)
-    law_of(case.scenario, design, case.drive, plan)  # raises where it cannot be sampled so
+    law = law_of(case.scenario, design, case.drive, plan)  # raises where it cannot be sampled so
     check_writable(case.log)
     limits = limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
     runs: list[Run] = []
     for plant in case.plants:
         runs.append(
             simulate_run(
-                case.scenario, plant=plant, drive=case.drive, design=design, plan=plan, progress=progress
+                case.scenario,
+                plant=plant,
+                drive=case.drive,
+                design=design,
+                plan=plan,
+                law=law,
+                progress=progress,
             )
         )
         if runs[-1].status == RunStatus.INTERRUPTED:

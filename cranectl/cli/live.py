@@ -66,10 +66,9 @@ def live_command(
     from cranectl.cases.case import LOG_DIRECTORY, default_log
     from cranectl.controllers.registry import controller_design
     from cranectl.live.commands import Controls
-    from cranectl.live.complaints import complaints
-    from cranectl.live.guard import checked_origin
+    from cranectl.live.guard import checked_origin, complaints
     from cranectl.live.listener import Address
-    from cranectl.live.place import own_place
+    from cranectl.live.recorder import own_place
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.plants.registry import PLANTS, in_order

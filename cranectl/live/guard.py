@@ -15,7 +15,7 @@ import secrets
 import socket
 import socketserver
 import threading
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator
 from urllib.parse import urlsplit
 
 from cranectl.support.errors import InputError
@@ -156,3 +156,35 @@ def hidden_host() -> str:
         probe.bind((host, 0))
         return host
     return "127.0.0.1"
+
+
+LOGGERS = ("foxglove.websocket", "cranectl.live.guard")
+
+
+class _Counter(logging.Handler):
+    """Clients can send nonsense as fast as the network carries it."""
+
+    def __init__(self, report: Callable[[str], None]) -> None:
+        super().__init__(logging.WARNING)
+        self.count = 0
+        self._report = report
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.count += 1
+        if self.count == 1:
+            self._report(f"{printable(record.getMessage())}; more of this kind is only counted")
+
+
+@contextlib.contextmanager
+def complaints(report: Callable[[str], None]) -> Iterator[None]:
+    """`report` the first during the block, and at its end how many there were."""
+    counter = _Counter(report)
+    for name in LOGGERS:
+        logging.getLogger(name).addHandler(counter)
+    try:
+        yield
+    finally:
+        for name in LOGGERS:
+            logging.getLogger(name).removeHandler(counter)
+        if counter.count > 1:
+            report(f"{counter.count} complaints of clients in all")

@@ -26,7 +26,7 @@ from cranectl.log.events import (
     start_event,
 )
 from cranectl.log.messages import design_info, differences, log_lines, run_info, samples, status
-from cranectl.log.stream import Stream
+from cranectl.log.topics import Stream
 from cranectl.metrics import workspace_excess
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import Plan, Run

@@ -7,7 +7,7 @@ import foxglove
 from foxglove._foxglove_py import BaseChannel
 
 from cranectl.log import topics
-from cranectl.log.stream import Stream, in_order
+from cranectl.log.topics import Stream, in_order
 from cranectl.log.writer import open_channel
 
 

@@ -4,7 +4,8 @@ Nothing is latched by the server: a viewer that subscribes is sent again what it
 """
 
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import foxglove
@@ -12,13 +13,36 @@ import foxglove
 from cranectl.live.commands import PULSE_SECONDS, Command, Controls, Pulse, Reset, Say, Use, Value, tunable
 from cranectl.live.increments import Increments
 from cranectl.live.listener import Address, Listener, as_parameters, listen
-from cranectl.live.pace import Pace
 from cranectl.live.publisher import Publisher
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
 from cranectl.log.events import Event
 from cranectl.log.messages import log_lines
 from cranectl.scenario import NANOSECONDS
+
+PATIENCE = 0.5  # [s] that a run may fall behind and still catch up
+
+
+class Pace:
+    """Says how long to wait after each block. Waits add up to the simulated time, whatever each one took."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._due = clock()
+
+    def restart(self) -> None:
+        """From now on, after a pause."""
+        self._due = self._clock()
+
+    def wait(self, seconds: float) -> tuple[float, float]:
+        """After a block that should have taken `seconds`: (time to wait, time given up as lost), one is 0."""
+        self._due += seconds
+        late = self._clock() - self._due
+        if late > PATIENCE:
+            self.restart()
+            return 0.0, late
+        return max(-late, 0.0), 0.0
+
 
 BLOCK = 0.02  # [s] of real time after which commands are carried out
 IDLE = 0.05  # [s] the same while nothing moves

@@ -17,13 +17,10 @@ from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
-from cranectl.simulate.actuation import make_actuation
-from cranectl.simulate.loop_inputs import LoopInputs
-from cranectl.simulate.loops import AdvanceBlock, compiled_loop
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run, record_width
-from cranectl.simulate.runner import by_kind, inputs_of, law_of, make_plant, memory_of
-from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
+from cranectl.simulate.runner import PreparedRun, by_kind, law_of, make_plant, memory_of, start_run
+from cranectl.simulate.signal_path import whole_record
 from cranectl.status import RunStatus
 
 Array = NDArray[np.float64]
@@ -34,12 +31,9 @@ class _PlantState:
     """One plant under its own copy of the controller's memory."""
 
     plant: Plant
-    loop: AdvanceBlock
-    inputs: LoopInputs
-    memory: Array
-    path: SignalPath | None = None
+    run: PreparedRun
+    end_ns: int  # of the last sample, or where it stopped
     status: RunStatus = RunStatus.RUNNING
-    end_ns: int = 0  # of the last sample, or where it stopped
 
 
 @dataclass(frozen=True)
@@ -68,18 +62,8 @@ class Session:
         self.origin_ns = 0  # time of the last start
         self._samples = 0  # since the last start
         self._pulses: list[_Pulse] = []
-        self._law, start = law_of(scenario, design, drive, self.plan), self.plan.initial_state
-        self._states = [
-            _PlantState(
-                plant,
-                compiled_loop(plant),
-                inputs_of(scenario, self._law, make_actuation(scenario, start, drive), self.plan, drive),
-                np.zeros(0),
-            )
-            for plant in (make_plant(name, scenario, drive) for name in plants)
-        ]
-        for state in self._states:
-            state.plant.check_length(self.plan.shortest_rope)
+        self._law = law_of(scenario, design, drive, self.plan)
+        self._plants = [make_plant(name, scenario, drive) for name in plants]
         self._start()
 
     @property
@@ -119,14 +103,14 @@ class Session:
         self._law = law = law_of(self.scenario, design, self.drive, self.plan)
         before, self.design = self.design, design
         for state in self._states:
-            old = state.memory
-            state.inputs = state.inputs._replace(**by_kind(law))
-            state.memory = memory_of(law, self.plan.reference[min(self._samples, self.scenario.steps)])
-            if state.inputs.law is not None:
-                state.inputs.law.clock[0] = self._samples
+            old, inputs = state.run.memory, state.run.inputs._replace(**by_kind(law))
+            memory = memory_of(law, self.plan.reference[min(self._samples, self.scenario.steps)])
+            if inputs.law is not None:
+                inputs.law.clock[0] = self._samples
             elif isinstance(before, Design) and isinstance(design, Design):
                 kept = len(old) if design.robustifier is before.robustifier else ROBUSTIFIER
-                state.memory[:kept] = old[:kept]
+                memory[:kept] = old[:kept]
+            state.run = state.run._replace(inputs=inputs, memory=memory)
 
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
@@ -139,17 +123,14 @@ class Session:
         self._start()
 
     def _start(self) -> None:
-        start = self.plan.initial_state
-        for state in self._states:
-            state.plant.reset(start)
-            state.inputs.slack[:] = 0.0
-            state.inputs.actuation.velocity[:] = start[1:6:2]
-            state.inputs = state.inputs._replace(**by_kind(self._law))
-            state.memory = memory_of(self._law, self.plan.reference[0])
-            state.path = make_signal_path(
-                self.scenario, start, drive=self.drive, samples=len(self.plan.time_ns)
+        self._states = [
+            _PlantState(
+                plant,
+                start_run(plant, self.scenario, self._law, self.plan, nominal=self.scenario),
+                self.origin_ns,
             )
-            state.status, state.end_ns = RunStatus.RUNNING, self.origin_ns
+            for plant in self._plants
+        ]
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
         """The scenario's and the pulses' at samples `index` (n,): shape (n, 2)."""
@@ -167,12 +148,12 @@ class Session:
         wind: Array,
     ) -> Run:
         record = np.zeros((len(time_ns), record_width(self.design)))
-        path, rows = state.path, 0
+        path, rows = state.run.path, 0
         if path is not None:
             path = path._replace(record=np.zeros((len(time_ns), PATH_WIDTH)))
         if not state.status.stopped and len(time_ns):
-            inputs = state.inputs._replace(reference=reference, disturbance=disturbance, wind=wind)
-            rows, end, code = state.loop(inputs, path, record, state.memory, 0, len(time_ns))
+            inputs = state.run.inputs._replace(reference=reference, disturbance=disturbance, wind=wind)
+            rows, end, code = state.run.advance(inputs, path, record, state.run.memory, 0, len(time_ns))
             state.status = RunStatus(code)
             state.end_ns = int(time_ns[end if state.status.stopped else -1])
         return Run(

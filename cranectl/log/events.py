@@ -51,11 +51,7 @@ class StatusChange:
 class Conditions(NamedTuple):
     """What lines of a log have been written of by a time."""
 
-    outside: tuple[bool, ...] = (
-        False,
-        False,
-        False,
-    )  # of their range: bridge, trolley, rope
+    outside: tuple[bool, ...] = (False,) * 3  # of their range: bridge, trolley, rope
     limited: int = 0  # drives that have reached their limits, as `Saturated`
     slack: bool = False
 

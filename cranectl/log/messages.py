@@ -14,7 +14,7 @@ from cranectl.design import Design
 from cranectl.log import schema, topics
 from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams
-from cranectl.log.stream import Stream
+from cranectl.log.topics import Stream
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import ALPHA, BETA, REFERENCE, SignalGroup
 from cranectl.simulate import Run

@@ -13,7 +13,7 @@ import numpy as np
 from cranectl.log import scene
 from cranectl.log.events import events, status_changes
 from cranectl.log.messages import log_lines, samples, signals, status
-from cranectl.log.stream import Stream
+from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, file_attachments, write_container
 from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run

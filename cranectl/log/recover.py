@@ -14,7 +14,7 @@ from cranectl.log.consistency import Outcome
 from cranectl.log.header import LogHeader
 from cranectl.log.messages import streams
 from cranectl.log.reader import Block, assembled, blocks_of, check_begin, header_of, opened, row_width
-from cranectl.log.stream import Stream
+from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, outcome_metadata, write_container
 from cranectl.mcap_columns.chunks import Content
 from cranectl.mcap_columns.contents import Contents, columns_of

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from cranectl.log import shapes, topics
 from cranectl.log.events import acting_disturbances, disturbance_times
-from cranectl.log.stream import Stream
+from cranectl.log.topics import Stream
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario import NANOSECONDS

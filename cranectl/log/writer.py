@@ -17,10 +17,10 @@ from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
 from cranectl.compare.limits import Limits, NoLimits
-from cranectl.log import formats
 from cranectl.log.consistency import Outcome, check_runs
+from cranectl.log.header import FORMATS
 from cranectl.log.messages import streams
-from cranectl.log.stream import Stream, in_order
+from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns.contents import read_end
 from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
@@ -137,7 +137,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     first = runs[0]
     return {
         "cranectl": {
-            "format": formats.WRITTEN,
+            "format": FORMATS[-1],
             "scenario": first.scenario.name,
             "controller": first.design.name,
             "drive": first.drive,

@@ -9,7 +9,6 @@
 """
 
 from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
-from cranectl.metrics.metric import Measured, Metric, Row
 from cranectl.metrics.setup import SETTLING_TOLERANCE, MetricsSetup, metrics_setup
 from cranectl.metrics.summary import (
     RunMetrics,
@@ -19,7 +18,7 @@ from cranectl.metrics.summary import (
     workspace_excess,
     workspace_violations,
 )
-from cranectl.metrics.table import all_metrics, low_is_bad
+from cranectl.metrics.table import Measured, Metric, Row, all_metrics, low_is_bad
 
 __all__ = [
     "NEARLY_SLACK",

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
-from cranectl.metrics.metric import Array, Measured, Value
 from cranectl.metrics.setup import NO_FLAGS, MetricsSetup, metrics_setup
-from cranectl.metrics.table import all_metrics
+from cranectl.metrics.table import Array, Measured, Value, all_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run

@@ -1,32 +1,185 @@
-"""Advance a plant by a block of samples: one loop, in plain Python or compiled with the kernels of a plant.
+"""The one loop: what happens at a control sample, and a block of samples on any plant.
 
-Both give the same bits; a test holds them to it. A block returns often enough for progress, Ctrl-C and live
-changes.
+In plain Python, or compiled with the kernels of a plant; both give the same bits, and a test holds them to
+it. A block returns often enough for progress, Ctrl-C and live changes.
 """
 
 import functools
 from collections.abc import Callable
+from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.controllers.addressed import JOINTS, AddressedLaw, addressed_step, addressed_wait
+from cranectl.controllers.flat import Tracker, control_step, keep_taut, wait_step
 from cranectl.plants.plant import Kernels, Plant
-from cranectl.signals import DISTURBANCE_COLUMN, LOAD_COLUMN, STATE_COLUMN
-from cranectl.simulate.loop_inputs import (
-    RUNNING,
-    LoopInputs,
-    command_of,
-    complete_rows,
-    control_sample,
-    judge_sample,
+from cranectl.signals import (
+    COMMAND_COLUMN,
+    DISTURBANCE_COLUMN,
+    INPUT_COLUMN,
+    LOAD_COLUMN,
+    STATE_COLUMN,
+    TENSION_COLUMN,
 )
-from cranectl.simulate.signal_path import SignalPath
+from cranectl.simulate.actuation import (
+    Actuation,
+    actuate,
+    brake,
+    drive_command,
+    follow_velocity,
+    take_forces,
+    take_set_points,
+)
+from cranectl.simulate.signal_path import SignalPath, act, sense
 from cranectl.status import RunStatus
-from cranectl.support.jit import jit_loop
+from cranectl.support.jit import jit, jit_loop
 
 Array = NDArray[np.float64]
 
+RUNNING = int(RunStatus.RUNNING)
+SLACK_ROPE = int(RunStatus.SLACK_ROPE)
+NON_FINITE = int(RunStatus.NON_FINITE)
+WORKSPACE_LEFT = int(RunStatus.WORKSPACE_LEFT)
 ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
+
+
+class LoopInputs(NamedTuple):
+    """Everything a loop needs besides the plant, the record and the memory of the law."""
+
+    tracker: Tracker | None  # of the flat family
+    law: AddressedLaw | None  # or any other; for the one that is None there is no code in a compiled loop
+    actuation: Actuation
+    reference: Array  # (N, 15)
+    disturbance: Array  # (N, 2) [rad/s²]
+    wind: Array  # (N, 3) velocity of the air [m/s]
+    workspace: Array  # (3, 2) [m]
+    stop_outside: bool
+    command_column: int  # where the record holds what ideal and velocity drives take
+    recover: bool  # from a slack rope, instead of ending the run
+    slack: Array  # (1,) 1 while the rope is slack, as the last sample told
+
+
+@jit
+def flat_command(tracker, inputs, state, k, memory, row):
+    """What the flat family commands, or, while the rope is slack, the drives' coming to rest."""
+    if tracker is None:
+        return RUNNING
+    command, status = row[INPUT_COLUMN : INPUT_COLUMN + 6], RUNNING
+    if inputs.recover:
+        keep_taut(tracker, memory)
+    if inputs.slack[0] > 0.0:
+        wait_step(tracker, state, inputs.reference[k], memory, row)
+        brake(inputs.actuation, command)
+    else:
+        status = control_step(tracker, state, inputs.reference[k], memory, row)
+    if status == RUNNING:
+        actuate(inputs.actuation, command)
+    return status
+
+
+@jit
+def law_command(law, inputs, path, state, k, memory, row):
+    """The same of any other law."""
+    if law is None:
+        return RUNNING
+    command, reference = row[INPUT_COLUMN : INPUT_COLUMN + 6], inputs.reference[k]
+    if inputs.slack[0] > 0.0:
+        addressed_wait(law, state, reference, memory, row)
+        brake(inputs.actuation, command)
+        actuate(inputs.actuation, command)
+        return RUNNING
+    give_measured(law, path, state, k)
+    status = addressed_step(law, state, reference, memory, row)
+    if status != RUNNING:
+        return status
+    if law.velocity:
+        take_set_points(inputs.actuation, state, command)
+    else:
+        if law.force:
+            take_forces(law.masses, state, command)
+        actuate(inputs.actuation, command)
+    return RUNNING
+
+
+@jit
+def give_measured(law, path, state, k):
+    """What the law is given: joints and what the observer makes of disturbances, or encoder readings."""
+    for i in range(2 * JOINTS):
+        law.measured[i] = state[i]
+    if path is not None:
+        law.measured[10], law.measured[11] = path.record[k, 10], path.record[k, 11]
+    if law.encoders:
+        for joint in range(JOINTS):
+            law.measured[joint] = state[2 * joint] if path is None else path.readings[joint]
+        for i in range(JOINTS, 12):
+            law.measured[i] = 0.0
+
+
+@jit
+def _control(inputs, path, state, k, memory, row):
+    """The law, or what takes its place while the rope is slack, and the set-points that follow."""
+    follow_velocity(inputs.actuation.masses, inputs.actuation, state)
+    status = flat_command(inputs.tracker, inputs, state, k, memory, row)
+    if status != RUNNING:
+        return status
+    return law_command(inputs.law, inputs, path, state, k, memory, row)
+
+
+@jit
+def control_sample(inputs, path, k, row, memory):
+    """Run the law on the state in record row `k`; writes the rest of the row except the load."""
+    if path is None:
+        status = _control(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
+    else:
+        measured = path.record[k, :COMMAND_COLUMN]
+        sense(path, row, measured)
+        status = _control(inputs, path, measured[:10], k, memory, row)
+        if status == RUNNING:
+            command, actuation = row[INPUT_COLUMN : INPUT_COLUMN + 3], inputs.actuation
+            wanted = drive_command(
+                actuation.masses, inputs.slack[0], inputs.command_column, measured, row, command
+            )
+            act(path, actuation, wanted, row, path.record[k, COMMAND_COLUMN:])
+    row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]
+    row[DISTURBANCE_COLUMN + 1] = inputs.disturbance[k, 1]
+    return status
+
+
+@jit
+def command_of(inputs, path, k, row):
+    """What the drives get at sample `k`, three numbers."""
+    if path is None:
+        first = inputs.command_column
+        return row[first], row[first + 1], row[first + 2]
+    else:  # noqa: RET505  only then is the other branch left out by the compiler
+        commanded = path.record[k, COMMAND_COLUMN:]
+        return commanded[0], commanded[1], commanded[2]
+
+
+@jit
+def judge_sample(inputs, row):
+    """RUNNING, or why the run ends with this row."""
+    tension = row[TENSION_COLUMN]
+    if not isfinite(tension):
+        return NON_FINITE
+    inputs.slack[0] = 1.0 if tension <= 0.0 and inputs.recover else 0.0
+    if tension <= 0.0 and not inputs.recover:
+        return SLACK_ROPE
+    if inputs.stop_outside:
+        for axis in range(3):
+            position = row[STATE_COLUMN + 2 * axis]
+            if position < inputs.workspace[axis, 0] or position > inputs.workspace[axis, 1]:
+                return WORKSPACE_LEFT
+    return RUNNING
+
+
+@jit
+def complete_rows(k, status):
+    """Number of rows worth keeping when the run ends with row `k`: it counts unless it holds no numbers."""
+    return k if status == NON_FINITE else k + 1
+
 
 # (inputs, path, record, memory, first, last) → (complete rows, sample it ended at, status)
 AdvanceBlock = Callable[[LoopInputs, SignalPath | None, Array, Array, int, int], tuple[int, int, int]]

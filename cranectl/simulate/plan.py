@@ -17,28 +17,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PlannedReference:
-    """What a run is asked to do at every control sample, whatever the plant."""
-
-    time_ns: NDArray[np.int64]  # (N,)
-    reference: Array  # (N, 15)
-    reference_state: Array  # (N, 10) what the crane does on the reference
-    gravity: float  # with which the states are planned [m/s²]
-
-    def start(self, load_offset: tuple[float, float, float]) -> Array:
-        """State (10,) of a crane that moves with the reference, its load offset by (x, y, z) [m]."""
-        row = self.reference[0].copy()
-        row[:3] += load_offset
-        state: Array = states_and_inputs(row[np.newaxis], self.gravity)[0][0]
-        return state
-
-
-@dataclass(frozen=True)
-class Plan:
-    """A scenario at every control sample, the last one at the end of the run included."""
+    """What a run is asked to do at every control sample, that at its end included, whatever the plant."""
 
     time_ns: NDArray[np.int64]  # (N,)
     reference: Array  # (N, 15) load position and four derivatives
     reference_state: Array  # (N, 10) what the crane does on the reference
+    gravity: float  # with which the states are planned [m/s²]
+
+
+@dataclass(frozen=True)
+class Plan(PlannedReference):
+    """And where the crane starts, and what disturbs it."""
+
     initial_state: Array  # (10,) where the crane starts, on its reference unless the scenario says otherwise
     disturbance: Array  # (N, 2) [rad/s²]
     wind: Array  # (N, 3) velocity of the air [m/s]
@@ -75,9 +65,7 @@ def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
     """
     time_ns = planned.time_ns
     return Plan(
-        time_ns=time_ns,
-        reference=planned.reference,
-        reference_state=planned.reference_state,
+        **vars(planned),
         initial_state=_initial_state(scenario, planned),
         disturbance=_disturbances(scenario, time_ns),
         wind=air_velocity(scenario.effects.wind, len(time_ns), scenario.period_ns / NANOSECONDS),
@@ -86,7 +74,9 @@ def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
 
 def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
     """The first state of the reference, moved and swung by the scenario's offsets."""
-    state = planned.start(scenario.initial.load_offset)
+    row = planned.reference[:1].copy()
+    row[:, :3] += scenario.initial.load_offset
+    state: Array = states_and_inputs(row, planned.gravity)[0][0]
     state[ALPHA] += scenario.initial.alpha_offset
     state[BETA] += scenario.initial.beta_offset
     low, high = scenario.rig.workspace.T

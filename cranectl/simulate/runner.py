@@ -1,7 +1,7 @@
-"""Simulate a scenario on a plant."""
+"""Simulate a scenario on a plant: a whole run that is kept, or one that is looked at block by block."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,10 @@ from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN
 from cranectl.simulate.actuation import Actuation, make_actuation
-from cranectl.simulate.blocks import PreparedRun
-from cranectl.simulate.loop_inputs import LoopInputs
-from cranectl.simulate.loops import compiled_loop, python_loop
+from cranectl.simulate.loops import AdvanceBlock, LoopInputs, compiled_loop, python_loop
 from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run
 from cranectl.simulate.run import Run, record_width
-from cranectl.simulate.signal_path import make_signal_path, whole_record
+from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
 from cranectl.support.errors import unknown_name
 
@@ -30,6 +28,15 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
 BLOCK = 1000  # samples per call of the loop: a few milliseconds of computing
+
+
+class PreparedRun(NamedTuple):
+    """A run at its first sample."""
+
+    advance: AdvanceBlock
+    inputs: LoopInputs
+    path: SignalPath | None
+    memory: Array
 
 
 def simulate_run(
@@ -41,6 +48,7 @@ def simulate_run(
     design: Design | LawDesign | None = None,
     nominal: Scenario | None = None,
     plan: Plan | None = None,
+    law: Tracker | AddressedLaw | None = None,
     compiled: bool = True,
     progress: Progress | None = None,
 ) -> Run:
@@ -49,15 +57,15 @@ def simulate_run(
     `controller`: a name from `controller_names()`, by default the scenario's; or give a finished `design`.
     `nominal`: what the controller takes the crane for, by default what it is; reference, feedback, observer
     are made for it. It may differ from `scenario` in rig, effects, initial and disturbances only. `plan`
-    saves planning the same scenario twice. Raises InputError for wrong names and for a reference that the
-    rig cannot follow. A run that has to stop early, Ctrl-C included, returns what it has, with the reason in
-    its status.
+    and `law`, as `law_of` gives it, save making the same twice. Raises InputError for wrong names and for a
+    reference that the rig cannot follow. A run that has to stop early, Ctrl-C included, returns what it has,
+    with the reason in its status.
     """
     nominal = nominal or scenario
     design = design or controller_design(controller or nominal.controller.name, nominal)
     plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, checked_drive(drive))
-    law = law_of(nominal, design, crane.drive, plan)
+    law = law or law_of(nominal, design, crane.drive, plan)
     run = start_run(crane, scenario, law, plan, nominal=nominal, compiled=compiled)
     record = np.zeros((len(plan.time_ns), record_width(design)))
     rows, last, status = _run_blocks(run, record, plan, progress)
@@ -114,7 +122,7 @@ def tracker_of(scenario: Scenario, design: Design) -> Tracker:
 
 
 def law_of(
-    nominal: Scenario, design: Design | LawDesign, drive: Drive, plan: Plan | PlannedReference
+    nominal: Scenario, design: Design | LawDesign, drive: Drive, plan: PlannedReference
 ) -> Tracker | AddressedLaw:
     """`design` made to run the reference of `plan` on the crane that it takes for `nominal`.
 
@@ -143,7 +151,7 @@ def linearised_law(
 
 
 def _known(
-    nominal: Scenario, design: LawDesign, controller: Controller, drive: Drive, plan: Plan | PlannedReference
+    nominal: Scenario, design: LawDesign, controller: Controller, drive: Drive, plan: PlannedReference
 ) -> Nominal:
     reference = plan.reference
     if controller.follows == "set-point":
@@ -227,3 +235,34 @@ def _run_blocks(
     if status == RunStatus.RUNNING:
         return rows, rows - 1, RunStatus.COMPLETED
     return rows, end, status
+
+
+class Block(NamedTuple):
+    """Consecutive complete samples; its rows are written over by the next block."""
+
+    time_ns: NDArray[np.int64]  # (n,)
+    record: Array  # (n, columns of `signals` without those of the signal path)
+    reference: Array  # (n, 15)
+    path: Array  # (n, PATH_WIDTH) what the signal path recorded; without one, `record`
+
+
+def stream_run(
+    run: PreparedRun, plan: Plan, record: Array, look: Callable[[Block], None]
+) -> tuple[int, RunStatus]:
+    """Run `plan` to its end, `len(record)` samples at a time; returns when it ended [ns], and how.
+
+    The signal path must have a record of as many rows. Sample by sample the same as a run in one piece.
+    """
+    total, size = len(plan.time_ns), len(record)
+    for first in range(0, total, size):
+        piece = slice(first, min(first + size, total))
+        reference = plan.reference[piece]
+        inputs = run.inputs._replace(
+            reference=reference, disturbance=plan.disturbance[piece], wind=plan.wind[piece]
+        )
+        rows, end, code = run.advance(inputs, run.path, record, run.memory, 0, len(reference))
+        path = record if run.path is None else run.path.record
+        look(Block(plan.time_ns[first : first + rows], record[:rows], reference[:rows], path[:rows]))
+        if code != RunStatus.RUNNING:
+            return int(plan.time_ns[first + end]), RunStatus(code)
+    return int(plan.time_ns[-1]), RunStatus.COMPLETED

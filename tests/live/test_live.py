@@ -24,7 +24,7 @@ from cranectl.design import design_controller
 from cranectl.live.commands import Controls
 from cranectl.live.increments import Increments
 from cranectl.live.listener import Address
-from cranectl.live.server import LiveServer
+from cranectl.live.server import PATIENCE, LiveServer, Pace
 from cranectl.live.session import Session
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.log.messages import streams
@@ -572,3 +572,33 @@ def test_a_recording_that_cannot_be_finished_is_an_error(tmp_path: Path) -> None
         server.serve(stop)
     with pytest.raises((OSError, WebSocketException)), Viewer(server.port):
         pass
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_pace_neither_drifts_nor_forgets_a_hiccup() -> None:
+    clock = Clock()
+    pace = Pace(clock)
+    for k in range(500):
+        clock.now += 0.3 if k % 100 == 50 else 0.0137  # a hiccup now and then
+        wait, lost = pace.wait(0.02)
+        assert lost == 0.0
+        clock.now += wait
+    assert clock.now == pytest.approx(100.0 + 500 * 0.02)
+
+
+def test_pace_gives_up_what_cannot_be_caught_up() -> None:
+    clock = Clock()
+    pace = Pace(clock)
+    clock.now += 0.02 + PATIENCE + 0.1
+    assert pace.wait(0.02) == (0.0, pytest.approx(PATIENCE + 0.1))
+    assert pace.wait(0.02) == (pytest.approx(0.02), 0.0), "and goes on from there"
+    clock.now += 5.0
+    pace.restart()
+    assert pace.wait(0.02) == (pytest.approx(0.02), 0.0)

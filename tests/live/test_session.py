@@ -5,7 +5,6 @@ import pytest
 
 from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller, with_gain
-from cranectl.live.pace import PATIENCE, Pace
 from cranectl.live.session import Session
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS
@@ -73,7 +72,8 @@ def test_another_tracker_of_the_same_gains_changes_no_bit(short: Scenario, contr
 def test_another_robustifier_starts_at_rest_and_the_extension_carries_over(short: Scenario) -> None:
     running = session(short, "lqr+hinf")
     advanced(running, 300)
-    held = [np.concatenate([state.memory[:2], state.inputs.actuation.velocity]) for state in running._states]
+    runs = [state.run for state in running._states]
+    held = [np.concatenate([run.memory[:2], run.inputs.actuation.velocity]) for run in runs]
     design = design_controller("pole-placement+loop-shaping", short.design)
     running.use(design)
     for run, memory in zip(running.advance(1), held, strict=True):
@@ -185,33 +185,3 @@ def test_a_stop_ends_the_motion_until_the_next_start() -> None:
     running.reset()
     assert running.moving
     assert [len(run.time_ns) for run in running.advance(20)] == [20, 20]
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-def test_pace_neither_drifts_nor_forgets_a_hiccup() -> None:
-    clock = Clock()
-    pace = Pace(clock)
-    for k in range(500):
-        clock.now += 0.3 if k % 100 == 50 else 0.0137  # a hiccup now and then
-        wait, lost = pace.wait(0.02)
-        assert lost == 0.0
-        clock.now += wait
-    assert clock.now == pytest.approx(100.0 + 500 * 0.02)
-
-
-def test_pace_gives_up_what_cannot_be_caught_up() -> None:
-    clock = Clock()
-    pace = Pace(clock)
-    clock.now += 0.02 + PATIENCE + 0.1
-    assert pace.wait(0.02) == (0.0, pytest.approx(PATIENCE + 0.1))
-    assert pace.wait(0.02) == (pytest.approx(0.02), 0.0), "and goes on from there"
-    clock.now += 5.0
-    pace.restart()
-    assert pace.wait(0.02) == (pytest.approx(0.02), 0.0)

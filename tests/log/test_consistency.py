@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from cranectl.design import CONTROLLERS, Design, design_controller
 from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.consistency import Clock, check_design, check_run, check_runs
-from cranectl.log.formats import parse_header
-from cranectl.log.header import LogHeader
+from cranectl.log.header import LogHeader, parse_header
 from cranectl.log.writer import file_attachments, file_metadata, write_logged
 from cranectl.mcap_columns.records import DamageError
 from cranectl.scenario import DesignSettings, load_scenario

@@ -13,7 +13,7 @@ from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, make_plant, simulate_run
 from cranectl.simulate import runner as runner_module
-from cranectl.simulate.loop_inputs import LoopInputs, judge_sample
+from cranectl.simulate.loops import LoopInputs, judge_sample
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.conftest import ALL_CONTROLLERS

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.live.place import next_file, own_place
+from cranectl.live.recorder import next_file, own_place
 from cranectl.support.errors import LogError
 
 
@@ -63,7 +63,7 @@ def test_segments_have_the_first_free_number(tmp_path: Path) -> None:
 
 def test_a_place_of_a_session_that_was_killed_is_free(tmp_path: Path) -> None:
     script = (
-        "import sys; from pathlib import Path; from cranectl.live.place import own_place\n"
+        "import sys; from pathlib import Path; from cranectl.live.recorder import own_place\n"
         "with own_place(Path(sys.argv[1])): print('mine', flush=True); sys.stdin.read()"
     )
     wanted = tmp_path / "a.mcap"
