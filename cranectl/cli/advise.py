@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option, output_option, scenario_options
+from cranectl.cli.command import Command, json_option, output_option, scenario_options
 from cranectl.support.files import HTML
 
 if TYPE_CHECKING:

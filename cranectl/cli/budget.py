@@ -5,8 +5,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option, scenario_options
+from cranectl.cli.command import Command, json_option, scenario_options
 
 
 @click.command("budget", cls=Command)

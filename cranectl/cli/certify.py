@@ -4,8 +4,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command
-from cranectl.cli.options import drive_option, json_option, output_option, scenario_options
+from cranectl.cli.command import Command, drive_option, json_option, output_option, scenario_options
 from cranectl.support.files import PLOTS
 
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)

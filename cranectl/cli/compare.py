@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option, output_option, predict_option
+from cranectl.cli.command import Command, json_option, output_option, predict_option
 from cranectl.support.errors import InputError
 from cranectl.support.files import MCAP
 
 if TYPE_CHECKING:
-    from cranectl.cli.screen import Screen
+    from cranectl.cli.output import Screen
+    from cranectl.compare.limits import Predict
     from cranectl.compare.runs import Comparison
     from cranectl.simulate import Run
 
@@ -40,7 +40,7 @@ def compare_command(
     tolerances: str | None,
     merge: Path | None,
     despite_differences: bool,
-    predict: bool,
+    predict: "Predict | None",
     json_file: str | None,
 ) -> int:
     """Compare the plants of one LOG, or the same plants of two LOGs.
@@ -94,7 +94,7 @@ def compare_command(
 
 def _print(screen: "Screen", comparison: "Comparison") -> None:
     """Every signal, then the largest distances."""
-    from cranectl.cli.screen import styled
+    from cranectl.cli.output import styled
     from cranectl.report.run.tables import comparison_table
 
     screen.print(comparison_table(f"{comparison.b} minus {comparison.a}", comparison))
@@ -107,16 +107,17 @@ def _print(screen: "Screen", comparison: "Comparison") -> None:
         screen.print(styled("the runs did not end at the same time", "yellow"))
 
 
-def _compare_plants(log: Path, json_file: str | None, *, predict: bool) -> int:
+def _compare_plants(log: Path, json_file: str | None, *, predict: "Predict | None") -> int:
     """The plants of one log, judged as by the run that wrote it."""
-    from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
+    from cranectl.compare.limits import limits_for
     from cranectl.compare.runs import compare_runs, ended_as_expected, judge, least_good
     from cranectl.report.run.tables import agreement_table, limit_notes
 
     pairs = _pairs((log,))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
-    limits = limits_of(runs, predict=predict)
+    first, plants = runs[0], [run.plant for run in runs]
+    limits = limits_for(first.scenario, first.design, first.drive, plants, predict=predict)
     comparisons = [compare_runs(*pair) for pair in pairs]
     agreements = [
         judge(*pair, limits=limits, comparison=comparison)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option, output_option, scenario_options
+from cranectl.cli.command import Command, json_option, output_option, scenario_options
 from cranectl.support.files import PLOTS
 
 

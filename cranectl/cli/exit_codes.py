@@ -1,12 +1,5 @@
 """Exit codes of every command."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from cranectl.cases.case import CaseResult
-    from cranectl.cases.workers import Result
-
 GOOD = 0
 LIMIT_EXCEEDED = 1
 BAD_INPUT = 2
@@ -22,32 +15,3 @@ MEANINGS = {
     UNFORESEEN: "an error that nobody foresaw; --traceback tells where",
     INTERRUPTED: "interrupted: Ctrl-C, a request to terminate, a terminal that is gone",
 }
-
-
-def of_run(result: "CaseResult") -> int:
-    """The code that says most of what happened: interrupted, stopped, disagreed, good."""
-    if result.interrupted:
-        return INTERRUPTED
-    if result.stopped:
-        return RUN_STOPPED
-    return GOOD if result.passed else LIMIT_EXCEEDED
-
-
-def of_validation(results: Sequence["Result"], *, interrupted: bool) -> int:
-    """The code that says most: interrupted, unforeseen or a worker died, bad input, stopped, disagreed, good.
-
-    A run that stops as its scenario expects is good.
-    """
-    from cranectl.cases.case import CaseResult, Failure
-
-    if interrupted:
-        return INTERRUPTED
-    failures = [result for result in results if isinstance(result, Failure)]
-    if any(result is None for result in results) or not all(failure.bad_input for failure in failures):
-        return UNFORESEEN
-    if failures:
-        return BAD_INPUT
-    finished = [result for result in results if isinstance(result, CaseResult)]
-    if any(result.stopped and not result.as_expected for result in finished):
-        return RUN_STOPPED
-    return GOOD if all(result.passed for result in finished) else LIMIT_EXCEEDED

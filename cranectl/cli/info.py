@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option, predict_option
+from cranectl.cli.command import Command, json_option, predict_option
 
 if TYPE_CHECKING:
+    from cranectl.compare.limits import Predict
     from cranectl.compare.runs import Agreement
     from cranectl.log import LogDescription
     from cranectl.simulate import Run
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
 @predict_option
 @json_option
-def info_command(log: Path, predict: bool, json_file: str | None) -> None:
+def info_command(log: Path, predict: "Predict | None", json_file: str | None) -> None:
     """Say what LOG holds, what made it, and whether it is whole.
 
     Scenario, design, parameters, versions, topics, verdict. Every message and checksum is read; a damaged
@@ -28,8 +28,8 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap
     """
-    from cranectl.cli.judgement import limits_of
     from cranectl.cli.output import console, write_json
+    from cranectl.compare.limits import limits_for
     from cranectl.compare.runs import against_reference, judge, least_good
     from cranectl.log import describe_log, read_log
     from cranectl.report.run.tables import topic_table
@@ -39,7 +39,8 @@ def info_command(log: Path, predict: bool, json_file: str | None) -> None:
     description = describe_log(log)
     held = list(runs.values())
     pairs = against_reference([run for run in held if len(run.time_ns)], runs)
-    limits = limits_of(held, predict=predict) if pairs else None
+    first = held[0]
+    limits = limits_for(first.scenario, first.design, first.drive, runs, predict=predict) if pairs else None
     agreements = [judge(*pair, limits=limits) for pair in pairs]
     software = provenance_differences(description.versions, provenance())
     screen = console(json_file)

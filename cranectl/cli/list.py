@@ -4,8 +4,7 @@ from typing import Any
 
 import click
 
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option
+from cranectl.cli.command import Command, json_option
 
 
 @click.command("list", cls=Command)

@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command
-from cranectl.cli.options import (
+from cranectl.cli.command import (
+    Command,
     controller_option,
     drive_option,
     layout_for,

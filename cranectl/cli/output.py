@@ -2,17 +2,148 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+from rich import box
+from rich.console import Console
+from rich.measure import Measurement
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Column
+from rich.table import Table as ScreenTable
+from rich.text import Text
 
-from cranectl.cli.screen import Screen, progress, styled
+from cranectl.report.table import Cell, Table
 from cranectl.support.documents import mapped
 from cranectl.support.files import write_text, writing
 from cranectl.support.text import printable
+
+FILE_WIDTH = 160  # what the widest table, of the ladder, takes
+COLOURS = {"good": "green", "open": "yellow", "bad": "bold red", "head": "bold"}
+
+
+class Screen(Console):
+    """A console that takes every string for text: one line without markup or control characters."""
+
+    def __init__(self, *, stderr: bool) -> None:
+        super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
+        if not self.is_terminal:  # into a file or a CI log: as wide as the tables are
+            self.width = FILE_WIDTH
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str(printable(text), **options)
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """A line of strings and styled texts, never wrapped, or a table, in parts where it is too wide."""
+        if len(objects) == 1 and isinstance(objects[0], Table):
+            width = self.width
+            for part in self._parts(screen_table(objects[0])):
+                self.width = max(width, self._needed(part))
+                super().print(part, crop=False)
+                self.width = width
+        else:
+            super().print(*objects, **{"soft_wrap": True, **options})
+
+    def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:
+        """`table`, dense if need be, or tables of its first column and as many others as fit."""
+        if self._needed(table) > self.width:
+            table = copy(table)
+            table.padding = (0, 0)
+        if self._needed(table) <= self.width:
+            yield table
+            return
+        labels, first = table.columns[:1], 1
+        while first < len(table.columns):
+            part = copy(table)
+            begin, after = _with_group(table.columns, first), first + 1
+            part.columns = [*labels, begin]
+            while after < len(table.columns):
+                wider = copy(table)
+                wider.columns = [*part.columns, table.columns[after]]
+                if self._needed(wider) > self.width:
+                    break
+                part, after = wider, after + 1
+            part.title = table.title if first == 1 else None
+            part.caption = table.caption if after == len(table.columns) else None
+            yield part
+            first = after
+
+    def _needed(self, table: ScreenTable) -> int:
+        """What `table` needs at least, its foldable columns folded."""
+        options = self.options.update(max_width=10_000)
+        needed = Measurement.get(self, options, table).maximum
+        for column in table.columns:
+            if not column.no_wrap:
+                cells = [Measurement.get(self, options, cell) for cell in (column.header, *column.cells)]
+                needed -= max(cell.maximum for cell in cells) - max(cell.minimum for cell in cells)
+        return needed
+
+
+def _with_group(columns: Sequence[Column], k: int) -> Column:
+    """Column `k`; an empty first line of its heading becomes that of the column it is grouped with."""
+    column = columns[k]
+    first, *rest = str(column.header).split("\n")
+    if first or not rest:
+        return column
+    groups = (str(before.header).split("\n")[0] for before in reversed(columns[:k]))
+    return replace(column, header=heading("\n".join([next(filter(None, groups), ""), *rest])))
+
+
+def styled(text: str, style: str) -> Text:
+    """Text from outside in a style of ours."""
+    return Text(printable(text), style=style)
+
+
+def heading(text: str) -> Text:
+    """A heading or note of our own, on several lines."""
+    return Text("\n".join(map(printable, text.split("\n"))))
+
+
+def screen_table(table: Table) -> ScreenTable:
+    """The table with its note below; what neighbouring headings begin with is said once.
+
+    Where there is little room its texts are folded, but never the first column, nor numbers.
+    """
+    shown = ScreenTable(
+        title=styled(table.title, ""),
+        title_justify="left",
+        caption=heading(table.note) if table.note else None,
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_header=any(table.headings),
+    )
+    before = ""
+    for k, text in enumerate(table.headings):
+        first, *rest = text.split("\n")
+        lines = ["" if rest and first == before else first, *rest]
+        shown.add_column(
+            heading("\n".join(lines)),
+            justify="left" if k < table.labels else "right",
+            no_wrap=not 0 < k < table.labels,
+            overflow="fold",
+        )
+        before = first
+    for row in table.rows:
+        shown.add_row(*(_coloured(cell) for cell in row))
+    return shown
+
+
+def _coloured(cell: Cell) -> Text:
+    return styled(cell.text, COLOURS.get(cell.mark, ""))
+
+
+@contextmanager
+def progress(*columns: ProgressColumn) -> Iterator[Progress]:
+    """Progress on standard error, gone at the end; silent where there is no terminal."""
+    screen = Screen(stderr=True)
+    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as shown:
+        yield shown
+
 
 PASSED, FAILED = styled("passed", "green"), styled("FAILED", "bold red")
 

@@ -1,22 +1,25 @@
 """`cranectl report`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command
-from cranectl.cli.options import output_option, predict_option
+from cranectl.cli.command import Command, output_option, predict_option
 from cranectl.support.files import HTML
 
 MAX_LOGS = 4  # as many as there are colours
+
+if TYPE_CHECKING:
+    from cranectl.compare.limits import Predict
 
 
 @click.command("report", cls=Command)
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=click.Path(path_type=Path))
 @output_option("--out", HTML, "Default: thesis.html without logs, otherwise the first log's name with .html.")
 @predict_option
-def report_command(logs: tuple[Path, ...], out: Path | None, predict: bool) -> int:
+def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict | None") -> int:
     """Write runs, or the thesis, as one HTML page of figures and tables.
 
     To be read in any browser, without a network. Of up to four LOGs: how the runs went, every figure with
@@ -36,8 +39,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, predict: bool) -> i
     return exit_codes.GOOD
 
 
-def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: bool) -> None:
-    from cranectl.cli.judgement import predictor
+def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None") -> None:
     from cranectl.cli.output import console
     from cranectl.log import describe_log, read_log
     from cranectl.report.page import write_page
@@ -58,7 +60,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: bool) -> None:
     ]
     command = f"cranectl report {' '.join(map(str, logs))}"
     of_logs = dict(zip(labels, runs, strict=True))
-    write_page(log_page(of_logs, command, notes, predict=predictor(wanted=predict)), out)
+    write_page(log_page(of_logs, command, notes, predict=predict), out)
     for note in notes:
         console(None).print(note)
     console(None).print(f"report: {out}")

@@ -1,12 +1,13 @@
 """`cranectl run`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command
-from cranectl.cli.options import (
+from cranectl.cli.command import (
+    Command,
     controller_option,
     drive_option,
     json_option,
@@ -17,6 +18,9 @@ from cranectl.cli.options import (
     scenario_options,
 )
 from cranectl.support.files import MCAP
+
+if TYPE_CHECKING:
+    from cranectl.compare.limits import Predict
 
 
 @click.command("run", cls=Command)
@@ -38,7 +42,7 @@ def run_command(
     overrides: tuple[str, ...],
     every: int | None,
     out: Path | None,
-    predict: bool,
+    predict: "Predict | None",
     json_file: str | None,
 ) -> int:
     """Run SCENARIO, a name or a TOML file, and compare the plants.
@@ -51,7 +55,6 @@ def run_command(
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity --predict
     """
     from cranectl.cases.case import make_case, run_case
-    from cranectl.cli.judgement import predictor
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.plants.registry import PLANTS
     from cranectl.report.run.tables import agreement_table, limit_notes, metrics_table, run_notes, run_table
@@ -66,7 +69,7 @@ def run_command(
         drive=checked_drive(drive),
         plants=plants or PLANTS,
         log=out,
-        predict=predictor(wanted=predict),
+        predict=predict,
     )
     with progress_bar(case.simulated_seconds) as (advance, describe):
         describe(f"{case.scenario.name}, {case.controller}")
@@ -92,4 +95,8 @@ def run_command(
             "agreements": [agreement.to_json() for agreement in result.agreements],
         },
     )
-    return exit_codes.of_run(result)
+    if result.interrupted:
+        return exit_codes.INTERRUPTED
+    if result.stopped:
+        return exit_codes.RUN_STOPPED
+    return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED

@@ -1,17 +1,28 @@
 """`cranectl validate`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from cranectl.cli.command import Command
-from cranectl.cli.options import drive_option, json_option, plants_option, predict_option, scenario_options
+from cranectl.cli import exit_codes
+from cranectl.cli.command import (
+    Command,
+    drive_option,
+    json_option,
+    plants_option,
+    predict_option,
+    scenario_options,
+)
 
 if TYPE_CHECKING:
-    from cranectl.cases.case import Case, Failure
+    from cranectl.cases.case import Case, CaseResult, Failure
+    from cranectl.cases.workers import Outcome
+    from cranectl.compare.limits import Predict
     from cranectl.scenario import Scenario
+
+SHOWN = 10  # failures shown on the screen
 
 
 @click.command("validate", cls=Command)
@@ -48,7 +59,7 @@ def validate_command(
     overrides: tuple[str, ...],
     out: Path,
     jobs: int | None,
-    predict: bool,
+    predict: "Predict | None",
     json_file: str | None,
 ) -> int:
     """Run scenarios on all plants and judge their agreement.
@@ -68,9 +79,7 @@ def validate_command(
     """
     from cranectl.cases.case import check_logs_differ, default_log, make_case
     from cranectl.cases.workers import available_cores, run_cases
-    from cranectl.cli.judgement import predictor
     from cranectl.cli.output import progress_bar
-    from cranectl.cli.validate_output import report_validation
     from cranectl.controllers.registry import chosen_controllers
     from cranectl.log import check_writable
     from cranectl.plants.plant import DRIVES, Drive
@@ -90,7 +99,7 @@ def validate_command(
             plants=plants or PLANTS,
             log=default_log(out, scenario, name, kind),
             source=source,
-            predict=predictor(wanted=predict),
+            predict=predict,
         )
         for source, scenario in loaded.items()
         for name in names
@@ -106,7 +115,7 @@ def validate_command(
             advance(case.simulated_seconds)
 
         outcome = run_cases(cases, jobs=jobs or available_cores(), done=done)
-    return report_validation(cases, outcome, unloaded, out, json_file)
+    return _report(cases, outcome, unloaded, out, json_file)
 
 
 def _loaded(
@@ -123,3 +132,117 @@ def _loaded(
         except Exception as error:
             unloaded[name] = Failure.of(error)
     return loaded, unloaded
+
+
+class Failed(NamedTuple):
+    """What could not be run, and why; without controller and drive it is the whole scenario."""
+
+    scenario: str  # as it was asked for
+    controller: str | None
+    drive: str | None
+    failure: "Failure"
+
+
+def _report(
+    cases: "Sequence[Case]",
+    outcome: "Outcome",
+    unloaded: "Mapping[str, Failure]",
+    out: Path,
+    json_file: str | None,
+) -> int:
+    """Say what came of `cases`, and why scenarios could not be loaded; returns the exit code."""
+    from cranectl.cases.case import CaseResult, Failure
+    from cranectl.cli.output import FAILED, PASSED, console, styled, write_json
+    from cranectl.report.run.tables import agreement_table, limit_notes, run_notes
+
+    pairs = list(zip(cases, outcome.results, strict=True))
+    failed = [Failed(name, None, None, failure) for name, failure in unloaded.items()]
+    failed += [
+        Failed(c.source, c.controller, c.drive, result) for c, result in pairs if isinstance(result, Failure)
+    ]
+    finished = [result for _, result in pairs if isinstance(result, CaseResult)]
+    lost = [case for case, result in pairs if result is None]
+    code = _exit_code(finished, [each.failure for each in failed], lost, interrupted=outcome.interrupted)
+    if finished or lost:
+        screen = console(json_file)
+        pairs_found = [judged for each in finished for judged in each.judged]
+        agreements = [agreement for agreement, _ in pairs_found]
+        unjudged = sum(agreement.passed is None for agreement in agreements)
+        screen.print(agreement_table(agreements, [good for _, good in pairs_found]))
+        why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
+        for note in (*limit_notes(agreements), *run_notes(finished)):
+            screen.print(f"  {note}")
+        for case in lost:
+            name = f"{case.source}, {case.controller}, {case.drive}"
+            screen.print(" ", styled(f"{name}: no result, {why}", "bold red"))
+        screen.print(f"{sum(len(each.runs) for each in finished)} runs, logs in {out}")
+        aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []
+        screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
+    _tell(failed)
+    write_json(json_file, _json(finished, failed, lost, passed=code == exit_codes.GOOD))
+    return code
+
+
+def _exit_code(
+    finished: "Sequence[CaseResult]",
+    failed: "Sequence[Failure]",
+    lost: "Sequence[Case]",
+    *,
+    interrupted: bool,
+) -> int:
+    """The code that says most: interrupted, unforeseen or a worker died, bad input, stopped, disagreed, good.
+
+    A run that stops as its scenario expects is good.
+    """
+    if interrupted:
+        return exit_codes.INTERRUPTED
+    if lost or not all(failure.bad_input for failure in failed):
+        return exit_codes.UNFORESEEN
+    if failed:
+        return exit_codes.BAD_INPUT
+    if any(result.stopped and not result.as_expected for result in finished):
+        return exit_codes.RUN_STOPPED
+    return exit_codes.GOOD if all(result.passed for result in finished) else exit_codes.LIMIT_EXCEEDED
+
+
+def _tell(failed: Sequence[Failed]) -> None:
+    """Say on standard error why cases could not be run, each reason once for a scenario."""
+    from cranectl.cli.output import console
+
+    screen = console("-")
+    alike: dict[tuple[str, Failure], list[str]] = {}
+    for each in failed:
+        name = ", ".join(part for part in (each.scenario, each.controller, each.drive) if part is not None)
+        alike.setdefault((each.scenario, each.failure), []).append(name)
+    for (scenario, failure), names in list(alike.items())[:SHOWN]:
+        name = names[0] if len(names) == 1 else f"{scenario}, {len(names)} cases"
+        screen.print(f"{name}: could not be run" if failure.bad_input else f"{name}: unforeseen")
+        full_traceback = click.get_current_context().obj
+        for line in (*failure.reason.splitlines(), *(failure.trace.splitlines() if full_traceback else ())):
+            screen.print(line)
+    if len(alike) > SHOWN:
+        screen.print(f"and {len(alike) - SHOWN} more")
+
+
+def _json(
+    finished: "Sequence[CaseResult]", failed: Sequence[Failed], lost: "Sequence[Case]", *, passed: bool
+) -> dict[str, Any]:
+    return {
+        "passed": passed,
+        "runs": [run.to_json() for result in finished for run in result.runs],
+        "agreements": [agreement.to_json() for result in finished for agreement in result.agreements],
+        "failed": [
+            {
+                "scenario": each.scenario,
+                "controller": each.controller,
+                "drive": each.drive,
+                "reason": each.failure.reason,
+                "bad_input": each.failure.bad_input,
+            }
+            for each in failed
+        ],
+        "lost": [
+            {"scenario": case.scenario.name, "controller": case.controller, "drive": case.drive}
+            for case in lost
+        ],
+    }

@@ -17,7 +17,7 @@ from cranectl.campaign.summary import (
     worst_first,
 )
 from cranectl.campaign.table import METRIC_COLUMNS
-from cranectl.cli.screen import screen_table
+from cranectl.cli.output import screen_table
 from cranectl.design import CONTROLLERS
 from cranectl.report.campaign.tables import failure_notes, summary_table
 from cranectl.support.errors import InputError

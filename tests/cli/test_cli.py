@@ -130,7 +130,7 @@ def test_validate_fails_when_a_limit_is_exceeded(
 def test_tables_fit_a_terminal_of_80_columns(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cranectl.cli.screen.FILE_WIDTH", 80)
+    monkeypatch.setattr("cranectl.cli.output.FILE_WIDTH", 80)
     assert main(["run", "settled-trajectory", "--set", "workspace.on_exit=stop"]) == 3
     assert main(["compare", "logs/settled-trajectory/pole-placement-ideal.mcap"]) == 1
     out = capsys.readouterr().out

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from cranectl.cli.screen import Screen, heading, screen_table, styled
+from cranectl.cli.output import Screen, heading, screen_table, styled
 from cranectl.report import table as report
 from cranectl.support.text import LONGEST, printable
 

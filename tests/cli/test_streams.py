@@ -15,7 +15,7 @@ import click
 @cli.command("speak")
 @click.option("--code", type=int, default=0)
 def speak(code):
-    from cranectl.cli.screen import Screen
+    from cranectl.cli.output import Screen
     screen = Screen(stderr=False)
     for k in range(3000):
         screen.print(f"{k} \\u1e8d_c [m/s\\u00b2]")

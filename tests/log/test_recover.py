@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message, Metadata, Schema
 
 from cranectl.cli.info import info_command
-from cranectl.cli.log.recover import recover_log_command
+from cranectl.cli.log import recover_log_command
 from cranectl.log import describe_log, read_log, recover_log, schema, write_log
 from cranectl.log.writer import CHUNK_SIZE
 from cranectl.mcap_columns.records import MAGIC

@@ -10,7 +10,7 @@ from cranectl.analysis.advice import Advice, advise
 from cranectl.analysis.budget.error_budget import Budget, Entry
 from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
 from cranectl.analysis.levels import NAMES
-from cranectl.cli.screen import FILE_WIDTH, screen_table
+from cranectl.cli.output import FILE_WIDTH, screen_table
 from cranectl.report.rig.tables import (
     budget_table,
     controllers_table,

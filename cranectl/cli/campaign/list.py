@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cranectl.cli.campaign.options import campaign_argument
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option
+from cranectl.cli.command import Command, json_option
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign, Parameter

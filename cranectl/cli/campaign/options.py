@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from cranectl.cli.options import names_given, plants_option
+from cranectl.cli.command import names_given, plants_option
 
 F = TypeVar("F", bound=Callable[..., Any])
 

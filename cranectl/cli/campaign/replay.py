@@ -6,8 +6,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import controllers_option
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option, plants_option
+from cranectl.cli.command import Command, json_option, plants_option
 
 
 @click.command("replay", cls=Command)

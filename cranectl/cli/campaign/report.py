@@ -5,8 +5,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option, output_option
+from cranectl.cli.command import Command, json_option, output_option
 from cranectl.support.files import HTML
 
 

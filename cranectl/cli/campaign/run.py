@@ -12,9 +12,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import campaign_argument
-from cranectl.cli.command import Command
-from cranectl.cli.options import json_option
-from cranectl.cli.screen import progress
+from cranectl.cli.command import Command, json_option
+from cranectl.cli.output import progress
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign

@@ -1,0 +1,117 @@
+"""`cranectl log`: export a log, recover one, lay out its viewer."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli.command import Command, Group, OutputFile, json_option, output_option, plants_option
+from cranectl.support.files import JSON, MCAP
+
+
+@click.command("export", cls=Command)
+@click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
+@click.option(
+    "--format",
+    "format_name",
+    metavar="NAME",
+    help="csv, parquet, mat or what a package adds. Default: as FILE ends; csv without FILE.",
+)
+@click.option(
+    "--signals",
+    "patterns",
+    metavar="PATTERN",
+    multiple=True,
+    help="Shell pattern of the columns wanted, e.g. 'mujoco.state.*'; repeatable. Default: all.",
+)
+@click.option(
+    "--out",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Default: the log's name with the format's ending, in the working directory.",
+)
+def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], out: Path | None) -> None:
+    """Write the signals of LOG as a table for pandas, MATLAB or Excel.
+
+    One row a logged sample. Columns: time [s], PLANT.GROUP.SIGNAL (mujoco.state.alpha) and reference.SIGNAL
+    (reference.load_x); empty, in MATLAB NaN, where a plant has no sample. All in SI units and radians;
+    parquet and mat hold each signal's unit. The values are the log's to the last bit.
+
+    \b
+    cranectl log export logs/fixed-position/lqr-ideal.mcap
+    cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
+    """
+    from cranectl.cli.output import console
+    from cranectl.export import chosen_exporter, export_table, write_table
+    from cranectl.log import read_log
+    from cranectl.support.files import check_place
+
+    exporter = chosen_exporter(format_name, out)
+    path = out or Path(f"{log.stem}.{exporter.name}")
+    check_place(path, exporter.kind, inputs=[log], option="--out")
+    table = export_table(list(read_log(log).values()), patterns)
+    write_table(table, path, exporter)
+    size = f"{len(table.time)} samples of {len(table.columns)} signals"
+    console(None).print(f"export: {path}, {size}")
+
+
+@click.command("layout", cls=Command)
+@click.argument("name")
+@click.argument("out", type=OutputFile(JSON))
+@plants_option("Whose runs the log holds. Default: all; what shows one run then shows mujoco's.")
+def write_layout(name: str, out: Path, plants: tuple[str, ...]) -> None:
+    """Write the layout NAME for Foxglove or Lichtblick to OUT.
+
+    \b
+    single        one run: crane, load, error, angles, inputs, tension
+    comparison    several plants: the crane and its ghosts, the same signals, what parts them
+    controller    what the controller thought
+    ladder        all levels of `cranectl ladder` on top of each other
+
+    \b
+    cranectl log layout comparison comparison.json
+    cranectl log layout single single.json --plant analytic
+    """
+    from cranectl.cli.output import console
+    from cranectl.plants.registry import PLANTS
+    from cranectl.report.viewer_layouts import layout_json
+    from cranectl.support.files import write_text, writing
+
+    content = layout_json(name, plants=plants or PLANTS)
+    with writing(out):
+        write_text(out, content)
+    console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")
+
+
+@click.command("recover", cls=Command)
+@click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
+@output_option("--out", MCAP, "Log file. Default: the place the log should have had, if it is free")
+@json_option
+def recover_log_command(file: Path, out: Path | None, json_file: str | None) -> None:
+    """Save what is whole in FILE, a log that was cut off.
+
+    Its process was killed, or its disk full. At most the last chunk of 64 KiB is missing.
+    FILE itself stays as it is.
+
+    \b
+    cranectl log recover logs/fixed-position/lqr-ideal.mcap.4711.part
+    """
+    from cranectl.cli.output import console, write_json
+    from cranectl.log import recover_log
+
+    recovery = recover_log(file, out)
+    screen = console(json_file)
+    screen.print(f"{recovery.messages} messages of {file} are whole")
+    for run in recovery.runs:
+        expected = f" of {run.expected}" if run.expected is not None else ""
+        screen.print(f"  {run.plant}: {run.status} at {run.end_s:g} s, {run.samples}{expected} samples")
+    if recovery.lost:
+        screen.print(f"  the last {recovery.lost} of {recovery.size} bytes are no whole chunk, and lost")
+    screen.print(f"log: {recovery.log}")
+    write_json(json_file, recovery.to_json())
+
+
+log_command = Group(
+    "log",
+    [export_log, write_layout, recover_log_command],
+    help="Export a log, recover one, lay out its viewer.",
+)
