@@ -8,8 +8,8 @@ from campaign_benchmark import HEAVY, MEMORY, RATE, RESULT, campaign_of
 from figures import Figure, figure, interleaved
 
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.results import read_part, write_part
-from cranectl.campaign.store import open_store
+from cranectl.campaign.results import open_store
+from cranectl.campaign.table import read_part, write_part
 from cranectl.campaign.workers import run_batches
 
 ROWS = 977  # of a part of a campaign of a million runs

@@ -1,4 +1,7 @@
-"""Everything that is computed of a result, for its report and as plain data."""
+"""Everything that is computed of a result, for its report and as plain data.
+
+Groups compare sample by sample: one controller against another, one plant against the other.
+"""
 
 import itertools
 from dataclasses import asdict, dataclass
@@ -7,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.groups import Group, Pair, groups_of, pair_of, parameter_values
 from cranectl.campaign.results import Results
 from cranectl.campaign.sensitivity import (
     Correlations,
@@ -19,7 +21,19 @@ from cranectl.campaign.sensitivity import (
     separations,
     sobol_of,
 )
-from cranectl.campaign.summary import Example, GroupSummary, examples, summarize
+from cranectl.campaign.statistics import quantiles, rank_correlations, sign_test
+from cranectl.campaign.summary import (
+    MAIN_METRICS,
+    MEASURE,
+    Example,
+    Group,
+    GroupSummary,
+    examples,
+    groups_of,
+    parameter_values,
+    summarize,
+)
+from cranectl.metrics import low_is_bad
 from cranectl.plants.registry import reference_plant
 from cranectl.support.documents import mapped
 
@@ -27,6 +41,118 @@ Array = NDArray[np.float64]
 
 WORST = 3  # runs listed for each plant and controller
 BY_STEPS = "one-at-a-time"  # a sampling that is no spread: correlations mean nothing
+DIFFERENCE_QUANTILES = (0.05, 0.5, 0.95)
+LISTED = 5  # samples that are farthest apart
+
+
+@dataclass(frozen=True)
+class Failures:
+    """How many samples fail in which of two groups; both have been run."""
+
+    neither: int
+    both: int
+    first_only: tuple[int, ...]  # samples
+    second_only: tuple[int, ...]
+
+    @property
+    def p(self) -> float:
+        """Of McNemar's exact test: whether one fails more often than the other."""
+        return sign_test(len(self.first_only), len(self.second_only))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Second minus first of one metric over the samples that both completed."""
+
+    metric: str
+    samples: int
+    quantiles: tuple[float, ...]  # DIFFERENCE_QUANTILES; NaN without samples
+    first_better: int
+    second_better: int
+    p: float  # of the sign test
+
+    @property
+    def better_share(self) -> float:
+        """Share of samples in which the second is better; NaN without samples."""
+        return self.second_better / self.samples if self.samples else float("nan")
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How alike two groups are in one metric over the samples that both completed."""
+
+    metric: str
+    samples: int
+    rho: float  # Spearman's; NaN where one is constant
+    quantiles: tuple[float, ...]  # of the absolute difference, DIFFERENCE_QUANTILES
+    largest: tuple[tuple[int, float], ...]  # sample and difference, second minus first
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two groups on the same samples."""
+
+    first: Group
+    second: Group
+    failures: Failures
+    differences: tuple[Difference, ...]  # one for each of MAIN_METRICS
+    agreement: Agreement  # in MEASURE
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "first": {"plant": self.first.plant, "controller": self.first.controller},
+            "second": {"plant": self.second.plant, "controller": self.second.controller},
+            "failures": {**asdict(self.failures), "p": self.failures.p},
+            "differences": [asdict(each) for each in self.differences],
+            "agreement": asdict(self.agreement),
+        }
+
+
+def pair_of(first: Group, second: Group) -> Pair:
+    """Compare two groups sample by sample."""
+    differences = tuple(_difference(first, second, metric) for metric in MAIN_METRICS)
+    return Pair(first, second, _failures(first, second), differences, _agreement(first, second, MEASURE))
+
+
+def _failures(first: Group, second: Group) -> Failures:
+    there = first.there & second.there
+    a, b = first.failed & there, second.failed & there
+    return Failures(
+        neither=int((there & ~a & ~b).sum()),
+        both=int((a & b).sum()),
+        first_only=tuple(np.flatnonzero(a & ~b).tolist()),
+        second_only=tuple(np.flatnonzero(b & ~a).tolist()),
+    )
+
+
+def _agreement(first: Group, second: Group, metric: str) -> Agreement:
+    a, b = first.metrics[metric], second.metrics[metric]
+    difference = b - a
+    order = np.argsort(-np.abs(difference), kind="stable")
+    order = order[~np.isnan(difference[order])]
+    return Agreement(
+        metric=metric,
+        samples=order.size,
+        rho=float(rank_correlations(a[:, np.newaxis], b)[0]),
+        quantiles=tuple(quantiles(np.abs(difference), DIFFERENCE_QUANTILES).tolist()),
+        largest=tuple((int(k), float(difference[k])) for k in order[:LISTED] if difference[k]),
+    )
+
+
+def _difference(first: Group, second: Group, metric: str) -> Difference:
+    difference = second.metrics[metric] - first.metrics[metric]
+    difference = difference[~np.isnan(difference)]
+    up, down = int((difference > 0.0).sum()), int((difference < 0.0).sum())
+    better, worse = (up, down) if low_is_bad(metric) else (down, up)
+    return Difference(
+        metric=metric,
+        samples=difference.size,
+        quantiles=tuple(quantiles(difference, DIFFERENCE_QUANTILES).tolist()),
+        first_better=worse,
+        second_better=better,
+        p=sign_test(better, worse),
+    )
 
 
 @dataclass(frozen=True)

@@ -5,126 +5,44 @@
     replays/PLANT-CONTROLLER-SAMPLE.mcap       logs of runs that were repeated, unless put elsewhere
 
 Which parts there are follows from the campaign, not from the number of workers. A result that was cut short
-is one whose parts are not all there. A part is one Parquet file, whole or not there, checked when read: the
-same batch gives the same bytes, every page has a checksum, and what a part says of its columns has one; all
-else is compared with what the batch must be: columns, units, keys. The words that describe a column may
-differ from version to version.
+is one whose parts are not all there. It is written by one process at a time, a batch at a time.
 """
 
-import hashlib
-from collections.abc import Sequence
+import errno
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Batch, Campaign, batches_of
-from cranectl.campaign.manifest import Origin, campaign_of, checked_manifest, origins_of
-from cranectl.campaign.table import Row, arrow_schema
+from cranectl.campaign.manifest import (
+    Origin,
+    campaign_of,
+    checked_manifest,
+    differences,
+    manifest_of,
+    origin_of,
+    origins_of,
+    software_of,
+)
+from cranectl.campaign.table import DamageError, Row, arrow_schema, part_name, read_part, write_part
 from cranectl.support.documents import Table, read_json
 from cranectl.support.errors import InputError
-from cranectl.support.files import exists, replacing
-from cranectl.support.interrupts import interrupts_wait
-from cranectl.support.provenance import FINGERPRINTS
+from cranectl.support.files import exists, write_text, writing
+from cranectl.support.provenance import provenance_differences
 
 MANIFEST_FILE = "campaign.json"
 PARTS = "parts"
 REPLAYS = "replays"
-SHOWN = 3  # damaged parts named in a message
-
-BATCH = (b"plant", b"controller", b"first")  # metadata that tells it
-DIGEST = b"columns"  # metadata: of what the part says of its columns
-FEW_VALUES = ["plant", "controller", "status", "reason"]  # columns that repeat themselves
-
-
-class DamageError(Exception):
-    """A part that is not what was written."""
-
-
-def part_name(batch: Batch) -> str:
-    """Name of the file of `batch`."""
-    return f"part-{batch.plant}-{batch.controller}-{batch.first:07d}.parquet"
-
-
-def write_part(path: Path, campaign: Campaign, origin: Origin, batch: Batch, rows: Sequence[Row]) -> None:
-    """Write the rows of `batch` to `path`, whole or not at all; raises OSError if that cannot be done."""
-    import pyarrow
-    from pyarrow import parquet
-
-    schema = _part_schema(campaign, origin, batch)
-    table = pyarrow.Table.from_pylist(list(rows), schema=schema)
-    # Files and not their names, which may be no UTF-8.
-    with interrupts_wait(), replacing(path) as unfinished, unfinished.open("wb") as stream:
-        parquet.write_table(
-            table,
-            stream,
-            compression="zstd",
-            use_dictionary=FEW_VALUES,
-            write_statistics=False,
-            write_page_checksum=True,
-        )
-
-
-def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: Batch) -> tuple[Any, Origin]:
-    """The table of `batch` from `path`, and which of `origins` made it.
-
-    Raises DamageError if it is not what was written.
-    """
-    import pyarrow
-    from pyarrow import parquet
-
-    try:
-        with (
-            path.open("rb") as stream,
-            parquet.ParquetFile(stream, page_checksum_verification=True) as file,
-        ):
-            schema = file.schema_arrow
-            table = file.read(use_threads=False)
-            table.validate(full=True)
-    except (OSError, pyarrow.ArrowException, ValueError, OverflowError, MemoryError) as error:
-        raise DamageError(str(error).partition("\n")[0]) from None
-    identity = (schema.metadata or {}).get(b"identity", b"").decode(errors="replace")
-    origin = next((each for each in origins if each.identity == identity), None)
-    if origin is None:
-        raise DamageError("it belongs to another campaign")
-    expected = _part_schema(campaign, origin, batch)
-    _check_schema(schema, expected)
-    keys = [list(range(batch.first, batch.last)), [batch.plant], [batch.controller]]
-    found = [table["sample"].to_pylist()]
-    found += [sorted(set(table[name].to_pylist())) for name in ("plant", "controller")]
-    if found != keys:
-        raise DamageError("its rows are not those of its batch")
-    return table.cast(expected), origin
-
-
-def _part_schema(campaign: Campaign, origin: Origin, batch: Batch) -> Any:
-    """The columns of a part, and what it says of itself."""
-    software = {name: origin.versions[name] for name in FINGERPRINTS if name in origin.versions}
-    own = {"campaign": campaign.settings.name, "identity": origin.identity, **software}
-    schema = arrow_schema(campaign, own | {name: str(value) for name, value in batch._asdict().items()})
-    return schema.with_metadata({**schema.metadata, DIGEST: _digest(schema)})
-
-
-def _check_schema(found: Any, expected: Any) -> None:
-    """Raise DamageError unless a part says that it is what it must be."""
-    told, own = found.metadata, expected.metadata
-    batch = [told.get(key, b"").decode(errors="replace") for key in BATCH]
-    if batch != [own[key].decode() for key in BATCH]:
-        raise DamageError(f"it holds the batch {' '.join(batch)}")
-    # Words that describe a column may change; parts of format 1 have no digest of them.
-    if told | {DIGEST: b""} != own | {DIGEST: b""} or told.get(DIGEST) not in (None, _digest(found)):
-        raise DamageError("what it says of itself was changed")
-    units = [[(field.metadata or {}).get(b"unit") for field in schema] for schema in (found, expected)]
-    if not found.equals(expected) or units[0] != units[1]:
-        raise DamageError("its columns are not those of the campaign")
-
-
-def _digest(schema: Any) -> bytes:
-    """Of what a schema says of each column."""
-    text = repr([sorted((field.metadata or {}).items()) for field in schema])
-    return hashlib.sha256(text.encode()).hexdigest()[:16].encode()
+LOCK_FILE = ".lock"
+QUARANTINED = ".corrupt"  # ending of a damaged part that was put aside
+ELSEWHERE = "choose another place with --out"
+SHOWN = 5  # damaged parts or differences named in a message
 
 
 @dataclass(frozen=True)
@@ -166,15 +84,6 @@ class Results:
         return found
 
 
-class Survey(NamedTuple):
-    """What there is of a result."""
-
-    tables: dict[Batch, Any]  # good parts
-    made_by: dict[Batch, Origin]
-    missing: tuple[Batch, ...]  # with those whose part is damaged
-    damaged: dict[Path, str]  # why, by file
-
-
 def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     """Read the result in `directory`; every part is checked.
 
@@ -187,27 +96,28 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     manifest = read_manifest(directory)
     campaign = campaign_of(manifest, str(directory / MANIFEST_FILE))
     origins = origins_of(manifest)
-    found = survey(directory, campaign, origins)
-    if found.damaged:
-        named = [f"{path.name}: {why}" for path, why in found.damaged.items()]
+    parts, damaged = _survey(directory, campaign, origins)
+    if damaged:
+        named = [f"{path.name}: {why}" for path, why in damaged.items()]
         more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
         raise InputError(
             f"damaged parts in {directory / PARTS}: {'; '.join(named[:SHOWN])}{more}",
             allowed="each part once, as it was written",
             remedy="the command that began it, with --resume, quarantines them and runs their batches again",
         )
-    if found.missing and not unfinished:
+    missing = tuple(batch for batch in batches_of(campaign) if batch not in parts)
+    if missing and not unfinished:
         raise InputError(
-            f"{directory} is not finished: {len(found.missing)} of {len(batches_of(campaign))} parts missing",
+            f"{directory} is not finished: {len(missing)} of {len(batches_of(campaign))} parts missing",
             allowed="a result all of whose runs are there",
             remedy="complete it with the command that began it and --resume",
         )
     schema = arrow_schema(campaign, {"campaign": campaign.settings.name, "identity": origins[0].identity})
-    tables = [table.replace_schema_metadata(schema.metadata) for table in found.tables.values()]
+    tables = [table.replace_schema_metadata(schema.metadata) for table, _ in parts.values()]
     table = pyarrow.concat_tables(tables) if tables else schema.empty_table()
-    makers = [origins.index(found.made_by[batch]) for batch in found.tables]
-    made_by = np.repeat(np.array(makers, dtype=np.int64), [part.num_rows for part in tables])
-    return Results(directory, campaign, manifest, found.missing, table.combine_chunks(), made_by)
+    makers = np.array([origins.index(origin) for _, origin in parts.values()], dtype=np.int64)
+    made_by = np.repeat(makers, [part.num_rows for part in tables])
+    return Results(directory, campaign, manifest, missing, table.combine_chunks(), made_by)
 
 
 def read_manifest(directory: Path) -> Table:
@@ -230,20 +140,163 @@ def read_manifest(directory: Path) -> Table:
     return checked_manifest(manifest, str(path))
 
 
-def survey(directory: Path, campaign: Campaign, origins: Sequence[Origin]) -> Survey:
-    """Look at every part in `directory`, each of which one of `origins` must have made."""
+def _survey(
+    directory: Path, campaign: Campaign, origins: Sequence[Origin]
+) -> tuple[dict[Batch, tuple[Any, Origin]], dict[Path, str]]:
+    """The good parts in `directory`, each made by one of `origins`; what is wrong with others, by file."""
     expected = {directory / PARTS / part_name(batch): batch for batch in batches_of(campaign)}
-    tables: dict[Batch, Any] = {}
-    made_by: dict[Batch, Origin] = {}
-    damaged = {}
+    parts, damaged = {}, {}
     for path, batch in expected.items():
         if not path.exists():
             continue
         try:
-            tables[batch], made_by[batch] = read_part(path, campaign, origins, batch)
+            parts[batch] = read_part(path, campaign, origins, batch)
         except DamageError as error:
             damaged[path] = str(error)
     strays = sorted(path for path in (directory / PARTS).glob("*.parquet") if path not in expected)
-    damaged |= dict.fromkeys(strays, "its name is that of no batch")
-    missing = tuple(batch for batch in expected.values() if batch not in tables)
-    return Survey(tables, made_by, missing, damaged)
+    return parts, damaged | dict.fromkeys(strays, "its name is that of no batch")
+
+
+@dataclass(frozen=True)
+class Store:
+    """A result that this process may write."""
+
+    directory: Path
+    campaign: Campaign
+    origin: Origin  # of the parts that this process makes
+    missing: tuple[Batch, ...]  # what is still to be run
+    quarantined: tuple[str, ...]  # what was damaged and has been put aside, a phrase each
+
+    def write(self, batch: Batch, rows: Sequence[Row]) -> None:
+        """Keep the rows of `batch`; raises InputError if that cannot be done, the rest stays as it is."""
+        path = self.directory / PARTS / part_name(batch)
+        try:
+            write_part(path, self.campaign, self.origin, batch, rows)
+        except OSError as error:
+            full = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else str(error)
+            raise InputError(
+                f"cannot write {path}: {full}",
+                allowed="a directory that can be written, on a disk with space",
+                remedy="make room and go on with --resume: finished batches are kept",
+            ) from None
+
+
+@contextmanager
+def open_store(
+    campaign: Campaign,
+    directory: Path,
+    *,
+    resume: bool = False,
+    despite_differences: bool = False,
+    overwrite: bool = False,
+) -> Iterator[Store]:
+    """Hold the result in `directory`, made if it is not there, for writing.
+
+    Raises InputError if another process holds it; if there is a result and neither `resume` nor `overwrite`
+    says what to do with it; if the result to resume is of a campaign that differs or, unless
+    `despite_differences`, was made by other software.
+    """
+    from filelock import FileLock, Timeout
+
+    _check_empty(directory)
+    lock = FileLock(directory / LOCK_FILE)  # the system lets go of it when its process ends, however that is
+    with writing(directory, remedy=ELSEWHERE):
+        (directory / PARTS).mkdir(parents=True, exist_ok=True)
+        try:
+            held = lock.acquire(blocking=False)
+        except Timeout:
+            raise InputError(
+                f"another process is writing {directory}",
+                allowed="one process for each result",
+                remedy="wait for it, or choose another place with --out",
+            ) from None
+    with held:
+        manifest = manifest_of(campaign)
+        _check_empty(directory)  # again: another process may have been faster
+        if overwrite:
+            _clear(directory)
+        if exists(directory / MANIFEST_FILE):
+            kept = read_manifest(directory)
+            _check_same(directory, kept, manifest, resume=resume)
+            manifest |= _software(directory, kept, manifest["versions"], accepted=despite_differences)
+        with writing(directory, remedy=ELSEWHERE):
+            write_text(directory / MANIFEST_FILE, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+        try:
+            yield _prepared(directory, campaign, manifest)
+        except InputError:
+            if not any((directory / PARTS).iterdir()):  # nothing was run: leave nothing to stand in the way
+                _clear(directory)
+            raise
+
+
+def _check_empty(directory: Path) -> None:
+    """Raise InputError if there is something other than a result."""
+    if not exists(directory) or not directory.is_dir() or exists(directory / MANIFEST_FILE):
+        return
+    own = (PARTS, LOCK_FILE)
+    paths = [path for path in directory.iterdir() if path.name not in own]
+    paths += (directory / PARTS).glob("*")
+    others = sorted(path.name for path in paths if not path.name.startswith(f"{MANIFEST_FILE}."))
+    if others:
+        raise InputError(
+            f"{directory} holds other files: {', '.join(others[:SHOWN])}",
+            allowed="a new or an empty directory, or one with a result",
+            remedy=ELSEWHERE,
+        )
+
+
+def _check_same(directory: Path, kept: Table, wanted: Table, *, resume: bool) -> None:
+    if not resume:
+        raise InputError(
+            f"{directory} holds a result of the campaign '{kept['campaign']['name']}' already",
+            allowed="a new or an empty directory",
+            remedy="complete it with --resume, replace it with --overwrite, or choose another --out",
+        )
+    different = differences(kept, wanted)
+    if different:
+        more = f" and {len(different) - SHOWN} more" if len(different) > SHOWN else ""
+        raise InputError(
+            f"the result in {directory} is of another campaign: {'; '.join(different[:SHOWN])}{more}",
+            allowed="the campaign and scenario that the result was begun with; limits may differ",
+            remedy="choose another place with --out, or replace the result with --overwrite",
+        )
+
+
+def _software(directory: Path, kept: Table, installed: dict[str, str], *, accepted: bool) -> Table:
+    """What a resumed result says of what made it; raises InputError for new software unless `accepted`."""
+    known = [kept["versions"], *kept["accepted"]]
+    different = [provenance_differences(each, installed) for each in known]
+    if all(different):
+        if not accepted:
+            raise InputError(
+                f"the result in {directory} was made by other software: {'; '.join(different[-1])}",
+                allowed="the sources, models, data and versions that made it",
+                remedy="install those, replace the result with --overwrite, or go on with --resume "
+                "--despite-differences: it then says which of its runs were made by what",
+            )
+        known.append(installed)
+    return {"versions": known[0], "accepted": known[1:]}
+
+
+def _prepared(directory: Path, campaign: Campaign, manifest: Table) -> Store:
+    """Remove what a kill has left half-written, quarantine damaged parts, see what is missing."""
+    for unfinished in (directory / PARTS).glob("part-*.parquet.*.part"):
+        unfinished.unlink()
+    parts, damaged = _survey(directory, campaign, origins_of(manifest))
+    missing = tuple(batch for batch in batches_of(campaign) if batch not in parts)
+    quarantined = []
+    for path, why in damaged.items():
+        place = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
+        quarantined.append(f"{path.name} was damaged ({why}); now {place.name}")
+    origin = origin_of(manifest, software_of(campaign.settings.plants))
+    return Store(directory, campaign, origin, missing, tuple(quarantined))
+
+
+def _clear(directory: Path) -> None:
+    """Remove a result with the logs of its replays, and nothing else."""
+    for path in (*(directory / PARTS).glob("part-*.parquet*"), *(directory / REPLAYS).glob("*.mcap*")):
+        path.unlink()
+    with suppress(OSError):  # it is not there, or holds something else
+        (directory / REPLAYS).rmdir()
+    with suppress(FileNotFoundError):
+        (directory / MANIFEST_FILE).unlink()

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Campaign
-from cranectl.campaign.groups import MAIN_METRICS, Group, compared_parameters
 from cranectl.campaign.results import Results
 from cranectl.campaign.sampling import saltelli_blocks
 from cranectl.campaign.statistics import (
@@ -24,7 +23,7 @@ from cranectl.campaign.statistics import (
     quantiles,
     rank_correlations,
 )
-from cranectl.campaign.summary import CONFIDENCE
+from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, Group, compared_parameters
 
 Array = NDArray[np.float64]
 

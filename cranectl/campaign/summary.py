@@ -1,23 +1,27 @@
 """How a campaign went, by plant and controller: failures with confidence interval, quantiles, worst runs.
 
-Worth a look are the runs with the largest errors, and an example of every way to stop.
+Worth a look are the runs with the largest errors, and an example of every way to stop. What made the runs is
+told beside what is installed.
 """
 
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.campaign.manifest import software_of
 from cranectl.campaign.results import Results
 from cranectl.campaign.settings import within
-from cranectl.campaign.table import FAILED
-from cranectl.metrics import low_is_bad
+from cranectl.campaign.table import FAILED, METRIC_COLUMNS
+from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.status import RunStatus
+from cranectl.support.provenance import provenance_differences
 
+Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 Columns = Callable[[str], Any]  # values (runs,) of a column by its name; None or NaN where absent
@@ -25,6 +29,9 @@ Columns = Callable[[str], Any]  # values (runs,) of a column by its name; None o
 CONFIDENCE = 0.95
 INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs stand for the distribution
 MEASURE = "max_error_m"
+MAIN_METRICS = tuple(metric.name for metric in all_metrics() if metric.compared)
+EFFORTS = tuple(name for name in METRIC_COLUMNS if name.startswith("rms_acceleration_m_s2"))
+EFFORT = "effort_m_s2"  # RMS of the commanded accelerations of all drives together
 
 
 @dataclass(frozen=True)
@@ -44,10 +51,6 @@ class GroupSummary:
     q95_max_error_m: float | None  # 95 % quantile
     worst_sample: int | None  # of the largest max_error_m of all runs that have one
     worst_max_error_m: float | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self)
 
 
 def summarize(results: Results) -> tuple[GroupSummary, ...]:
@@ -152,3 +155,88 @@ def _stops(results: Results, rows: Rows, shown: Sequence[int]) -> dict[int, str]
         alike.setdefault((status[row], NUMBER.sub("#", reason[row])), []).append(row)
     new = sorted((same for same in alike.values() if not set(same) & set(shown)), key=len, reverse=True)
     return {same[0]: f"one of {len(same)}: {reason[same[0]]}" for same in new[:MOST_STOPS]}
+
+
+@dataclass(frozen=True)
+class Group:
+    """The runs with one controller on one plant; arrays (samples,), by index of the sample."""
+
+    plant: str
+    controller: str
+    there: Mask  # the run is in the result
+    completed: Mask
+    failed: Mask  # did not complete, or broke a limit
+    metrics: dict[str, Array]  # MAIN_METRICS and EFFORT; NaN unless completed
+
+    @property
+    def name(self) -> str:
+        """Both names, for people."""
+        return f"{self.controller} on {self.plant}"
+
+
+def groups_of(results: Results) -> tuple[Group, ...]:
+    """A group for each plant and controller, in the order of the campaign."""
+    completed = results.column("status") == RunStatus.COMPLETED.label
+    bad = failed(results.column, results.campaign.settings.limits.given)
+    metrics = {name: results.column(name).astype(np.float64) for name in MAIN_METRICS}
+    metrics[EFFORT] = np.linalg.norm([results.column(name).astype(np.float64) for name in EFFORTS], axis=0)
+    found = []
+    for plant, controller in results.campaign.groups:
+        rows = results.rows(plant, controller)
+        samples = results.column("sample")[rows]
+        there, done, broken = (np.zeros(results.campaign.runs, dtype=np.bool_) for _ in range(3))
+        there[samples], done[samples], broken[samples] = True, completed[rows], bad[rows]
+        by_sample = {name: np.full(results.campaign.runs, np.nan) for name in metrics}
+        for name, values in metrics.items():
+            by_sample[name][samples] = np.where(completed[rows], values[rows], np.nan)
+        found.append(Group(plant, controller, there, done, broken, by_sample))
+    return tuple(found)
+
+
+def parameter_values(results: Results) -> Array:
+    """Values of the uncertain parameters as recorded, (samples, d); NaN for samples without any run."""
+    campaign = results.campaign
+    values = np.full((campaign.runs, len(campaign.names)), np.nan)
+    samples = results.column("sample")
+    for column, name in enumerate(campaign.names):
+        values[samples, column] = results.column(name)
+    return values
+
+
+def compared_parameters(results: Results) -> list[int]:
+    """Columns of the parameters that metrics can depend on in order: they vary and are no seeds."""
+    campaign = results.campaign
+    return [k for k in campaign.varied if not campaign.names[k].endswith(".seed")]
+
+
+@dataclass(frozen=True)
+class Maker:
+    """One set of sources, models, data and versions that made runs."""
+
+    runs: int
+    versions: dict[str, str]
+    differences: tuple[str, ...]  # from what is installed, a phrase each
+
+
+def makers(results: Results) -> tuple[Maker, ...]:
+    """What made the runs, the one that began the result first; nothing where there are no runs."""
+    installed = software_of(results.campaign.settings.plants)
+    counts = np.bincount(results.made_by, minlength=len(results.origins)).tolist()
+    return tuple(
+        Maker(count, dict(versions), tuple(provenance_differences(versions, installed)))
+        for (_, versions), count in zip(results.origins, counts, strict=True)
+        if count
+    )
+
+
+def software_notes(results: Results) -> list[str]:
+    """What is to be said of it, a line each; nothing where all runs are by what is installed."""
+    found = makers(results)
+    runs = [f"{maker.runs} {'run' if maker.runs == 1 else 'runs'}" for maker in found]
+    mixed = [f"made by {len(found)} sets of sources or versions: {', '.join(runs)}"] if len(found) > 1 else []
+    others = [
+        f"{count} by other software than what is installed: {'; '.join(maker.differences)}"
+        for maker, count in zip(found, runs, strict=True)
+        if maker.differences
+    ]
+    return mixed + others

@@ -4,13 +4,25 @@ First come RUN_COLUMNS, then a column for each parameter by its dotted name, the
 no dot: a metric of several numbers has a column for each, `final_load_m_x`. Metrics are None where a run has
 none: all of a run without a sample, which a `failed` one is. Whole numbers among the parameters are below
 2³², so floats hold them. Type, unit and description of every column are kept in every Parquet file.
+
+A part is one Parquet file with the rows of a batch, whole or not there, checked when read: the same batch
+gives the same bytes, every page has a checksum, and what a part says of its columns has one; all else is
+compared with what the batch must be: columns, units, keys. The words that describe a column may differ from
+version to version.
 """
 
+import hashlib
 import re
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from cranectl.campaign.definition import Campaign
+from cranectl.campaign.definition import Batch, Campaign
+from cranectl.campaign.manifest import Origin
 from cranectl.metrics import RunMetrics, all_metrics
+from cranectl.support.files import replacing
+from cranectl.support.interrupts import interrupts_wait
+from cranectl.support.provenance import FINGERPRINTS
 
 Value = int | float | str | None
 Row = dict[str, Value]
@@ -89,3 +101,96 @@ def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
         for column in row_columns(campaign)
     ]
     return pyarrow.schema(fields, metadata=metadata)
+
+
+BATCH = (b"plant", b"controller", b"first")  # metadata that tells it
+DIGEST = b"columns"  # metadata: of what the part says of its columns
+FEW_VALUES = ["plant", "controller", "status", "reason"]  # columns that repeat themselves
+
+
+class DamageError(Exception):
+    """A part that is not what was written."""
+
+
+def part_name(batch: Batch) -> str:
+    """Name of the file of `batch`."""
+    return f"part-{batch.plant}-{batch.controller}-{batch.first:07d}.parquet"
+
+
+def write_part(path: Path, campaign: Campaign, origin: Origin, batch: Batch, rows: Sequence[Row]) -> None:
+    """Write the rows of `batch` to `path`, whole or not at all; raises OSError if that cannot be done."""
+    import pyarrow
+    from pyarrow import parquet
+
+    schema = _part_schema(campaign, origin, batch)
+    table = pyarrow.Table.from_pylist(list(rows), schema=schema)
+    # Files and not their names, which may be no UTF-8.
+    with interrupts_wait(), replacing(path) as unfinished, unfinished.open("wb") as stream:
+        parquet.write_table(
+            table,
+            stream,
+            compression="zstd",
+            use_dictionary=FEW_VALUES,
+            write_statistics=False,
+            write_page_checksum=True,
+        )
+
+
+def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: Batch) -> tuple[Any, Origin]:
+    """The table of `batch` from `path`, and which of `origins` made it.
+
+    Raises DamageError if it is not what was written.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    try:
+        with (
+            path.open("rb") as stream,
+            parquet.ParquetFile(stream, page_checksum_verification=True) as file,
+        ):
+            schema = file.schema_arrow
+            table = file.read(use_threads=False)
+            table.validate(full=True)
+    except (OSError, pyarrow.ArrowException, ValueError, OverflowError, MemoryError) as error:
+        raise DamageError(str(error).partition("\n")[0]) from None
+    identity = (schema.metadata or {}).get(b"identity", b"").decode(errors="replace")
+    origin = next((each for each in origins if each.identity == identity), None)
+    if origin is None:
+        raise DamageError("it belongs to another campaign")
+    expected = _part_schema(campaign, origin, batch)
+    _check_schema(schema, expected)
+    keys = [list(range(batch.first, batch.last)), [batch.plant], [batch.controller]]
+    found = [table["sample"].to_pylist()]
+    found += [sorted(set(table[name].to_pylist())) for name in ("plant", "controller")]
+    if found != keys:
+        raise DamageError("its rows are not those of its batch")
+    return table.cast(expected), origin
+
+
+def _part_schema(campaign: Campaign, origin: Origin, batch: Batch) -> Any:
+    """The columns of a part, and what it says of itself."""
+    software = {name: origin.versions[name] for name in FINGERPRINTS if name in origin.versions}
+    own = {"campaign": campaign.settings.name, "identity": origin.identity, **software}
+    schema = arrow_schema(campaign, own | {name: str(value) for name, value in batch._asdict().items()})
+    return schema.with_metadata({**schema.metadata, DIGEST: _digest(schema)})
+
+
+def _check_schema(found: Any, expected: Any) -> None:
+    """Raise DamageError unless a part says that it is what it must be."""
+    told, own = found.metadata, expected.metadata
+    batch = [told.get(key, b"").decode(errors="replace") for key in BATCH]
+    if batch != [own[key].decode() for key in BATCH]:
+        raise DamageError(f"it holds the batch {' '.join(batch)}")
+    # Words that describe a column may change; parts of format 1 have no digest of them.
+    if told | {DIGEST: b""} != own | {DIGEST: b""} or told.get(DIGEST) not in (None, _digest(found)):
+        raise DamageError("what it says of itself was changed")
+    units = [[(field.metadata or {}).get(b"unit") for field in schema] for schema in (found, expected)]
+    if not found.equals(expected) or units[0] != units[1]:
+        raise DamageError("its columns are not those of the campaign")
+
+
+def _digest(schema: Any) -> bytes:
+    """Of what a schema says of each column."""
+    text = repr([sorted((field.metadata or {}).items()) for field in schema])
+    return hashlib.sha256(text.encode()).hexdigest()[:16].encode()

@@ -6,8 +6,7 @@ import numpy as np
 
 from cranectl.campaign import Campaign, sample_values
 from cranectl.campaign.definition import Batch, batches_of
-from cranectl.campaign.results import PARTS
-from cranectl.campaign.store import open_store
+from cranectl.campaign.results import PARTS, open_store
 from cranectl.campaign.table import METRIC_COLUMNS, Row
 from tests.campaign.campaigns import campaign
 

@@ -14,7 +14,8 @@ import pytest
 
 from cranectl.campaign import campaign_names
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.results import PARTS, Results, part_name, read_results, write_part
+from cranectl.campaign.results import PARTS, Results, read_results
+from cranectl.campaign.table import part_name, write_part
 from cranectl.cli.main import main
 from cranectl.log import read_log
 from cranectl.metrics import run_metrics
@@ -26,7 +27,7 @@ Refused = Callable[..., str]
 pytestmark = pytest.mark.usefixtures("in_directory_with_campaign")
 ANNOUNCED = """\
 import sys, time
-from cranectl.campaign.store import Store
+from cranectl.campaign.results import Store
 write = Store.write
 def announced(self, batch, rows):
     write(self, batch, rows)

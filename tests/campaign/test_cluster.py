@@ -17,7 +17,7 @@ from cranectl.campaign import Campaign, load_campaign
 from cranectl.campaign.cluster import cluster_client, packed, run_batches_on, run_remotely
 from cranectl.campaign.definition import Batch, batches_of
 from cranectl.campaign.manifest import manifest_of
-from cranectl.campaign.store import Store, open_store
+from cranectl.campaign.results import Store, open_store
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance

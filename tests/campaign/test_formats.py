@@ -8,8 +8,7 @@ import pytest
 
 from cranectl.campaign import table as columns
 from cranectl.campaign.manifest import FORMAT, READERS
-from cranectl.campaign.results import MANIFEST_FILE, read_results
-from cranectl.campaign.store import open_store
+from cranectl.campaign.results import MANIFEST_FILE, open_store, read_results
 from cranectl.campaign.summary import summarize
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError

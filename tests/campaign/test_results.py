@@ -13,17 +13,8 @@ from pyarrow import parquet
 from cranectl.campaign import campaign_names, load_campaign, sample_values
 from cranectl.campaign.definition import batches_of
 from cranectl.campaign.manifest import Origin, campaign_of, differences, manifest_of, origins_of
-from cranectl.campaign.results import (
-    MANIFEST_FILE,
-    PARTS,
-    REPLAYS,
-    DamageError,
-    part_name,
-    read_part,
-    read_results,
-)
-from cranectl.campaign.store import open_store
-from cranectl.campaign.table import row_columns
+from cranectl.campaign.results import MANIFEST_FILE, PARTS, REPLAYS, open_store, read_results
+from cranectl.campaign.table import DamageError, part_name, read_part, row_columns
 from cranectl.plants.registry import PLANTS
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign

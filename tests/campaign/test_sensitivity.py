@@ -7,13 +7,7 @@ import pytest
 import scipy.stats
 
 from cranectl.campaign import Campaign, sample_values
-from cranectl.campaign.groups import (
-    EFFORT,
-    MAIN_METRICS,
-    groups_of,
-    pair_of,
-    parameter_values,
-)
+from cranectl.campaign.evaluation import pair_of
 from cranectl.campaign.sampling import saltelli_blocks
 from cranectl.campaign.sensitivity import (
     LEAST,
@@ -24,7 +18,7 @@ from cranectl.campaign.sensitivity import (
     separations,
     sobol_indices,
 )
-from cranectl.campaign.summary import Example, examples
+from cranectl.campaign.summary import EFFORT, MAIN_METRICS, Example, examples, groups_of, parameter_values
 from cranectl.campaign.table import METRIC_COLUMNS
 from tests.campaign.campaigns import SEED, campaign, fixed
 from tests.campaign.synthetic import THREE, synthetic_results, three

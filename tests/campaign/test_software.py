@@ -11,7 +11,8 @@ import pytest
 from pyarrow import parquet
 
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.results import MANIFEST_FILE, PARTS, part_name, read_results, write_part
+from cranectl.campaign.results import MANIFEST_FILE, PARTS, read_results
+from cranectl.campaign.table import part_name, write_part
 from cranectl.cli.main import main
 from cranectl.support.provenance import fingerprints
 from tests.support.test_provenance import copy_checkout

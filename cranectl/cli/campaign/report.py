@@ -1,12 +1,17 @@
 """`cranectl campaign report`."""
 
 import shlex
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from cranectl.cli.command import Command, json_option, output_option
 from cranectl.support.files import HTML
+
+if TYPE_CHECKING:
+    from cranectl.campaign.results import Results
 
 
 @click.command("report", cls=Command)
@@ -27,7 +32,6 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     """
     from cranectl.campaign.evaluation import analyse, analysis_json
     from cranectl.campaign.results import read_results
-    from cranectl.cli.campaign.output import show_result
     from cranectl.cli.output import console
     from cranectl.report.campaign.page import campaign_page
     from cranectl.report.page import write_page
@@ -41,3 +45,33 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     write_page(campaign_page(analysis, command), page)
     show_result(results, json_file, analysis_json(analysis))
     console(json_file).print(f"report: {page}")
+
+
+def show_result(results: "Results", json_file: str | None, more: dict[str, Any] | None = None) -> None:
+    """Print the summary of a result and write it as JSON, with what is `more`, where asked for."""
+    from cranectl.campaign.summary import makers, software_notes, summarize
+    from cranectl.cli.output import console, write_json
+    from cranectl.report.campaign.tables import failure_notes, summary_table
+
+    groups = summarize(results)
+    settings = results.campaign.settings
+    screen = console(json_file)
+    for plant in settings.plants:
+        of_plant = [group for group in groups if group.plant == plant]
+        screen.print(summary_table(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
+        for note in failure_notes(of_plant):
+            screen.print(f"  {note}")
+    for note in software_notes(results):
+        screen.print(note)
+    screen.print(f"result: {results.directory}")
+    summary = {
+        "campaign": settings.name,
+        "result": str(results.directory),
+        "finished": not results.missing,
+        "runs": len(results),
+        "missing": results.missing_runs,
+        "limits": settings.limits.given,
+        "software": [asdict(maker) for maker in makers(results)],
+        "groups": [asdict(group) for group in groups],
+    }
+    write_json(json_file, summary | (more or {}))

@@ -18,7 +18,7 @@ from cranectl.cli.output import progress
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
     from cranectl.campaign.definition import Batch
-    from cranectl.campaign.store import Store
+    from cranectl.campaign.results import Store
     from cranectl.campaign.table import Row
 
     Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
@@ -90,10 +90,9 @@ def run_campaign(
     Exit codes: 0 all runs are there, failed ones included; 2 bad input or a full disk; 3 none could be run;
     130 interrupted.
     """
-    from cranectl.campaign.results import read_results
-    from cranectl.campaign.store import open_store
+    from cranectl.campaign.results import open_store, read_results
     from cranectl.campaign.table import FAILED
-    from cranectl.cli.campaign.output import show_result
+    from cranectl.cli.campaign.report import show_result
     from cranectl.cli.output import console
 
     if resume and overwrite:

@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cranectl.campaign.groups import EFFORT, MAIN_METRICS, Group, Pair
+from cranectl.campaign.evaluation import Pair
 from cranectl.campaign.statistics import empirical_distribution, quantiles
-from cranectl.campaign.summary import MEASURE
+from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group
 from cranectl.metrics import low_is_bad
-from cranectl.report.campaign.labels import METRIC_LABELS
+from cranectl.report.campaign.wording import METRIC_LABELS
 from cranectl.report.theme import SERIES, STAND_IN
 
 Array = NDArray[np.float64]

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.distributions import LogUniform
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis
-from cranectl.campaign.groups import MAIN_METRICS, Group
 from cranectl.campaign.sensitivity import Correlations, OneAtATimeEffect
 from cranectl.campaign.statistics import equal_bins, quantiles
-from cranectl.campaign.summary import INDEPENDENT, MEASURE, failure_interval
+from cranectl.campaign.summary import INDEPENDENT, MAIN_METRICS, MEASURE, Group, failure_interval
 from cranectl.report.campaign.figures import WIDTH, series_style
-from cranectl.report.campaign.labels import METRIC_LABELS, metric_name, number, parameter_label
+from cranectl.report.campaign.wording import METRIC_LABELS, metric_name, number, parameter_label
 from cranectl.report.theme import SERIES, STAND_IN
 
 Array = NDArray[np.float64]

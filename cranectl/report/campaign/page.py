@@ -8,12 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
 
-from cranectl.campaign.evaluation import Analysis, GroupAnalysis
-from cranectl.campaign.groups import MAIN_METRICS, Pair, compared_parameters
+from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.sensitivity import LEAST
-from cranectl.campaign.summary import MEASURE
-from cranectl.report.campaign import figures, influence_figures, pair_tables, tables, wording
-from cranectl.report.campaign.labels import metric_name
+from cranectl.campaign.summary import MAIN_METRICS, MEASURE, compared_parameters
+from cranectl.report.campaign import figures, influence_figures, tables, wording
+from cranectl.report.campaign.wording import metric_name
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import inline_svg, styled
@@ -92,8 +91,8 @@ def _controllers(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
         plant = parts[0].group.plant
         pairs = [pair for pair in analysis.controllers if pair.first.plant == plant]
         title = f"Samples that fail with one controller and not with the other, on {plant}"
-        compared.append(pair_tables.failures_table(pairs, sampling, title))
-        compared.append(pair_tables.controller_differences(pairs, sampling))
+        compared.append(tables.failures_table(pairs, sampling, title))
+        compared.append(tables.controller_differences(pairs, sampling))
         title = f"error against effort on {plant}"
         verdict = "Each cross spans 90 % of a controller's completed runs and meets at its medians."
         scatters.append(drawn(title, verdict, figures.effort_and_error, [part.group for part in parts]))
@@ -113,9 +112,9 @@ def _two_plants(analysis: Analysis, pairs: Sequence[Pair], anchor: str, drawn: D
     title = f"largest error on {one} and on {other}, the same samples"
     figure = drawn(title, wording.agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
     failing = "Samples that fail on one plant and not on the other"
-    shown = [pair_tables.plants_agreement(pairs), pair_tables.failures_table(pairs, sampling, failing)]
+    shown = [tables.plants_agreement(pairs), tables.failures_table(pairs, sampling, failing)]
     if any(pair.agreement.largest for pair in pairs):
-        shown.append(pair_tables.disagreements(analysis, pairs))
+        shown.append(tables.disagreements(analysis, pairs))
     return Section(anchor, f"{one.capitalize()} and {other}", tables=tuple(shown), figures=(figure,))
 
 
