@@ -14,7 +14,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cranectl.compare.runs import Agreement, Comparison, compare_runs, judge
+    from cranectl.compare.agreement import Agreement, judge
+    from cranectl.compare.runs import Comparison, compare_runs
     from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
     from cranectl.controllers.registry import controller_names, register_controller
     from cranectl.design import CONTROLLERS, Design, design_controller
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from cranectl.support.errors import CranectlError, InputError, LogError
 
 _HOME = {
-    "Agreement": "compare.runs",
+    "Agreement": "compare.agreement",
     "CONTROLLERS": "design",
     "Comparison": "compare.runs",
     "Controller": "controllers.controller",
@@ -50,7 +51,7 @@ _HOME = {
     "compare_runs": "compare.runs",
     "controller_names": "controllers.registry",
     "design_controller": "design",
-    "judge": "compare.runs",
+    "judge": "compare.agreement",
     "load_scenario": "scenario",
     "read_log": "log",
     "read_signal": "log",

@@ -12,7 +12,7 @@ from itertools import product
 from multiprocessing import get_context
 
 from cranectl.analysis.budget.predicted_limits import PlantDifference, predict_plant_difference
-from cranectl.compare.limits import agreement_limits
+from cranectl.compare.agreement import agreement_limits
 from cranectl.design import CONTROLLERS
 from cranectl.scenario import load_scenario, scenario_names
 

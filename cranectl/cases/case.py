@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cranectl.compare.limits import Predict, limits_for
-from cranectl.compare.runs import Agreement, against_reference
-from cranectl.compare.step_length import judge_steps
+from cranectl.compare.agreement import Agreement, Predict, against_reference, judge_steps, limits_for
 from cranectl.controllers.registry import controller_design
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics

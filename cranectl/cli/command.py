@@ -10,7 +10,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.files import JSON, Kind, check_place, kind_of
 
 if TYPE_CHECKING:
-    from cranectl.compare.limits import Limits, NoLimits
+    from cranectl.compare.agreement import Limits, NoLimits
     from cranectl.design import Design
     from cranectl.scenario import Scenario
 

@@ -13,7 +13,7 @@ from cranectl.support.files import MCAP
 
 if TYPE_CHECKING:
     from cranectl.cli.output import Screen
-    from cranectl.compare.limits import Predict
+    from cranectl.compare.agreement import Predict
     from cranectl.compare.runs import Comparison
     from cranectl.simulate import Run
 
@@ -110,8 +110,8 @@ def _print(screen: "Screen", comparison: "Comparison") -> None:
 def _compare_plants(log: Path, json_file: str | None, *, predict: "Predict | None") -> int:
     """The plants of one log, judged as by the run that wrote it."""
     from cranectl.cli.output import console, write_json
-    from cranectl.compare.limits import limits_for
-    from cranectl.compare.runs import compare_runs, ended_as_expected, judge, least_good
+    from cranectl.compare.agreement import ended_as_expected, judge, least_good, limits_for
+    from cranectl.compare.runs import compare_runs
     from cranectl.report.run.tables import agreement_table, limit_notes
 
     pairs = _pairs((log,))
@@ -189,8 +189,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
 
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log; the pair that is in it."""
-    from cranectl.compare.merge import merged_pair, refuse_differences
-    from cranectl.compare.runs import differing_fields
+    from cranectl.compare.runs import differing_fields, merged_pair, refuse_differences
     from cranectl.log import describe_log, read_log, write_logged
     from cranectl.support.provenance import provenance, provenance_differences
 
@@ -225,7 +224,7 @@ def _software_differences(log: Path, other: Path) -> list[str]:
 
 def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:
     """The runs to compare: the plants of one log, or each plant that two logs share."""
-    from cranectl.compare.runs import against_reference
+    from cranectl.compare.agreement import against_reference
     from cranectl.log import read_log
 
     runs = [read_log(log) for log in logs]

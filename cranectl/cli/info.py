@@ -9,8 +9,7 @@ import click
 from cranectl.cli.command import Command, json_option, predict_option
 
 if TYPE_CHECKING:
-    from cranectl.compare.limits import Predict
-    from cranectl.compare.runs import Agreement
+    from cranectl.compare.agreement import Agreement, Predict
     from cranectl.log import LogDescription
     from cranectl.simulate import Run
 
@@ -29,8 +28,7 @@ def info_command(log: Path, predict: "Predict | None", json_file: str | None) ->
     cranectl info logs/fixed-position/lqr-ideal.mcap
     """
     from cranectl.cli.output import console, write_json
-    from cranectl.compare.limits import limits_for
-    from cranectl.compare.runs import against_reference, judge, least_good
+    from cranectl.compare.agreement import against_reference, judge, least_good, limits_for
     from cranectl.log import describe_log, read_log
     from cranectl.report.run.tables import topic_table
     from cranectl.support.provenance import provenance, provenance_differences

@@ -12,7 +12,7 @@ from cranectl.support.files import HTML
 MAX_LOGS = 4  # as many as there are colours
 
 if TYPE_CHECKING:
-    from cranectl.compare.limits import Predict
+    from cranectl.compare.agreement import Predict
 
 
 @click.command("report", cls=Command)

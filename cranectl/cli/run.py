@@ -20,7 +20,7 @@ from cranectl.cli.command import (
 from cranectl.support.files import MCAP
 
 if TYPE_CHECKING:
-    from cranectl.compare.limits import Predict
+    from cranectl.compare.agreement import Predict
 
 
 @click.command("run", cls=Command)

@@ -19,7 +19,7 @@ from cranectl.cli.command import (
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, CaseResult, Failure
     from cranectl.cases.workers import Outcome
-    from cranectl.compare.limits import Predict
+    from cranectl.compare.agreement import Predict
     from cranectl.scenario import Scenario
 
 SHOWN = 10  # failures shown on the screen

@@ -1,15 +1,13 @@
-"""Compare two runs sample by sample; runs come in memory, the caller reads files."""
+"""Two runs compared sample by sample, or merged as the pair that one log holds; the caller reads files."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.compare.limits import OTHER_PAIR, Limits, NoLimits, limits_for
-from cranectl.plants.registry import reference_plant
-from cranectl.scenario import NANOSECONDS
+from cranectl.plants.registry import PLANTS
 from cranectl.signals import Signal
 from cranectl.simulate import Run
 from cranectl.support.documents import differences, leaves
@@ -18,6 +16,7 @@ from cranectl.support.errors import InputError
 Array = NDArray[np.float64]
 
 COMPARED_GROUPS = ("state", "load", "input")
+SHOWN = 10  # differences in an error message
 
 
 @dataclass(frozen=True)
@@ -44,33 +43,6 @@ class Comparison:
     max_load_error_at_s: float
     max_angle_error_rad: float  # larger of the two cardan angles
     signals: tuple[SignalDifference, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self)
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """A comparison of a plant with the reference plant, judged where their limits are known."""
-
-    scenario: str
-    controller: str
-    plant: str
-    reference: str
-    drive: str
-    max_load_error_m: float
-    max_angle_error_rad: float
-    limit_m: float | None
-    limit_rad: float | None
-    passed: bool | None  # None: not judged
-    limits: str  # where the limits come from, or why there are none
-    curing_step_s: float | None = None  # control.physics_step with which they were seen to agree after all
-
-    @property
-    def verdict(self) -> str:
-        """In words."""
-        return "not judged" if self.passed is None else "passed" if self.passed else "FAILED"
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -106,63 +78,6 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
         max_angle_error_rad=float(angles.max()),
         signals=of_signals,
     )
-
-
-def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[tuple[Run, Run]]:
-    """Every other run with that of the reference plant, which comes second; none where that is missing.
-
-    `plants`: those that the reference is of, by default those of `runs`.
-    """
-    reference = reference_plant(plants or [run.plant for run in runs])
-    return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
-
-
-def judge(
-    a: Run, b: Run, *, limits: Limits | NoLimits | None = None, comparison: Comparison | None = None
-) -> Agreement:
-    """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
-
-    Plants that ended with different status, or at times further from each other than the limit, do not agree,
-    whatever their difference. Without limits of this pair there is no verdict. `comparison`: of the two,
-    where it is known already.
-    """
-    comparison = comparison or compare_runs(a, b, signals=())
-    limits = limits or limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant))
-    if isinstance(limits, Limits) and limits.plants and {a.plant, b.plant} != set(limits.plants):
-        limits = OTHER_PAIR
-    known = limits if isinstance(limits, Limits) else None
-    return Agreement(
-        scenario=a.scenario.name,
-        controller=a.design.name,
-        plant=a.plant,
-        reference=b.plant,
-        drive=a.drive,
-        max_load_error_m=comparison.max_load_error_m,
-        max_angle_error_rad=comparison.max_angle_error_rad,
-        limit_m=known.load_m if known else None,
-        limit_rad=known.angle_rad if known else None,
-        passed=_within(comparison, a, b, known) if known else None,
-        limits=limits.source if isinstance(limits, Limits) else limits.reason,
-    )
-
-
-def least_good(agreements: Sequence[Agreement]) -> Agreement:
-    """The first that does not hold, else the first that is not judged, else the first."""
-    return min(agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True))
-
-
-def _within(comparison: Comparison, a: Run, b: Run, limits: Limits) -> bool:
-    return (
-        comparison.max_load_error_m <= limits.load_m
-        and comparison.max_angle_error_rad <= limits.angle_rad
-        and abs(a.end_ns - b.end_ns) <= limits.end_s * NANOSECONDS
-        and a.status == b.status
-    )
-
-
-def ended_as_expected(run: Run) -> bool:
-    """Whether `run` ended as its scenario says that runs must."""
-    return run.status.label == run.scenario.expected
 
 
 def named_signals(run: Run) -> dict[str, Signal]:
@@ -216,3 +131,53 @@ def _difference(a: Array, b: Array) -> Array:
 
 def _label(run: Run) -> str:
     return f"{run.scenario.name}/{run.design.name}/{run.plant}/{run.drive}"
+
+
+def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
+    """Two logged runs in the order of a log of both plants, to be written at the rate that they have.
+
+    Raises InputError if one log cannot hold both: it has one controller, drive, reference and rate.
+    """
+    if a.plant == b.plant:
+        raise InputError(
+            f"both logs hold the run of {a.plant}",
+            allowed=f"one log each of {' and '.join(PLANTS)}",
+            remedy="compare them without --merge",
+        )
+    for what, values in (
+        ("controllers", (a.design.name, b.design.name)),
+        ("drives", (a.drive, b.drive)),
+        ("numbers of recorded signals", tuple(sum(map(len, run.design.groups)) for run in (a, b))),
+    ):
+        if values[0] != values[1]:
+            raise _unmergeable(a, b, f"different {what}, {values[0]} and {values[1]}")
+    if not np.intersect1d(a.time_ns, b.time_ns).size:
+        raise _unmergeable(a, b, "no samples in common")
+    common = min(len(a.time_ns), len(b.time_ns)) - 1  # the last sample is logged whenever it is
+    if not np.array_equal(a.time_ns[:common], b.time_ns[:common]):
+        raise _unmergeable(a, b, "different times of their samples")
+    if not np.array_equal(a.reference[:common], b.reference[:common]):
+        raise _unmergeable(a, b, "different references")
+    first, second = sorted((a, b), key=lambda run: list(PLANTS).index(run.plant))
+    return first, second
+
+
+def refuse_differences(what: str, differences: Sequence[str], *, described: str) -> None:
+    """Raise InputError if there are any: a merged log describes the run of plant `described` only."""
+    if differences:
+        more = len(differences) - SHOWN
+        shown = [*differences[:SHOWN], *([f"and {more} more"] if more > 0 else [])]
+        raise InputError(
+            f"{what}: {'; '.join(shown)}",
+            allowed="two runs of the same scenario, by the versions that are installed",
+            remedy="run one of them again, or merge with --despite-differences: the log then describes the "
+            f"{described} run's scenario and the versions that are installed",
+        )
+
+
+def _unmergeable(a: Run, b: Run, what: str) -> InputError:
+    return InputError(
+        f"the runs of {a.plant} and {b.plant} have {what}",
+        allowed="runs of the same scenario, controller and drive, logged at the same rate",
+        remedy="run one of them again",
+    )

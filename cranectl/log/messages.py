@@ -7,8 +7,8 @@ import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
 from numpy.typing import NDArray
 
-from cranectl.compare.limits import Limits, NoLimits
-from cranectl.compare.runs import against_reference, compare_runs, judge
+from cranectl.compare.agreement import Limits, NoLimits, against_reference, judge
+from cranectl.compare.runs import compare_runs
 from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
 from cranectl.log import schema, topics

@@ -16,7 +16,7 @@ from foxglove._foxglove_py import BaseChannel
 from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
-from cranectl.compare.limits import Limits, NoLimits
+from cranectl.compare.agreement import Limits, NoLimits
 from cranectl.log.consistency import Outcome, check_runs
 from cranectl.log.header import FORMATS
 from cranectl.log.messages import streams

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.compare.limits import Limits, agreement_limits
+from cranectl.compare.agreement import Limits, agreement_limits
 from cranectl.controllers.registry import controller_names
 from cranectl.design import CONTROLLERS
 from cranectl.log import read_log
@@ -119,7 +119,9 @@ def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_validate_fails_when_a_limit_is_exceeded(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cranectl.compare.limits.agreement_limits", lambda _: Limits(1e-15, 1e-15, 0.0, ""))
+    monkeypatch.setattr(
+        "cranectl.compare.agreement.agreement_limits", lambda _: Limits(1e-15, 1e-15, 0.0, "")
+    )
     arguments = ["fixed-position", *SHORT, "--controller", "lqr"]
     assert main(["validate", *arguments, "--jobs", "1", "--json", "v.json"]) == 1
     assert "FAILED" in capsys.readouterr().out

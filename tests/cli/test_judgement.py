@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.analysis.budget.predicted_limits import predicted_limits
 from cranectl.cli.main import main
-from cranectl.compare.limits import Limits
+from cranectl.compare.agreement import Limits
 from cranectl.design import design_controller
 from cranectl.scenario import load_scenario
 from tests.cli.arguments import STOP
@@ -79,7 +79,9 @@ def test_compare_ends_with_the_code_of_the_run_that_wrote_the_log(monkeypatch: p
     ideal = [*OWN[:-1], "ideal", "--out", "a.mcap"]
     assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 0
     with monkeypatch.context() as patched:
-        patched.setattr("cranectl.compare.limits.agreement_limits", lambda _: Limits(1e-16, 1e-16, 0.0, ""))
+        patched.setattr(
+            "cranectl.compare.agreement.agreement_limits", lambda _: Limits(1e-16, 1e-16, 0.0, "")
+        )
         assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 1
     assert main(["run", *ideal, *STOP]) == 3
     assert judged("compare", "a.mcap", code=1)["passed"] is True, "they stop alike, but should not stop"

@@ -19,7 +19,7 @@ from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.sync.client import connect
 
 from cranectl.cli.live import live_command
-from cranectl.compare.runs import judge
+from cranectl.compare.agreement import judge
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls
 from cranectl.live.increments import Increments

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.compare.limits import agreement_limits
-from cranectl.compare.runs import compare_runs, judge
+from cranectl.compare.agreement import agreement_limits, judge
+from cranectl.compare.runs import compare_runs
 from cranectl.log import read_log, write_log
 from cranectl.model import dynamics
 from cranectl.plants.analytic import AnalyticPlant, acceleration_command, derivative, observe_load

@@ -13,7 +13,7 @@ import pytest
 
 import cranectl
 from cranectl.cli.main import main
-from cranectl.compare.runs import against_reference
+from cranectl.compare.agreement import against_reference
 from cranectl.live.increments import Increments
 from cranectl.live.session import Session
 from cranectl.log import describe_log

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cranectl.compare.limits import agreement_limits
-from cranectl.compare.runs import compare_runs, judge
+from cranectl.compare.agreement import agreement_limits, judge
+from cranectl.compare.runs import compare_runs
 from cranectl.metrics import run_metrics
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cases.case import RunSummary
-from cranectl.compare.runs import Agreement
+from cranectl.compare.agreement import Agreement
 from cranectl.report.run.tables import agreement_table, run_table
 from cranectl.report.table import Cell
 from cranectl.status import RunStatus

@@ -18,7 +18,7 @@ from cranectl.analysis.budget.trajectory_loop import (
     linearised,
     nominal_run,
 )
-from cranectl.compare.limits import VELOCITY_PAIR, Limits, NoLimits
+from cranectl.compare.agreement import VELOCITY_PAIR, Limits, NoLimits
 from cranectl.design import Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.cases.case import RunSummary
-from cranectl.compare.limits import Limits, Predict, limits_for
-from cranectl.compare.runs import Agreement, Comparison, against_reference, compare_runs, judge
+from cranectl.compare.agreement import Agreement, Limits, Predict, against_reference, judge, limits_for
+from cranectl.compare.runs import Comparison, compare_runs
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section

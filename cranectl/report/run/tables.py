@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import degrees
 
 from cranectl.cases.case import CaseResult, RunSummary
+from cranectl.compare.agreement import Agreement, Limits
 from cranectl.compare.golden import RegressionVerdict
-from cranectl.compare.limits import Limits
-from cranectl.compare.runs import Agreement, Comparison
+from cranectl.compare.runs import Comparison
 from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import VERDICTS, Cell, Table, cells

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.analysis.budget.predicted_limits import predict_plant_difference, predicted_limits
-from cranectl.compare.limits import Limits, agreement_limits
-from cranectl.compare.runs import judge
+from cranectl.compare.agreement import Limits, agreement_limits, judge
 from cranectl.design import design_controller
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario

@@ -1,0 +1,229 @@
+"""Whether plants agree: how far they may differ, of which scenarios and plants that is known, and a verdict.
+
+Level 2, ideal and force drives, is a statement about numerics and holds for any scenario and plants. Level
+3, velocity drives, is the pull of the rope on the engine's servos, which the analytic lag is blind to: it
+depends on rig, motion and controller, so the limits of `validation/tolerances.toml` hold for this pair of
+plants, the shipped scenarios with their own rig, and no other.
+"""
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from cranectl.compare.runs import Comparison, compare_runs
+from cranectl.controllers.controller import LawDesign
+from cranectl.design import Design
+from cranectl.plants.registry import reference_plant
+from cranectl.scenario import NANOSECONDS, Scenario, load_scenario, scenario_names
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from cranectl.support import resources
+from cranectl.support.documents import read_toml
+
+ORDER = 4  # of the engine's scheme, the lower one of both plants
+MOST_HALVINGS = 4
+SHORTEST_NS = 1000  # of control.physics_step
+
+Progress = Callable[[float], None]  # called with the simulated seconds since the last call
+
+# Fields of a scenario that move neither plant.
+SILENT = {"name", "title", "controller", "expected", "log"}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How far two plants may differ, and why."""
+
+    load_m: float
+    angle_rad: float
+    end_s: float  # between the ends of runs that stop early
+    reason: str
+    source: str = "validation/tolerances.toml"
+    plants: tuple[str, ...] = ()  # the pair that they hold for; without, any
+
+
+@dataclass(frozen=True)
+class NoLimits:
+    """Nobody knows how far the plants may differ: their difference is reported, not judged."""
+
+    reason: str
+
+
+Predict = Callable[[Scenario, Design], Limits | NoLimits]  # of velocity drives and VELOCITY_PAIR
+
+VELOCITY_PAIR = ("analytic", "mujoco")
+OTHER_PAIR = NoLimits(f"with velocity drives limits are known for {' and '.join(VELOCITY_PAIR)} only")
+OTHER_LAW = NoLimits("with velocity drives limits are known for controllers of the flat family only")
+NOT_SHIPPED = NoLimits(
+    "with velocity drives the limits hold for the shipped scenarios and their own rig; "
+    "--predict finds the bound of this one"
+)
+
+
+def limits_for(
+    scenario: Scenario,
+    design: Design | LawDesign,
+    drive: str,
+    plants: Iterable[str],
+    *,
+    predict: Predict | None = None,
+) -> Limits | NoLimits:
+    """The limits of the agreement of `plants`; where the shipped ones do not hold, what `predict` says."""
+    if drive != "velocity":
+        return agreement_limits(drive)
+    if not set(VELOCITY_PAIR) <= set(plants):
+        return OTHER_PAIR
+    if not isinstance(design, Design):
+        return OTHER_LAW
+    if is_shipped(scenario):
+        return agreement_limits(drive)
+    return predict(scenario, design) if predict is not None else NOT_SHIPPED
+
+
+@functools.cache
+def agreement_limits(drive: str) -> Limits:
+    """What two plants with these drives may differ in closed loop, in a shipped scenario."""
+    plants = VELOCITY_PAIR if drive == "velocity" else ()
+    return Limits(**read_toml(resources.TOLERANCE_FILE)["closed-loop"][drive], plants=plants)
+
+
+def is_shipped(scenario: Scenario) -> bool:
+    """Whether `scenario` moves the plants as one of those that come with cranectl, with the same rig."""
+    return _motion(scenario) in _shipped_motions()
+
+
+@functools.cache
+def _shipped_motions() -> list[dict[str, Any]]:
+    return [_motion(load_scenario(name)) for name in scenario_names()]
+
+
+def _motion(scenario: Scenario) -> dict[str, Any]:
+    return scenario.model_dump(exclude=SILENT)
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """A comparison of a plant with the reference plant, judged where their limits are known."""
+
+    scenario: str
+    controller: str
+    plant: str
+    reference: str
+    drive: str
+    max_load_error_m: float
+    max_angle_error_rad: float
+    limit_m: float | None
+    limit_rad: float | None
+    passed: bool | None  # None: not judged
+    limits: str  # where the limits come from, or why there are none
+    curing_step_s: float | None = None  # control.physics_step with which they were seen to agree after all
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        return "not judged" if self.passed is None else "passed" if self.passed else "FAILED"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[tuple[Run, Run]]:
+    """Every other run with that of the reference plant, which comes second; none where that is missing.
+
+    `plants`: those that the reference is of, by default those of `runs`.
+    """
+    reference = reference_plant(plants or [run.plant for run in runs])
+    return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
+
+
+def judge(
+    a: Run, b: Run, *, limits: Limits | NoLimits | None = None, comparison: Comparison | None = None
+) -> Agreement:
+    """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
+
+    Plants that ended with different status, or at times further from each other than the limit, do not agree,
+    whatever their difference. Without limits of this pair there is no verdict. `comparison`: of the two,
+    where it is known already.
+    """
+    comparison = comparison or compare_runs(a, b, signals=())
+    limits = limits or limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant))
+    if isinstance(limits, Limits) and limits.plants and {a.plant, b.plant} != set(limits.plants):
+        limits = OTHER_PAIR
+    known = limits if isinstance(limits, Limits) else None
+    return Agreement(
+        scenario=a.scenario.name,
+        controller=a.design.name,
+        plant=a.plant,
+        reference=b.plant,
+        drive=a.drive,
+        max_load_error_m=comparison.max_load_error_m,
+        max_angle_error_rad=comparison.max_angle_error_rad,
+        limit_m=known.load_m if known else None,
+        limit_rad=known.angle_rad if known else None,
+        passed=_within(comparison, a, b, known) if known else None,
+        limits=limits.source if isinstance(limits, Limits) else limits.reason,
+    )
+
+
+def least_good(agreements: Sequence[Agreement]) -> Agreement:
+    """The first that does not hold, else the first that is not judged, else the first."""
+    return min(agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True))
+
+
+def _within(comparison: Comparison, a: Run, b: Run, limits: Limits) -> bool:
+    return (
+        comparison.max_load_error_m <= limits.load_m
+        and comparison.max_angle_error_rad <= limits.angle_rad
+        and abs(a.end_ns - b.end_ns) <= limits.end_s * NANOSECONDS
+        and a.status == b.status
+    )
+
+
+def ended_as_expected(run: Run) -> bool:
+    """Whether `run` ended as its scenario says that runs must."""
+    return run.status.label == run.scenario.expected
+
+
+def judge_steps(
+    runs: Sequence[Run], limits: Limits | NoLimits, progress: Progress | None = None
+) -> Agreement:
+    """As `judge`; where plants differ too much but for their drives, with the step that cures it.
+
+    The step is as short as the order of the scheme says, and tried: both plants run once more. None if they
+    differ even then. An interrupt ends that, not the verdict.
+    """
+    agreement = judge(*runs, limits=limits)
+    if agreement.drive == "velocity" or agreement.passed is not False or not isinstance(limits, Limits):
+        return agreement
+    excess = max(agreement.max_load_error_m / limits.load_m, agreement.max_angle_error_rad / limits.angle_rad)
+    if not 1.0 < excess < math.inf or any(run.status == RunStatus.INTERRUPTED for run in runs):
+        return agreement
+    halvings = min(math.ceil(math.log2(excess) / ORDER), MOST_HALVINGS)
+    shorter = _stepping(runs[0].scenario, 2**halvings)
+    if shorter is None or not _agree(shorter, runs, limits, progress):
+        return agreement
+    return replace(agreement, curing_step_s=shorter.control.physics_step)
+
+
+def _agree(scenario: Scenario, runs: Sequence[Run], limits: Limits, progress: Progress | None) -> bool:
+    """Whether the plants of `runs` agree in `scenario`."""
+    again: list[Run] = []
+    for run in runs:
+        again.append(
+            simulate_run(scenario, plant=run.plant, drive=run.drive, design=run.design, progress=progress)
+        )
+        if again[-1].status == RunStatus.INTERRUPTED:
+            return False
+    return judge(*again, limits=limits).passed is True
+
+
+def _stepping(scenario: Scenario, times: int) -> Scenario | None:
+    """`scenario` with so many times as many steps, unless that is off the grid of nanoseconds."""
+    step_ns, rest = divmod(scenario.period_ns, scenario.substeps * times)
+    if rest or step_ns < SHORTEST_NS:
+        return None
+    control = scenario.control.model_copy(update={"physics_step": step_ns / NANOSECONDS})
+    return scenario.model_copy(update={"control": control})
