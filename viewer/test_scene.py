@@ -15,7 +15,7 @@ from viewer.studio import Studio, eventually
 
 NEAR = 4.0  # pixels: 20 ms between poses at 0.3 m/s, 400 pixels to the metre, and the ball's shading
 GONE = 50  # pixels at least of what a topic draws
-COLOURFUL = ("/trail", "/push")  # topics that draw in the colours of load and bridge
+COLOURFUL = ("/trail", "/disturbance_arrow")  # topics that draw in the colours of load and bridge
 
 
 @pytest.fixture(scope="module")

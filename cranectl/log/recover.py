@@ -142,6 +142,8 @@ def _saved(contents: Contents, chunks: Sequence[Content]) -> Iterator[Stream]:
         for number, time_ns, start, stop in content.table.tolist():
             rows[number].append((time_ns, content.data[start:stop].tobytes()))
     for number, channel in contents.channels.items():
+        if channel.topic.rpartition("/")[2] in topics.FORMER:
+            continue  # drawn anew under its present name
         definition = contents.schemas[channel.schema_id]
         time_ns = np.array([time_ns for time_ns, _ in rows[number]], dtype=np.int64)
         messages = [message for _, message in rows[number]]

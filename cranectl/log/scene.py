@@ -147,7 +147,7 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
             shapes.points([trolley, [x, y, z]]), ROPE_THICKNESS, color=shapes.colour(colour, opacity)
         )
         updates.append(SceneUpdate(entities=[shapes.entity("world", "rope", time_ns, lines=[line])]))
-    return _scene(topics.plant_topic(run.plant, "cable"), run.time_ns[rows].tolist(), updates)
+    return _scene(topics.plant_topic(run.plant, topics.ROPE), run.time_ns[rows].tolist(), updates)
 
 
 def whole_trail(run: Run, *, colour: str | None = None) -> Stream:
@@ -184,13 +184,15 @@ def arrows(plant: str, times: Sequence[int], acting: Sequence[Sequence[tuple[str
     updates = [
         SceneUpdate(
             deletions=[everything],
-            entities=[shapes.entity(f"{plant}/load", "push", time, arrows=[_arrow(*one) for one in now])],
+            entities=[
+                shapes.entity(f"{plant}/load", "disturbance", time, arrows=[_arrow(*one) for one in now])
+            ],
         )
         if now
         else SceneUpdate(deletions=[everything])
         for time, now in zip(times, acting, strict=True)
     ]
-    return _scene(topics.plant_topic(plant, "push"), times, updates)
+    return _scene(topics.plant_topic(plant, topics.ARROW), times, updates)
 
 
 def _arrow(joint: str, magnitude: float) -> ArrowPrimitive:
@@ -207,7 +209,7 @@ def _arrow(joint: str, magnitude: float) -> ArrowPrimitive:
         shaft_diameter=0.018,
         head_length=0.25 * length,
         head_diameter=0.05,
-        color=shapes.colour(rgb(VIEWER["push"]), 0.95),
+        color=shapes.colour(rgb(VIEWER["disturbance"]), 0.95),
     )
 
 

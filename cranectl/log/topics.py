@@ -39,6 +39,8 @@ LOG = "/log"
 TRANSFORMS = "/tf"
 REFERENCE_PATH = "/reference/path"
 WORKSPACE = "/rig/workspace"
+ROPE, ARROW = "rope", "disturbance_arrow"  # what is drawn of a plant, beside its `model` and `trail`
+FORMER = ("cable", "push")  # as they were called before 0.3
 
 # What is compared with the reference plant sample by sample.
 DIFFERENCE_GROUPS = (

@@ -121,7 +121,7 @@ def _ladder(panels: Panels, _plants: Sequence[str]) -> Layout:
         ]
         plots.append(_plot(panels, title, paths))
     shown = [topics.plant_topic(label, "trail") for label in labels]
-    shown += [topics.plant_topic(overlay.CRANE, name) for name in ("model", "cable")]
+    shown += [topics.plant_topic(overlay.CRANE, name) for name in ("model", topics.ROPE, *topics.FORMER)]
     left = _column([_scene(panels, shown), _timeline(panels, [overlay.CRANE])], (60, 40))
     return _row([left, _row([_column(plots[:3]), _column(plots[3:])])], (42, 58))
 
@@ -216,7 +216,7 @@ def _plot(panels: Panels, title: str, paths: Sequence[dict[str, Any]], **limits:
 
 def _cranes(plants: Sequence[str]) -> list[str]:
     """Topics of everything that is drawn of these plants."""
-    kinds = ("model", "cable", "trail", "push")
+    kinds = ("model", topics.ROPE, "trail", topics.ARROW, *topics.FORMER)
     return [topics.plant_topic(plant, name) for plant in plants for name in kinds]
 
 

@@ -34,7 +34,7 @@ VIEWER = {
     **{f"series-{k}": colour for k, colour in enumerate(VIEWER_SERIES, 1)},
     "reference": "#9aa3ad",
     "rope": "#8c9eb3",
-    "push": "#f2a60d",
+    "disturbance": "#f2a60d",
 }
 
 

@@ -39,7 +39,7 @@ QUIET = ["disturbances=[]"]
 STOP = ["disturbances=[{joint='alpha', start=0.1, magnitude=200.0}]", "duration=2"]
 STATIC = (
     *("/analytic/model", "/mujoco/model", "/reference/path", "/rig/workspace"),
-    *("/run/info", "/controller/design", "/analytic/status", "/mujoco/status", "/mujoco/push"),
+    *("/run/info", "/controller/design", "/analytic/status", "/mujoco/status", "/mujoco/disturbance_arrow"),
 )
 
 
@@ -125,8 +125,8 @@ def test_a_late_viewer_sees_the_whole_scene(tmp_path: Path) -> None:
         early.until(lambda: early.get("pause")["pause"])
         early.rest(0.2)
         with Viewer(running.server.port) as late:
-            late.subscribe(*STATIC, "/tf", "/mujoco/cable", "/mujoco/trail", "/log", "/mujoco/state")
-            for topic in (*STATIC, "/tf", "/mujoco/cable", "/mujoco/trail"):
+            late.subscribe(*STATIC, "/tf", "/mujoco/rope", "/mujoco/trail", "/log", "/mujoco/state")
+            for topic in (*STATIC, "/tf", "/mujoco/rope", "/mujoco/trail"):
                 late.wait_for(topic)
             late.until(lambda: late.clock_ns)
             assert late.clock_ns[-1] >= early.of("/tf")[-1][0]
@@ -228,7 +228,13 @@ def test_gains_change_the_run_and_its_recording(tmp_path: Path) -> None:
 def test_a_pulse_moves_the_load_and_a_reset_takes_it_back(tmp_path: Path) -> None:
     record = tmp_path / "live.mcap"
     with live(record, *QUIET, speed=2.0) as (running, viewer):
-        topics = ("/mujoco/state", "/mujoco/disturbance", "/mujoco/push", "/mujoco/status", "/log")
+        topics = (
+            "/mujoco/state",
+            "/mujoco/disturbance",
+            "/mujoco/disturbance_arrow",
+            "/mujoco/status",
+            "/log",
+        )
         viewer.subscribe(*topics)
         viewer.wait_for("/mujoco/disturbance")
         viewer.set(pulse_alpha=3.0, pulse_beta=-2.0)
@@ -240,7 +246,9 @@ def test_a_pulse_moves_the_load_and_a_reset_takes_it_back(tmp_path: Path) -> Non
         assert (acted[:, 0] > 0.0).sum() == 50, "0.2 s at 250 Hz"
         assert (
             max(
-                len(update.entities[0].arrows) for update in viewer.decoded("/mujoco/push") if update.entities
+                len(update.entities[0].arrows)
+                for update in viewer.decoded("/mujoco/disturbance_arrow")
+                if update.entities
             )
             == 2
         )
@@ -369,7 +377,7 @@ def test_increments_make_the_messages_of_a_log(name: str, overrides: tuple[str, 
             assert sorted(found[topic]) == sorted(messages if stopped else messages[:-2])
         elif topic.endswith("/status"):
             assert found[topic] == (messages if stopped else messages[:-1])
-        elif topic == "/tf" or topic.endswith(("/cable", "/trail")):
+        elif topic == "/tf" or topic.endswith(("/rope", "/trail")):
             assert messages[: len(found[topic])] == found[topic]
             assert len(messages) - len(found[topic]) <= 1
         else:

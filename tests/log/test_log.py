@@ -96,7 +96,7 @@ def test_same_runs_same_bytes(tmp_path: Path, short: Scenario) -> None:
 def test_topics(log: Path) -> None:
     plant_topics = [
         "state", "load", "flat_output", "error", "input", "virtual_input", "disturbance", "controller",
-        "status", "model", "cable", "trail", "push",
+        "status", "model", "rope", "trail", "disturbance_arrow",
     ]  # fmt: skip
     expected = {f"/{plant}/{topic}" for plant in ("analytic", "mujoco") for topic in plant_topics}
     expected |= {"/reference/load", "/diff/state", "/diff/load", "/run/info", "/controller/design", "/log"}

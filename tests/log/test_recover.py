@@ -15,9 +15,10 @@ from mcap.records import Channel, Message, Metadata, Schema
 
 from cranectl.cli.info import info_command
 from cranectl.cli.log import recover_log_command
-from cranectl.log import describe_log, read_log, recover_log, schema, write_log
+from cranectl.log import describe_log, read_log, recover_log, schema, topics, write_log
 from cranectl.log.writer import CHUNK_SIZE
 from cranectl.mcap_columns.records import MAGIC
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -93,6 +94,15 @@ def test_every_place_to_be_cut_off(log: Path, tmp_path: Path) -> None:
         saved.add(len(runs["mujoco"].time_ns))
     assert len(saved) == len(chunks)
     assert max(saved) == len(whole["mujoco"].time_ns)
+
+
+def test_what_is_saved_of_a_log_of_before_has_the_topics_of_today(tmp_path: Path) -> None:
+    sample, part = Path(__file__).parent / "samples" / "format-2.mcap", tmp_path / "a.mcap.1.part"
+    part.write_bytes(sample.read_bytes()[:-8])
+    recovery = recover_log(part)
+    before, after = ({t.topic for t in describe_log(log).topics} for log in (sample, recovery.log))
+    assert "/mujoco/cable" in before - after
+    assert after - before == {f"/{plant}/{n}" for plant in PLANTS for n in (topics.ROPE, topics.ARROW)}
 
 
 def messages_before(log: Path, chunks: int) -> int:

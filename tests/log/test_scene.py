@@ -165,7 +165,7 @@ def test_one_plant_alone_is_solid(short: Scenario, tmp_path: Path) -> None:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_the_rope_hangs_from_trolley_to_load(scene: Messages, runs: dict[str, Run], plant: str) -> None:
     run = runs[plant]
-    for time, update in scene[f"/{plant}/cable"][::100]:
+    for time, update in scene[f"/{plant}/rope"][::100]:
         k = int(np.searchsorted(run.time_ns, time))
         (entity,) = update.entities
         (line,) = entity.lines
@@ -181,7 +181,7 @@ def test_a_nearly_slack_rope_is_red(tmp_path: Path) -> None:
     tension = run.signal("load.rope_tension")
     assert tension.min() < 0.1 * run.scenario.rig.weight
     reds = {}
-    for time, update in decode(write_log(tmp_path / "a.mcap", [run]))["/mujoco/cable"]:
+    for time, update in decode(write_log(tmp_path / "a.mcap", [run]))["/mujoco/rope"]:
         reds[time] = update.entities[0].lines[0].color.r
     lowest = int(run.time_ns[np.argmin(tension)])
     nearest = min(reds, key=lambda time: abs(time - lowest))
@@ -205,7 +205,7 @@ def test_trails_end_at_the_load_and_fade_with_age(scene: Messages, runs: dict[st
 def test_arrows_show_what_acts(scene: Messages) -> None:
     """Of the steps on alpha at 6 s and beta at 12 s, at the load."""
     shown = {}
-    for time, update in scene["/mujoco/push"]:
+    for time, update in scene["/mujoco/disturbance_arrow"]:
         assert len(update.deletions) == 1, "what was shown goes, so that a message stands alone"
         shown[time // 10**9] = sum(len(entity.arrows) for entity in update.entities)
         assert all(entity.frame_id == "mujoco/load" for entity in update.entities)
@@ -218,7 +218,7 @@ def test_an_arrow_points_where_the_load_goes(joint: str, axis: int, magnitude: f
     steps = f"disturbances=[{{joint='{joint}', start=0.1, end=0.2, magnitude={magnitude}}}]"
     run = simulate_run(load_scenario("fixed-position", overrides=[steps, "duration=0.3"]), plant="mujoco")
     moved = (run.block("load")[-1] - run.block("load")[0])[axis]
-    pushes = decode(write_log(tmp_path / "a.mcap", [run]))["/mujoco/push"]
+    pushes = decode(write_log(tmp_path / "a.mcap", [run]))["/mujoco/disturbance_arrow"]
     assert [len(update.entities) for _, update in pushes] == [0, 1, 0]
     direction = rotation(pushes[1][1].entities[0].arrows[0].pose.orientation)[:, 0]
     assert np.sign(direction[axis]) == np.sign(moved)

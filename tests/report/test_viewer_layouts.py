@@ -10,15 +10,18 @@ from mcap.reader import make_reader
 
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
-from cranectl.log import write_log
+from cranectl.log import describe_log, topics, write_log
 from cranectl.log.overlay import write_overlay
 from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
+from tests.conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
+SAMPLE = ROOT / "tests" / "log" / "samples" / "format-2.mcap"
 
 
 def leaves(layout: Any) -> Iterator[str]:
@@ -67,10 +70,19 @@ def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dic
                 assert title.endswith(f"[{unit}]"), path
                 assert unit
         if panel.startswith("3D"):
-            assert set(configuration["topics"]) <= set(logged)
+            present = {t for t in configuration["topics"] if not t.endswith(topics.FORMER)}
+            assert present <= set(logged)
             assert all(topic["visible"] for topic in configuration["topics"].values())
         if panel.startswith("StateTransitions"):
             assert {path["value"].partition(".")[0] for path in configuration["paths"]} <= set(logged)
+
+
+def test_what_logs_of_before_draw_is_shown_too() -> None:
+    drawn = {t.topic for t in describe_log(SAMPLE).topics if t.schema == "foxglove.SceneUpdate"}
+    assert {f"/{plant}/{name}" for plant in PLANTS for name in topics.FORMER} <= drawn
+    layout = json.loads(layout_json("comparison", plants=PLANTS))
+    (scene,) = (panel for name, panel in layout["configById"].items() if name.startswith("3D"))
+    assert drawn <= set(scene["topics"])
 
 
 @pytest.mark.parametrize("plant", PLANTS)
