@@ -15,23 +15,16 @@ from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
 from cranectl.support.errors import unknown_name
 
-Panels = dict[str, Any]  # configurations by panel id
-Layout = str | dict[str, Any]  # a panel id, or two layouts side by side
+Panel = tuple[str, dict[str, Any]]  # its kind and configuration
+Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side
 
 SIGNALS: dict[tuple[str, str], Signal] = {
     (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
 }
 CAMERA = {  # looks at the middle of the rig from outside a corner
-    "perspective": True,
-    "phi": 68.0,
-    "thetaOffset": 28.0,
-    "target": [0.0, 0.0, 0.0],
-    "targetOffset": [1.0, 0.77, -0.62],
-    "targetOrientation": [0.0, 0.0, 0.0, 1.0],
-    "fovy": 40.0,
-    "near": 0.05,
-    "far": 100.0,
-}
+    "perspective": True, "phi": 68.0, "thetaOffset": 28.0, "fovy": 40.0, "near": 0.05, "far": 100.0,
+    "target": [0.0, 0.0, 0.0], "targetOffset": [1.0, 0.77, -0.62], "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+}  # fmt: skip
 
 
 def layout_json(name: str, *, plants: Iterable[str] = PLANTS) -> str:
@@ -41,69 +34,76 @@ def layout_json(name: str, *, plants: Iterable[str] = PLANTS) -> str:
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
-    shown = in_order(plants)
-    panels: Panels = {}
-    layout = LAYOUTS[name](panels, shown)
+    panels: dict[str, dict[str, Any]] = {}
     content = {
+        "layout": _numbered(LAYOUTS[name](in_order(plants)), panels),
         "configById": panels,
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1.0},
-        "layout": layout,
     }
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
-def _single(panels: Panels, plants: Sequence[str]) -> Layout:
+def _numbered(layout: Layout, panels: dict[str, dict[str, Any]]) -> str | dict[str, Any]:
+    """The layout with ids for panels, which go into `panels`."""
+    if isinstance(layout, dict):
+        return layout | {side: _numbered(layout[side], panels) for side in ("first", "second")}
+    kind, configuration = layout
+    name = f"{kind}!{len(panels) + 1}"
+    panels[name] = configuration
+    return name
+
+
+def _single(plants: Sequence[str]) -> Layout:
     """One run: the crane, where the load is, how far off, angles, inputs, tension."""
     plant = reference_plant(plants)
     load = [(_path(plant, "load", f"load_{axis}", k), _reference(axis)) for k, axis in enumerate("xyz")]
     plots = [
-        _plot(panels, "load", [line for pair in load for line in pair]),
-        _axes_plot(panels, plant, "error", "error", "tracking error"),
-        _joint_plot(panels, plant, "state", ("alpha", "beta"), "cardan angles"),
-        _drive_plot(panels, plant),
-        _plot(panels, "rope tension", [_path(plant, "load", "rope_tension")]),
+        _plot("load", [line for pair in load for line in pair]),
+        _axes_plot(plant, "error", "error", "tracking error"),
+        _joint_plot(plant, "state", ("alpha", "beta"), "cardan angles"),
+        _drive_plot(plant),
+        _plot("rope tension", [_path(plant, "load", "rope_tension")]),
     ]
-    left = _column([_scene(panels, _cranes([plant])), _timeline(panels, [plant])], (72, 28))
+    left = _column([_scene(_cranes([plant])), _timeline([plant])], (72, 28))
     return _row([left, _column(plots)], (54, 46))
 
 
-def _comparison(panels: Panels, plants: Sequence[str]) -> Layout:
+def _comparison(plants: Sequence[str]) -> Layout:
     """Several plants: the crane and its ghosts, the same signals of all, what parts them."""
     plants = plants if len(plants) > 1 else [*PLANTS]
     load = [
-        _plot(panels, f"load {axis}", [*_of_each(plants, "load", f"load_{axis}"), _reference(axis)])
-        for axis in "xyz"
+        _plot(f"load {axis}", [*_of_each(plants, "load", f"load_{axis}"), _reference(axis)]) for axis in "xyz"
     ]
-    angles = [_plot(panels, name, _of_each(plants, "state", name)) for name in ("alpha", "beta")]
+    angles = [_plot(name, _of_each(plants, "state", name)) for name in ("alpha", "beta")]
     differences = [
-        _plot(panels, f"log₁₀ of {signal.description}", _distances(plants, signal, k), minYValue=-13.0)
+        _plot(f"log₁₀ of {signal.description}", _distances(plants, signal, k), minYValue=-13.0)
         for k, signal in enumerate(topics.DISTANCE.signals)
     ]
-    left = _column([_scene(panels, _cranes(plants)), _timeline(panels, plants)], (62, 38))
+    left = _column([_scene(_cranes(plants)), _timeline(plants)], (62, 38))
     right = _row([_column([*load]), _column([*angles, *differences])])
     return _row([left, right], (42, 58))
 
 
-def _controller(panels: Panels, plants: Sequence[str]) -> Layout:
+def _controller(plants: Sequence[str]) -> Layout:
     """What the controller thought: errors, the linear input and its parts, its states, its commands."""
     plant = reference_plant(plants)
     plots = [
-        _axes_plot(panels, plant, "error", "error", "error e"),
-        _axes_plot(panels, plant, "error", "error", "its rate", "_dot"),
-        _axes_plot(panels, plant, "virtual_input", "virtual_input", "linear input v"),
-        _axes_plot(panels, plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
-        _plot(panels, "dynamic extension", [_path(plant, "controller", "zeta")]),
-        _drive_plot(panels, plant),
-        _axes_plot(panels, plant, "flat_output", "load", "acceleration of the load", "_ddot"),
-        _joint_plot(panels, plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
+        _axes_plot(plant, "error", "error", "error e"),
+        _axes_plot(plant, "error", "error", "its rate", "_dot"),
+        _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
+        _axes_plot(plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
+        _plot("dynamic extension", [_path(plant, "controller", "zeta")]),
+        _drive_plot(plant),
+        _axes_plot(plant, "flat_output", "load", "acceleration of the load", "_ddot"),
+        _joint_plot(plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
-    left = _column([_scene(panels, _cranes([plant]), distance=6.2), _timeline(panels, [plant])], (66, 34))
+    left = _column([_scene(_cranes([plant]), distance=6.2), _timeline([plant])], (66, 34))
     return _row([left, _row([_column(plots[:4]), _column(plots[4:])])], (34, 66))
 
 
-def _ladder(panels: Panels, _plants: Sequence[str]) -> Layout:
+def _ladder(_plants: Sequence[str]) -> Layout:
     """All fidelity levels on top of each other, and how far each is from theory."""
     labels = list(NAMES)
     colours = dict(zip(labels, VIEWER_SERIES, strict=True))
@@ -111,7 +111,7 @@ def _ladder(panels: Panels, _plants: Sequence[str]) -> Layout:
         _line(f"{overlay.DISTANCE}.{s.name}.@log10", s, s.name, colours[s.name])
         for s in overlay.distance_group(labels).signals
     ]
-    plots = [_plot(panels, f"log₁₀ of distance from {labels[0]}", distances, minYValue=-9.0)]
+    plots = [_plot(f"log₁₀ of distance from {labels[0]}", distances, minYValue=-9.0)]
     titles = {("error", f"error_{axis}"): f"error {axis}" for axis in "xyz"}
     titles |= {("state", "alpha"): "alpha", ("load", "rope_tension"): "rope tension"}
     for (group, name), title in titles.items():
@@ -119,14 +119,14 @@ def _ladder(panels: Panels, _plants: Sequence[str]) -> Layout:
             {**_path(label, group, name), "label": label, "color": colours[label]}
             for label in reversed(labels)
         ]
-        plots.append(_plot(panels, title, paths))
+        plots.append(_plot(title, paths))
     shown = [topics.plant_topic(label, "trail") for label in labels]
     shown += [topics.plant_topic(overlay.CRANE, name) for name in ("model", topics.ROPE, *topics.FORMER)]
-    left = _column([_scene(panels, shown), _timeline(panels, [overlay.CRANE])], (60, 40))
+    left = _column([_scene(shown), _timeline([overlay.CRANE])], (60, 40))
     return _row([left, _row([_column(plots[:3]), _column(plots[3:])])], (42, 58))
 
 
-LAYOUTS: Mapping[str, Callable[[Panels, Sequence[str]], Layout]] = {
+LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
     "single": _single,
     "comparison": _comparison,
     "controller": _controller,
@@ -134,19 +134,19 @@ LAYOUTS: Mapping[str, Callable[[Panels, Sequence[str]], Layout]] = {
 }
 
 
-def _axes_plot(panels: Panels, plant: str, group: str, stem: str, title: str, suffix: str = "") -> str:
+def _axes_plot(plant: str, group: str, stem: str, title: str, suffix: str = "") -> Panel:
     """The three axes of a quantity."""
-    return _joint_plot(panels, plant, group, [f"{stem}_{axis}{suffix}" for axis in "xyz"], title)
+    return _joint_plot(plant, group, [f"{stem}_{axis}{suffix}" for axis in "xyz"], title)
 
 
-def _drive_plot(panels: Panels, plant: str) -> str:
+def _drive_plot(plant: str) -> Panel:
     names = [f"{drive}_acceleration" for drive in ("bridge", "trolley", "rope")]
-    return _joint_plot(panels, plant, "input", names, "commanded accelerations")
+    return _joint_plot(plant, "input", names, "commanded accelerations")
 
 
-def _joint_plot(panels: Panels, plant: str, group: str, names: Sequence[str], title: str) -> str:
+def _joint_plot(plant: str, group: str, names: Sequence[str], title: str) -> Panel:
     """Some signals of one group."""
-    return _plot(panels, title, [_path(plant, group, name, k) for k, name in enumerate(names)])
+    return _plot(title, [_path(plant, group, name, k) for k, name in enumerate(names)])
 
 
 def _of_each(plants: Sequence[str], group: str, name: str) -> list[dict[str, Any]]:
@@ -181,36 +181,27 @@ def _reference(axis: str) -> dict[str, Any]:
 
 
 def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]:
-    return {
-        "value": value,
-        "label": label,
-        "color": colour,
-        "enabled": True,
-        "timestampMethod": "receiveTime",
-        "unit": signal.unit,
-    }
+    shown = {"value": value, "label": label, "color": colour, "unit": signal.unit}
+    return {**shown, "enabled": True, "timestampMethod": "receiveTime"}
 
 
-def _plot(panels: Panels, title: str, paths: Sequence[dict[str, Any]], **limits: float) -> str:
+def _plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
     """A plot over time; its title carries the unit, since viewers have no place for it."""
     (unit,) = {path["unit"] for path in paths}
     lines = [{key: value for key, value in path.items() if key != "unit"} for path in paths]
-    return _add(
-        panels,
+    return _panel(
         "Plot",
         f"{title} [{unit}]",
-        {
-            "paths": lines,
-            "showXAxisLabels": True,
-            "showYAxisLabels": True,
-            "showLegend": True,
-            "legendDisplay": "left",
-            "showPlotValuesInLegend": False,
-            "isSynced": True,
-            "xAxisVal": "timestamp",
-            "sidebarDimension": 40 + 8 * max(4, *(len(path["label"]) for path in paths)),
-            **limits,
-        },
+        paths=lines,
+        showXAxisLabels=True,
+        showYAxisLabels=True,
+        showLegend=True,
+        legendDisplay="left",
+        showPlotValuesInLegend=False,
+        isSynced=True,
+        xAxisVal="timestamp",
+        sidebarDimension=40 + 8 * max(4, *(len(path["label"]) for path in paths)),
+        **limits,
     )
 
 
@@ -220,7 +211,7 @@ def _cranes(plants: Sequence[str]) -> list[str]:
     return [topics.plant_topic(plant, name) for plant in plants for name in kinds]
 
 
-def _scene(panels: Panels, drawn: Sequence[str], *, distance: float = 5.0) -> str:
+def _scene(drawn: Sequence[str], *, distance: float = 5.0) -> Panel:
     """What is `drawn` in space, seen from `distance` [m]: from further away in a narrow panel."""
     shown = [topics.REFERENCE_PATH, topics.WORKSPACE, *drawn]
     grid = {
@@ -228,26 +219,23 @@ def _scene(panels: Panels, drawn: Sequence[str], *, distance: float = 5.0) -> st
         "frameId": "world", "size": 4.0, "divisions": 16, "lineWidth": 1, "color": "#8f99a5a0",
         "position": [1.0, 0.77, -1.4], "rotation": [0.0, 0.0, 0.0], "order": 1,
     }  # fmt: skip
-    return _add(
-        panels,
+    return _panel(
         "3D",
         "crane",
-        {
-            "cameraState": {**CAMERA, "distance": distance},
-            "followMode": "follow-none",
-            "followTf": "world",
-            # Without axes of the frames, which would cover the crane.
-            "scene": {"transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
-            "transforms": {},
-            "topics": {topic: {"visible": True} for topic in shown},
-            "layers": {"floor": grid},
-            "publish": {"type": "point"},
-            "imageMode": {},
-        },
+        cameraState={**CAMERA, "distance": distance},
+        followMode="follow-none",
+        followTf="world",
+        # Without axes of the frames, which would cover the crane.
+        scene={"transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
+        transforms={},
+        topics={topic: {"visible": True} for topic in shown},
+        layers={"floor": grid},
+        publish={"type": "point"},
+        imageMode={},
     )
 
 
-def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
+def _timeline(plants: Sequence[str]) -> Layout:
     """How the runs stand, and the events in words; reference and disturbances are the same for both."""
     names = {name: plant.label for name, plant in PLANTS.items()}  # the crane of a ladder has none
     standings: dict[str, tuple[str, ...]] = dict.fromkeys(plants, ("status",))
@@ -261,18 +249,14 @@ def _timeline(panels: Panels, plants: Sequence[str]) -> Layout:
         for plant, fields in standings.items()
         for field in fields
     ]
-    states = _add(panels, "StateTransitions", "phase and status", {"paths": paths, "isSynced": True})
-    events = _add(
-        panels, "RosOut", "events", {"searchTerms": [], "minLogLevel": 1, "topicToRender": topics.LOG}
-    )
+    states = _panel("StateTransitions", "phase and status", paths=paths, isSynced=True)
+    events = _panel("RosOut", "events", searchTerms=[], minLogLevel=1, topicToRender=topics.LOG)
     return _row([states, events], (55, 45))
 
 
-def _add(panels: Panels, kind: str, title: str, configuration: dict[str, Any]) -> str:
-    """Register a panel and return its id; both open viewers have their own key for the title."""
-    name = f"{kind}!{len(panels) + 1}"
-    panels[name] = {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
-    return name
+def _panel(kind: str, title: str, **configuration: Any) -> Panel:
+    """Both open viewers have their own key for the title."""
+    return kind, {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 
 def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:
