@@ -181,12 +181,15 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)
     rig = AnalyticPlant(scenario.rig, drive="ideal", step=STEP, substeps=1).rig
-    grid = _Grid.of(scenario, design, plan, longest_step)
     state = np.concatenate(
         [plan.initial_state, plan.reference[0, [ACCELERATION + Z, JERK + Z]], np.zeros(3 * r.order)]
     )
     record = np.zeros((len(plan.time_ns), record_width(design)))
-    rows, status = _advance_all(loop, rig, state, grid, plan, record)
+    fastest = abs(r.fastest_mode[0]) if r.order else 0.0
+    period = scenario.period_ns / NANOSECONDS
+    parts = max(ceil(period / longest_step - 1e-9), ceil(period * fastest / STIFFNESS), 1)
+    trajectory = build_trajectory(scenario.reference)
+    rows, status = _advance_all(loop, rig, state, trajectory, plan, period * np.arange(parts) / parts, record)
     return Run(
         scenario=scenario.model_copy(update={"effects": NO_EFFECTS}),
         design=design,
@@ -201,58 +204,43 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     )
 
 
-class _Grid(NamedTuple):
-    """Where steps begin and end."""
-
-    edges: Array  # (n + 1,) [s]
-    joints: Array  # [s] where the reference may jump
-    sample: NDArray[np.intp]  # (n,) control sample during which a step lies
-    row_of: NDArray[np.intp]  # (n,) the sample at which it begins, or -1
-    trajectory: Trajectory
-
-    @classmethod
-    def of(cls, scenario: Scenario, design: Design, plan: Plan, longest: float) -> "_Grid":
-        """Control samples and reference joints, subdivided as the fastest mode needs."""
-        samples = plan.time_ns / NANOSECONDS
-        trajectory = build_trajectory(scenario.reference)
-        joints = trajectory.joints[(trajectory.joints > 0.0) & (trajectory.joints < samples[-1])]
-        fastest = abs(design.robustifier.fastest_mode[0]) if design.robustifier.order else 0.0
-        period = scenario.period_ns / NANOSECONDS
-        parts = max(ceil(period / longest - 1e-9), ceil(period * fastest / STIFFNESS), 1)
-        fine = (samples[:-1, None] + period * np.arange(parts) / parts).ravel()
-        extra = [t for t in joints if np.abs(fine - t).min() > 1e-9]
-        edges = np.sort(np.concatenate([fine, samples[-1:], extra]))
-        sample = np.searchsorted(samples - 1e-9, edges[:-1], side="right") - 1
-        row_of = np.where(np.abs(samples[sample] - edges[:-1]) < 1e-9, sample, -1)
-        return cls(edges, joints, sample, row_of, trajectory)
-
-    def stage_times(self, first: int, last: int) -> Array:
-        """Times of the stages of steps `first` to `last` - 1; a step before a joint ends left of it."""
-        left, right = self.edges[first:last, None], self.edges[first + 1 : last + 1, None]
-        times: Array = left + NODES * (right - left)
-        if len(self.joints):
-            ends_at_joint = np.abs(right - self.joints).min(axis=1, keepdims=True) < 1e-9
-            times = np.where(ends_at_joint, np.minimum(times, right - 2e-9), times)
-        return times
-
-
 def _advance_all(
-    loop: ContinuousLoop, rig: object, state: Array, grid: _Grid, plan: Plan, record: Array
+    loop: ContinuousLoop,
+    rig: object,
+    state: Array,
+    trajectory: Trajectory,
+    plan: Plan,
+    begins: Array,
+    record: Array,
 ) -> tuple[int, int]:
-    """Returns (complete rows, status)."""
-    steps = np.diff(grid.edges)
-    for first in range(0, len(steps), CHUNK):
-        last = min(first + CHUNK, len(steps))
-        times = grid.stage_times(first, last)
-        reference = grid.trajectory.sample(times.ravel()).reshape(last - first, STAGES, 15)
+    """Steps begin at `begins` [s] of each sample and at the reference's joints; (complete rows, status)."""
+    samples = plan.time_ns / NANOSECONDS
+    joints = trajectory.joints[(trajectory.joints > 0.0) & (trajectory.joints < samples[-1])]
+    fine = (samples[:-1, None] + begins).ravel()
+    extra = [t for t in joints if np.abs(fine - t).min() > 1e-9]
+    # The last step has no length: it records the last sample.
+    edges = np.append(np.sort(np.concatenate([fine, samples[-1:], extra])), samples[-1])
+    left, right = edges[:-1], edges[1:]
+    sample = np.searchsorted(samples - 1e-9, left, side="right") - 1
+    row_of = np.where(np.abs(samples[sample] - left) < 1e-9, sample, -1)
+    times = left[:, None] + NODES * (right - left)[:, None]
+    ends_at_joint = (np.abs(right[:, None] - joints) < 1e-9).any(axis=1)
+    times[ends_at_joint] = np.minimum(times, right[:, None] - 2e-9)[ends_at_joint]  # left of the jump
+    for first in range(0, len(left), CHUNK):
+        part = slice(first, first + CHUNK)
+        reference = trajectory.sample(times[part].ravel()).reshape(-1, STAGES, 15)
+        disturbance, row_reference = plan.disturbance[sample[part]], plan.reference[sample[part]]
         rows, status = advance_steps(
-            loop, rig, state, steps[first:last], reference, plan.disturbance[grid.sample[first:last]],
-            grid.row_of[first:last], plan.reference[grid.sample[first:last]], record,
-        )  # fmt: skip
+            loop,
+            rig,
+            state,
+            (right - left)[part],
+            reference,
+            disturbance,
+            row_of[part],
+            row_reference,
+            record,
+        )
         if status != RUNNING:
             return rows, status
-    work = np.zeros(len(state)), np.zeros(15), np.zeros(9)
-    written, status = record_row(
-        loop, rig, state, plan.reference[-1], plan.disturbance[-1], record[-1], *work
-    )
-    return len(record) - (not written), int(RunStatus.COMPLETED) if status == RUNNING else status
+    return len(record), int(RunStatus.COMPLETED)
