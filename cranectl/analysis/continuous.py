@@ -9,7 +9,6 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from cranectl.controllers.flat import RUNNING, regularity
@@ -46,9 +45,8 @@ from cranectl.signals import (
 from cranectl.simulate import Plan, Run, plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 NODES: Array = np.ascontiguousarray(DOP853.C[:STAGES])  # of the stages, in steps
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)

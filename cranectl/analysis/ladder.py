@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, Level, with_effects
@@ -14,10 +13,10 @@ from cranectl.design import Design
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run
+from cranectl.support.arrays import Array
 from cranectl.support.errors import unknown_name
 
 Progress = Callable[[float], None]  # called with simulated seconds
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

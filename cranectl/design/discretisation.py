@@ -3,12 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
 
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class SampledBlocks(NamedTuple):

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design.discretisation import diagonal
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are
 
 from cranectl.design.linear_systems import (
-    Array,
     HinfController,
     check_regulable,
     closed_loop_norm,
@@ -18,6 +17,7 @@ from cranectl.design.linear_systems import (
     poles_text,
 )
 from cranectl.scenario import LoopShapingSettings
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 

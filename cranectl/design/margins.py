@@ -5,7 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from cranectl.design.records import Array, Margins, loop_matrices
+from cranectl.design.records import Margins, loop_matrices
+from cranectl.support.arrays import Array
 
 
 def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpace:

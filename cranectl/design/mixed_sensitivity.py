@@ -9,7 +9,6 @@ import ctrlsys
 import numpy as np
 
 from cranectl.design.linear_systems import (
-    Array,
     HinfController,
     check_regulable,
     closed_loop_norm,
@@ -18,6 +17,7 @@ from cranectl.design.linear_systems import (
     unstable_poles,
 )
 from cranectl.scenario import HinfSettings
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 

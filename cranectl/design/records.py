@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.signals import SignalGroup, flat_groups
-
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
 
 # z'''' = v of one axis as a system; python-control takes most of a second to import.
 CHAIN_A: Array = np.diag(np.ones(3), 1)

@@ -3,9 +3,9 @@
 import control
 import numpy as np
 
-from cranectl.design.linear_systems import Array
 from cranectl.design.records import CHAIN_A, CHAIN_B
 from cranectl.scenario import DesignSettings
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 

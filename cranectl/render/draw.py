@@ -17,8 +17,9 @@ from PIL import Image
 from cranectl.render.caption import Caption
 from cranectl.render.opengl import check_engine
 from cranectl.render.plots import Plots
-from cranectl.render.timeline import Array, Timeline, timeline_of
+from cranectl.render.timeline import Timeline, timeline_of
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.files import replacing, writing

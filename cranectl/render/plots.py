@@ -9,14 +9,12 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.render.timeline import Timeline, Track
+from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT
-
-Array = NDArray[np.float64]
 
 DPI = 100.0
 USUAL = (480.0, 720.0)  # [px], for which sizes are given; others are scaled

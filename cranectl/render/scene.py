@@ -12,9 +12,9 @@ from cranectl.plants.mujoco.model import state_addresses
 from cranectl.render.opengl import drawing
 from cranectl.render.timeline import Timeline, Track
 from cranectl.support import resources
+from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 Colour = tuple[float, float, float]
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT
 from cranectl.support.errors import InputError
-
-Array = NDArray[np.float64]
 
 TRAIL = 4.0  # [s] that a trail shows
 TRAIL_POINTS = 60

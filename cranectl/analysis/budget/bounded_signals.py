@@ -13,7 +13,6 @@ through the equations of motion is slow against the observer and left out.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop
@@ -27,9 +26,8 @@ from cranectl.controllers.observer import (
     predict,
 )
 from cranectl.simulate.signal_path import Encoders, read_encoder
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 STATES = 3  # of the estimator of one joint
 TINY = 1e-60

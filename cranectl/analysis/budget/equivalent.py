@@ -27,9 +27,8 @@ from cranectl.scenario.effects import DriveLimits, Friction
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.simulate import Run
 from cranectl.simulate.signal_path import limited, make_limits
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 
 def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Ports:

@@ -7,7 +7,6 @@ two levels of the error budget, so it has an estimate and a bound before either 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.analysis.budget.propagation import Deviation, higher_orders, plant_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import (
@@ -25,8 +24,6 @@ from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.signals import ALPHA, BETA
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-
-Array = NDArray[np.float64]
 
 ROUNDING = 2e-12  # [m] and [rad]
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.analysis.budget.bounded_signals import (
     ENCODER_INSTANTS,
@@ -47,8 +46,7 @@ from cranectl.controllers.observer import Observer, make_observer
 from cranectl.controllers.registry import only_flat
 from cranectl.scenario.effects import Sensing
 from cranectl.simulate.signal_path import Encoders, make_encoders
-
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
 
 LEVELS = (
     "sampled", "engine", "servos", "limits", "observer", "noise", "quantisation", "delay",

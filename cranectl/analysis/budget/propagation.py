@@ -8,15 +8,13 @@ term of the prediction.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop, step_defect
 from cranectl.controllers.registry import only_flat
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.simulate import Run, tracker_of
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 ROUNDS = 4  # in which axes that stick settle what each has to hold
 

@@ -22,9 +22,8 @@ from cranectl.plants.surroundings import air_drag
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import EffectSettings
 from cranectl.signals import ROPE
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 COORDINATES = 10
 STATES = 2 * COORDINATES

@@ -41,9 +41,8 @@ from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.signals import ROPE
 from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
 from cranectl.simulate.actuation import make_actuation
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 EXTENSION, ROBUSTIFIER = 3, 5  # places in X after the plant's states, which w follows
 DIFFERENCE = 1e-6  # half width of the central differences, SI units

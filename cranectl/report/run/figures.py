@@ -9,14 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from cranectl.plants.registry import plant_entry
 from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
 from cranectl.signals import flat_groups, recorded_groups
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 
-Array = NDArray[np.float64]
 Values = Callable[[Run], Array]
 
 DEGREES = 180.0 / np.pi
