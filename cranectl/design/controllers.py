@@ -68,8 +68,7 @@ def _digest(text: str) -> str:
 
 def _computed(name: str, settings: DesignSettings) -> Design:
     # python-control takes more than a second to import
-    from cranectl.design.linear_systems import real_modal_form
-    from cranectl.design.margins import closed_loop_poles, loop_margins, open_loop
+    from cranectl.design.linear_systems import closed_loop_poles, loop_margins, open_loop, real_modal_form
     from cranectl.design.state_feedback import lqr_gain, pole_placement_gain
 
     feedback, _, kind = name.partition("+")
@@ -113,7 +112,7 @@ def with_gain(design: Design, gain: np.ndarray) -> Design:
     """
     import control
 
-    from cranectl.design.margins import closed_loop_poles, loop_margins, open_loop
+    from cranectl.design.linear_systems import closed_loop_poles, loop_margins, open_loop
 
     r = design.robustifier
     loop = open_loop(gain, control.ss(r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), r.d))

@@ -7,9 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cranectl.design import Design
-from cranectl.design.linear_systems import inner_loop
+from cranectl.design.linear_systems import inner_loop, open_loop
 from cranectl.design.loop_shaping import error_weight
-from cranectl.design.margins import open_loop
 from cranectl.scenario import LoopShapingSettings
 
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]

@@ -32,15 +32,16 @@ def design_tables(design: Design) -> tuple[Table, Table]:
 def law_tables(design: LawDesign, controller: Controller, linear: Sequence[LinearLaw]) -> tuple[Table, ...]:
     """Parameters of a law, and what it achieves near rest at some rope lengths, if it can say it."""
     rows = tuple(
-        cells(each.name, _value_text(design.parameters[each.name]), each.unit, each.description)
+        cells(each.name, value if isinstance(value, str) else f"{value:g}", each.unit, each.description)
         for each in controller.parameters
+        for value in (design.parameters[each.name],)
     )
     title = f"{design.name}: {controller.title}"
     tables = [Table(title, ("parameter", "", "", ""), rows, labels=4)]
     if linear:
         import control
 
-        from cranectl.design.margins import closed_loop_poles, loop_margins
+        from cranectl.design.linear_systems import closed_loop_poles, loop_margins
 
         loops = [control.ss(law.a, law.b, law.gain.reshape(1, -1), 0.0) for law in linear]
         margins = [_margin_rows(loop_margins(loop)) for loop in loops]
@@ -52,10 +53,6 @@ def law_tables(design: LawDesign, controller: Controller, linear: Sequence[Linea
         title = "Linearised about rest, loop opened at the drive's acceleration"
         tables.append(Table(title, headings, tuple(cells(*line) for line in lines), labels=1 + len(linear)))
     return tuple(tables)
-
-
-def _value_text(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _margin_rows(margins: Margins) -> tuple[tuple[str, str, str], ...]:
@@ -85,8 +82,5 @@ def _gamma_rows(design: Design) -> list[tuple[str, str, str]]:
 
 def _poles(poles: NDArray[Any]) -> list[str]:
     """The slowest first."""
-    return [_pole_text(pole) for pole in sorted(poles.tolist(), key=lambda pole: (-pole.real, pole.imag))]
-
-
-def _pole_text(pole: complex) -> str:
-    return f"{pole.real:.4g}" + (f" {pole.imag:+.4g}i" if pole.imag else "")
+    slowest_first = sorted(poles.tolist(), key=lambda pole: (-pole.real, pole.imag))
+    return [f"{pole.real:.4g}" + (f" {pole.imag:+.4g}i" if pole.imag else "") for pole in slowest_first]

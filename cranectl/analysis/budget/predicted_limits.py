@@ -4,6 +4,7 @@ The analytic lag is blind to the load, the engine's servo yields to it. The diff
 two levels of the error budget, so it has an estimate and a bound before either plant is run.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,14 +70,13 @@ def predicted_limits(scenario: Scenario, design: Design) -> Limits | NoLimits:
 def _difference(nominal: Nominal) -> PlantDifference:
     run = nominal.run
     loops = (nominal.driven(), linearise_run(run, drive="velocity"))
-    first, second, third = zip(*(_orders(run, loop) for loop in loops), strict=True)
+    orders = list(zip(*(_orders(run, loop) for loop in loops), strict=True))
     # Means over a sample stand for signals: of a servo of lag tau they miss T / (2 tau).
     coarse = nominal.loop.period / (2.0 * float(run.scenario.rig.time_constants.min()))
-    values = []
-    for what in ("load", "angle"):
-        estimate, left, rest = (_largest(a, b, what) for a, b in (first, second, third))
-        values += [estimate, _bound(estimate, left, rest, coarse)]
-    return PlantDifference(*values)
+    loads = [float(np.linalg.norm(a.load - b.load, axis=1).max()) for a, b in orders]
+    joints = [ALPHA, BETA]
+    angles = [float(np.abs(a.state[:, joints] - b.state[:, joints]).max()) for a, b in orders]
+    return PlantDifference(loads[0], _bound(loads, coarse), angles[0], _bound(angles, coarse))
 
 
 def _orders(run: Run, loop: TrajectoryLoop) -> tuple[Deviation, Deviation, Deviation]:
@@ -86,18 +86,13 @@ def _orders(run: Run, loop: TrajectoryLoop) -> tuple[Deviation, Deviation, Devia
     return first, *higher_orders(run, loop, ports, first)
 
 
-def _largest(a: Deviation, b: Deviation, what: str) -> float:
-    if what == "load":
-        return float(np.linalg.norm(a.load - b.load, axis=1).max())
-    return float(np.abs(a.state[:, [ALPHA, BETA]] - b.state[:, [ALPHA, BETA]]).max())
-
-
-def _bound(estimate: float, second: float, third: float, coarse: float) -> float:
-    """The first order, what it leaves out, and what means over a sample miss.
+def _bound(orders: Sequence[float], coarse: float) -> float:
+    """The first of three orders, what it leaves out, and what means over a sample miss.
 
     Infinite where the orders do not fall: neither the third to half the second, as in
     `analysis.budget.prediction`, nor both together to a tenth of the first.
     """
+    estimate, second, third = orders
     left = second + 2.0 * third
     if third > max(0.5 * second, ROUNDING) and left > 0.1 * estimate:
         return np.inf

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.analysis.advice import Advice, Assessment
+from cranectl.analysis.advice import Advice
 from cranectl.analysis.budget.error_budget import Budget
 from cranectl.analysis.certificate.certify import Certificate, NominalLoop
 from cranectl.analysis.certificate.loop import InnerLoop
@@ -56,7 +56,10 @@ def rig_page(
     best = advice.best
     assert best is not None
     tables = (controllers_table(advice), improvements_table(advice))
-    certificate = _certificate(best, nominal_loop, worst)
+    with styled():
+        drawing = certificate_figure(best.certificate, nominal_loop, worst, colours=STAND_IN)
+        svg = inline_svg(drawing, "f1")
+    certificate = Figure("1", f"certificate of {best.controller}", svg, "", alone=True)
     sections = (
         Section("advice", "Which controller", recommendation(advice), tables),
         Section(
@@ -90,13 +93,6 @@ def _ladder_sections(results: Sequence[LevelResult], *, first: int = 1) -> tuple
         Section("costs", "What each effect costs", tables=(ladder_table(results),), figures=figures),
         Section("levels", "The levels", tables=(levels_table(results),)),
     )
-
-
-def _certificate(best: Assessment, nominal_loop: NominalLoop, worst: InnerLoop) -> Figure:
-    with styled():
-        drawing = certificate_figure(best.certificate, nominal_loop, worst, colours=STAND_IN)
-        svg = inline_svg(drawing, "f1")
-    return Figure("1", f"certificate of {best.controller}", svg, "", alone=True)
 
 
 def _budget_figure(budget: Budget) -> Figure:

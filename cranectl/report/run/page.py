@@ -41,7 +41,10 @@ def log_page(
 
     `predict` finds limits where cranectl has none for the plants' agreement.
     """
-    agreements = {label: _judged(*pair, predict) for label, pair in _pairs(logs).items()}
+    agreements = {}
+    for label, (a, b) in _pairs(logs).items():
+        limits = limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant), predict=predict)
+        agreements[label] = judge(a, b, limits=limits)
     runs = [run for log in logs.values() for run in log.values()]
     scenarios = dict.fromkeys(run.scenario.name for run in runs)
     title = runs[0].scenario.title if len(scenarios) == 1 else ""
@@ -58,11 +61,6 @@ def log_page(
     if tables:
         sections.append(Section("differences", "Differences", tables=tables))
     return Page(", ".join(scenarios), title, tuple(sections), remade_by)
-
-
-def _judged(a: Run, b: Run, predict: Predict | None) -> Agreement:
-    limits = limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant), predict=predict)
-    return judge(a, b, limits=limits)
 
 
 def _verdicts(agreements: Mapping[str, Agreement]) -> str:
