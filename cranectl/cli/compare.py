@@ -101,7 +101,7 @@ def _print(screen: "Screen", comparison: "Comparison") -> None:
     screen.print(
         f"loads differ by at most {comparison.max_load_error_m:.3e} m, "
         f"at {comparison.max_load_error_at_s:g} s; "
-        f"angles {comparison.max_angle_error_rad:.3e} rad; {comparison.samples} common samples",
+        f"angles {comparison.max_angle_error_rad:.3e} rad; {comparison.samples} common samples"
     )
     if not comparison.same_length:
         screen.print(styled("the runs did not end at the same time", "yellow"))

@@ -11,9 +11,7 @@ from cranectl.support.files import PLOTS
 @click.command("design", cls=Command)
 @click.argument("name")
 @click.option(
-    "--scenario",
-    metavar="NAME",
-    help="Whose [design], [control] and [rig] to take. Default: the defaults.",
+    "--scenario", metavar="NAME", help="Whose [design], [control] and [rig] to take. Default: the defaults."
 )
 @scenario_options
 @output_option(

@@ -83,11 +83,7 @@ def live_command(
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     wanted = record or log.with_stem(f"{log.stem}-live")
-    with (
-        _until_ended() as stop,
-        complaints(_warn),
-        own_place(wanted, numbered=record is None) as place,
-    ):
+    with _until_ended() as stop, complaints(_warn), own_place(wanted, numbered=record is None) as place:
         server = LiveServer(session, controls, address, place)
         if host not in HERE:
             _warn(

@@ -50,11 +50,10 @@ COMMANDS: dict[str, tuple[click.Command, ...]] = {
     "Judge": (validate_command, certify_command, advise_command),
     "Explain": (design_command, ladder_command, budget_command, thesis_command),
 }
-MOVED = {"export": "log export", "layout": "log layout", "recover": "log recover"}
 
 
 class CommandTree(click.Group):
-    """All commands, grouped by purpose in `--help`; the old spelling of one names the new one."""
+    """All commands, grouped by purpose in `--help`."""
 
     def format_commands(self, _context: click.Context, formatter: click.HelpFormatter) -> None:
         width = max(map(len, self.commands))
@@ -63,16 +62,6 @@ class CommandTree(click.Group):
                 summaries = [each.get_short_help_str(formatter.width) for each in commands]
                 names = [f"{each.name:{width}}" for each in commands]
                 formatter.write_dl(list(zip(names, summaries, strict=True)))
-
-    def resolve_command(
-        self, context: click.Context, arguments: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        name, *rest = arguments
-        if name in MOVED:
-            raise InputError(
-                f"cranectl {name} is another command now", remedy=" ".join(["cranectl", MOVED[name], *rest])
-            )
-        return super().resolve_command(context, arguments)
 
 
 cli = CommandTree(

@@ -17,7 +17,7 @@ from rich.table import Column
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Table
 from cranectl.support.documents import mapped
 from cranectl.support.files import write_text, writing
 from cranectl.support.text import printable
@@ -129,12 +129,8 @@ def screen_table(table: Table) -> ScreenTable:
         )
         before = first
     for row in table.rows:
-        shown.add_row(*(_coloured(cell) for cell in row))
+        shown.add_row(*(styled(cell.text, COLOURS.get(cell.mark, "")) for cell in row))
     return shown
-
-
-def _coloured(cell: Cell) -> Text:
-    return styled(cell.text, COLOURS.get(cell.mark, ""))
 
 
 @contextmanager

@@ -86,7 +86,7 @@ def run_command(
     screen.print(f"log: {case.log}")
     screen.print(
         f"view: cranectl log layout {layout_for(case.plants)}; open the log in Foxglove or Lichtblick and "
-        f"import the layout, or: rerun {case.log}",
+        f"import the layout, or: rerun {case.log}"
     )
     write_json(
         json_file,

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from cranectl.log import schema, topics
 from cranectl.log.consistency import Outcome, check_numbers, check_run, check_times, finite_samples
 from cranectl.log.header import LogHeader, parse_header
-from cranectl.mcap_columns.chunks import Column
 from cranectl.mcap_columns.contents import Contents, End, check_end, columns_of, read_end
-from cranectl.mcap_columns.records import BUFFER, MAGIC, DamageError
+from cranectl.mcap_columns.records import BUFFER, MAGIC, Column, DamageError
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, groups_of

@@ -16,9 +16,8 @@ from cranectl.log.messages import streams
 from cranectl.log.reader import Block, assembled, blocks_of, check_begin, header_of, opened, row_width
 from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, outcome_metadata, write_container
-from cranectl.mcap_columns.chunks import Content
 from cranectl.mcap_columns.contents import Contents, columns_of
-from cranectl.mcap_columns.records import DamageError
+from cranectl.mcap_columns.records import Content, DamageError
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError

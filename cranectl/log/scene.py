@@ -6,24 +6,33 @@ reference plant are ghosts. `scene_streams` makes all topics of whole runs; a li
 piece by piece.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from foxglove.messages import (
     ArrowPrimitive,
+    Color,
     CubePrimitive,
     CylinderPrimitive,
+    FrameTransform,
     FrameTransforms,
+    LinePrimitive,
+    LinePrimitiveLineType,
+    Point3,
     Pose,
+    Quaternion,
+    SceneEntity,
     SceneEntityDeletion,
     SceneEntityDeletionType,
     SceneUpdate,
     SpherePrimitive,
+    Timestamp,
+    Vector3,
 )
 from numpy.typing import NDArray
 
-from cranectl.log import shapes, topics
+from cranectl.log import topics
 from cranectl.log.events import acting_disturbances, disturbance_times
 from cranectl.log.topics import Stream
 from cranectl.metrics import NEARLY_SLACK
@@ -34,6 +43,10 @@ from cranectl.simulate import Run
 from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
 
 Array = NDArray[np.float64]
+Rows = list[list[float]]
+
+IDENTITY = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+ORIGIN = Pose(position=Vector3(x=0.0, y=0.0, z=0.0), orientation=IDENTITY)
 
 RATE = 50  # [Hz] of poses and ropes
 TRAIL = 4.0  # [s] that a trail shows
@@ -61,11 +74,12 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
     result = [transforms(drawn, longest, rows_apart(longest, 1.0 / RATE))]
     result += [path(drawn[0]), workspace(drawn[0])]
     for run in drawn:
+        times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
         result += [
             model(run.plant, shown[run.plant]),
             rope(run, shown[run.plant], rows_apart(run, 1.0 / RATE)),
             whole_trail(run),
-            _arrows(run),
+            arrows(run.plant, times, [acting_disturbances(run.scenario, time) for time in times]),
         ]
     return result
 
@@ -81,21 +95,21 @@ def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stre
     target = leader.reference[rows, :3].tolist()
     trees = [(run.plant, *_tree(run, time_ns)) for run in runs]
     messages = []
-    for k, time in enumerate(map(shapes.timestamp, time_ns.tolist())):
-        tree = [shapes.transform(time, "world", "reference", target[k])]
+    for k, time in enumerate(map(_timestamp, time_ns.tolist())):
+        tree = [_transform(time, "world", "reference", target[k])]
         for plant, trolley, load, rotation in trees:
             (x, y), frames = trolley[k], (f"{plant}/bridge", f"{plant}/trolley", f"{plant}/load")
             tree += [
-                shapes.transform(time, "world", frames[0], (x, 0.0, 0.0)),
-                shapes.transform(time, frames[0], frames[1], (0.0, y, 0.0)),
-                shapes.transform(time, frames[1], frames[2], load[k], rotation[k]),
+                _transform(time, "world", frames[0], (x, 0.0, 0.0)),
+                _transform(time, frames[0], frames[1], (0.0, y, 0.0)),
+                _transform(time, frames[1], frames[2], load[k], rotation[k]),
             ]
         messages.append(FrameTransforms(transforms=tree).encode())
     definition = FrameTransforms.get_schema()
     return Stream(topics.TRANSFORMS, definition.name, definition.data, time_ns, messages)
 
 
-def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[shapes.Rows, shapes.Rows, shapes.Rows]:
+def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
     """Trolley (x, y), load from the trolley (x, y, z), orientation of the load (x, y, z, w) at each time."""
     rows = np.minimum(np.searchsorted(run.time_ns, time_ns), len(run.time_ns) - 1)
     state = run.block("state")[rows]
@@ -118,16 +132,14 @@ def model(plant: str, opacity: float) -> Stream:
             continue
         name, primitive, more = PRIMITIVES[solid.kind]
         shape = primitive(
-            pose=Pose(
-                position=shapes.vector(solid.position), orientation=shapes.quaternion(solid.orientation)
-            ),
-            size=shapes.vector(solid.size),
-            color=shapes.colour(solid.colour[:3], solid.colour[3] * opacity),
+            pose=Pose(position=_vector(solid.position), orientation=_quaternion(solid.orientation)),
+            size=_vector(solid.size),
+            color=_colour(solid.colour[:3], solid.colour[3] * opacity),
             **more,
         )
         entities.setdefault(solid.body, {}).setdefault(name, []).append(shape)
     drawn = [
-        shapes.entity("world" if body == "frame" else f"{plant}/{body}", body, 0, **primitives)
+        _entity("world" if body == "frame" else f"{plant}/{body}", body, 0, **primitives)
         for body, primitives in entities.items()
     ]
     return _scene(topics.plant_topic(plant, "model"), [0], [SceneUpdate(entities=drawn)])
@@ -143,10 +155,8 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     for time_ns, (*trolley, x, y, z), colour in zip(
         run.time_ns[rows].tolist(), ends, colours.tolist(), strict=True
     ):
-        line = shapes.line(
-            shapes.points([trolley, [x, y, z]]), ROPE_THICKNESS, color=shapes.colour(colour, opacity)
-        )
-        updates.append(SceneUpdate(entities=[shapes.entity("world", "rope", time_ns, lines=[line])]))
+        line = _line(_points([trolley, [x, y, z]]), ROPE_THICKNESS, color=_colour(colour, opacity))
+        updates.append(SceneUpdate(entities=[_entity("world", "rope", time_ns, lines=[line])]))
     return _scene(topics.plant_topic(run.plant, topics.ROPE), run.time_ns[rows].tolist(), updates)
 
 
@@ -161,32 +171,24 @@ def trail(plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: str | 
 
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows are the past of the first message.
     """
-    points = shapes.points(load.tolist())
+    points = _points(load.tolist())
     shade = rgb(colour or VIEWER[plant_entry(plant).colour])
-    fading = [shapes.colour(shade, k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
+    fading = [_colour(shade, k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     updates = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):
         first = max(k - TRAIL_POINTS, 0)
-        line = shapes.line(points[first : k + 1], 1.2 * ROPE_THICKNESS, colors=fading[first - k - 1 :])
-        updates.append(SceneUpdate(entities=[shapes.entity("world", "trail", time, lines=[line])]))
+        line = _line(points[first : k + 1], 1.2 * ROPE_THICKNESS, colors=fading[first - k - 1 :])
+        updates.append(SceneUpdate(entities=[_entity("world", "trail", time, lines=[line])]))
     return _scene(topics.plant_topic(plant, "trail"), time_ns.tolist(), updates)
-
-
-def _arrows(run: Run) -> Stream:
-    """The scenario's disturbances while they act."""
-    times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
-    return arrows(run.plant, times, [acting_disturbances(run.scenario, time) for time in times])
 
 
 def arrows(plant: str, times: Sequence[int], acting: Sequence[Sequence[tuple[str, float]]]) -> Stream:
     """Arrows for what acts, by joint and magnitude [rad/s²]: each message deletes what was shown before."""
-    everything = SceneEntityDeletion(type=SceneEntityDeletionType.All, timestamp=shapes.timestamp(0))
+    everything = SceneEntityDeletion(type=SceneEntityDeletionType.All, timestamp=_timestamp(0))
     updates = [
         SceneUpdate(
             deletions=[everything],
-            entities=[
-                shapes.entity(f"{plant}/load", "disturbance", time, arrows=[_arrow(*one) for one in now])
-            ],
+            entities=[_entity(f"{plant}/load", "disturbance", time, arrows=[_arrow(*one) for one in now])],
         )
         if now
         else SceneUpdate(deletions=[everything])
@@ -202,28 +204,25 @@ def _arrow(joint: str, magnitude: float) -> ArrowPrimitive:
     length = ARROW_LENGTH * float(np.clip(abs(magnitude), 0.4, 3.0))
     return ArrowPrimitive(
         pose=Pose(
-            position=shapes.vector([0.0] * 3),
-            orientation=shapes.quaternion([0.0, 0.0, float(np.sin(half)), float(np.cos(half))]),
+            position=_vector([0.0] * 3),
+            orientation=_quaternion([0.0, 0.0, float(np.sin(half)), float(np.cos(half))]),
         ),
         shaft_length=0.75 * length,
         shaft_diameter=0.018,
         head_length=0.25 * length,
         head_diameter=0.05,
-        color=shapes.colour(rgb(VIEWER["disturbance"]), 0.95),
+        color=_colour(rgb(VIEWER["disturbance"]), 0.95),
     )
 
 
 def path(run: Run) -> Stream:
     """The desired path as a line, the desired load as a small ball that moves with the frame `reference`."""
     shade = rgb(VIEWER["reference"])
-    points = shapes.points(run.reference[rows_apart(run, TRAIL_STEP), :3].tolist())
-    line = shapes.line(points, 0.8 * ROPE_THICKNESS, color=shapes.colour(shade, 0.9))
-    size = shapes.vector([0.04] * 3)
-    ball = SpherePrimitive(pose=shapes.ORIGIN, size=size, color=shapes.colour(shade, 0.6))
-    entities = [
-        shapes.entity("world", "path", 0, lines=[line]),
-        shapes.entity("reference", "target", 0, spheres=[ball]),
-    ]
+    points = _points(run.reference[rows_apart(run, TRAIL_STEP), :3].tolist())
+    line = _line(points, 0.8 * ROPE_THICKNESS, color=_colour(shade, 0.9))
+    size = _vector([0.04] * 3)
+    ball = SpherePrimitive(pose=ORIGIN, size=size, color=_colour(shade, 0.6))
+    entities = [_entity("world", "path", 0, lines=[line]), _entity("reference", "target", 0, spheres=[ball])]
     return _scene(topics.REFERENCE_PATH, [0], [SceneUpdate(entities=entities)])
 
 
@@ -232,10 +231,10 @@ def workspace(run: Run) -> Stream:
     x, y, rope = run.scenario.rig.workspace
     corners = np.array([(a, b, -c) for c in rope for b in y for a in x])
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
-    points = shapes.points(corners[k].tolist() for edge in edges for k in edge)
-    shade = shapes.colour(rgb(VIEWER["reference"]), 0.5)
-    line = shapes.line(points, 1.5, scale_invariant=True, separate=True, color=shade)
-    entity = shapes.entity("world", "workspace", 0, lines=[line])
+    points = _points(corners[k].tolist() for edge in edges for k in edge)
+    shade = _colour(rgb(VIEWER["reference"]), 0.5)
+    line = _line(points, 1.5, scale_invariant=True, type=LinePrimitiveLineType.LineList, color=shade)
+    entity = _entity("world", "workspace", 0, lines=[line])
     return _scene(topics.WORKSPACE, [0], [SceneUpdate(entities=[entity])])
 
 
@@ -252,3 +251,62 @@ def _scene(topic: str, time_ns: Sequence[int], updates: Sequence[SceneUpdate]) -
     definition = SceneUpdate.get_schema()
     messages = [update.encode() for update in updates]
     return Stream(topic, definition.name, definition.data, np.array(time_ns, dtype=np.int64), messages)
+
+
+def _entity(frame: str, name: str, time_ns: int, **primitives: Sequence[object]) -> SceneEntity:
+    """Shown until replaced, in a frame that it moves with."""
+    return SceneEntity(
+        timestamp=_timestamp(time_ns),
+        frame_id=frame,
+        id=name,
+        frame_locked=True,
+        **primitives,  # type: ignore[arg-type]
+    )
+
+
+def _transform(
+    time: Timestamp,
+    parent: str,
+    child: str,
+    translation: Sequence[float],
+    rotation: Sequence[float] | None = None,
+) -> FrameTransform:
+    """A frame in its parent; without a rotation it is only moved."""
+    return FrameTransform(
+        timestamp=time,
+        parent_frame_id=parent,
+        child_frame_id=child,
+        translation=_vector(translation),
+        rotation=IDENTITY if rotation is None else _quaternion(rotation),
+    )
+
+
+def _line(points: list[Point3], thickness: float, **more: Any) -> LinePrimitive:
+    """A connected line, or what `more` says of it: in one colour, or in one for each point."""
+    kind = {"type": LinePrimitiveLineType.LineStrip, "scale_invariant": False, **more}
+    return LinePrimitive(pose=ORIGIN, points=points, thickness=thickness, **kind)
+
+
+def _timestamp(time_ns: int) -> Timestamp:
+    """Nanoseconds as a message has them."""
+    return Timestamp(*divmod(time_ns, NANOSECONDS))
+
+
+def _vector(xyz: Iterable[float]) -> Vector3:
+    """From (x, y, z)."""
+    return Vector3(**dict(zip("xyz", xyz, strict=True)))
+
+
+def _points(rows: Iterable[Iterable[float]]) -> list[Point3]:
+    """From rows (x, y, z)."""
+    return [Point3(x=x, y=y, z=z) for x, y, z in rows]
+
+
+def _quaternion(xyzw: Iterable[float]) -> Quaternion:
+    """From (x, y, z, w)."""
+    return Quaternion(**dict(zip("xyzw", xyzw, strict=True)))
+
+
+def _colour(rgb: Sequence[float], opacity: float) -> Color:
+    """From (r, g, b) and opacity."""
+    return Color(**dict(zip("rgba", (*rgb, opacity), strict=True)))

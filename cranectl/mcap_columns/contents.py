@@ -13,19 +13,24 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Metadata, Schema, Statistics
 
-from cranectl.mcap_columns.chunks import MAX_CHUNK, Column, Content, joined, rows_of, unpack
 from cranectl.mcap_columns.records import (
     MAGIC,
+    MAX_CHUNK,
     PREFIX,
+    Column,
+    Content,
     DamageError,
     Record,
     check_crc,
+    joined,
     parse,
     parse_attachment,
     read_record,
     read_records,
     record_name,
+    rows_of,
     section_crc,
+    unpack,
 )
 
 MAX_SUMMARY = 64 * 2**20  # [bytes]; ten minutes of all samples take 7 MiB

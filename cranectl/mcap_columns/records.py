@@ -1,15 +1,27 @@
-"""MCAP records: cut out of a file one by one and parsed, whatever the bytes claim."""
+"""MCAP records, whatever the bytes claim: cut out of a file and parsed, chunks unpacked and cut up whole.
+
+mcap's own iterator makes an object of every message. Here the messages of a chunk are the rows of a table,
+and the messages of a channel, if they all have one length, the rows of an array.
+"""
 
 import struct
+import threading
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from io import BytesIO
 from typing import BinaryIO, NamedTuple, TypeVar
 
+import lz4.frame
+import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment
+from mcap.records import Attachment, Chunk
+from numpy.typing import NDArray
+
+from cranectl.support.jit import jit
 
 MAGIC = b"\x89MCAP0\r\n"
 PREFIX = struct.Struct("<BQ")  # opcode, length of the body that follows
@@ -115,3 +127,154 @@ class _Body(ReadDataStream):
         if len(data) < length:
             raise EndOfFile
         return data
+
+
+MAX_CHUNK = 16 * 2**20  # [bytes] unpacked; cranectl writes 64 KiB, other writers 1 to 4 MiB
+
+_MESSAGE, _SCHEMA, _CHANNEL = int(Opcode.MESSAGE), int(Opcode.SCHEMA), int(Opcode.CHANNEL)
+_PREFIX = PREFIX.size
+_MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
+_LEAST = 14  # [bytes] the shortest record in a chunk, a schema of empty strings
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+
+
+class Column(NamedTuple):
+    """Messages of a channel whose messages have one length, in the order of the file."""
+
+    time_ns: Integers  # (N,)
+    messages: Bytes  # (N, length)
+
+
+@dataclass(frozen=True)
+class Content:
+    """The records of a chunk."""
+
+    data: Bytes
+    table: Integers  # (N, 4): channel, time [ns], start, stop of each message
+    definitions: tuple[tuple[int, bytes], ...]  # opcode and body of each schema and channel record
+
+
+def unpack(chunk: Chunk) -> Content:
+    """The records of a chunk; raises DamageError for one that is not exactly what its head says.
+
+    Takes memory for what is there, not for what is claimed, and never much more than MAX_CHUNK.
+    """
+    data = np.frombuffer(_inflated(chunk), dtype=np.uint8)
+    table, definitions, stop = record_tables(data)
+    if stop < len(data):
+        raise DamageError(f"byte {stop} of a chunk begins no record that could be there")
+    bodies = tuple((opcode, data[start:stop].tobytes()) for opcode, start, stop in definitions.tolist())
+    return Content(data, table, bodies)
+
+
+def joined(columns: Sequence[Column], width: int) -> Column:
+    """Columns of one channel one below the other; none at all make an empty one."""
+    empty = Column(np.zeros(0, dtype=np.int64), np.zeros((0, width), dtype=np.uint8))
+    times, messages = zip(empty, *columns, strict=True)
+    return Column(np.concatenate(times), np.concatenate(messages))
+
+
+def _inflated(chunk: Chunk) -> bytes:
+    size = chunk.uncompressed_size
+    if size > MAX_CHUNK:
+        raise DamageError(f"a chunk claims to unpack to {size} bytes, more than {MAX_CHUNK}")
+    if chunk.compression not in _INFLATE:
+        raise DamageError(f"a chunk is compressed with '{chunk.compression[:20]}', neither zstd nor lz4")
+    try:
+        data = _INFLATE[chunk.compression](chunk.data, size)
+    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+        raise DamageError(f"a chunk cannot be unpacked: {error}") from None
+    if len(data) != size:
+        more = "more than" if len(data) > size else f"only {len(data)} of"
+        raise DamageError(f"a chunk unpacks to {more} {size} bytes")
+    check_crc(zlib.crc32(data), chunk.uncompressed_crc, "a chunk")
+    return data
+
+
+class _OfThread(threading.local):
+    """What takes longer to make than to unpack a chunk with, and serves one thread at a time."""
+
+    def __init__(self) -> None:
+        self.zstd = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
+
+
+_of_thread = _OfThread()
+
+
+def _zstd(data: bytes, size: int) -> bytes:
+    # A frame that claims more itself would be given the room.
+    if zstandard.frame_content_size(data) > size:
+        raise DamageError(f"a chunk unpacks to more than {size} bytes")
+    return _of_thread.zstd.decompress(data, max_output_size=max(size, 1))
+
+
+def _lz4(data: bytes, size: int) -> bytes:
+    inflated: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+    return inflated
+
+
+# By compression: at most about as many bytes as a chunk claims.
+_INFLATE: dict[str, Callable[[bytes, int], bytes]] = {"": lambda data, _: data, "lz4": _lz4, "zstd": _zstd}
+
+
+@jit
+def record_tables(data: Bytes) -> tuple[Integers, Integers, int]:
+    """The records in a chunk: messages, definitions, and the byte where they end.
+
+    Messages are rows (channel, time [ns], start, stop), definitions (opcode, start, stop), with the bytes
+    from start to stop without head. A record that is neither, too short or too long ends the tables.
+    """
+    size = len(data)
+    messages = np.empty((size // (_PREFIX + _MESSAGE_HEAD), 4), dtype=np.int64)
+    definitions = np.empty((size // (_PREFIX + _LEAST), 3), dtype=np.int64)
+    m, d, at = 0, 0, 0
+    while size - at >= _PREFIX + _LEAST:
+        opcode, start = data[at], at + _PREFIX
+        length = little_endian(data, at + 1, 8)
+        if length < _LEAST or length > size - start:
+            break
+        if opcode == _MESSAGE and length >= _MESSAGE_HEAD:
+            messages[m, 0] = little_endian(data, start, 2)
+            messages[m, 1] = little_endian(data, start + 6, 8)
+            messages[m, 2] = start + _MESSAGE_HEAD
+            messages[m, 3] = start + length
+            m += 1
+        elif opcode in (_SCHEMA, _CHANNEL):
+            definitions[d, 0] = opcode
+            definitions[d, 1] = start
+            definitions[d, 2] = start + length
+            d += 1
+        else:
+            break
+        at = start + length
+    return messages[:m], definitions[:d], at
+
+
+@jit
+def rows_of(data: Bytes, table: Integers, channel: int, width: int) -> tuple[Integers, Bytes]:
+    """Times and bodies of a channel's messages; fewer bodies than times if one has not `width` bytes."""
+    n = 0
+    for row in range(len(table)):
+        n += table[row, 0] == channel
+    time_ns, messages = np.empty(n, dtype=np.int64), np.empty((n, width), dtype=np.uint8)
+    n = 0
+    for row in range(len(table)):
+        if table[row, 0] == channel:
+            time_ns[n], start = table[row, 1], table[row, 2]
+            if table[row, 3] - start != width:
+                return time_ns, messages[:0]
+            for k in range(width):
+                messages[n, k] = data[start + k]
+            n += 1
+    return time_ns, messages
+
+
+@jit
+def little_endian(data: Bytes, at: int, width: int) -> int:
+    """The integer in `width` bytes from `at`; negative where it does not fit into 63 bits."""
+    value = np.int64(0)
+    for k in range(width):
+        value |= np.int64(data[at + k]) << (8 * k)
+    return int(value)

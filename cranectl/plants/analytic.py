@@ -309,10 +309,6 @@ def _passive_forces(rig: RigParameters, effects: EffectSettings) -> PassiveForce
         drag=air_drag(effects),
         pivot_viscous=friction.pivot_viscous if friction else 0.0,
         pivot_coulomb=friction.pivot_coulomb if friction else 0.0,
-        tilt=(
-            rig.load_mass * along_x,
-            rig.load_mass * along_y,
-            rig.load_mass * (along_z + rig.gravity),
-        ),
+        tilt=(rig.load_mass * along_x, rig.load_mass * along_y, rig.load_mass * (along_z + rig.gravity)),
     )
     return forces if any((*forces[:3], *forces.tilt)) else None

@@ -1,29 +1,15 @@
-"""What a rig stands in: wind, rails that slope, drives and encoders that are not as believed."""
+"""What a rig stands in: wind, rails that slope."""
 
 from math import sin, sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.scenario.effects import EffectSettings, Installation, Wind
+from cranectl.scenario.effects import EffectSettings, Wind
 
 Array = NDArray[np.float64]
 
 STICTION_RATE = 0.01  # [rad/s], below which a model without a constraint solver smooths Coulomb's friction
-
-
-class CalibrationError(NamedTuple):
-    """Between controller and rig."""
-
-    rope_offset: float  # read more than there is [m]
-    drive_gain: Array  # (3,) of bridge, trolley, winch
-
-
-def make_calibration_error(installation: Installation | None) -> CalibrationError:
-    """What lies between controller and rig; nothing without `installation`."""
-    given = installation or Installation()
-    return CalibrationError(given.rope_offset, np.array(given.drive_gain))
 
 
 def gravity_in_rig(gravity: float, effects: EffectSettings) -> tuple[float, float, float]:

@@ -175,14 +175,4 @@ class EffectSettings(Settings):
 
 
 NO_EFFECTS = EffectSettings()
-ALL_EFFECTS = EffectSettings(
-    limits=DriveLimits(),
-    sensing=Sensing(),
-    delay=Delay(),
-    friction=Friction(),
-    rope=Rope(),
-    body=Body(),
-    wind=Wind(),
-    frame=Frame(),
-    installation=Installation(),
-)
+ALL_EFFECTS = EffectSettings.model_validate({name: {} for name in EffectSettings.model_fields})

@@ -60,7 +60,8 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
     where = ".".join(str(part) for part in location)
     if details["type"] == "extra_forbidden":
         key = str(location[-1])
-        known = nearest_first(key, _known_keys(model, location[:-1]))
+        parent = _model_at(model, location[:-1])
+        known = nearest_first(key, parent.model_fields if parent is not None else ())
         near = bool(known) and is_near(key, known[0])
         remedy = f"did you mean '{known[0]}'?" if near else f"remove '{where}'"
         return f"unknown key '{where}'", ", ".join(known), remedy
@@ -102,11 +103,6 @@ def _nested(annotation: Any) -> list[type[BaseModel]]:
 def _tag(model: type[BaseModel]) -> str | None:
     kind = model.model_fields.get("kind")
     return next(iter(get_args(kind.annotation)), "added") if kind is not None else None
-
-
-def _known_keys(model: type[BaseModel], location: Sequence[int | str]) -> list[str]:
-    found = _model_at(model, location)
-    return list(found.model_fields) if found is not None else []
 
 
 def _describe(model: type[BaseModel], location: Sequence[int | str]) -> str:

@@ -100,8 +100,5 @@ class Run:
         chosen = samples % n == 0
         chosen[-1:] = True
         return replace(
-            self,
-            time_ns=self.time_ns[chosen],
-            table=self.table[chosen],
-            reference=self.reference[chosen],
+            self, time_ns=self.time_ns[chosen], table=self.table[chosen], reference=self.reference[chosen]
         )

@@ -114,11 +114,7 @@ def start_run(
 
 def tracker_of(scenario: Scenario, design: Design) -> Tracker:
     """The tracker that runs `design` in `scenario`; raises InputError if its sampling makes it unstable."""
-    return make_tracker(
-        design,
-        period=scenario.period_ns / NANOSECONDS,
-        gravity=scenario.rig.gravity,
-    )
+    return make_tracker(design, period=scenario.period_ns / NANOSECONDS, gravity=scenario.rig.gravity)
 
 
 def law_of(

@@ -23,9 +23,8 @@ from cranectl.controllers.observer import (
     make_observer,
     predict,
 )
-from cranectl.plants.surroundings import CalibrationError, make_calibration_error
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import DriveLimits, EffectSettings, Sensing
+from cranectl.scenario.effects import DriveLimits, EffectSettings, Installation, Sensing
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
 from cranectl.simulate.actuation import forces_at_rest
 from cranectl.support.jit import jit
@@ -92,6 +91,13 @@ def transport(line, sample, command):
 ROPE = 2  # among the joints
 
 
+class CalibrationError(NamedTuple):
+    """Between controller and rig."""
+
+    rope_offset: float  # read more than there is [m]
+    drive_gain: Array  # (3,) of bridge, trolley, winch
+
+
 class SignalPath(NamedTuple):
     """Encoders, observer, limits and transport of a run, with their memories and their part of the record."""
 
@@ -132,7 +138,7 @@ def make_signal_path(
         return None
     period = scenario.period_ns / NANOSECONDS
     nominal = nominal or scenario
-    sensing = effects.sensing or Sensing()
+    sensing, setting = effects.sensing or Sensing(), effects.installation or Installation()
     bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
     first = np.zeros(3)
     if drive == "velocity":
@@ -145,7 +151,7 @@ def make_signal_path(
         encoders=make_encoders(sensing, samples if effects.sensing else 1),
         observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
         estimate=initial_estimate(start),
-        calibration=make_calibration_error(effects.installation),
+        calibration=CalibrationError(setting.rope_offset, np.array(setting.drive_gain)),
         limits=make_limits(effects.limits if drive == "velocity" else None, period),
         previous=first.copy(),
         line=np.tile(first, (scenario.delay_samples, 1)),

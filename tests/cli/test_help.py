@@ -8,7 +8,7 @@ import click
 import pytest
 
 from cranectl.cli import exit_codes
-from cranectl.cli.main import COMMANDS, MOVED, cli, main
+from cranectl.cli.main import COMMANDS, cli
 from tests.conftest import ROOT
 
 
@@ -53,10 +53,3 @@ def test_the_help_has_every_exit_code() -> None:
     assert codes == exit_codes.MEANINGS.keys()
     for code, meaning in exit_codes.MEANINGS.items():
         assert f"{code:3}  {meaning}" in help_text(cli)
-
-
-@pytest.mark.parametrize(("old", "new"), MOVED.items())
-def test_an_old_spelling_names_the_new_one(old: str, new: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([old, "a.mcap", "--out", "b"]) == 2
-    assert f"remedy:  cranectl {new} a.mcap --out b\n" in capsys.readouterr().err
-    assert main([*new.split(), "--help"]) == 0

@@ -156,6 +156,7 @@ class MujocoPlant:
         self.parameters, self.effects = rig, _physical(effects)
         self.model = copy.copy(compiled_model(rig, drive, step, self.effects))
         self.data = mujoco.MjData(self.model)
+        distance = self.model.joint(DISTANCE if effects.rope else "rope_length")
         self.rig = MujocoRig(
             model=self.model._address,
             data=self.data._address,
@@ -166,7 +167,7 @@ class MujocoPlant:
             sensors=self.data.sensordata,
             joints=state_addresses(self.model),
             rates=rate_addresses(self.model),
-            distance=_distance_addresses(self.model, DISTANCE if effects.rope else "rope_length"),
+            distance=np.array([distance.qposadr[0], distance.dofadr[0]], dtype=np.int64),
             drives=drive_addresses(self.model),
             load_sensors=sensor_addresses(self.model),
             warnings=self.data.warning.number,
@@ -269,10 +270,6 @@ def _physical(effects: EffectSettings) -> EffectSettings:
     """Those that change the model; what others say must not compile it anew."""
     names = ("limits", "friction", "rope", "body", "frame", "installation")
     return NO_EFFECTS.model_copy(update={name: getattr(effects, name) for name in names})
-
-
-def _distance_addresses(model: mujoco.MjModel, joint: str) -> NDArray[np.int64]:
-    return np.array([model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]], dtype=np.int64)
 
 
 def _rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:

@@ -105,9 +105,7 @@ def elastic_rope(model: mujoco.MjModel, rope: Rope, offset: float) -> ElasticRop
     if rope.mass > 0.0:
         rod = model.body(MASS).id
         views = views._replace(
-            mass=model.body_mass[rod : rod + 1],
-            centre=model.body_ipos[rod],
-            inertia=model.body_inertia[rod],
+            mass=model.body_mass[rod : rod + 1], centre=model.body_ipos[rod], inertia=model.body_inertia[rod]
         )
     return views._replace(
         active=True,

@@ -36,10 +36,7 @@ def _library() -> str:
 
 _LIBRARY = _library()
 llvm.load_library_permanently(_LIBRARY)
-
-
-def _stop_clock() -> None:
-    ctypes.c_void_p.in_dll(ctypes.CDLL(_LIBRARY), "mjcb_time").value = None
+ctypes.c_void_p.in_dll(ctypes.CDLL(_LIBRARY), "mjcb_time").value = None  # the clock
 
 
 def _engine(name: str, *arguments: Any) -> Any:
@@ -50,8 +47,6 @@ def _engine(name: str, *arguments: Any) -> Any:
     function.argtypes, function.restype = [_IN_PYTHON[kind] for kind in arguments], None
     return function
 
-
-_stop_clock()
 
 # All take the addresses of model and data; what follows them is said here.
 mj_step = _engine("mj_step", ADDRESS, ADDRESS)
