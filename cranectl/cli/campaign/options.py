@@ -47,18 +47,14 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
         from cranectl.campaign import load_campaign, read_campaign
         from cranectl.campaign.settings import CampaignSettings
 
+        to_toml = functools.partial(json.dumps, ensure_ascii=False)  # the same for strings, numbers, lists
         fields = CampaignSettings.model_fields
         own = [text for text in overrides if text.partition("=")[0].split(".")[0] in fields]
         shared = [text for text in overrides if text not in own]
         replaced = {key: given.pop(key) for key in ("runs", "controllers", "plants", "drive", "seed")}
-        own += [f"{key}={_toml(value)}" for key, value in replaced.items() if value not in (None, ())]
+        own += [f"{key}={to_toml(value)}" for key, value in replaced.items() if value not in (None, ())]
         if shared:
-            own.append(f"set={_toml([*read_campaign(campaign, overrides=own).set, *shared])}")
+            own.append(f"set={to_toml([*read_campaign(campaign, overrides=own).set, *shared])}")
         return function(load_campaign(campaign, overrides=own), **given)
 
     return command
-
-
-def _toml(value: Any) -> str:
-    """Strings, numbers and lists of them are written the same in TOML and in JSON."""
-    return json.dumps(value, ensure_ascii=False)

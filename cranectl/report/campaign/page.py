@@ -1,5 +1,7 @@
 """The result of a campaign as one page: outcome, worst runs, comparisons, what decides, what was run."""
 
+import functools
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.sensitivity import LEAST
 from cranectl.campaign.summary import MAIN_METRICS, MEASURE, compared_parameters
-from cranectl.report.campaign import figures, influence_figures, tables, wording
+from cranectl.report.campaign import figures, tables, wording
 from cranectl.report.campaign.wording import metric_name
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.table import Cell, Table
@@ -20,28 +22,27 @@ from cranectl.report.theme import inline_svg, styled
 SHOWN = 4  # parameters that have a panel of their own
 FAINT = 1e-6  # stands for what may be chance
 Array = NDArray[np.float64]
+Drawn = Callable[..., Figure]  # `_drawn` without its numbers
 
 
-class Drawn:
-    """Figures, numbered as they are drawn."""
-
-    def __init__(self) -> None:
-        self._number = 0
-
-    def __call__(
-        self, title: str, verdict: str, draw: Callable[..., Drawing], *data: Any, alone: bool = False
-    ) -> Figure:
-        """What `draw(*data)` draws."""
-        self._number += 1
-        with styled():
-            svg = inline_svg(draw(*data), f"f{self._number}")
-        return Figure(str(self._number), title, svg, verdict, alone)
+def _drawn(
+    numbers: Iterator[int],
+    title: str,
+    verdict: str,
+    draw: Callable[..., Drawing],
+    *data: Any,
+    alone: bool = False,
+) -> Figure:
+    """What `draw(*data)` draws, with the next of `numbers`."""
+    number = next(numbers)
+    with styled():
+        return Figure(str(number), title, inline_svg(draw(*data), f"f{number}"), verdict, alone)
 
 
 def campaign_page(analysis: Analysis, remade_by: str) -> Page:
     """The page."""
     settings = analysis.results.campaign.settings
-    drawn = Drawn()
+    drawn = functools.partial(_drawn, itertools.count(1))
     sections = [
         _outcome(analysis, drawn),
         Section("worst", "Runs worth a look", tables=(tables.worst_table(analysis),)),
@@ -152,7 +153,7 @@ def _correlations(parts: Sequence[GroupAnalysis], drawn: Drawn) -> Iterator[Figu
         if part.correlations is not None:
             title = f"what goes with what, {part.group.name}"
             verdict = wording.correlations_sentence(part.correlations)
-            yield drawn(title, verdict, influence_figures.correlation_fields, part.correlations, order)
+            yield drawn(title, verdict, figures.correlation_fields, part.correlations, order)
 
 
 def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis], drawn: Drawn) -> Figure:
@@ -161,7 +162,7 @@ def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis], drawn: Drawn) -> 
     columns = [compared_parameters(analysis.results)[j] for j in leading]
     title = f"largest error over what goes with it most, {parts[0].group.plant}"
     verdict = "Median and 5 to 95 % of completed runs, in ranges of equal number."
-    return drawn(title, verdict, influence_figures.error_bands, analysis, parts, columns)
+    return drawn(title, verdict, figures.error_bands, analysis, parts, columns)
 
 
 def _leading(values: Sequence[float] | Array, beyond_chance: int) -> list[int]:
@@ -188,7 +189,7 @@ def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn)
     order = sorted(names, key=lambda name: -widths[name])
     title = f"one parameter at a time on {parts[0].group.plant}"
     verdict = " ".join(map(wording.tornado_sentence, parts))
-    return drawn(title, verdict, influence_figures.tornado, parts, order, alone=True)
+    return drawn(title, verdict, figures.tornado, parts, order, alone=True)
 
 
 def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn) -> Iterator[Figure]:
@@ -201,7 +202,7 @@ def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn) -
             seen.append(matter)
             title = f"Sobol indices of the {metric_name(metric)}, {parts[0].group.plant}"
             verdict = wording.sobol_sentence(having, names, metric)
-            yield drawn(title, verdict, influence_figures.sobol_bars, having, names, metric)
+            yield drawn(title, verdict, figures.sobol_bars, having, names, metric)
 
 
 def _failures(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
@@ -217,7 +218,7 @@ def _failures(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
         title = f"failure rate over what separates most, {parts[0].group.plant}"
         verdict = wording.failures_sentence(having)
-        rates.append(drawn(title, verdict, influence_figures.failure_rates, analysis, parts, columns))
+        rates.append(drawn(title, verdict, figures.failure_rates, analysis, parts, columns))
         separating.append(tables.separation_table(having))
     if rates:
         yield Section("failures", "What fails", tables=tuple(separating), figures=tuple(rates))
