@@ -18,12 +18,11 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
 from cranectl.support import extensions
+from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import with_extensions
 from cranectl.support.files import Kind, replacing, writing
 from cranectl.support.patterns import matching, unmatched
-
-Array = NDArray[np.float64]
 
 # In place of scipy's, which has the date: the same run gives the same bytes. 116 bytes by the format.
 MAT_HEADER = b"MATLAB 5.0 MAT-file, written by cranectl".ljust(116)
@@ -37,7 +36,7 @@ class Column:
     unit: str
     description: str
     values: Array  # (N,), NaN where missing
-    missing: NDArray[np.bool_]  # (N,), where the run has no sample
+    missing: Mask  # (N,), where the run has no sample
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.campaign.distributions import LEAST_MASS, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
@@ -19,11 +18,10 @@ from cranectl.plants.registry import plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
+from cranectl.support.arrays import Array
 from cranectl.support.documents import assign, leaves, mapped
 from cranectl.support.errors import InputError, is_near, nearest_first
 from cranectl.support.patterns import SHOWN
-
-Array = NDArray[np.float64]
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # of a scenario; the rest is the controller's
 PERIOD = "control.period"  # which the controller knows: it is made for that of each run

@@ -10,12 +10,11 @@ from abc import ABC, abstractmethod
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cranectl.scenario.settings import Settings
+from cranectl.support.arrays import Array
 
-Array = NDArray[np.float64]
 Ends = tuple[float, float]
 Levels = Annotated[int, Field(ge=1, le=10_000)]
 

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.campaign.results import Results
 from cranectl.campaign.sensitivity import (
@@ -35,9 +34,8 @@ from cranectl.campaign.summary import (
 )
 from cranectl.metrics import low_is_bad
 from cranectl.plants.registry import reference_plant
+from cranectl.support.arrays import Array
 from cranectl.support.documents import mapped
-
-Array = NDArray[np.float64]
 
 WORST = 3  # runs listed for each plant and controller
 BY_STEPS = "one-at-a-time"  # a sampling that is no spread: correlations mean nothing

@@ -19,7 +19,6 @@ from cranectl.campaign.sampling import gaussian_copula, sample_values
 from cranectl.campaign.settings import COUNTED, MAX_RUNS, CampaignSettings, read_campaign
 from cranectl.plants.registry import check_effects, plant_entry
 from cranectl.scenario import Scenario, load_scenario
-from cranectl.scenario.effects import EffectSettings
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
 
@@ -132,12 +131,10 @@ def _nominal_scenario(settings: CampaignSettings) -> Scenario:
     """What the controller assumes: the campaign's scenario, with every uncertain effect switched on."""
     scenario = load_scenario(settings.scenario, overrides=settings.set)
     named = {name.split(".")[1] for name in settings.uncertain if name.startswith("effects.")}
-    switches = [
-        f"effects.{effect}={{}}"
-        for effect in EffectSettings.model_fields
-        if effect in named and getattr(scenario.effects, effect) is None
-    ]
-    return load_scenario(settings.scenario, overrides=[*settings.set, *switches])
+    off = [effect for effect, given in scenario.effects if given is None and effect in named]
+    return load_scenario(
+        settings.scenario, overrides=[*settings.set, *(f"effects.{effect}={{}}" for effect in off)]
+    )
 
 
 def _runs(settings: CampaignSettings, parameters: Sequence[Parameter]) -> int:

@@ -12,13 +12,11 @@ import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Campaign, Parameter
 from cranectl.campaign.settings import Correlation
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
-
-Array = NDArray[np.float64]
 
 PER_COUNT = 4  # numbers that Philox-4x64 gives for each value of its counter
 

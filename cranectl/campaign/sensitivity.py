@@ -24,8 +24,7 @@ from cranectl.campaign.statistics import (
     rank_correlations,
 )
 from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, Group, compared_parameters
-
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array, Mask
 
 RESAMPLES = 1000
 LEAST = 16  # base points; resampling fewer tells little
@@ -45,9 +44,9 @@ class SobolIndices:
     left_out: int  # base points of which a run is missing, failed, or has no such output
 
     @property
-    def important(self) -> NDArray[np.bool_]:
+    def important(self) -> Mask:
         """Whether a parameter's whole interval of the total index lies above IMPORTANT."""
-        above: NDArray[np.bool_] = self.total_interval[0] > IMPORTANT
+        above: Mask = self.total_interval[0] > IMPORTANT
         return above
 
 
@@ -98,9 +97,6 @@ def _bootstrap(terms: Array) -> list[Array]:
         counts = random.multinomial(n, np.full(n, 1.0 / n), size=rows)
         found.append(counts @ terms.T / n)
     return found
-
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ class CampaignSettings(Settings):
 
 def campaign_names() -> list[str]:
     """Names of the campaigns that come with cranectl."""
-    return sorted(path.stem for path in resources.CAMPAIGN_DIRECTORY.glob("*.toml"))
+    return resources.toml_names(resources.CAMPAIGN_DIRECTORY)
 
 
 def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> CampaignSettings:
@@ -113,7 +113,7 @@ def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
 
     Raises InputError for what is wrong in itself; `load_campaign` checks it against the scenario.
     """
-    path = _campaign_file(str(name_or_path))
+    path = resources.toml_file("campaign", str(name_or_path), resources.CAMPAIGN_DIRECTORY)
     return parse_campaign(override(read_toml(path), overrides), path.name)
 
 
@@ -166,11 +166,3 @@ def _distribution(name: str, table: Any, source: str) -> Distribution:
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
         raise unknown_name("distribution", str(kind), DISTRIBUTIONS)
     return parse_settings(DISTRIBUTIONS[kind], table, f"{source}: uncertain.{name}")
-
-
-def _campaign_file(name: str) -> Path:
-    if name in campaign_names():
-        return resources.CAMPAIGN_DIRECTORY / f"{name}.toml"
-    if name.endswith(".toml") or "/" in name:
-        return Path(name)
-    raise unknown_name("campaign", name, campaign_names())

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.summary import CONFIDENCE
+from cranectl.support.arrays import Array, Mask
 
-Array = NDArray[np.float64]
 Bins = list[NDArray[np.intp]]  # rows in each
 
 LEAST = 3  # values for a rank correlation
@@ -53,9 +53,9 @@ def rank_correlations(parameters: Array, outputs: Array) -> Array:
     return rho
 
 
-def complete_rows(parameters: Array, outputs: Array) -> NDArray[np.bool_]:
+def complete_rows(parameters: Array, outputs: Array) -> Mask:
     """Rows without NaN."""
-    rows: NDArray[np.bool_] = np.isfinite(outputs) & np.isfinite(parameters).all(axis=1)
+    rows: Mask = np.isfinite(outputs) & np.isfinite(parameters).all(axis=1)
     return rows
 
 

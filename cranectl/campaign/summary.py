@@ -19,10 +19,9 @@ from cranectl.campaign.settings import within
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
 from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array, Mask
 from cranectl.support.provenance import provenance_differences
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 Columns = Callable[[str], Any]  # values (runs,) of a column by its name; None or NaN where absent
 

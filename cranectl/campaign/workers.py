@@ -12,7 +12,6 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Batch, Campaign, nominal_scenario, sampled_scenario
 from cranectl.campaign.sampling import sample_values
@@ -28,9 +27,9 @@ from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import PlannedReference, law_of, make_plant, plan_reference, plan_run
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import Block, start_run, stream_run
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-Array = NDArray[np.float64]
 Stop = Callable[[], bool]
 
 DRAWN = 8192  # samples drawn together: some methods take as long for one

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -14,10 +13,8 @@ from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.simulate import Run
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching, unmatched
-
-TOLERANCE_DIRECTORY = resources.TOLERANCE_FILE.parent / "regression"
 
 Bound = Annotated[float, Field(ge=0.0)]
 
@@ -78,18 +75,9 @@ class RegressionVerdict:
         return {**asdict(self), "passed": self.passed}
 
 
-def tolerance_names() -> list[str]:
-    """Names of the tolerances that come with cranectl."""
-    return sorted(path.stem for path in TOLERANCE_DIRECTORY.glob("*.toml"))
-
-
 def load_tolerances(name_or_path: str) -> Tolerances:
     """Load tolerances by name or from a TOML file; raises InputError for anything wrong in it."""
-    path = Path(name_or_path)
-    if name_or_path in tolerance_names():
-        path = TOLERANCE_DIRECTORY / f"{name_or_path}.toml"
-    elif not (name_or_path.endswith(".toml") or "/" in name_or_path):
-        raise unknown_name("tolerance file", name_or_path, tolerance_names())
+    path = resources.toml_file("tolerance file", name_or_path, resources.REGRESSION_DIRECTORY)
     return parse_settings(Tolerances, read_toml(path), path.name)
 
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from cranectl.plants.registry import PLANTS
 from cranectl.signals import Signal
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 from cranectl.support.documents import differences, leaves
 from cranectl.support.errors import InputError
-
-Array = NDArray[np.float64]
 
 COMPARED_GROUPS = ("state", "load", "input")
 SHOWN = 10  # differences in an error message

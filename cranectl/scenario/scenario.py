@@ -12,7 +12,6 @@ from cranectl.scenario.segments import MAX_DURATION, Duration, Point3, Segment
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import Table, merged, read_toml
-from cranectl.support.errors import unknown_name
 
 NANOSECONDS = 1_000_000_000
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
@@ -235,7 +234,7 @@ def _divides(step: float, time: float) -> bool:
 
 def scenario_names() -> list[str]:
     """Names of the scenarios that come with cranectl."""
-    return sorted(path.stem for path in resources.SCENARIO_DIRECTORY.glob("*.toml"))
+    return resources.toml_names(resources.SCENARIO_DIRECTORY)
 
 
 def load_scenario(
@@ -246,7 +245,7 @@ def load_scenario(
     Rig parameters: defaults, then the scenario's `[rig]`, then the file `rig`, then `overrides`
     (`"rig.load_mass=2.5"`). Raises InputError for anything wrong, naming all wrong fields.
     """
-    path = _scenario_file(str(name_or_path))
+    path = resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
     return _scenario(read_toml(path), path.name, rig, overrides)
 
 
@@ -264,12 +263,3 @@ def _scenario(table: Table, source: str, rig: Path | None, overrides: Sequence[s
     if "controller" in table:
         table = {**table, "controller": _controller_table(table["controller"])}
     return parse_settings(Scenario, override(table, overrides), source)
-
-
-def _scenario_file(name: str) -> Path:
-    shipped = resources.SCENARIO_DIRECTORY / f"{name}.toml"
-    if name in scenario_names():
-        return shipped
-    if name.endswith(".toml") or "/" in name:
-        return Path(name)
-    raise unknown_name("scenario", name, scenario_names())

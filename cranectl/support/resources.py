@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from cranectl.support.errors import unknown_name
+
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "_data"
 _ROOT = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent
@@ -11,3 +13,19 @@ SCENARIO_DIRECTORY = _ROOT / "validation" / "scenarios"
 TOLERANCE_FILE = _ROOT / "validation" / "tolerances.toml"
 THESIS_DIRECTORY = _ROOT / "validation" / "thesis"
 CAMPAIGN_DIRECTORY = _ROOT / "validation" / "campaigns"
+REGRESSION_DIRECTORY = _ROOT / "validation" / "regression"
+
+
+def toml_names(directory: Path) -> list[str]:
+    """Names of the TOML files in one of the directories above."""
+    return sorted(path.stem for path in directory.glob("*.toml"))
+
+
+def toml_file(kind: str, name_or_path: str, directory: Path) -> Path:
+    """The file of a name in `directory`, or any by its path; raises InputError for an unknown name."""
+    names = toml_names(directory)
+    if name_or_path in names:
+        return directory / f"{name_or_path}.toml"
+    if name_or_path.endswith(".toml") or "/" in name_or_path:
+        return Path(name_or_path)
+    raise unknown_name(kind, name_or_path, names)

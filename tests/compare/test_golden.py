@@ -13,7 +13,6 @@ from cranectl.compare.golden import (
     Tolerances,
     judge_regression,
     load_tolerances,
-    tolerance_names,
 )
 from cranectl.compare.runs import COMPARED_GROUPS, named_signals
 from cranectl.scenario import Scenario
@@ -21,6 +20,7 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
+from cranectl.support.resources import REGRESSION_DIRECTORY, toml_names
 from tests.conftest import ALL_CONTROLLERS
 
 ALPHA_RATE, LOAD_X = 7, 10  # columns of the table
@@ -203,9 +203,9 @@ def test_files_are_read_strictly(tmp_path: Path, text: str, expected: str) -> No
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
 def test_shipped_tolerances_fit_every_controller(short: Scenario, controller: str) -> None:
-    assert tolerance_names() == ["exact", "rounding"]
+    assert toml_names(REGRESSION_DIRECTORY) == ["exact", "rounding"]
     run = simulate_run(short, plant="analytic", controller=controller).every(4)
-    for name in tolerance_names():
+    for name in toml_names(REGRESSION_DIRECTORY):
         assert judge_regression(run, run, load_tolerances(name)).passed
 
 

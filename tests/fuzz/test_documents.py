@@ -10,7 +10,7 @@ import pytest
 from hypothesis import strategies as st
 
 from cranectl.campaign import load_campaign
-from cranectl.compare.golden import TOLERANCE_DIRECTORY, load_tolerances
+from cranectl.compare.golden import load_tolerances
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.support import resources
 from cranectl.support.errors import InputError
@@ -42,7 +42,7 @@ def tables(*paths: Path) -> list[Any]:
 
 SCENARIOS = [tomllib.loads(RICH)] * 4 + tables(*resources.SCENARIO_DIRECTORY.glob("*.toml"))
 CAMPAIGNS = tables(*resources.CAMPAIGN_DIRECTORY.glob("*.toml"))
-TOLERANCES = tables(*TOLERANCE_DIRECTORY.glob("*.toml"))
+TOLERANCES = tables(*resources.REGRESSION_DIRECTORY.glob("*.toml"))
 RIG = [{"load_mass": 2.0, "gravity": 9.81, "rope_range": [0.05, 1.4], "winch_time_constant": 0.02}]
 SMALL = 200  # physics steps that are run
 

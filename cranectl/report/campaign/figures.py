@@ -21,10 +21,10 @@ from cranectl.campaign.summary import EFFORT, INDEPENDENT, MAIN_METRICS, MEASURE
 from cranectl.metrics import low_is_bad
 from cranectl.report.campaign.wording import METRIC_LABELS, metric_name, number, parameter_label
 from cranectl.report.theme import SERIES, STAND_IN
+from cranectl.support.arrays import Array, Mask
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
-Runs = Callable[[Group], NDArray[np.bool_]]  # which runs of a group count
+Runs = Callable[[Group], Mask]  # which runs of a group count
 
 WIDTH = 6.4  # [in]
 MOST_POINTS = 600  # of a scatter, all series together
@@ -153,8 +153,8 @@ def _spread_axis(axes: Axes, which: str, values: Sequence[Array]) -> None:
 
 def correlation_fields(found: Correlations, order: Sequence[int]) -> Figure:
     """A field for each parameter and metric, filled where chance is no reason; rows as `order` says."""
-    fields = (found.rho, found.strength, found.bent, found.eta)
-    rho, strength, bent, eta = (field[list(order)] for field in fields)
+    rho, strength = found.rho[list(order)], found.strength[list(order)]
+    bent, eta = found.bent[list(order)], found.eta[list(order)]
     figure = Figure(figsize=(WIDTH, 1.1 + 0.24 * len(order)), layout="constrained")
     axes = figure.subplots()
     for (row, column), value in np.ndenumerate(rho):

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
-from numpy.typing import NDArray
 
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.sensitivity import LEAST
@@ -18,10 +17,10 @@ from cranectl.report.campaign.wording import metric_name
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import inline_svg, styled
+from cranectl.support.arrays import Array
 
 SHOWN = 4  # parameters that have a panel of their own
 FAINT = 1e-6  # stands for what may be chance
-Array = NDArray[np.float64]
 Drawn = Callable[..., Figure]  # `_drawn` without its numbers
 
 
