@@ -136,7 +136,7 @@ def test_sentences_say_what_the_run_did() -> None:
     run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
     final = np.linalg.norm(run.reference[-1, :3] - run.load_position[-1])
     plain = caption(FAMILIES["error"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
-    assert plain == f"Load off its reference at 25 s: {final:.3f} m."
+    assert plain == f"Load off its reference at the end: {final:.3f} m."
     assert "past the end of the rig, from 15.75 s on" in caption(FAMILIES["trolley"], {"PP": run})
     largest = np.abs(run.block("input")[:, :3]).max(axis=0)
     inputs = caption(FAMILIES["input"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
@@ -223,7 +223,7 @@ def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
     assert np.array_equal(back["mujoco"].table[-1], log["mujoco"].table[-1], equal_nan=True)
     page = read_page(render(log_page({"a": back, "b": {"mujoco": back["mujoco"]}}, "")))
     assert "engine-warning" in page.text
-    assert re.search(r"Load off its reference at 0\.204 s: (nan|inf)\sm", page.text)
+    assert re.search(r"Load off its reference at the end: (nan|inf)\sm", page.text)
     assert "FAILED" in page.text
     assert "passed" not in page.text
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from itertools import cycle
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.figures import (
     DEGREES,
+    FAMILIES,
     Curve,
     Family,
     distance_svg,
@@ -25,7 +25,6 @@ from cranectl.report.run.figures import (
 )
 from cranectl.report.run.tables import comparison_table, metrics_table, run_table
 from cranectl.report.theme import SERIES
-from cranectl.signals import BRIDGE, TROLLEY
 from cranectl.simulate import Run
 
 Runs = Mapping[str, Run]  # by label
@@ -138,7 +137,10 @@ def _comparisons(logs: Logs) -> list[tuple[str, Comparison]]:
 
 def caption(family: Family, runs: Runs) -> str:
     """What `family` shows of these runs, which share a scenario."""
-    return _CAPTIONS[family.name](runs)
+    if family.name.startswith("trolley"):
+        return _outside(runs)
+    parts = (f"{what}: {_each(runs, figure, unit)}" for what, figure, unit in _CAPTIONS[family.name])
+    return f"{'; '.join(parts)}."
 
 
 def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> str:
@@ -147,7 +149,7 @@ def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> st
     return f"{what} {_quantity(largest, family.unit)}"
 
 
-def _trolley(runs: Runs) -> str:
+def _outside(runs: Runs) -> str:
     outside = [
         f"{label} drives the {left.signal.partition('_')[0]} {left.max_excess_m:.3f} m past the end "
         f"of the rig, from {left.first_time_s:.2f} s on"
@@ -157,61 +159,41 @@ def _trolley(runs: Runs) -> str:
     return f"{'; '.join(outside).capitalize()}." if outside else "All stay within the rig."
 
 
-def _error(runs: Runs) -> str:
-    end = next(iter(runs.values())).time[-1]
-    errors = _each(runs, lambda run: _measured(run).final_error_m, "m")
-    return f"Load off its reference at {end:g} s: {errors}."
-
-
-def _input(runs: Runs) -> str:
-    def peak(run: Run, axes: slice) -> float:
-        return float(np.abs(_measured(run).peak_acceleration_m_s2)[axes].max())
-
-    drives, rope = (_each(runs, partial(peak, axes=axes), "m/s²") for axes in (slice(2), slice(2, 3)))
-    return f"Largest acceleration of bridge or trolley: {drives}; of the rope: {rope}."
-
-
-def _angles(runs: Runs) -> str:
-    largest = _each(runs, lambda run: max(_measured(run).max_abs_angle_rad) * DEGREES, "°")
-    tilt = max(float(np.abs(run.angles[-1]).max() * DEGREES) for run in runs.values())
-    return f"Largest angle: {largest}; at the end the rope leans by up to {_quantity(tilt, '°')}."
-
-
-def _space(runs: Runs) -> str:
-    return f"Farthest from the reference: {_each(runs, lambda run: _measured(run).max_error_m, 'm')}."
-
-
-def _linear_input(runs: Runs) -> str:
-    largest = _each(runs, lambda run: float(np.abs(run.block("virtual_input")[:, :3]).max()), "m/s⁴")
-    return f"Largest |v|: {largest}."
-
-
-def _relative(runs: Runs) -> str:
-    def largest(run: Run) -> float:
-        beside = run.block("load")[:, :2] - run.block("state")[:, [BRIDGE, TROLLEY]]
-        return float(np.linalg.norm(beside, axis=1).max())
-
-    return f"Farthest beside the trolley: {_each(runs, largest, 'm')}."
-
-
-_CAPTIONS: dict[str, Callable[[Runs], str]] = {
-    "space": _space,
-    "error": _error,
-    "linear-input": _linear_input,
-    "input": _input,
-    "trolley": _trolley,
-    "angles": _angles,
-    "load": _space,
-    "trolley-path": _trolley,
-    "load-path": _error,
-    "relative-path": _relative,
-}
-
-
 def _measured(run: Run) -> RunMetrics:
     metrics = run_metrics(run)
     assert metrics is not None, "a figure has a sample at least"
     return metrics
+
+
+_FARTHEST = (("Farthest from the reference", lambda run: _measured(run).max_error_m, "m"),)
+_LEFT = (("Load off its reference at the end", lambda run: _measured(run).final_error_m, "m"),)
+# By the name of a family, what is said of each run: words, the figure, its unit.
+_CAPTIONS: dict[str, tuple[tuple[str, Callable[[Run], float], str], ...]] = {
+    "space": _FARTHEST,
+    "error": _LEFT,
+    "linear-input": (("Largest |v|", lambda run: np.abs(run.block("virtual_input")[:, :3]).max(), "m/s⁴"),),
+    "input": (
+        (
+            "Largest acceleration of bridge or trolley",
+            lambda run: np.abs(_measured(run).peak_acceleration_m_s2[:2]).max(),
+            "m/s²",
+        ),
+        ("of the rope", lambda run: abs(_measured(run).peak_acceleration_m_s2[2]), "m/s²"),
+    ),
+    "angles": (
+        ("Largest angle", lambda run: max(_measured(run).max_abs_angle_rad) * DEGREES, "°"),
+        ("at the end", lambda run: np.abs(run.angles[-1]).max() * DEGREES, "°"),
+    ),
+    "load": _FARTHEST,
+    "load-path": _LEFT,
+    "relative-path": (
+        (
+            "Farthest beside the trolley",
+            lambda run: np.hypot(*(p.values(run) for p in FAMILIES["relative-path"].panels)).max(),
+            "m",
+        ),
+    ),
+}
 
 
 def _each(runs: Runs, figure: Callable[[Run], float], unit: str) -> str:
