@@ -110,12 +110,9 @@ def with_gain(design: Design, gain: np.ndarray) -> Design:
 
     Raises InputError if the loop of an axis is unstable.
     """
-    import control
-
     from cranectl.design.linear_systems import closed_loop_poles, loop_margins, open_loop
 
-    r = design.robustifier
-    loop = open_loop(gain, control.ss(r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), r.d))
+    loop = open_loop(gain, design.robustifier.system())
     poles = closed_loop_poles(loop)
     fastest = poles.real.max()
     if not fastest < 0.0:

@@ -1,13 +1,16 @@
 """What a design is, once computed: gains, achieved poles, margins, robustifier; the loop that it makes."""
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.signals import SignalGroup, flat_groups
 from cranectl.support.arrays import Array
+
+if TYPE_CHECKING:
+    import control
 
 # z'''' = v of one axis as a system; python-control takes most of a second to import.
 CHAIN_A: Array = np.diag(np.ones(3), 1)
@@ -51,6 +54,12 @@ class Robustifier:
         inputs, outputs = np.linalg.solve(modes, self.b.astype(complex)), self.c @ modes
         k = int(np.argmin(poles.real))
         return float(poles[k].real), float(abs(inputs[k] * outputs[k] / poles[k]))
+
+    def system(self) -> "control.StateSpace":
+        """As a system of python-control."""
+        import control
+
+        return control.ss(self.a, self.b[:, np.newaxis], self.c[np.newaxis], self.d)
 
     def to_json(self) -> dict[str, Any] | None:
         """Plain data, B as a column and C as a row; None for the robustifier that does nothing."""

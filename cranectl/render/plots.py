@@ -62,7 +62,7 @@ class Panel:
     """One diagram, which shows at least the range `shown`."""
 
     title: str
-    curves: tuple[Curve, ...]
+    curves: list[Curve]
     shown: tuple[float, float]
     limit: float | None = None
     logarithmic: bool = False
@@ -115,26 +115,19 @@ def _panels(timeline: Timeline) -> list[Panel]:
     tension = _curves(timeline, lambda track: track.run.signal("load.rope_tension"))
     panels = [
         Panel("load off its reference [m]", _curves(timeline, lambda track: track.error), (0.0, 1e-3)),
-        Panel("rope angles α, β (dashed) [°]", (*alpha, *beta), (-1.0, 1.0)),
+        Panel("rope angles α, β (dashed) [°]", alpha + beta, (-1.0, 1.0)),
         Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight),
     ]
     if timeline.distances:
-        curves = tuple(
-            Curve(LIGHT["ink"], time, far.clip(min=LEAST_DISTANCE)) for time, far in timeline.distances
-        )
+        curves = [Curve(LIGHT["ink"], time, far.clip(LEAST_DISTANCE)) for time, far in timeline.distances]
         panels.append(Panel("plants apart [m]", curves, (LEAST_DISTANCE, 1e-6), logarithmic=True))
     return panels
 
 
-def _curves(
-    timeline: Timeline, values: Callable[[Track], Array], *, dashed: bool = False
-) -> tuple[Curve, ...]:
+def _curves(timeline: Timeline, values: Callable[[Track], Array], *, dashed: bool = False) -> list[Curve]:
     """One curve of each plant, the ghost's first."""
     tracks = sorted(timeline.tracks, key=lambda track: not track.ghost)
-    return tuple(
-        Curve(track.colour, track.run.time, values(track), wide=track.ghost, dashed=dashed)
-        for track in tracks
-    )
+    return [Curve(each.colour, each.run.time, values(each), each.ghost, dashed) for each in tracks]
 
 
 def _draw(axes: Axes, panel: Panel) -> None:
@@ -144,12 +137,10 @@ def _draw(axes: Axes, panel: Panel) -> None:
         axes.axhline(panel.limit, color=LIGHT["limit"], linewidth=0.9, linestyle=(0, (2, 2)))
     for curve in panel.curves:
         width, opacity = (4.5, 0.35) if curve.wide else (1.3, 1.0)
-        style: dict[str, Any] = {
-            "linewidth": width,
-            "alpha": opacity,
-            "linestyle": (0, (4, 2)) if curve.dashed else "-",
-        }
-        axes.plot(curve.time, curve.values, color=curve.colour, **style)
+        dash = (0, (4, 2)) if curve.dashed else "-"
+        axes.plot(
+            curve.time, curve.values, color=curve.colour, linewidth=width, alpha=opacity, linestyle=dash
+        )
     low, high = min(axes.get_ylim()[0], panel.shown[0]), max(axes.get_ylim()[1], panel.shown[1])
     axes.set_ylim(low, high if panel.logarithmic else high + HEADROOM * (high - low))
     axes.set_title(panel.title)

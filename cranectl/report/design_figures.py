@@ -16,28 +16,21 @@ STEP_TIME = np.linspace(0.0, 8.0, 801)  # [s]
 FREQUENCY = "angular frequency [rad/s]"
 
 
-def robustifier_system(design: Design) -> control.StateSpace:
-    """The robustifier from e to v-bar as a python-control system."""
-    r = design.robustifier
-    return control.ss(r.a, r.b[:, np.newaxis], r.c[np.newaxis], r.d)
-
-
 def design_figure(design: Design) -> Figure:
     """Sensitivities, loop gains and two responses of the loop of one axis."""
-    robustifier = robustifier_system(design)
-    loop = open_loop(design.gain, robustifier)
+    loop = open_loop(design.gain, design.robustifier.system())
     figure = Figure(figsize=(10.0, 7.5), layout="constrained")
     figure.suptitle(f"{design.name}, one axis")
     sensitivities, shaped, initial, disturbed = figure.subplots(2, 2).flat
     _draw_sensitivities(sensitivities, loop)
-    _draw_loops(shaped, design, loop, robustifier)
+    _draw_loops(shaped, design, loop)
     _draw_responses(initial, disturbed, loop)
     return figure
 
 
 def loop_shaping_figure(design: Design, settings: LoopShapingSettings) -> Figure:
     """How the weight shapes the inner loop and what robustification leaves of the shape; sensitivities."""
-    robustifier = robustifier_system(design)
+    robustifier = design.robustifier.system()
     inner, weight = (system(1j * OMEGA) for system in (inner_loop(design.gain), error_weight(settings)))
     figure = Figure(figsize=(6.4, 5.4), layout="constrained")
     shapes, sensitivities = figure.subplots(2, 1, sharex=True)
@@ -63,14 +56,12 @@ def _draw_sensitivities(axes: Axes, loop: control.StateSpace) -> None:
     _finish(axes, "loop cut at v: sensitivities", FREQUENCY, "magnitude")
 
 
-def _draw_loops(
-    axes: Axes, design: Design, loop: control.StateSpace, robustifier: control.StateSpace
-) -> None:
+def _draw_loops(axes: Axes, design: Design, loop: control.StateSpace) -> None:
     inner = inner_loop(design.gain)(1j * OMEGA)
     axes.loglog(OMEGA, np.abs(loop(1j * OMEGA)), label="loop cut at v")
     axes.loglog(OMEGA, np.abs(inner), "--", label="G, v̄ to z")
     if design.robustifier.order:
-        axes.loglog(OMEGA, np.abs(inner * robustifier(1j * OMEGA)), label="G K, robustified")
+        axes.loglog(OMEGA, np.abs(inner * design.robustifier.system()(1j * OMEGA)), label="G K, robustified")
     axes.axhline(1.0, color="0.6", linewidth=0.8)
     _finish(axes, "loop gains", FREQUENCY, "magnitude")
 

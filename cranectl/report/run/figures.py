@@ -127,19 +127,11 @@ def _in_the_plane(family: Family, curves: Sequence[Curve]) -> Figure:
         (x0, x1), (y0, y1) = x.limits(first), y.limits(first)
         rig = [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0]
         axes.plot(*rig, **_LIMIT)
-    for curve in _in_layers(curves):
-        axes.plot(x.values(curve.run), y.values(curve.run), **_line(curve))
+    _draw_paths(axes, family, curves)
+    for curve in curves:
         if not curve.wide:
-            end: dict[str, Any] = {
-                "color": STAND_IN[curve.colour],
-                "marker": "o",
-                "markersize": 4,
-                "zorder": 5,
-            }
-            axes.plot(x.values(curve.run)[-1:], y.values(curve.run)[-1:], **end)
-    if x.reference is not None and y.reference is not None:
-        axes.plot(x.reference(first), y.reference(first), **_REFERENCE)
-        axes.plot(x.reference(first)[-1:], y.reference(first)[-1:], **_REFERENCE_END)
+            end = x.values(curve.run)[-1:], y.values(curve.run)[-1:]
+            axes.plot(*end, color=STAND_IN[curve.colour], marker="o", markersize=4, zorder=5)
     axes.set(xlabel=x.label, ylabel=y.label)
     axes.set_aspect("equal", adjustable="datalim")
     _legend(figure, family, curves)
@@ -159,13 +151,19 @@ def _in_space(family: Family, curves: Sequence[Curve]) -> Figure:
         getattr(axes, f"{axis}axis").set_pane_color((0.0, 0.0, 0.0, 0.0))
     axes.set_box_aspect(high - low, zoom=1.05)
     axes.view_init(elev=24, azim=-62)
-    for curve in _in_layers(curves):
-        axes.plot(*(panel.values(curve.run) for panel in family.panels), **_line(curve))
-    references = [panel.reference(first) for panel in family.panels if panel.reference is not None]
-    axes.plot(*references, **_REFERENCE)
-    axes.plot(*(values[-1:] for values in references), **_REFERENCE_END)
+    _draw_paths(axes, family, curves)
     _legend(figure, family, curves)
     return figure
+
+
+def _draw_paths(axes: Any, family: Family, curves: Sequence[Curve]) -> None:
+    """Panels as coordinates."""
+    for curve in _in_layers(curves):
+        axes.plot(*(panel.values(curve.run) for panel in family.panels), **_line(curve))
+    references = [panel.reference(curves[0].run) for panel in family.panels if panel.reference is not None]
+    if references:
+        axes.plot(*references, **_REFERENCE)
+        axes.plot(*(values[-1:] for values in references), **_REFERENCE_END)
 
 
 _LIMIT: dict[str, Any] = {"color": STAND_IN["limit"], "linewidth": 0.8, "linestyle": (0, (1, 2))}
@@ -230,7 +228,7 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
     for plant, curve in {curve.run.plant: curve for curve in curves}.items():
         name = plant_entry(plant).label
         width, opacity = (5.0, 0.35) if curve.wide else (1.1, 1.0)
-        style: dict[str, Any] = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
+        style = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
         lines.append(Line2D([], [], color=STAND_IN["ink"], label=name, **style))
     if any(panel.reference for panel in family.panels):
         lines.append(Line2D([], [], label="reference", **_REFERENCE))
