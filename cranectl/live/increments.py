@@ -31,6 +31,7 @@ from cranectl.metrics import workspace_excess
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import Plan, Run
 from cranectl.status import RunStatus
+from cranectl.support.provenance import provenance
 
 Array = NDArray[np.float64]
 JOINTS = ("alpha", "beta")
@@ -79,7 +80,12 @@ class Increments:
             time_ns=np.arange(0, len(self._plan.time_ns), self._every) * self._period,
             reference=self._plan.reference[:: self._every],
         )
-        streams = [run_info(runs), design_info(runs[0].design), scene.path(whole), scene.workspace(whole)]
+        streams = [
+            run_info(runs, provenance()),
+            design_info(runs[0].design),
+            scene.path(whole),
+            scene.workspace(whole),
+        ]
         streams += [scene.model(plant, opacity) for plant, opacity in self._opacities.items()]
         return [replace(stream, time_ns=np.full_like(stream.time_ns, now_ns)) for stream in streams]
 

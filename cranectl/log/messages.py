@@ -1,7 +1,7 @@
 """Turn runs into the messages of a log: one stream for each topic."""
 
 import json
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
@@ -21,12 +21,16 @@ from cranectl.simulate import Run
 from cranectl.support.provenance import provenance
 
 
-def streams(runs: Sequence[Run], limits: Limits | NoLimits | None = None) -> list[Stream]:
+def streams(
+    runs: Sequence[Run],
+    limits: Limits | NoLimits | None = None,
+    versions: Mapping[str, str] | None = None,
+) -> list[Stream]:
     """Every topic of a log; at equal times earlier streams come first in the file.
 
-    Plants are judged by `limits`, as by `compare.judge`.
+    Plants are judged by `limits`, as by `compare.judge`. `versions`: of what made the runs, by default this.
     """
-    result = [run_info(runs), design_info(runs[0].design)]
+    result = [run_info(runs, versions or provenance()), design_info(runs[0].design)]
     result.append(log_lines(event for run in runs for event in events(run)))
     result += [status(run.plant, status_changes(run)) for run in runs]
     result += samples(runs)
@@ -142,8 +146,8 @@ def log_lines(unordered: Iterable[Event]) -> Stream:
     return Stream(topics.LOG, definition.name, definition.data, time_ns, messages)
 
 
-def run_info(runs: Sequence[Run]) -> Stream:
-    """What is run, and how the runs stand."""
+def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
+    """What is run, how the runs stand, and what made them."""
     first = runs[0]
     values = {
         "scenario": first.scenario.name,
@@ -152,7 +156,7 @@ def run_info(runs: Sequence[Run]) -> Stream:
         "drive": first.drive,
         "plants": ", ".join(run.plant for run in runs),
         "status": ", ".join(f"{run.plant}: {run.status.label}" for run in runs),
-        "versions": ", ".join(f"{name} {version}" for name, version in provenance().items()),
+        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
     }
     return _text(topics.RUN_INFO, "RunInfo", values)
 

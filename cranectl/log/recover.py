@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.log import schema, topics
+from cranectl.log import topics
 from cranectl.log.consistency import Outcome
 from cranectl.log.header import LogHeader
 from cranectl.log.messages import streams
@@ -154,7 +154,8 @@ def _streams(header: LogHeader, whole: Iterable[Stream], runs: Mapping[str, Run]
     signals = header.groups().keys() - {topics.REFERENCE_LOAD}
     verdicts = {topics.difference_topic(topics.VERDICT, plant) for plant in ("", *runs)}
     changes = {topics.LOG, *(topics.plant_topic(plant, "status") for plant in runs)}
-    made = {stream.topic: _with_versions(stream, header) for stream in streams(list(runs.values()))}
+    versions = None if header.versions == provenance() else header.versions  # in whose order they are named
+    made = {stream.topic: stream for stream in streams(list(runs.values()), versions=versions)}
     saved = {stream.topic: _until(stream, runs) for stream in whole}
     ends = [run.end_ns for run in runs.values()]
     for topic, stream in made.items():
@@ -182,16 +183,6 @@ def _ended(saved: Stream, made: Stream, ends: Collection[int]) -> Stream:
     rows = sorted([*known, *(row for row in new if row not in known)], key=lambda row: row[0])
     time_ns = np.array([time_ns for time_ns, _ in rows], dtype=np.int64)
     return replace(saved, time_ns=time_ns, messages=[message for _, message in rows])
-
-
-def _with_versions(stream: Stream, header: LogHeader) -> Stream:
-    """`/run/info` with the versions that made the runs, not those that save them."""
-    if stream.topic != topics.RUN_INFO or header.versions == provenance():
-        return stream
-    name = stream.schema_name.removeprefix(f"{schema.PACKAGE}.")
-    values = schema.decode(stream.schema, name, stream.messages[0])
-    values["versions"] = ", ".join(f"{name} {version}" for name, version in header.versions.items())
-    return replace(stream, messages=[schema.encode(stream.schema, name, values)])
 
 
 def _recovered(run: Run, outcome: Outcome | None) -> RecoveredRun:

@@ -143,12 +143,6 @@ def encode(schema: bytes, name: str, values: dict[str, Any]) -> bytes:
     return bytes(_message_type(schema, name)(**values).SerializeToString(deterministic=True))
 
 
-def decode(schema: bytes, name: str, data: bytes) -> dict[str, Any]:
-    """The fields of one message, as `encode` takes them."""
-    message = _message_type(schema, name).FromString(data)
-    return {field.name: value for field, value in message.ListFields()}
-
-
 @functools.cache
 def _message_type(schema: bytes, name: str) -> type[Message]:
     files = descriptor_pb2.FileDescriptorSet.FromString(schema)
