@@ -60,7 +60,7 @@ class Exporter:
     @property
     def kind(self) -> Kind:
         """The kind of file that it writes."""
-        return Kind.of(self.title, self.begins)
+        return Kind(self.title, self.begins)
 
 
 def export_table(runs: Sequence[Run], patterns: Sequence[str] = ()) -> ExportTable:

@@ -18,9 +18,9 @@ from cranectl.cli.command import (
     plants_option,
     scenario_options,
 )
+from cranectl.support.errors import printable
 from cranectl.support.files import MCAP
 from cranectl.support.interrupts import heed_interrupts, interrupt
-from cranectl.support.text import printable
 
 HERE = ("127.0.0.1", "localhost", "::1")
 

@@ -28,9 +28,8 @@ from cranectl.cli.run import run_command
 from cranectl.cli.streams import steady_streams
 from cranectl.cli.thesis import thesis_command
 from cranectl.cli.validate import validate_command
-from cranectl.support.errors import CranectlError, InputError
+from cranectl.support.errors import CranectlError, InputError, printable
 from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, interrupt
-from cranectl.support.text import printable
 
 TRACEBACK = "--traceback"  # anywhere on the command line
 

@@ -19,8 +19,8 @@ from rich.text import Text
 
 from cranectl.report.table import Table
 from cranectl.support.documents import mapped
+from cranectl.support.errors import printable
 from cranectl.support.files import write_text, writing
-from cranectl.support.text import printable
 
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
 COLOURS = {"good": "green", "open": "yellow", "bad": "bold red", "head": "bold"}

@@ -20,8 +20,7 @@ from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.design import Design, with_gain
 from cranectl.scenario import Scenario
 from cranectl.simulate import PlannedReference, checked_drive, law_of, plan_reference
-from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.text import printable
+from cranectl.support.errors import InputError, printable, unknown_name
 
 Value = bool | float | str
 T = TypeVar("T")

@@ -18,8 +18,7 @@ import threading
 from collections.abc import Callable, Collection, Iterator
 from urllib.parse import urlsplit
 
-from cranectl.support.errors import InputError
-from cranectl.support.text import printable
+from cranectl.support.errors import InputError, printable
 
 FOXGLOVE = frozenset({"https://app.foxglove.dev", "https://studio.foxglove.dev"})
 HEAD = 16 * 1024  # [bytes] of a request; browsers send one or two

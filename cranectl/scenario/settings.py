@@ -7,8 +7,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from cranectl.support.documents import MAX_DEPTH, Table, assign, mapped, toml_value
-from cranectl.support.errors import InputError, is_near, nearest_first
-from cranectl.support.text import printable
+from cranectl.support.errors import InputError, is_near, nearest_first, printable
 
 
 class Settings(BaseModel):

@@ -1,11 +1,10 @@
 """The errors a user can cause or meet; every one says what was found, what is allowed and what to do."""
 
 import difflib
+import functools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Self
-
-from cranectl.support.text import printable
 
 COMPARED = 80  # [characters] of a name: the time to compare goes with their square
 LONGEST = 4000  # [characters] of a phrase; all signals of a log are named in fewer
@@ -35,15 +34,22 @@ class InputError(CranectlError):
 
     def __reduce__(self) -> tuple[object, ...]:
         # Errors travel from worker processes to their parent.
-        return _rebuilt, (type(self), self.found, self.allowed, self.remedy)
+        return functools.partial(type(self), self.found, allowed=self.allowed, remedy=self.remedy), ()
 
 
 class LogError(InputError):
     """A log file that is missing, damaged, foreign or unfinished."""
 
 
-def _rebuilt(kind: type[InputError], found: str, allowed: str, remedy: str) -> InputError:
-    return kind(found, allowed=allowed, remedy=remedy)
+def printable(text: str, *, longest: int = 500) -> str:
+    """`text` on one line: what acts on a screen becomes an escape, the middle of a long text is left out."""
+    if len(text) > longest:
+        ends = longest // 2
+        left_out = f" … {len(text) - 2 * ends} characters … "
+        return printable(text[:ends], longest=ends) + left_out + printable(text[-ends:], longest=ends)
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> InputError:

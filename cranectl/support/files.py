@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator
 from itertools import chain, count
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, Self
+from typing import BinaryIO, NamedTuple
 
 from cranectl.support.errors import InputError, LogError
 
@@ -131,25 +131,20 @@ class Kind(NamedTuple):
     """A kind of file that cranectl writes."""
 
     name: str
-    begins: re.Pattern[bytes]  # what each such file begins with
+    begins: bytes  # regular expression of what each such file begins with
     piped: bool = False  # whether it may go into a device or a pipe
     error: type[InputError] = InputError  # that says that it cannot be written
 
-    @classmethod
-    def of(cls, name: str, begins: bytes, **how: Any) -> Self:
-        """With what its files begin with as a regular expression."""
-        return cls(name, re.compile(begins, re.DOTALL | re.IGNORECASE), **how)
 
-
-MCAP = Kind.of("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
-JSON = Kind.of("JSON file", rb"\s*[\[{]", piped=True)
-HTML = Kind.of("HTML page", rb"\s*<!doctype html", piped=True)
+MCAP = Kind("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
+JSON = Kind("JSON file", rb"\s*[\[{]", piped=True)
+HTML = Kind("HTML page", rb"\s*<!doctype html", piped=True)
 BY_ENDING = {
-    ".svg": Kind.of("SVG picture", rb"\s*<(\?xml|svg)"),
-    ".pdf": Kind.of("PDF file", rb"%PDF"),
-    ".png": Kind.of("PNG picture", rb"\x89PNG"),
-    ".gif": Kind.of("GIF animation", rb"GIF8"),
-    ".mp4": Kind.of("MP4 video", rb"....ftyp"),
+    ".svg": Kind("SVG picture", rb"\s*<(\?xml|svg)"),
+    ".pdf": Kind("PDF file", rb"%PDF"),
+    ".png": Kind("PNG picture", rb"\x89PNG"),
+    ".gif": Kind("GIF animation", rb"GIF8"),
+    ".mp4": Kind("MP4 video", rb"....ftyp"),
 }
 PLOTS = (".svg", ".pdf", ".png")
 VIDEOS = (".mp4", ".gif", ".png")
@@ -199,7 +194,7 @@ def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:
         return "" if kind.piped else "it exists and is no regular file"
     with path.open("rb") as file:
         beginning = file.read(LONGEST_BEGINNING)
-    if beginning and not kind.begins.match(beginning):
+    if beginning and not re.match(kind.begins, beginning, re.DOTALL | re.IGNORECASE):
         return f"it exists and is no {kind.name}"
     return ""
 

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from cranectl.cli.output import Screen, heading, screen_table, styled
 from cranectl.report import table as report
-from cranectl.support.text import LONGEST, printable
+from cranectl.support.errors import LONGEST, printable
 
 MALICE = "e[red].mcap [/] \x1b[2J\x07 a\nforged: line\r \u202e\u2028 \udcff :smile:"
 
