@@ -80,7 +80,7 @@ def observe_along(observer, encoders, states, commands, estimate, error):
 def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array) -> Array:
     """Variance of the load position (N, 3) [m²] under white noise of standard `deviations` (5,)."""
     variance = np.zeros((loop.virtual.shape[0], 3))
-    propagate_variance(loop, estimator, np.square(deviations), variance)
+    propagate_variance(loop.matrices, estimator, np.square(deviations), variance)
     return variance
 
 
@@ -203,7 +203,7 @@ def worst_case(
     """
     instants = np.unique(np.linspace(0, loop.samples - 1, times + 1)[1:].astype(np.intp))
     worst = np.zeros((len(instants), 3))
-    sweep_back(loop, estimator, delay, np.ascontiguousarray(amplitudes), instants, worst)
+    sweep_back(loop.matrices, estimator, delay, np.ascontiguousarray(amplitudes), instants, worst)
     return worst
 
 

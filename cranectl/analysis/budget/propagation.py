@@ -80,7 +80,7 @@ def propagate(
 ) -> Deviation:
     """The deviation that known errors and friction cause while commands are `delay` samples under way."""
     deviation = no_deviation(loop)
-    propagate_signals(loop, ports, delay, friction, deviation)
+    propagate_signals(loop.matrices, ports, delay, friction, deviation)
     p = len(loop.kept)
     return deviation._replace(
         load=loop.load_offset + np.einsum("kij,kj->ki", loop.load, deviation.state[:, :p])
@@ -190,7 +190,7 @@ def second_order(
         np.ascontiguousarray(run.block(name))
         for name in ("state", "controller", "input", "virtual_input", "flat_output")
     )
-    law_defect(tracker, loop, state, controller, inputs, virtual, flat, ports, predicted, defect)
+    law_defect(tracker, loop.matrices, state, controller, inputs, virtual, flat, ports, predicted, defect)
     p = len(loop.kept)
     states = loop.states.copy()
     states[:, loop.kept] += predicted.state[:, :p]

@@ -63,7 +63,7 @@ class Plant(NamedTuple):
 class TrajectoryLoop(NamedTuple):
     """N samples of a run, linearised; p states of the plant that move, n = p + 5 + 3 robustifier states."""
 
-    plant: Plant
+    plant: Plant | None  # None for kernels, see `matrices`
     kept: NDArray[np.intp]  # (p,) states of the plant that move
     states: Array  # (N, 10 or 20) nominal
     commands: Array  # (N - 1, 3) nominal: accelerations for ideal drives, else velocities
@@ -89,6 +89,11 @@ class TrajectoryLoop(NamedTuple):
     def samples(self) -> int:
         """Number of samples."""
         return len(self.virtual)
+
+    @property
+    def matrices(self) -> "TrajectoryLoop":
+        """Without the plant: kernels that take this are compiled once, whatever the plant is."""
+        return self._replace(plant=None)
 
     @property
     def size(self) -> int:

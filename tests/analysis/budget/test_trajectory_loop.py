@@ -51,7 +51,7 @@ def test_a_small_start_error_develops_as_predicted(controller: str, offset: str)
     x, matrix = np.zeros(size), np.zeros((size, size))
     x[:10] = moved.block("state")[0] - run.block("state")[0]
     for k in range(len(run.time_ns) - 1):
-        loop_matrix(loop, 0, k, matrix)
+        loop_matrix(loop.matrices, 0, k, matrix)
         x = matrix @ x
     found = moved.block("state")[-1] - run.block("state")[-1]
     assert np.abs(found).max() > 1e-9
@@ -128,7 +128,7 @@ def test_worst_case_is_the_sum_of_all_impulse_responses() -> None:
         for joint in range(5):
             state = np.zeros(total)
             for k in range(start, 60):
-                joined_matrices(loop, linear, k, matrix, noise)
+                joined_matrices(loop.matrices, linear, k, matrix, noise)
                 state = matrix @ state + (noise[:, joint] if k == start else 0.0)
             expected += amplitudes[joint] * np.abs(loop.load[60] @ state[:10])
     assert worst_case(loop, np.tile(amplitudes, (60, 1)), 24, estimator=linear).max(axis=0) == pytest.approx(
@@ -170,7 +170,7 @@ def test_the_loop_matrix_is_the_propagation(delay: int) -> None:
     total = loop.size + 3 * delay
     x, matrix = np.zeros(total), np.zeros((total, total))
     for k in range(loop.samples - 1):
-        loop_matrix(loop, delay, k, matrix)
+        loop_matrix(loop.matrices, delay, k, matrix)
         tracker = matrix[:, :10].copy()
         tracker[:p] -= loop.by_state[k // loop.stride][:, :10]
         x = matrix @ x + tracker @ ports.measured[k]
