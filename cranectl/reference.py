@@ -15,9 +15,8 @@ from scipy.interpolate import BPoly
 
 from cranectl.scenario import AddedSegment, Hold, Line, ReferenceSettings, Segment
 from cranectl.scenario.segments import added_kinds
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-
-Array = NDArray[np.float64]
 
 # Derivatives that vanish at both ends.
 REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}

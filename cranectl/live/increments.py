@@ -31,9 +31,9 @@ from cranectl.metrics import workspace_excess
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import Plan, Run
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 from cranectl.support.provenance import provenance
 
-Array = NDArray[np.float64]
 JOINTS = ("alpha", "beta")
 
 # Before anything is shown, so that whatever comes is a change.

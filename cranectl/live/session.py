@@ -22,8 +22,7 @@ from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.runner import PreparedRun, by_kind, law_of, make_plant, memory_of, start_run
 from cranectl.simulate.signal_path import whole_record
 from cranectl.status import RunStatus
-
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
 
 
 @dataclass

@@ -21,6 +21,7 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import REFERENCE
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 
 MAX_NS = 2**32 * NANOSECONDS - 1  # the seconds of a message's time have 32 bits
 WHOLE = (RunStatus.COMPLETED, RunStatus.INTERRUPTED)  # such runs have the sample at which they ended
@@ -108,8 +109,6 @@ def check_times(topic: str, time_ns: NDArray[np.int64], clock: Clock, outcomes: 
 def _seconds(time_ns: int) -> str:
     return f"{time_ns / NANOSECONDS:.9g} s"
 
-
-Array = NDArray[np.float64]
 
 COMPARED = 100  # samples of the reference, evenly over the run: all would take as long as reading them
 ROUNDING = 1e-9  # of the reference, to its largest value: other machines' cosines

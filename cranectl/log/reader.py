@@ -17,9 +17,8 @@ from cranectl.mcap_columns.records import BUFFER, MAGIC, Column, DamageError
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, groups_of
+from cranectl.support.arrays import Array
 from cranectl.support.errors import LogError, nearest_first, unknown_name
-
-Array = NDArray[np.float64]
 
 NEAREST = 8  # names listed, of a log's 200, where one is unknown
 ALLOWED = "closed logs that cranectl wrote"

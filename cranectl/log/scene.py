@@ -40,9 +40,9 @@ from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import ALPHA, BETA, BRIDGE, TROLLEY
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
 
-Array = NDArray[np.float64]
 Rows = list[list[float]]
 
 IDENTITY = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)

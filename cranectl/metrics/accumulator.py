@@ -22,9 +22,9 @@ from cranectl.signals import (
     STATE_COLUMN,
     TENSION_COLUMN,
 )
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-Array = NDArray[np.float64]
 # Sums run over samples, "time" and "work" over the intervals between them; extremes start infinite.
 _SCALARS = (
     "samples", "error_squares", "error_max", "error_last", "alpha_max", "beta_max", "sway_squares",

@@ -4,15 +4,13 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.plants.plant import Drive
 from cranectl.reference import HoldPath, build_trajectory
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
 from cranectl.signals import COMMAND_COLUMN
 from cranectl.simulate.signal_path import has_signal_path
-
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
 
 FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in the record of a signal path
 SETTLING_TOLERANCE = 0.005  # [m]; assumed: where a laboratory crane's hook counts as in its place

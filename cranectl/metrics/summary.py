@@ -8,11 +8,12 @@ import numpy as np
 
 from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
 from cranectl.metrics.setup import NO_FLAGS, MetricsSetup, metrics_setup
-from cranectl.metrics.table import Array, Measured, Value, all_metrics
+from cranectl.metrics.table import Measured, Value, all_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 
 OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # given axis by axis instead
 

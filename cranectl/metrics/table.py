@@ -18,9 +18,8 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import AXES
 from cranectl.status import RunStatus
 from cranectl.support import extensions
+from cranectl.support.arrays import Array
 from cranectl.support.extensions import with_extensions
-
-Array = NDArray[np.float64]
 
 Value = float | tuple[float | None, ...] | None  # a number, one for each part, or none
 

@@ -4,7 +4,6 @@ from math import cos, sin, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.model.dynamics import (
     AxisMasses,
@@ -37,9 +36,8 @@ from cranectl.signals import (
     Y,
     Z,
 )
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 
 class PassiveForces(NamedTuple):

@@ -3,13 +3,10 @@
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
+from cranectl.support.arrays import Array
 
-Array = NDArray[np.float64]
 Drive = Literal["ideal", "velocity", "force"]
 
 DRIVES: tuple[Drive, ...] = ("ideal", "velocity", "force")

@@ -3,11 +3,9 @@
 from math import sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.scenario.effects import EffectSettings, Wind
-
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
 
 STICTION_RATE = 0.01  # [rad/s], below which a model without a constraint solver smooths Coulomb's friction
 

@@ -6,14 +6,12 @@ The same for every law, so that all of them get the same lead and the same handl
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.model.dynamics import AxisMasses, axis_masses, drive_forces, forced_accelerations
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 BRAKING = 0.1  # [s], time constant with which the drives come to rest while the rope is slack; assumed
 

@@ -10,7 +10,6 @@ from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.controllers.addressed import JOINTS, AddressedLaw, addressed_step, addressed_wait
 from cranectl.controllers.flat import Tracker, control_step, keep_taut, wait_step
@@ -34,9 +33,8 @@ from cranectl.simulate.actuation import (
 )
 from cranectl.simulate.signal_path import SignalPath, act, sense
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit, jit_loop
-
-Array = NDArray[np.float64]
 
 RUNNING = int(RunStatus.RUNNING)
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)

@@ -10,9 +10,8 @@ from cranectl.plants.surroundings import air_velocity
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, WORKSPACE_SIGNALS, Z
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

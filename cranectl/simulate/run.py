@@ -12,8 +12,7 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import SignalGroup, recorded_groups
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.status import RunStatus
-
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
 
 
 def groups_of(scenario: Scenario, design: Design | LawDesign, drive: Drive) -> tuple[SignalGroup, ...]:

@@ -22,9 +22,9 @@ from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 from cranectl.support.errors import unknown_name
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
 BLOCK = 1000  # samples per call of the loop: a few milliseconds of computing

@@ -27,9 +27,8 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Installation, Sensing
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
 from cranectl.simulate.actuation import forces_at_rest
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 
 class Encoders(NamedTuple):

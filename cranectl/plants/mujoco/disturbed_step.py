@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.step import (
     mj_check_acc,
@@ -21,9 +20,8 @@ from cranectl.plants.mujoco.step import (
     mj_forward_skip,
     mj_integrate_pos,
 )
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 # The classical fourth-order scheme: how far the next stage reaches, and what each stage counts.
 REACH = (0.5, 0.5, 1.0)

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
 
 COMPILED = {"ref": "qpos0"}  # fields that have another name in a compiled model
 

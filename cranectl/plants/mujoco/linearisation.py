@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.disturbed_step import push_load
 from cranectl.plants.mujoco.plant import MujocoPlant, prepare_step, set_command
-
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
 
 
 class Anchor(NamedTuple):

@@ -35,10 +35,9 @@ from cranectl.plants.plant import Drive, Kernels
 from cranectl.plants.surroundings import air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 
 class MujocoRig(NamedTuple):

@@ -9,13 +9,11 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.entries import Entry
 from cranectl.scenario.effects import Rope
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 DISTANCE = "hook_distance"  # joint: from the pivot to the end of the rope
 ELASTICITY = "rope_elasticity"  # actuator, and the tendon that it pulls
