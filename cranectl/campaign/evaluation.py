@@ -109,19 +109,16 @@ class Pair:
 
 def pair_of(first: Group, second: Group) -> Pair:
     """Compare two groups sample by sample."""
-    differences = tuple(_difference(first, second, metric) for metric in MAIN_METRICS)
-    return Pair(first, second, _failures(first, second), differences, _agreement(first, second, MEASURE))
-
-
-def _failures(first: Group, second: Group) -> Failures:
     there = first.there & second.there
     a, b = first.failed & there, second.failed & there
-    return Failures(
+    failures = Failures(
         neither=int((there & ~a & ~b).sum()),
         both=int((a & b).sum()),
         first_only=tuple(np.flatnonzero(a & ~b).tolist()),
         second_only=tuple(np.flatnonzero(b & ~a).tolist()),
     )
+    differences = tuple(_difference(first, second, metric) for metric in MAIN_METRICS)
+    return Pair(first, second, failures, differences, _agreement(first, second, MEASURE))
 
 
 def _agreement(first: Group, second: Group, metric: str) -> Agreement:
@@ -198,7 +195,11 @@ def analyse(results: Results) -> Analysis:
     """Compute everything; nothing is drawn, nothing is random."""
     values, groups = parameter_values(results), groups_of(results)
     reference = reference_plant(results.campaign.settings.plants)
-    pairs = [pair_of(a, b) for a, b in itertools.combinations(groups, 2) if _comparable(a, b, reference)]
+    pairs = [
+        pair_of(a, b)
+        for a, b in itertools.combinations(groups, 2)
+        if a.plant == b.plant or (a.controller == b.controller and reference in (a.plant, b.plant))
+    ]
     return Analysis(
         results=results,
         values=values,
@@ -210,11 +211,6 @@ def analyse(results: Results) -> Analysis:
         plants=tuple(pair for pair in pairs if pair.first.plant != pair.second.plant),
         worst=examples(results, worst=WORST),
     )
-
-
-def _comparable(a: Group, b: Group, reference: str) -> bool:
-    """Whether they differ in the controller only, or in the plant only, one of which is the reference."""
-    return a.plant == b.plant or (a.controller == b.controller and reference in (a.plant, b.plant))
 
 
 def analysis_json(analysis: Analysis) -> dict[str, Any]:

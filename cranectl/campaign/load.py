@@ -62,10 +62,11 @@ FACTORS = {
 
 def _check_effect(settings: CampaignSettings, parameters: Sequence[Parameter], nominal: Scenario) -> None:
     """Raise InputError for a parameter that cannot change the outcome of any run."""
-    zero = _always_zero(parameters, nominal)
+    zero = {name: value == 0 for name, value in numbers_of(nominal).items()}
+    zero |= {parameter.name: parameter.ends == (0.0, 0.0) for parameter in parameters}
     for parameter in parameters:
         for plant in settings.plants:
-            why = why_without_effect(parameter.name, plant, settings.drive, zero)
+            why = _why_without_effect(parameter.name, plant, settings.drive, zero)
             if why:
                 raise InputError(
                     f"uncertain.{parameter.name} changes nothing on the {plant} plant with "
@@ -75,7 +76,7 @@ def _check_effect(settings: CampaignSettings, parameters: Sequence[Parameter], n
                 )
 
 
-def why_without_effect(name: str, plant: str, drive: str, zero: Mapping[str, bool]) -> str | None:
+def _why_without_effect(name: str, plant: str, drive: str, zero: Mapping[str, bool]) -> str | None:
     """Why `name` changes nothing, None if it does; `zero` tells which numbers are 0 in all runs."""
     entry = plant_entry(plant)
     for rule in RULES:
@@ -89,12 +90,6 @@ def why_without_effect(name: str, plant: str, drive: str, zero: Mapping[str, boo
         if names and all(zero[each] for each in names):
             return f"{', '.join(names)} is 0 in all runs"
     return None
-
-
-def _always_zero(parameters: Sequence[Parameter], nominal: Scenario) -> dict[str, bool]:
-    """For every number of the scenario, whether it is 0 in all runs."""
-    zero = {name: value == 0 for name, value in numbers_of(nominal).items()}
-    return zero | {parameter.name: parameter.ends == (0.0, 0.0) for parameter in parameters}
 
 
 BLOCK = 2**17  # samples looked at together

@@ -93,8 +93,10 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
     difference_ns = abs(new.end_ns - golden.end_ns)
     verdicts = []
     for row in comparison.signals:
-        bound = _bound(golden, row.signal, limits[row.signal])
-        # NaN keeps no limit.
+        limit, values = limits[row.signal], golden.signal(row.signal)
+        # Infinities and NaN of the golden run widen nothing, NaN keeps no limit.
+        largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+        bound = max(limit.absolute, limit.relative * largest)
         passed = row.max_abs <= bound
         verdicts.append(SignalVerdict(row.signal, row.unit, row.max_abs, row.at_s, bound, passed))
     return RegressionVerdict(
@@ -142,13 +144,6 @@ def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, S
             remedy="add limits for them",
         )
     return {name: chosen[name] for name in names if name in chosen}
-
-
-def _bound(golden: Run, name: str, limit: SignalLimit) -> float:
-    """The limit in the signal's unit; infinities and NaN of the golden run widen nothing."""
-    values = golden.signal(name)
-    largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
-    return max(limit.absolute, limit.relative * float(largest))
 
 
 def _check_samples(new: Run, golden: Run) -> None:

@@ -109,7 +109,10 @@ def _differences(
 ) -> Iterator[SignalDifference]:
     units = named_signals(a)
     for name in names:
-        difference = _difference(a.signal(name)[in_a], b.signal(name)[in_b])
+        one, other = a.signal(name)[in_a], b.signal(name)[in_b]
+        # Where both are infinite alike or not a number, it is 0: a run equals itself.
+        same = (one == other) | (np.isnan(one) & np.isnan(other))
+        difference: Array = np.subtract(other, one, out=np.zeros_like(one), where=~same)
         worst = int(np.argmax(np.abs(difference)))
         yield SignalDifference(
             signal=name,
@@ -119,13 +122,6 @@ def _differences(
             rms=float(np.sqrt(np.mean(difference**2))),
             final=float(difference[-1]),
         )
-
-
-def _difference(a: Array, b: Array) -> Array:
-    """Of two signals, b - a; zero where both are infinite alike or not a number: a run equals itself."""
-    same = (a == b) | (np.isnan(a) & np.isnan(b))
-    difference: Array = np.subtract(b, a, out=np.zeros_like(a), where=~same)
-    return difference
 
 
 def _label(run: Run) -> str:
