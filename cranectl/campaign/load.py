@@ -16,7 +16,7 @@ import numpy as np
 from cranectl.campaign.definition import Campaign, Parameter, numbers_of, parameters_of, sampled_scenario
 from cranectl.campaign.distributions import FewValues
 from cranectl.campaign.sampling import gaussian_copula, sample_values
-from cranectl.campaign.settings import COUNTED, MAX_RUNS, CampaignSettings, read_campaign
+from cranectl.campaign.settings import COUNTED, INDEPENDENT, MAX_RUNS, CampaignSettings, read_campaign
 from cranectl.plants.registry import check_effects, plant_entry
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.support.errors import InputError
@@ -108,10 +108,10 @@ def make_campaign(settings: CampaignSettings) -> Campaign:
     """The campaign of `settings`, checked."""
     nominal = _nominal_scenario(settings)
     parameters = parameters_of(settings, nominal)
-    if settings.correlation and settings.sampling not in ("monte-carlo", "latin-hypercube", "sobol"):
+    if settings.correlation and settings.sampling not in INDEPENDENT:
         raise InputError(
             f"correlations with {settings.sampling} sampling, which changes parameters independently",
-            allowed="correlations with monte-carlo, latin-hypercube or sobol",
+            allowed=f"correlations with {', '.join(INDEPENDENT)}",
             remedy="leave the correlations out or take another sampling",
         )
     _check_effect(settings, parameters, nominal)

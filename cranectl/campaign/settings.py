@@ -46,6 +46,7 @@ def within(metric: str, values: Any, limit: float) -> Any:
 
 MAX_RUNS = 1_000_000
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
+INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs stand for the distribution
 
 Sampling = Literal["monte-carlo", "latin-hypercube", "sobol", "saltelli", "grid", "one-at-a-time"]
 
@@ -149,18 +150,13 @@ def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distributi
 
 
 def _distribution(name: str, table: Any, source: str) -> Distribution:
-    allowed = f"a table with a distribution: {', '.join(DISTRIBUTIONS)}"
-    if not isinstance(table, Mapping):
+    if not isinstance(table, Mapping) or not table:
         above = name.rpartition(".")[0] or name
         raise InputError(
-            f"{source}: uncertain.{name} = {table!r} is no table",
-            allowed=allowed,
+            f"{source}: uncertain.{name} = {table!r} is no distribution",
+            allowed=f"a table with a distribution: {', '.join(DISTRIBUTIONS)}",
             remedy=f"write [uncertain.{name}] with 'distribution = ...' below it, "
             f"or check that [uncertain.{above}] has a 'distribution'",
-        )
-    if not table:
-        raise InputError(
-            f"{source}: [uncertain.{name}] is empty", allowed=allowed, remedy="add 'distribution = ...'"
         )
     kind = table["distribution"]
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:

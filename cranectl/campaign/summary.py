@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.manifest import software_of
 from cranectl.campaign.results import Results
-from cranectl.campaign.settings import within
+from cranectl.campaign.settings import INDEPENDENT, within
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
 from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.status import RunStatus
@@ -26,7 +26,6 @@ Rows = NDArray[np.intp]
 Columns = Callable[[str], Any]  # values (runs,) of a column by its name; None or NaN where absent
 
 CONFIDENCE = 0.95
-INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs stand for the distribution
 MEASURE = "max_error_m"
 MAIN_METRICS = tuple(metric.name for metric in all_metrics() if metric.compared)
 EFFORTS = tuple(name for name in METRIC_COLUMNS if name.startswith("rms_acceleration_m_s2"))

@@ -109,7 +109,7 @@ class CaseResult:
     @property
     def passed(self) -> bool:
         """Whether the runs ended as expected and the plants agree, as far as that can be judged."""
-        return self.as_expected and all(agreement.passed is not False for agreement in self.agreements)
+        return self.as_expected and all(good for _, good in self.judged)
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from cranectl.campaign.distributions import LogUniform
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.sensitivity import Correlations, OneAtATimeEffect
+from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import empirical_distribution, equal_bins, quantiles
-from cranectl.campaign.summary import EFFORT, INDEPENDENT, MAIN_METRICS, MEASURE, Group, failure_interval
+from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
 from cranectl.metrics import low_is_bad
 from cranectl.report.campaign.wording import METRIC_LABELS, metric_name, number, parameter_label
 from cranectl.report.theme import SERIES, STAND_IN

@@ -8,8 +8,9 @@ import numpy as np
 from cranectl.campaign.definition import Parameter
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.sensitivity import SobolIndices
+from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import quantiles
-from cranectl.campaign.summary import CONFIDENCE, EFFORT, INDEPENDENT, MAIN_METRICS, MEASURE, GroupSummary
+from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
 from cranectl.report.campaign.wording import (
     LEVELS,
