@@ -1,14 +1,30 @@
-"""The pages of a ladder and of a rig: what the commands say is on them, once."""
+"""The pages of a ladder and of a rig, and their tables: every row has its columns, marks say what is so."""
 
 import json
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
-from cranectl.analysis.advice import IMPROVEMENTS
+from cranectl.analysis.advice import IMPROVEMENTS, Advice, advise
+from cranectl.analysis.budget.error_budget import Budget, Entry
+from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
+from cranectl.cli.output import FILE_WIDTH, screen_table
+from cranectl.report.rig.tables import (
+    budget_table,
+    controllers_table,
+    improvements_table,
+    ladder_table,
+    recommendation,
+)
+from cranectl.report.table import Table
+from cranectl.scenario import load_scenario
+from cranectl.status import RunStatus
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -64,3 +80,117 @@ def test_a_place_that_cannot_be_written_is_found_first(
         assert main([*command, "--report", "file/a.html"]) == 2
         assert "cannot write file/a.html" in capsys.readouterr().err
     assert not list(tmp_path.rglob("*.mcap"))
+
+
+OVERRIDES = ["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
+SMALL, LARGE = Size(1e-6, 2e-6, 0.5e-6), Size(1e-3, 3e-3, 2e-3)
+
+
+@pytest.fixture(scope="module")
+def advice() -> Advice:
+    return advise(load_scenario("fixed-position", overrides=OVERRIDES), ["lqr+loop-shaping"])
+
+
+@pytest.fixture(scope="module")
+def steps() -> list[LevelResult]:
+    return list(evaluate_levels(load_scenario("fixed-position", overrides=OVERRIDES), top="limits"))
+
+
+def budget() -> Budget:
+    """The first bound holds, the second does not, the third is none, and its run stopped."""
+    entries = (
+        Entry("sampled", LARGE, 4e-3, LARGE, "completed"),
+        Entry("engine", SMALL, 1e-6, SMALL, "completed"),
+        Entry("servos", SMALL, math.inf, Size(0.0, 0.0, 0.0), "slack-rope"),
+    )
+    return Budget("any", "lqr", entries, LARGE, SMALL)
+
+
+def cells(table: Table, label: str) -> dict[str, tuple[str, str]]:
+    """Texts and marks of a row by its headings."""
+    assert len(set(table.headings)) == len(table.headings)
+    assert all(len(row) == len(table.headings) for row in table.rows)
+    (row,) = (row for row in table.rows if row[0].text == label)
+    headings = (heading.replace("\n", " ") for heading in table.headings)
+    return {heading: (cell.text, cell.mark) for heading, cell in zip(headings, row, strict=True)}
+
+
+def test_controllers(advice: Advice) -> None:
+    row = cells(controllers_table(advice), "lqr+loop-shaping")
+    (found,) = advice.assessments
+    assert row["grade"] == ("guaranteed", "good")
+    assert float(row["error RMS [mm]"][0]) == pytest.approx(1e3 * found.metrics.rms_error_m, rel=5e-3)
+    assert float(row["cost max [mm]"][0]) == pytest.approx(1e3 * found.cost.max, rel=5e-3)
+    stopped = replace(found, status=RunStatus.SLACK_ROPE, metrics=None, cost=None)
+    row = cells(controllers_table(replace(advice, assessments=(stopped,))), "lqr+loop-shaping")
+    assert row["grade"] == ("slack-rope", "bad")
+    assert row["error RMS [mm]"] == row["cost max [mm]"] == ("–", "")
+
+
+def test_improvements(advice: Advice) -> None:
+    table = improvements_table(advice)
+    assert "lqr+loop-shaping" in table.title
+    for improvement in advice.improvements:
+        row = cells(table, improvement.name)
+        assert row["change"][0] == improvement.change
+        assert row["saved"][0] == f"{100 * improvement.gain:+.0f} %"
+        assert row["grade"][0] == improvement.assessment.grade
+
+
+def test_what_is_recommended(advice: Advice) -> None:
+    take, improve, *_ = recommendation(advice)
+    assert take.startswith("Take lqr+loop-shaping: guaranteed")
+    assert improve.startswith(f"Improve first: {advice.improvements[0].name}")
+    worse = tuple(replace(row, gain=-0.1) for row in advice.improvements)
+    assert not any("Improve" in line for line in recommendation(replace(advice, improvements=worse)))
+    failed = tuple(replace(row, status=RunStatus.SLACK_ROPE) for row in advice.assessments)
+    assert "No controller survives" in recommendation(replace(advice, assessments=failed))[0]
+
+
+def test_budget() -> None:
+    table = budget_table(budget())
+    assert cells(table, "sampled")["measured max"] == ("3", "")
+    assert cells(table, "sampled")["bound of max"] == ("4", "")
+    assert cells(table, "engine")["bound of max"] == ("0.001", "bad")
+    assert cells(table, "servos")["bound of max"] == ("none", "")
+    assert cells(table, "servos")["over measured"] == ("–", "")
+    assert cells(table, "all")["measured RMS"] == ("1", "")
+    assert cells(table, "unexplained")["measured RMS"] == ("0.001", "")
+    assert "servos: rough estimate, no bound" in table.note
+    for level, estimate in (("engine", ("0.002", "")), ("servos", ("~0.002", "open"))):
+        assert cells(table, level)["estimate max"] == estimate
+    assert "~ marks estimates without a bound, which may be far off" in table.note
+    assert "servos: ended with slack-rope." in table.note
+    assert "sampled" not in table.note
+
+
+def test_ladder(steps: list[LevelResult]) -> None:
+    table = ladder_table(steps)
+    for step in steps:
+        row = cells(table, step.level.name)
+        assert row["ended"] == ("completed", "good")
+        assert float(row["error [mm] max"][0]) == pytest.approx(1e3 * step.metrics.max_error_m, rel=5e-3)
+        adds = "" if step.cumulative is None else f"{1e3 * step.cumulative.final:.3g}"
+        assert row["adds [mm] final"] == (adds, "")
+    assert any(step.cumulative for step in steps)
+
+
+def test_ladder_says_what_stopped(steps: list[LevelResult]) -> None:
+    last = steps[-1]
+    stopped = replace(last.run, status=RunStatus.SLACK_ROPE, end_ns=250_000_000)
+    row = cells(ladder_table([replace(last, run=stopped, metrics=None)]), last.level.name)
+    assert row["ended"] == ("slack-rope at 0.25 s", "bad")
+    assert row["error [mm] max"] == ("–", "")
+    row = cells(ladder_table([replace(last, alone=LARGE, alone_status="slack-rope")]), last.level.name)
+    assert (row["alone [mm] RMS"], row["alone [mm] max"]) == (("slack-rope", "bad"), ("", ""))
+
+
+def test_a_file_takes_the_widest_table_whole(steps: list[LevelResult]) -> None:
+    small = Size(1.23e-7, 1.23e-7, 1.23e-7)
+    last = replace(steps[-1], cumulative=small, alone=small)
+    stopped = replace(last.run, status=RunStatus.WORKSPACE_LEFT, end_ns=12_345_000_000)
+    longest = replace(last.level, name=max(NAMES, key=len))
+    table = screen_table(ladder_table([last, replace(last, run=stopped, level=longest)]))
+    screen = Console(width=1000)
+    assert screen.measure(table).maximum <= FILE_WIDTH
+    assert screen.measure(screen_table(budget_table(budget()))).maximum <= FILE_WIDTH
