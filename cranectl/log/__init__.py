@@ -2,12 +2,11 @@
 
 from cranectl.log.describe import LogDescription, describe_log
 from cranectl.log.reader import read_log, read_signal
-from cranectl.log.recover import Recovery, recover_log
+from cranectl.log.recover import recover_log
 from cranectl.log.writer import check_writable, write_log, write_logged
 
 __all__ = [
     "LogDescription",
-    "Recovery",
     "check_writable",
     "describe_log",
     "read_log",

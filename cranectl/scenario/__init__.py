@@ -11,12 +11,11 @@ from cranectl.scenario.scenario import (
     load_scenario,
     scenario_names,
 )
-from cranectl.scenario.segments import AddedSegment, Arc, Hold, Line, Segment
+from cranectl.scenario.segments import AddedSegment, Hold, Line, Segment
 
 __all__ = [
     "NANOSECONDS",
     "AddedSegment",
-    "Arc",
     "DesignSettings",
     "HinfSettings",
     "Hold",

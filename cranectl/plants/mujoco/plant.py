@@ -24,7 +24,6 @@ from cranectl.plants.mujoco.rope import (
     DISTANCE,
     ElasticRope,
     elastic_rope,
-    no_rope,
     pay_out,
     set_damping,
     start_taut,
@@ -175,7 +174,7 @@ class MujocoPlant:
             wrench=self.data.xfrc_applied[self.model.body("load").id],
             reaction=self.data.xfrc_applied[self.model.body("trolley").id],
             swings=effects.body is not None,
-            rope=_rope(self.model, effects),
+            rope=elastic_rope(self.model, effects),
             drag=air_drag(effects),
             work=stage_work(self.model, self.data, swings=effects.body is not None),
             substeps=substeps,
@@ -196,7 +195,7 @@ class MujocoPlant:
         write_views(views_of(self.model, entries), entries)
         derive_constants(self.model, self.data)
         self.rig = self.rig._replace(
-            load_mass=rig.load_mass, rope=_rope(self.model, effects), drag=air_drag(effects)
+            load_mass=rig.load_mass, rope=elastic_rope(self.model, effects), drag=air_drag(effects)
         )
         return True
 
@@ -269,9 +268,3 @@ def _physical(effects: EffectSettings) -> EffectSettings:
     """Those that change the model; what others say must not compile it anew."""
     names = ("limits", "friction", "rope", "body", "frame", "installation")
     return NO_EFFECTS.model_copy(update={name: getattr(effects, name) for name in names})
-
-
-def _rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
-    if effects.rope is None:
-        return no_rope()
-    return elastic_rope(model, effects.rope, effects.body.hook_offset if effects.body else 0.0)

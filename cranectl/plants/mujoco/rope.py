@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from cranectl.plants.mujoco.entries import Entry
-from cranectl.scenario.effects import Rope
+from cranectl.scenario.effects import EffectSettings, Rope
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
@@ -90,26 +90,22 @@ def rope_entries(density: float, length: float) -> list[Entry]:
     ]
 
 
-def no_rope() -> ElasticRope:
-    """For the filed rope, which is rigid."""
-    nothing = np.zeros(3)
-    return ElasticRope(False, 0, 0, 0.0, 0.0, nothing[:1], nothing, 0.0, nothing[:1], nothing, nothing)
-
-
-def elastic_rope(model: mujoco.MjModel, rope: Rope, offset: float) -> ElasticRope:
-    """The rope in `model`, which must be the run's own."""
-    winch = model.joint("rope_length")
-    views = no_rope()
+def elastic_rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
+    """The rope in `model`, which must be the run's own; the filed rope, which is rigid, is not active."""
+    nothing, rope = np.zeros(3), effects.rope
+    views = ElasticRope(False, 0, 0, 0.0, 0.0, nothing[:1], nothing, 0.0, nothing[:1], nothing, nothing)
+    if rope is None:
+        return views
     if rope.mass > 0.0:
         rod = model.body(MASS).id
-        views = views._replace(
-            mass=model.body_mass[rod : rod + 1], centre=model.body_ipos[rod], inertia=model.body_inertia[rod]
-        )
+        mass, centre, inertia = model.body_mass[rod : rod + 1], model.body_ipos[rod], model.body_inertia[rod]
+        views = views._replace(mass=mass, centre=centre, inertia=inertia)
+    winch = model.joint("rope_length")
     return views._replace(
         active=True,
         winch=int(winch.qposadr[0]),
         winch_rate=int(winch.dofadr[0]),
-        offset=offset,
+        offset=effects.body.hook_offset if effects.body else 0.0,
         stiffness=rope.stiffness,
         viscosity=np.zeros(1),
         law=model.actuator_biasprm[model.actuator(ELASTICITY).id],
