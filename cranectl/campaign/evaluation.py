@@ -39,7 +39,6 @@ from cranectl.support.documents import mapped
 
 WORST = 3  # runs listed for each plant and controller
 BY_STEPS = "one-at-a-time"  # a sampling that is no spread: correlations mean nothing
-DIFFERENCE_QUANTILES = (0.05, 0.5, 0.95)
 LISTED = 5  # samples that are farthest apart
 
 
@@ -64,7 +63,7 @@ class Difference:
 
     metric: str
     samples: int
-    quantiles: tuple[float, ...]  # DIFFERENCE_QUANTILES; NaN without samples
+    quantiles: tuple[float, ...]  # LEVELS; NaN without samples
     first_better: int
     second_better: int
     p: float  # of the sign test
@@ -82,7 +81,7 @@ class Agreement:
     metric: str
     samples: int
     rho: float  # Spearman's; NaN where one is constant
-    quantiles: tuple[float, ...]  # of the absolute difference, DIFFERENCE_QUANTILES
+    quantiles: tuple[float, ...]  # of the absolute difference, LEVELS
     largest: tuple[tuple[int, float], ...]  # sample and difference, second minus first
 
 
@@ -130,7 +129,7 @@ def _agreement(first: Group, second: Group, metric: str) -> Agreement:
         metric=metric,
         samples=order.size,
         rho=float(rank_correlations(a[:, np.newaxis], b)[0]),
-        quantiles=tuple(quantiles(np.abs(difference), DIFFERENCE_QUANTILES).tolist()),
+        quantiles=tuple(quantiles(np.abs(difference)).tolist()),
         largest=tuple((int(k), float(difference[k])) for k in order[:LISTED] if difference[k]),
     )
 
@@ -143,7 +142,7 @@ def _difference(first: Group, second: Group, metric: str) -> Difference:
     return Difference(
         metric=metric,
         samples=difference.size,
-        quantiles=tuple(quantiles(difference, DIFFERENCE_QUANTILES).tolist()),
+        quantiles=tuple(quantiles(difference).tolist()),
         first_better=worse,
         second_better=better,
         p=sign_test(better, worse),

@@ -14,10 +14,10 @@ Bins = list[NDArray[np.intp]]  # rows in each
 LEAST = 3  # values for a rank correlation
 BINS = 6  # ranges of a parameter
 LEAST_IN_BIN = 8  # rows
-QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+LEVELS = (0.05, 0.5, 0.95)  # of the quantiles that are told
 
 
-def quantiles(values: Array, at: tuple[float, ...] = QUANTILES) -> Array:
+def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
     """Quantiles of the values that are there (n,), linear between order statistics; NaN without any."""
     finite = values[np.isfinite(values)]
     return np.quantile(finite, at) if finite.size else np.full(len(at), np.nan)

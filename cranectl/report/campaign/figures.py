@@ -30,7 +30,6 @@ Runs = Callable[[Group], Mask]  # which runs of a group count
 WIDTH = 6.4  # [in]
 MOST_POINTS = 600  # of a scatter, all series together
 DECADES = 30.0  # ratio of quantiles from which an axis is logarithmic
-MIDDLE = (0.05, 0.5, 0.95)
 BANDS = 12  # ranges of a parameter, at least 8 runs each
 RATES = 8
 RISES, FALLS, BENT = SERIES[1], SERIES[0], SERIES[2]
@@ -83,7 +82,7 @@ def effort_and_error(groups: Sequence[Group]) -> Figure:
         rows = rows[:: max(1, -(-rows.size // each))]
         colour = series_style(k)["color"]
         axes.plot(x[rows], y[rows], ".", markersize=3, alpha=0.45, color=colour)
-        low, middle, high = np.transpose([quantiles(x, MIDDLE), quantiles(y, MIDDLE)])
+        low, middle, high = np.transpose([quantiles(x), quantiles(y)])
         if group.completed.any():
             axes.plot([low[0], high[0]], [middle[1]] * 2, color=colour, linewidth=2.2)
             axes.plot([middle[0]] * 2, [low[1], high[1]], color=colour, linewidth=2.2)
@@ -184,7 +183,7 @@ def error_bands(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Seq
     """Median and 5 to 95 % of the largest error over ranges of parameters, for each controller."""
 
     def band(group: Group, rows: Rows) -> Array:
-        return quantiles(group.metrics[MEASURE][rows], MIDDLE)
+        return quantiles(group.metrics[MEASURE][rows])
 
     return _over_parameters(
         analysis, parts, columns, lambda group: group.completed, band, BANDS, METRIC_LABELS[MEASURE]

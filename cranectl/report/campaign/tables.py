@@ -9,11 +9,10 @@ from cranectl.campaign.definition import Parameter
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.sensitivity import SobolIndices
 from cranectl.campaign.settings import INDEPENDENT
-from cranectl.campaign.statistics import quantiles
+from cranectl.campaign.statistics import LEVELS, quantiles
 from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
 from cranectl.report.campaign.wording import (
-    LEVELS,
     METRIC_LABELS,
     metric_name,
     number,
@@ -70,7 +69,7 @@ def metrics_quantiles(parts: Sequence[GroupAnalysis]) -> Table:
     for metric in (*MAIN_METRICS, EFFORT):
         for part in parts:
             values = part.group.metrics[metric]
-            found = quantiles(values, LEVELS)
+            found = quantiles(values)
             have = np.isfinite(values)
             ends = (values[have].min(), values[have].max()) if have.any() else (None, None)
             spread = (number(ends[0]), *map(number, found), number(ends[1]))

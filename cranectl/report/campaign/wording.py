@@ -15,7 +15,6 @@ from cranectl.metrics import all_metrics, low_is_bad
 
 NAMED = 3  # parameters in a sentence
 COLUMN = MAIN_METRICS.index(MEASURE)
-LEVELS = (0.05, 0.5, 0.95)  # quantiles in tables
 METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in all_metrics() if m.compared}
 METRIC_LABELS[EFFORT] = "effort [m/s²]"
 
