@@ -28,7 +28,7 @@ def streams(
 ) -> list[Stream]:
     """Every topic of a log; at equal times earlier streams come first in the file.
 
-    Plants are judged by `limits`, as by `compare.judge`. `versions`: of what made the runs, by default this.
+    Plants are judged by `limits`, as `judge` does. `versions`: of what made the runs, by default this.
     """
     result = [run_info(runs, versions or provenance()), design_info(runs[0].design)]
     result.append(log_lines(event for run in runs for event in events(run)))

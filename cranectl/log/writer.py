@@ -51,7 +51,7 @@ def write_log(
     """Write runs of different plants, of the same scenario, design and drive to `path`.
 
     `every`: log every n-th control sample, by default as the scenario says; the last sample always.
-    `limits`: what the agreement of plants is judged by, by default as `compare.judge` has it.
+    `limits`: what the agreement of plants is judged by, by default as `judge` has it.
     Returns `path`; raises LogError if it cannot be written, or nobody could read it.
     """
     path = Path(path)

@@ -206,12 +206,12 @@ def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: S
     return figure
 
 
-def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str], metric: str) -> Figure:
-    """First-order and total indices of one metric with intervals, a panel for each controller."""
+def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
+    """First-order and total indices of the largest error with intervals, a panel for each controller."""
     figure, panels = _rows_figure(len(parts), len(parameters))
     place = np.arange(len(parameters))
     for axes, part in zip(panels, parts, strict=True):
-        found = part.sobol[metric]
+        found = part.sobol[MEASURE]
         for offset, role, label, values, interval in (
             (-0.2, SERIES[0], "first order", found.first, found.first_interval),
             (0.2, SERIES[1], "total", found.total, found.total_interval),
@@ -221,7 +221,7 @@ def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str], metric
             axes.hlines(place + offset, *interval, color=STAND_IN["ink"], linewidth=0.9)
         axes.set_title(part.group.controller)
         axes.set_xlim(min(-0.02, float(found.first_interval[0].min())), None)
-        axes.set_xlabel(f"share of the variance, {metric_name(metric)}")
+        axes.set_xlabel(f"share of the variance, {metric_name(MEASURE)}")
     _name_rows(panels, parameters)
     figure.legend(loc="outside upper center", ncols=2)
     return figure

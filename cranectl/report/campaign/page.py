@@ -192,16 +192,10 @@ def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn)
 
 
 def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn) -> Iterator[Figure]:
-    """A figure of the first metric, and of each for which other parameters matter than for those before."""
-    seen: list[tuple[bytes, ...]] = []
-    for metric in MAIN_METRICS:
-        having = [part for part in parts if metric in part.sobol]
-        matter = tuple(part.sobol[metric].important.tobytes() for part in having)
-        if having and matter not in seen:
-            seen.append(matter)
-            title = f"Sobol indices of the {metric_name(metric)}, {parts[0].group.plant}"
-            verdict = wording.sobol_sentence(having, names, metric)
-            yield drawn(title, verdict, figures.sobol_bars, having, names, metric)
+    having = [part for part in parts if MEASURE in part.sobol]
+    if having:
+        title = f"Sobol indices of the {metric_name(MEASURE)}, {parts[0].group.plant}"
+        yield drawn(title, wording.sobol_sentence(having, names), figures.sobol_bars, having, names)
 
 
 def _failures(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:

@@ -123,11 +123,11 @@ def correlations_sentence(found: Correlations) -> str:
     return f"With the largest error go {named}. {beyond}."
 
 
-def sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str], metric: str) -> str:
+def sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> str:
     """What matters, for each controller."""
     texts = []
     for part in parts:
-        found = part.sobol[metric]
+        found = part.sobol[MEASURE]
         order = [int(k) for k in np.argsort(-found.total, kind="stable") if found.important[k]]
         named = ", ".join(f"{parameters[k]} ({found.total[k]:.2f})" for k in order[:NAMED])
         left = f"; {found.left_out} base points left out" if found.left_out else ""
@@ -135,7 +135,7 @@ def sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str], me
             f"{part.group.controller}: {named or 'nothing is surely above 0.05'}, from "
             f"{found.base_points} base points{left}"
         )
-    return f"Total indices of {metric_name(metric)}. {'. '.join(texts)}."
+    return f"Total indices of {metric_name(MEASURE)}. {'. '.join(texts)}."
 
 
 def tornado_sentence(part: GroupAnalysis) -> str:
