@@ -1,13 +1,16 @@
 """A report: one HTML page that needs nothing but itself, light or dark as its reader prefers."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure as Drawing
 
 from cranectl.report.table import Table
-from cranectl.report.theme import css_variables
+from cranectl.report.theme import css_variables, inline_svg, styled
 from cranectl.support.files import write_text, writing
 
 
@@ -20,6 +23,21 @@ class Figure:
     svg: str
     caption: str
     alone: bool = False  # in its row
+
+    @classmethod
+    def drawn(
+        cls,
+        number: str,
+        title: str,
+        caption: str,
+        draw: Callable[..., Drawing],
+        *data: Any,
+        alone: bool = False,
+    ) -> "Figure":
+        """What `draw(*data)` draws, in the page's style."""
+        with styled():
+            svg = inline_svg(draw(*data), f"f{number.replace('.', '-')}")
+        return cls(number, title, svg, caption, alone)
 
     @property
     def markup(self) -> Markup:

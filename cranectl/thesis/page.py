@@ -13,9 +13,9 @@ from matplotlib.figure import Figure as Drawing
 from cranectl.reference import time_law
 from cranectl.report.design_figures import loop_shaping_figure
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.run.figures import FAMILIES, WIDTH, Curve, family_svg
+from cranectl.report.run.figures import FAMILIES, WIDTH, Curve
 from cranectl.report.run.page import agreement, caption
-from cranectl.report.theme import SERIES, inline_svg, styled
+from cranectl.report.theme import SERIES
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run
 from cranectl.support import resources
@@ -127,11 +127,13 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
                 ("mujoco_velocity", "with velocity drives by"),
             )
         ]
-        yield Figure(
+        yield Figure.drawn(
             f"5.{place}",
             f"{family.title}, {FEEDBACK[feedback]}",
-            family_svg(family, curves, f"f5-{place}"),
             f"{caption(family, shown)} {', '.join(agreements)}.",
+            family.draw,
+            family,
+            curves,
             alone=name == "space",
         )
 
@@ -156,28 +158,30 @@ def _place(number: str) -> tuple[int, ...]:
 
 
 def _time_law_figure() -> Figure:
-    """Position, velocity, acceleration of both time laws."""
-    tau = np.linspace(0.0, 1.0, 401)
-    with styled():
-        drawing = Drawing(figsize=(WIDTH, 4.6), layout="constrained")
-        stack = drawing.subplots(3, 1, sharex=True)
-        for law, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
-            for axes, values in zip(stack, time_law(law, tau), strict=False):
-                axes.plot(tau, values, label=law.replace("-", " "), **style)
-        for axes, label in zip(stack, ("s [1]", "ds/dτ [1]", "d²s/dτ² [1]"), strict=True):
-            axes.set_ylabel(label)
-            axes.margins(x=0.0)
-        stack[-1].set_xlabel("τ = t / t_f [1]")
-        stack[0].legend()
-        svg = inline_svg(drawing, "f4-1")
     third = time_law("degree-5", np.array([0.0]))[3, 0]
-    return Figure(
+    return Figure.drawn(
         "4.1",
         "Trajectory generation",
-        svg,
         "Position, velocity and acceleration of the thesis's quintic (4.3) and of the degree 9 that z_d ∈ C⁴ "
         f"asks for. Both come to rest; the third derivative of the quintic jumps from 0 to {third:.0f}.",
+        _draw_time_laws,
     )
+
+
+def _draw_time_laws() -> Drawing:
+    """Position, velocity, acceleration of both time laws."""
+    tau = np.linspace(0.0, 1.0, 401)
+    drawing = Drawing(figsize=(WIDTH, 4.6), layout="constrained")
+    stack = drawing.subplots(3, 1, sharex=True)
+    for law, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
+        for axes, values in zip(stack, time_law(law, tau), strict=False):
+            axes.plot(tau, values, label=law.replace("-", " "), **style)
+    for axes, label in zip(stack, ("s [1]", "ds/dτ [1]", "d²s/dτ² [1]"), strict=True):
+        axes.set_ylabel(label)
+        axes.margins(x=0.0)
+    stack[-1].set_xlabel("τ = t / t_f [1]")
+    stack[0].legend()
+    return drawing
 
 
 def _design_figures(reproduction: Reproduction) -> Iterable[Figure]:
@@ -185,14 +189,14 @@ def _design_figures(reproduction: Reproduction) -> Iterable[Figure]:
     settings = load_scenario("fixed-position").design.loop_shaping
     for number, (feedback, name) in zip(("5.7", "5.8"), FEEDBACK.items(), strict=True):
         design = reproduction.designs[f"{feedback}+loop-shaping"]
-        with styled():
-            svg = inline_svg(loop_shaping_figure(design, settings), f"f{number.replace('.', '-')}")
         margins = design.margins
-        yield Figure(
+        yield Figure.drawn(
             number,
             f"Singular values and shaped loop, {name} with loop shaping",
-            svg,
             f"γ = {design.gamma:.4f}, the coprime factors may err by ε = {design.stability_margin:.3f}; "
             f"cut at v, the loop gain may fall to {margins.gain_margin:.2f} of itself, the phase lag by "
             f"{np.degrees(margins.phase_margin):.0f}°; modulus margin {margins.modulus_margin:.2f}.",
+            loop_shaping_figure,
+            design,
+            settings,
         )

@@ -13,7 +13,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
 from cranectl.report.page import Figure, Page, Section, render
-from cranectl.report.run.figures import FAMILIES, Curve, family_svg, largest_difference
+from cranectl.report.run.figures import FAMILIES, Curve, Family, largest_difference
 from cranectl.report.run.page import agreement, caption, log_page
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
@@ -87,14 +87,18 @@ def runs(short: Scenario) -> dict[str, Run]:
     return {plant: simulate_run(short, plant=plant, controller="lqr") for plant in ("analytic", "mujoco")}
 
 
+def family_svg(family: Family, curves: list[Curve]) -> str:
+    return Figure.drawn("1", family.title, "", family.draw, family, curves).svg
+
+
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_figure_takes_its_colours_from_the_page_and_is_the_same_each_time(
     name: str, runs: dict[str, Run]
 ) -> None:
-    svg = family_svg(FAMILIES[name], curves(runs), "f")
+    svg = family_svg(FAMILIES[name], curves(runs))
     ElementTree.fromstring(svg)
     assert set(re.findall(r"(?:fill|stroke): ([^;\"]+)", svg)) <= {"none", *(f"var(--{c})" for c in COLOURS)}
-    assert svg == family_svg(FAMILIES[name], curves(runs), "f")
+    assert svg == family_svg(FAMILIES[name], curves(runs))
     for text in ("analytic", "MuJoCo", "lqr"):
         assert f">{text}<" in svg
     for panel in FAMILIES[name].panels:
@@ -109,8 +113,8 @@ def drawn_paths(svg: str, role: str) -> int:
 @pytest.mark.parametrize("name", [name for name, f in FAMILIES.items() if f.draw.__name__ == "_over_time"])
 def test_both_plants_are_in_every_panel(name: str, runs: dict[str, Run]) -> None:
     family = FAMILIES[name]
-    assert drawn_paths(family_svg(family, curves(runs), "f"), "series-1") == 2 * len(family.panels)
-    assert drawn_paths(family_svg(family, curves(runs)[:1], "f"), "series-1") == len(family.panels)
+    assert drawn_paths(family_svg(family, curves(runs)), "series-1") == 2 * len(family.panels)
+    assert drawn_paths(family_svg(family, curves(runs)[:1]), "series-1") == len(family.panels)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -127,9 +131,9 @@ def test_the_difference_that_a_figure_states_is_that_of_its_curves(name: str, ru
 
 
 def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) -> None:
-    assert "end of the rig" not in family_svg(FAMILIES["trolley"], curves(runs), "f")
+    assert "end of the rig" not in family_svg(FAMILIES["trolley"], curves(runs))
     far = {"mujoco": closed_loop("settled-trajectory", "pole-placement", "mujoco")}
-    assert "end of the rig" in family_svg(FAMILIES["trolley"], curves(far), "f")
+    assert "end of the rig" in family_svg(FAMILIES["trolley"], curves(far))
 
 
 def test_sentences_say_what_the_run_did() -> None:

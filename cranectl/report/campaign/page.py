@@ -16,7 +16,6 @@ from cranectl.report.campaign import figures, tables, wording
 from cranectl.report.campaign.wording import metric_name
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.table import Cell, Table
-from cranectl.report.theme import inline_svg, styled
 from cranectl.support.arrays import Array
 
 SHOWN = 4  # parameters that have a panel of their own
@@ -33,9 +32,7 @@ def _drawn(
     alone: bool = False,
 ) -> Figure:
     """What `draw(*data)` draws, with the next of `numbers`."""
-    number = next(numbers)
-    with styled():
-        return Figure(str(number), title, inline_svg(draw(*data), f"f{number}"), verdict, alone)
+    return Figure.drawn(str(next(numbers)), title, verdict, draw, *data, alone=alone)
 
 
 def campaign_page(analysis: Analysis, remade_by: str) -> Page:

@@ -23,7 +23,7 @@ from cranectl.report.rig.tables import (
     levels_table,
     recommendation,
 )
-from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
+from cranectl.report.theme import SERIES, STAND_IN
 from cranectl.scenario import Scenario
 from cranectl.support.colours import LIGHT
 
@@ -56,10 +56,9 @@ def rig_page(
     best = advice.best
     assert best is not None
     tables = (controllers_table(advice), improvements_table(advice))
-    with styled():
-        drawing = certificate_figure(best.certificate, nominal_loop, worst, colours=STAND_IN)
-        svg = inline_svg(drawing, "f1")
-    certificate = Figure("1", f"certificate of {best.controller}", svg, "", alone=True)
+    title = f"certificate of {best.controller}"
+    loops = (best.certificate, nominal_loop, worst, STAND_IN)
+    certificate = Figure.drawn("1", title, "", certificate_figure, *loops, alone=True)
     sections = (
         Section("advice", "Which controller", recommendation(advice), tables),
         Section(
@@ -79,15 +78,15 @@ def _ladder_sections(results: Sequence[LevelResult], *, first: int = 1) -> tuple
         "on top of the levels before": [each.cumulative.max if each.cumulative else 0.0 for each in shown],
         f"alone, on {BASE}": [each.alone.max if each.alone else 0.0 for each in shown],
     }
-    bars = deviation_bars([each.level.name for each in shown], pair, f"f{first}")
+    names = [each.level.name for each in shown]
     largest = ""
     if shown:
         most, name = max((each.cumulative.max, each.level.name) for each in shown if each.cumulative)
         largest = f"The largest step is {name}: the load moves by up to {1e3 * most:.3g} mm."
-    distances = level_distances(results, f"f{first + 1}")
+    distance = f"distance of the load from that of {results[0].level.name}"
     figures = (
-        Figure(str(first), "what each level adds", bars, largest),
-        Figure(str(first + 1), f"distance of the load from that of {results[0].level.name}", distances, ""),
+        Figure.drawn(str(first), "what each level adds", largest, deviation_bars, names, pair),
+        Figure.drawn(str(first + 1), distance, "", level_distances, results),
     )
     return (
         Section("costs", "What each effect costs", tables=(ladder_table(results),), figures=figures),
@@ -101,55 +100,51 @@ def _budget_figure(budget: Budget) -> Figure:
         "estimated": [entry.estimate.max for entry in entries],
         "measured": [entry.measured.max for entry in entries],
     }
-    bounds = [entry.bound for entry in entries]
-    svg = deviation_bars([entry.level for entry in entries], pair, "f4", bounds=bounds)
+    names, bounds = [entry.level for entry in entries], [entry.bound for entry in entries]
     rough = [entry.level for entry in entries if entry.rough]
     sentence = f"Estimates without a bound, which may be far off: {', '.join(rough)}." if rough else ""
-    return Figure("4", "predicted, measured, bounded", svg, sentence)
+    return Figure.drawn("4", "predicted, measured, bounded", sentence, deviation_bars, names, pair, bounds)
 
 
 def deviation_bars(
-    names: Sequence[str], pair: Mapping[str, Sequence[float]], anchor: str, *, bounds: Sequence[float] = ()
-) -> str:
-    """Two bars a name, from label to values [m], and a mark where a bound is finite; as SVG."""
-    with styled():
-        drawing = Drawing(figsize=(WIDTH, 0.9 + 0.3 * len(names)), layout="constrained")
-        axes, place = drawing.subplots(), np.arange(len(names))
-        for offset, role, (label, values) in zip((-0.2, 0.2), SERIES[:2], pair.items(), strict=True):
-            lengths = np.maximum(values, LEAST)
-            axes.barh(place + offset, lengths, height=0.36, color=STAND_IN[role], label=label)
-        bounded = [(bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
-        if bounded:
-            axes.plot(*zip(*bounded, strict=True), "|", color=STAND_IN["limit"], markersize=14, label="bound")
-        axes.set_xscale("log")
-        axes.set(xlim=(LEAST, None), xlabel="largest deviation of the load [m]")
-        axes.set_yticks(place, names)
-        axes.invert_yaxis()
-        axes.grid(visible=False, axis="y")
-        drawing.legend(loc="outside upper center", ncols=3)
-        return inline_svg(drawing, anchor)
+    names: Sequence[str], pair: Mapping[str, Sequence[float]], bounds: Sequence[float] = ()
+) -> Drawing:
+    """Two bars a name, from label to values [m], and a mark where a bound is finite."""
+    drawing = Drawing(figsize=(WIDTH, 0.9 + 0.3 * len(names)), layout="constrained")
+    axes, place = drawing.subplots(), np.arange(len(names))
+    for offset, role, (label, values) in zip((-0.2, 0.2), SERIES[:2], pair.items(), strict=True):
+        lengths = np.maximum(values, LEAST)
+        axes.barh(place + offset, lengths, height=0.36, color=STAND_IN[role], label=label)
+    bounded = [(bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
+    if bounded:
+        axes.plot(*zip(*bounded, strict=True), "|", color=STAND_IN["limit"], markersize=14, label="bound")
+    axes.set_xscale("log")
+    axes.set(xlim=(LEAST, None), xlabel="largest deviation of the load [m]")
+    axes.set_yticks(place, names)
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    drawing.legend(loc="outside upper center", ncols=3)
+    return drawing
 
 
-def level_distances(results: Sequence[LevelResult], anchor: str) -> str:
-    """Distance of each load from the first one's over time, solid, then dashed; as SVG."""
-    with styled():
-        drawing = Drawing(figsize=(WIDTH, 3.4), layout="constrained")
-        axes, first = drawing.subplots(), results[0].run
-        for k, result in enumerate(results[1:]):
-            away = np.linalg.norm(load_difference(result.run, first), axis=1).clip(min=LEAST)
-            style, colour = STYLES[k // len(SERIES) % 3], STAND_IN[SERIES[k % len(SERIES)]]
-            axes.semilogy(first.time[: len(away)], away, style, color=colour, label=result.level.name)
-        axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(LEAST, None))
-        axes.margins(x=0.0)
-        drawing.legend(loc="outside upper center", ncols=6)
-        return inline_svg(drawing, anchor)
+def level_distances(results: Sequence[LevelResult]) -> Drawing:
+    """Distance of each load from the first one's over time, solid, then dashed."""
+    drawing = Drawing(figsize=(WIDTH, 3.4), layout="constrained")
+    axes, first = drawing.subplots(), results[0].run
+    for k, result in enumerate(results[1:]):
+        away = np.linalg.norm(load_difference(result.run, first), axis=1).clip(min=LEAST)
+        style, colour = STYLES[k // len(SERIES) % 3], STAND_IN[SERIES[k % len(SERIES)]]
+        axes.semilogy(first.time[: len(away)], away, style, color=colour, label=result.level.name)
+    axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(LEAST, None))
+    axes.margins(x=0.0)
+    drawing.legend(loc="outside upper center", ncols=6)
+    return drawing
 
 
 def certificate_figure(
     certificate: Certificate,
     nominal_loop: NominalLoop,
     worst: InnerLoop,
-    *,
     colours: Mapping[str, str] = LIGHT,
 ) -> Drawing:
     """The map on the left, on the right the worst point, where the loop is `worst`; `colours` by role."""

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cranectl.plants.registry import plant_entry
-from cranectl.report.theme import SERIES, STAND_IN, inline_svg, styled
+from cranectl.report.theme import SERIES, STAND_IN
 from cranectl.signals import flat_groups, recorded_groups
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -65,34 +65,27 @@ def families_of(runs: Iterable[Run]) -> list[Family]:
     return [family for family in FAMILIES.values() if all(family.group in names for names in recorded)]
 
 
-def family_svg(family: Family, curves: Sequence[Curve], name: str) -> str:
-    """The figure as inline SVG; `name` is unique in its page."""
-    with styled():
-        return inline_svg(family.draw(family, curves), name)
-
-
 def largest_difference(family: Family, a: Run, b: Run) -> float:
     """How far the curves of two runs are apart at most, in the figure's unit, where both have samples."""
     n = min(len(a.time_ns), len(b.time_ns))
     return max(float(np.abs(p.values(a)[:n] - p.values(b)[:n]).max()) for p in family.panels)
 
 
-def distance_svg(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, float], name: str) -> str:
+def distance_figure(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, float]) -> Figure:
     """Distance of the loads of two plants over time, by label; `limits` [m] by what they are of."""
-    with styled():
-        figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-        axes = figure.subplots()
-        _mark_disturbances(axes, next(iter(pairs.values()))[0], named=True)
-        for (label, (a, b)), role in zip(pairs.items(), cycle(SERIES), strict=False):
-            n = min(len(a.time_ns), len(b.time_ns))
-            distance = np.linalg.norm(b.load_position[:n] - a.load_position[:n], axis=1)
-            axes.semilogy(a.time[:n], distance.clip(min=1e-16), color=STAND_IN[role], label=label)
-        for whose, limit in limits.items():
-            axes.axhline(limit, label=f"limit, {whose}", **_LIMIT)
-        axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(1e-13, None))
-        axes.margins(x=0.0)
-        figure.legend(loc="outside upper center", ncols=3)
-        return inline_svg(figure, name)
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
+    axes = figure.subplots()
+    _mark_disturbances(axes, next(iter(pairs.values()))[0], named=True)
+    for (label, (a, b)), role in zip(pairs.items(), cycle(SERIES), strict=False):
+        n = min(len(a.time_ns), len(b.time_ns))
+        distance = np.linalg.norm(b.load_position[:n] - a.load_position[:n], axis=1)
+        axes.semilogy(a.time[:n], distance.clip(min=1e-16), color=STAND_IN[role], label=label)
+    for whose, limit in limits.items():
+        axes.axhline(limit, label=f"limit, {whose}", **_LIMIT)
+    axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(1e-13, None))
+    axes.margins(x=0.0)
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
 
 
 def _over_time(family: Family, curves: Sequence[Curve]) -> Figure:

@@ -18,9 +18,8 @@ from cranectl.report.run.figures import (
     FAMILIES,
     Curve,
     Family,
-    distance_svg,
+    distance_figure,
     families_of,
-    family_svg,
     largest_difference,
 )
 from cranectl.report.run.tables import comparison_table, metrics_table, run_table
@@ -113,11 +112,11 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
         sentence = caption(family, shown)
         if pairs:
             sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."
-        figures.append(Figure(str(k), family.title, family_svg(family, curves, f"f{k}"), sentence))
+        figures.append(Figure.drawn(str(k), family.title, sentence, family.draw, family, curves))
     if pairs:
-        number = str(len(figures) + 1)
-        svg = distance_svg(pairs, _lines(agreements), f"f{number}")
-        figures.append(Figure(number, "distance of the loads of both plants", svg, _verdicts(agreements)))
+        number, title = str(len(figures) + 1), "distance of the loads of both plants"
+        text, limits = _verdicts(agreements), _lines(agreements)
+        figures.append(Figure.drawn(number, title, text, distance_figure, pairs, limits))
     return tuple(figures)
 
 
