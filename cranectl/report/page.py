@@ -16,28 +16,21 @@ from cranectl.support.files import write_text, writing
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture with its number, which is also its anchor, and what it shows."""
+    """A picture and what it shows; its number is its place in the page unless it has another."""
 
-    number: str
     title: str
     svg: str
     caption: str
     alone: bool = False  # in its row
+    number: str = ""
 
     @classmethod
     def drawn(
-        cls,
-        number: str,
-        title: str,
-        caption: str,
-        draw: Callable[..., Drawing],
-        *data: Any,
-        alone: bool = False,
+        cls, title: str, caption: str, draw: Callable[..., Drawing], *data: Any, **more: Any
     ) -> "Figure":
         """What `draw(*data)` draws, in the page's style."""
         with styled():
-            svg = inline_svg(draw(*data), f"f{number.replace('.', '-')}")
-        return cls(number, title, svg, caption, alone)
+            return cls(title, inline_svg(draw(*data)), caption, **more)
 
     @property
     def markup(self) -> Markup:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import matplotlib
 from cycler import cycler
@@ -63,8 +64,8 @@ def css_variables(dark: bool) -> str:
     return " ".join(f"--{role}: {pair[dark]};" for role, pair in COLOURS.items())
 
 
-def inline_svg(figure: Figure, name: str) -> str:
-    """`figure` as an `<svg>` element for a page; `name`, unique in the page, keeps its ids apart."""
+def inline_svg(figure: Figure) -> str:
+    """`figure` as an `<svg>` element for a page, its ids kept apart from those of others."""
     file = io.StringIO()
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     text = file.getvalue()
@@ -72,7 +73,7 @@ def inline_svg(figure: Figure, name: str) -> str:
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r' (?:width|height)="[\d.]+pt"', "", text, count=2)
     text = re.sub(r'<g id="[^"]*">', "<g>", text)
-    text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{name}-", text)
+    text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>f{crc32(text.encode()):08x}-", text)
     text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), text)
     text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", text)
     for role, colour in STAND_IN.items():

@@ -128,20 +128,20 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
             )
         ]
         yield Figure.drawn(
-            f"5.{place}",
             f"{family.title}, {FEEDBACK[feedback]}",
             f"{caption(family, shown)} {', '.join(agreements)}.",
             family.draw,
             family,
             curves,
             alone=name == "space",
+            number=f"5.{place}",
         )
 
 
 def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
     """The signal-flow pictures numbered from `first` to before `end`."""
     return tuple(
-        Figure(number, texts["title"], diagram_svg(number), texts["note"])
+        Figure(texts["title"], diagram_svg(number), texts["note"], number=number)
         for number, texts in DIAGRAMS.items()
         if _place(first) <= _place(number) < _place(end)
     )
@@ -160,11 +160,11 @@ def _place(number: str) -> tuple[int, ...]:
 def _time_law_figure() -> Figure:
     third = time_law("degree-5", np.array([0.0]))[3, 0]
     return Figure.drawn(
-        "4.1",
         "Trajectory generation",
         "Position, velocity and acceleration of the thesis's quintic (4.3) and of the degree 9 that z_d ∈ C⁴ "
         f"asks for. Both come to rest; the third derivative of the quintic jumps from 0 to {third:.0f}.",
         _draw_time_laws,
+        number="4.1",
     )
 
 
@@ -191,7 +191,6 @@ def _design_figures(reproduction: Reproduction) -> Iterable[Figure]:
         design = reproduction.designs[f"{feedback}+loop-shaping"]
         margins = design.margins
         yield Figure.drawn(
-            number,
             f"Singular values and shaped loop, {name} with loop shaping",
             f"γ = {design.gamma:.4f}, the coprime factors may err by ε = {design.stability_margin:.3f}; "
             f"cut at v, the loop gain may fall to {margins.gain_margin:.2f} of itself, the phase lag by "
@@ -199,4 +198,5 @@ def _design_figures(reproduction: Reproduction) -> Iterable[Figure]:
             loop_shaping_figure,
             design,
             settings,
+            number=number,
         )

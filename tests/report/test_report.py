@@ -88,7 +88,7 @@ def runs(short: Scenario) -> dict[str, Run]:
 
 
 def family_svg(family: Family, curves: list[Curve]) -> str:
-    return Figure.drawn("1", family.title, "", family.draw, family, curves).svg
+    return Figure.drawn(family.title, "", family.draw, family, curves).svg
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -157,7 +157,7 @@ def test_sentences_say_what_the_run_did() -> None:
 
 def test_what_comes_from_users_is_escaped() -> None:
     table = Table("<b>", ("<i>",), ((Cell("<script>"),),), note="a & b")
-    figure = Figure("1", "<u>", "<svg></svg>", "x < y")
+    figure = Figure("<u>", "<svg></svg>", "x < y")
     page = Page("<title>", "lead", (Section("a", "A", ("<p>",), (table,), (figure,)),), "cranectl report <x>")
     html = render(page)
     reader = read_page(html)

@@ -1,13 +1,9 @@
 """The result of a campaign as one page: outcome, worst runs, comparisons, what decides, what was run."""
 
-import functools
-import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure as Drawing
 
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.sensitivity import LEAST
@@ -20,38 +16,24 @@ from cranectl.support.arrays import Array
 
 SHOWN = 4  # parameters that have a panel of their own
 FAINT = 1e-6  # stands for what may be chance
-Drawn = Callable[..., Figure]  # `_drawn` without its numbers
-
-
-def _drawn(
-    numbers: Iterator[int],
-    title: str,
-    verdict: str,
-    draw: Callable[..., Drawing],
-    *data: Any,
-    alone: bool = False,
-) -> Figure:
-    """What `draw(*data)` draws, with the next of `numbers`."""
-    return Figure.drawn(str(next(numbers)), title, verdict, draw, *data, alone=alone)
 
 
 def campaign_page(analysis: Analysis, remade_by: str) -> Page:
     """The page."""
     settings = analysis.results.campaign.settings
-    drawn = functools.partial(_drawn, itertools.count(1))
     sections = [
-        _outcome(analysis, drawn),
+        _outcome(analysis),
         Section("worst", "Runs worth a look", tables=(tables.worst_table(analysis),)),
-        *_controllers(analysis, drawn),
-        *_plants(analysis, drawn),
-        *_influence(analysis, drawn),
-        *_failures(analysis, drawn),
+        *_controllers(analysis),
+        *_plants(analysis),
+        *_influence(analysis),
+        *_failures(analysis),
         _uncertainty(analysis),
     ]
     return Page(f"Campaign {settings.name}", settings.title, tuple(sections), remade_by)
 
 
-def _outcome(analysis: Analysis, drawn: Drawn) -> Section:
+def _outcome(analysis: Analysis) -> Section:
     limits = analysis.results.campaign.settings.limits.given
     summaries, quantiles, curves = [], [], []
     for parts in analysis.by_plant:
@@ -60,7 +42,7 @@ def _outcome(analysis: Analysis, drawn: Drawn) -> Section:
         quantiles.append(tables.metrics_quantiles(parts))
         title, verdict = f"distributions of the metrics on {plant}", wording.distributions_sentence(parts)
         groups = [part.group for part in parts]
-        curves.append(drawn(title, verdict, figures.distributions, groups, limits, alone=True))
+        curves.append(Figure.drawn(title, verdict, figures.distributions, groups, limits, alone=True))
     texts = (
         wording.incomplete(analysis),
         *wording.software(analysis),
@@ -79,7 +61,7 @@ def _summary(parts: Sequence[GroupAnalysis], plant: str) -> Table:
     return replace(table, rows=rows, note=note)
 
 
-def _controllers(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
+def _controllers(analysis: Analysis) -> Iterator[Section]:
     if not analysis.controllers:
         return
     sampling = analysis.results.campaign.settings.sampling
@@ -92,22 +74,24 @@ def _controllers(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
         compared.append(tables.controller_differences(pairs, sampling))
         title = f"error against effort on {plant}"
         verdict = "Each cross spans 90 % of a controller's completed runs and meets at its medians."
-        scatters.append(drawn(title, verdict, figures.effort_and_error, [part.group for part in parts]))
+        scatters.append(
+            Figure.drawn(title, verdict, figures.effort_and_error, [part.group for part in parts])
+        )
     yield Section("controllers", "Controllers", tables=tuple(compared), figures=tuple(scatters))
 
 
-def _plants(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
+def _plants(analysis: Analysis) -> Iterator[Section]:
     compared = dict.fromkeys((pair.first.plant, pair.second.plant) for pair in analysis.plants)
     for k, plants in enumerate(compared):
         pairs = [pair for pair in analysis.plants if (pair.first.plant, pair.second.plant) == plants]
-        yield _two_plants(analysis, pairs, f"plants-{k}" if k else "plants", drawn)
+        yield _two_plants(analysis, pairs, f"plants-{k}" if k else "plants")
 
 
-def _two_plants(analysis: Analysis, pairs: Sequence[Pair], anchor: str, drawn: Drawn) -> Section:
+def _two_plants(analysis: Analysis, pairs: Sequence[Pair], anchor: str) -> Section:
     sampling = analysis.results.campaign.settings.sampling
     one, other = pairs[0].first.plant, pairs[0].second.plant
     title = f"largest error on {one} and on {other}, the same samples"
-    figure = drawn(title, wording.agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
+    figure = Figure.drawn(title, wording.agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
     failing = "Samples that fail on one plant and not on the other"
     shown = [tables.plants_agreement(pairs), tables.failures_table(pairs, sampling, failing)]
     if any(pair.agreement.largest for pair in pairs):
@@ -115,20 +99,20 @@ def _two_plants(analysis: Analysis, pairs: Sequence[Pair], anchor: str, drawn: D
     return Section(anchor, f"{one.capitalize()} and {other}", tables=tuple(shown), figures=(figure,))
 
 
-def _influence(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
+def _influence(analysis: Analysis) -> Iterator[Section]:
     campaign = analysis.results.campaign
     names = [campaign.names[k] for k in campaign.varied]
     plants = analysis.by_plant
     if analysis.groups[0].one_at_a_time:
         steps = tuple(map(tables.one_at_a_time_table, analysis.groups))
-        drawings = tuple(_tornado(parts, names, drawn) for parts in plants)
+        drawings = tuple(_tornado(parts, names) for parts in plants)
         yield Section("influence", "What decides", (_STEPS,), steps, drawings)
         return
     indices = [tables.sobol_table(parts, names) for parts in plants if any(part.sobol for part in parts)]
-    shown = [figure for parts in plants for figure in _sobol(parts, names, drawn)]
+    shown = [figure for parts in plants for figure in _sobol(parts, names)]
     if compared_parameters(analysis.results):
-        shown += [figure for parts in plants for figure in _correlations(parts, drawn)]
-        shown += [_bands(analysis, parts, drawn) for parts in plants]
+        shown += [figure for parts in plants for figure in _correlations(parts)]
+        shown += [_bands(analysis, parts) for parts in plants]
     if shown:
         few = campaign.settings.sampling == "saltelli" and not indices
         texts = (_SPREAD, _FEW) if few else (_SPREAD,)
@@ -143,22 +127,22 @@ _FEW = f"Sobol indices take {LEAST} base points all of whose runs completed, and
 _STEPS = "Each parameter by itself is put at a low and at a high value, the others stay nominal."
 
 
-def _correlations(parts: Sequence[GroupAnalysis], drawn: Drawn) -> Iterator[Figure]:
+def _correlations(parts: Sequence[GroupAnalysis]) -> Iterator[Figure]:
     order = np.argsort(-_strengths(parts).max(axis=1), kind="stable").tolist()
     for part in parts:
         if part.correlations is not None:
             title = f"what goes with what, {part.group.name}"
             verdict = wording.correlations_sentence(part.correlations)
-            yield drawn(title, verdict, figures.correlation_fields, part.correlations, order)
+            yield Figure.drawn(title, verdict, figures.correlation_fields, part.correlations, order)
 
 
-def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis], drawn: Drawn) -> Figure:
+def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis]) -> Figure:
     strengths = _strengths(parts)[:, MAIN_METRICS.index(MEASURE)]
     leading = _leading(strengths, int((strengths > FAINT).sum()))
     columns = [compared_parameters(analysis.results)[j] for j in leading]
     title = f"largest error over what goes with it most, {parts[0].group.plant}"
     verdict = "Median and 5 to 95 % of completed runs, in ranges of equal number."
-    return drawn(title, verdict, figures.error_bands, analysis, parts, columns)
+    return Figure.drawn(title, verdict, figures.error_bands, analysis, parts, columns)
 
 
 def _leading(values: Sequence[float] | Array, beyond_chance: int) -> list[int]:
@@ -176,7 +160,7 @@ def _strengths(parts: Sequence[GroupAnalysis]) -> Array:
     return strongest
 
 
-def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn) -> Figure:
+def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str]) -> Figure:
     widths = dict.fromkeys(names, 0.0)
     for part in parts:
         for effect in part.one_at_a_time:
@@ -185,17 +169,17 @@ def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn)
     order = sorted(names, key=lambda name: -widths[name])
     title = f"one parameter at a time on {parts[0].group.plant}"
     verdict = " ".join(map(wording.tornado_sentence, parts))
-    return drawn(title, verdict, figures.tornado, parts, order, alone=True)
+    return Figure.drawn(title, verdict, figures.tornado, parts, order, alone=True)
 
 
-def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str], drawn: Drawn) -> Iterator[Figure]:
+def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str]) -> Iterator[Figure]:
     having = [part for part in parts if MEASURE in part.sobol]
     if having:
         title = f"Sobol indices of the {metric_name(MEASURE)}, {parts[0].group.plant}"
-        yield drawn(title, wording.sobol_sentence(having, names), figures.sobol_bars, having, names)
+        yield Figure.drawn(title, wording.sobol_sentence(having, names), figures.sobol_bars, having, names)
 
 
-def _failures(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
+def _failures(analysis: Analysis) -> Iterator[Section]:
     rates, separating = [], []
     for parts in analysis.by_plant:
         having = [part for part in parts if part.separations]
@@ -208,7 +192,7 @@ def _failures(analysis: Analysis, drawn: Drawn) -> Iterator[Section]:
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
         title = f"failure rate over what separates most, {parts[0].group.plant}"
         verdict = wording.failures_sentence(having)
-        rates.append(drawn(title, verdict, figures.failure_rates, analysis, parts, columns))
+        rates.append(Figure.drawn(title, verdict, figures.failure_rates, analysis, parts, columns))
         separating.append(tables.separation_table(having))
     if rates:
         yield Section("failures", "What fails", tables=tuple(separating), figures=tuple(rates))

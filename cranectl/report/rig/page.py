@@ -58,21 +58,20 @@ def rig_page(
     tables = (controllers_table(advice), improvements_table(advice))
     title = f"certificate of {best.controller}"
     loops = (best.certificate, nominal_loop, worst, STAND_IN)
-    certificate = Figure.drawn("1", title, "", certificate_figure, *loops, alone=True)
+    certificate = Figure.drawn(title, "", certificate_figure, *loops, alone=True)
     sections = (
         Section("advice", "Which controller", recommendation(advice), tables),
         Section(
             "certificate", "Certificate", (FROZEN,), (certificates_table(advice.assessments),), (certificate,)
         ),
-        *_ladder_sections(results, first=2),
+        *_ladder_sections(results),
         Section("budget", "Error budget", (), (budget_table(budget),), (_budget_figure(budget),)),
     )
     title = f"{advice.scenario.name}: the rig and its controllers"
     return Page(title, advice.scenario.title, sections, remade_by)
 
 
-def _ladder_sections(results: Sequence[LevelResult], *, first: int = 1) -> tuple[Section, ...]:
-    """`first` is the number of their first figure."""
+def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
     shown = [result for result in results if result.cumulative]
     pair = {
         "on top of the levels before": [each.cumulative.max if each.cumulative else 0.0 for each in shown],
@@ -85,8 +84,8 @@ def _ladder_sections(results: Sequence[LevelResult], *, first: int = 1) -> tuple
         largest = f"The largest step is {name}: the load moves by up to {1e3 * most:.3g} mm."
     distance = f"distance of the load from that of {results[0].level.name}"
     figures = (
-        Figure.drawn(str(first), "what each level adds", largest, deviation_bars, names, pair),
-        Figure.drawn(str(first + 1), distance, "", level_distances, results),
+        Figure.drawn("what each level adds", largest, deviation_bars, names, pair),
+        Figure.drawn(distance, "", level_distances, results),
     )
     return (
         Section("costs", "What each effect costs", tables=(ladder_table(results),), figures=figures),
@@ -103,7 +102,7 @@ def _budget_figure(budget: Budget) -> Figure:
     names, bounds = [entry.level for entry in entries], [entry.bound for entry in entries]
     rough = [entry.level for entry in entries if entry.rough]
     sentence = f"Estimates without a bound, which may be far off: {', '.join(rough)}." if rough else ""
-    return Figure.drawn("4", "predicted, measured, bounded", sentence, deviation_bars, names, pair, bounds)
+    return Figure.drawn("predicted, measured, bounded", sentence, deviation_bars, names, pair, bounds)
 
 
 def deviation_bars(

@@ -108,15 +108,14 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
         return ()
     shown = {curve.label: curve.run for curve in curves}
     figures = []
-    for k, family in enumerate(families_of(curve.run for curve in curves), 1):
+    for family in families_of(curve.run for curve in curves):
         sentence = caption(family, shown)
         if pairs:
             sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."
-        figures.append(Figure.drawn(str(k), family.title, sentence, family.draw, family, curves))
+        figures.append(Figure.drawn(family.title, sentence, family.draw, family, curves))
     if pairs:
-        number, title = str(len(figures) + 1), "distance of the loads of both plants"
-        text, limits = _verdicts(agreements), _lines(agreements)
-        figures.append(Figure.drawn(number, title, text, distance_figure, pairs, limits))
+        title, text = "distance of the loads of both plants", _verdicts(agreements)
+        figures.append(Figure.drawn(title, text, distance_figure, pairs, _lines(agreements)))
     return tuple(figures)
 
 
