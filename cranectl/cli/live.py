@@ -67,10 +67,10 @@ def live_command(
     from cranectl.controllers.registry import controller_design
     from cranectl.live.commands import Controls
     from cranectl.live.guard import checked_origin, complaints
-    from cranectl.live.listener import Address
     from cranectl.live.recorder import own_place
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
+    from cranectl.live.viewers import Address
     from cranectl.plants.registry import PLANTS, in_order
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive

@@ -15,7 +15,7 @@ from pathlib import Path
 import foxglove
 from filelock import FileLock, Timeout
 
-from cranectl.live.publisher import Publisher
+from cranectl.live.viewers import Publisher
 from cranectl.log import topics
 from cranectl.log.consistency import Outcome
 from cranectl.log.writer import (

@@ -12,10 +12,9 @@ import foxglove
 
 from cranectl.live.commands import PULSE_SECONDS, Command, Controls, Pulse, Reset, Say, Use, Value, tunable
 from cranectl.live.increments import Increments
-from cranectl.live.listener import Address, Listener, as_parameters, listen
-from cranectl.live.publisher import Publisher
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
+from cranectl.live.viewers import Address, Listener, Publisher, as_parameters, listen
 from cranectl.log.events import Event
 from cranectl.log.messages import log_lines
 from cranectl.scenario import NANOSECONDS

@@ -23,9 +23,9 @@ from cranectl.compare.agreement import judge
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls
 from cranectl.live.increments import Increments
-from cranectl.live.listener import Address
 from cranectl.live.server import PATIENCE, LiveServer, Pace
 from cranectl.live.session import Session
+from cranectl.live.viewers import Address
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.log.messages import streams
 from cranectl.scenario import Scenario, load_scenario
