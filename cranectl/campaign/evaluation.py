@@ -117,16 +117,16 @@ def pair_of(first: Group, second: Group) -> Pair:
         second_only=tuple(np.flatnonzero(b & ~a).tolist()),
     )
     differences = tuple(_difference(first, second, metric) for metric in MAIN_METRICS)
-    return Pair(first, second, failures, differences, _agreement(first, second, MEASURE))
+    return Pair(first, second, failures, differences, _agreement(first, second))
 
 
-def _agreement(first: Group, second: Group, metric: str) -> Agreement:
-    a, b = first.metrics[metric], second.metrics[metric]
+def _agreement(first: Group, second: Group) -> Agreement:
+    a, b = first.metrics[MEASURE], second.metrics[MEASURE]
     difference = b - a
     order = np.argsort(-np.abs(difference), kind="stable")
     order = order[~np.isnan(difference[order])]
     return Agreement(
-        metric=metric,
+        metric=MEASURE,
         samples=order.size,
         rho=float(rank_correlations(a[:, np.newaxis], b)[0]),
         quantiles=tuple(quantiles(np.abs(difference)).tolist()),

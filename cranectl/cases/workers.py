@@ -21,9 +21,7 @@ from cranectl.support.interrupts import SIGNALS, interrupts_blocked, interrupts_
 PRELOADED = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
 
 Done = Callable[[Case], None]  # called after each case
-Result = (
-    CaseResult | Failure | None
-)  # None for a case that an interrupt kept from running, or whose worker died
+Result = CaseResult | Failure | None  # None: an interrupt kept the case from running, or its worker died
 
 
 def available_cores() -> int:
@@ -95,19 +93,11 @@ def _worker_context() -> BaseContext:
     for helper in (resource_tracker, forkserver):
         with interrupts_blocked():  # for each anew: the tracker unblocks some of them
             helper.ensure_running()
-    _wait_until_loaded(context)
-    return context
-
-
-def _wait_until_loaded(context: BaseContext) -> None:
-    """The server answers once it has loaded everything; an interrupt need not wait for that."""
-    first = context.Process(target=_do_nothing)  # type: ignore[attr-defined]
+    # The server answers once it has loaded everything; an interrupt need not wait for that.
+    first = context.Process(target=os.getpid)
     first.start()
     first.join()
-
-
-def _do_nothing() -> None:
-    """A worker's first task."""
+    return context
 
 
 def _collect(
