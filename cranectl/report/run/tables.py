@@ -5,8 +5,8 @@ from math import degrees
 
 from cranectl.cases.case import CaseResult, RunSummary
 from cranectl.compare.agreement import Agreement, Limits
-from cranectl.compare.golden import RegressionVerdict
-from cranectl.compare.runs import Comparison
+from cranectl.compare.golden import RegressionVerdict, SignalVerdict
+from cranectl.compare.runs import Comparison, SignalDifference
 from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import VERDICTS, Cell, Table, cells
@@ -67,33 +67,13 @@ def _text(metric: Metric, metrics: RunMetrics | None) -> str:
 
 def comparison_table(title: str, comparison: Comparison) -> Table:
     """How far two runs are apart, one row a signal."""
-    rows = tuple(
-        cells(
-            row.signal,
-            row.unit,
-            f"{row.max_abs:.1e}",
-            f"{row.at_s:.3f}",
-            f"{row.rms:.1e}",
-            f"{row.final:+.1e}",
-        )
-        for row in comparison.signals
-    )
+    rows = tuple(cells(*_largest(row), f"{row.rms:.1e}", f"{row.final:+.1e}") for row in comparison.signals)
     return Table(title, ("signal", "unit", "max |diff|", "at [s]", "RMS", "final"), rows, labels=2)
 
 
 def regression_table(verdict: RegressionVerdict) -> Table:
     """A run beside its golden one: one row a signal, then how they ended."""
-    rows = [
-        cells(
-            row.signal,
-            row.unit,
-            f"{row.max_abs:.1e}",
-            f"{row.at_s:.3f}",
-            f"{row.limit:.1e}",
-            VERDICTS[row.passed],
-        )
-        for row in verdict.signals
-    ]
+    rows = [cells(*_largest(row), f"{row.limit:.1e}", VERDICTS[row.passed]) for row in verdict.signals]
     difference, limit = f"{verdict.end_difference_s:.1e}", f"{verdict.end_difference_limit_s:.1e}"
     rows.append(cells("ends", "s", difference, "", limit, VERDICTS[verdict.ends_passed]))
     status = f"{verdict.status}, was {verdict.golden_status}"
@@ -102,6 +82,11 @@ def regression_table(verdict: RegressionVerdict) -> Table:
     headings = ("signal", "unit", "max |diff|", "at [s]", "limit", "verdict")
     title = f"{verdict.plant}, {verdict.samples} samples: new minus golden"
     return Table(title, headings, tuple(rows), labels=2)
+
+
+def _largest(row: SignalDifference | SignalVerdict) -> tuple[str, str, str, str]:
+    """Signal, unit, largest difference and when."""
+    return row.signal, row.unit, f"{row.max_abs:.1e}", f"{row.at_s:.3f}"
 
 
 def topic_table(description: LogDescription) -> Table:
