@@ -7,42 +7,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, create_model, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.controllers.registry import checked_controller
-from cranectl.metrics import all_metrics, low_is_bad
+from cranectl.metrics.limits import Limits
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import leaves, read_toml
 from cranectl.support.errors import InputError, unknown_name
-
-Limit = Annotated[float, Field(ge=0.0)] | None
-
-
-class _Limits(Settings):
-    """Limits on metrics, by name; by default none. A metric that a run lacks breaks its limit."""
-
-    @property
-    def given(self) -> dict[str, float]:
-        """The limits that are set, by metric."""
-        return {name: value for name, value in self if value is not None}
-
-
-_LIMITED: dict[str, Any] = {  # those from below come last
-    metric.name: (Limit, Field(None, description=f"{metric.meaning} [{metric.unit}]"))
-    for metric in sorted(all_metrics(), key=lambda metric: metric.better == "higher")
-    if metric.limited
-}
-Limits = create_model("Limits", __base__=_Limits, **_LIMITED)
-
-
-def within(metric: str, values: Any, limit: float) -> Any:
-    """Whether `values` of `metric`, one or an array, keep `limit`; NaN, a value that is absent, does not."""
-    return values >= limit if low_is_bad(metric) else values <= limit
-
 
 MAX_RUNS = 1_000_000
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters

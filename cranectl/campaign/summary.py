@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.manifest import software_of
 from cranectl.campaign.results import Results
-from cranectl.campaign.settings import INDEPENDENT, within
+from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
 from cranectl.metrics import all_metrics, low_is_bad
+from cranectl.metrics.limits import within
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array, Mask
 from cranectl.support.provenance import provenance_differences

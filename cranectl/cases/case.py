@@ -10,6 +10,7 @@ from cranectl.compare.agreement import Agreement, Predict, against_reference, ju
 from cranectl.controllers.registry import controller_design
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PLANTS, in_order
 from cranectl.scenario import Scenario
@@ -50,10 +51,17 @@ class RunSummary:
     end_s: float
     log: Path
     metrics: RunMetrics | None
+    limits: tuple[LimitVerdict, ...] = ()  # that its scenario asks of it
+
+    @property
+    def limits_kept(self) -> bool | None:
+        """None: nothing is asked of it."""
+        return all(verdict.kept for verdict in self.limits) if self.limits else None
 
     @classmethod
     def of(cls, run: Run, log: Path) -> "RunSummary":
-        """The summary of a run that is in `log`."""
+        """The summary of a run that is in `log`; raises InputError for limits that no run can have."""
+        metrics = run_metrics(run)
         return cls(
             scenario=run.scenario.name,
             controller=run.design.name,
@@ -62,7 +70,8 @@ class RunSummary:
             status=run.status,
             end_s=run.end_s,
             log=log,
-            metrics=run_metrics(run),
+            metrics=metrics,
+            limits=judge_limits(metrics, limits_of(run.scenario, [run.plant])[run.plant]),
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -76,6 +85,7 @@ class RunSummary:
             "end_s": self.end_s,
             "log": str(self.log),
             "metrics": self.metrics.to_json() if self.metrics is not None else None,
+            "limits": [verdict.to_json() for verdict in self.limits],
         }
 
 
@@ -100,16 +110,25 @@ class CaseResult:
         return all(run.status.label == self.expected for run in self.runs)
 
     @property
-    def judged(self) -> list[tuple[Agreement, bool]]:
-        """Each agreement, and whether it holds and all runs ended as expected."""
-        return [
-            (agreement, self.as_expected and agreement.passed is not False) for agreement in self.agreements
-        ]
+    def plants_agree(self) -> bool:
+        """As far as that can be judged."""
+        return all(agreement.passed is not False for agreement in self.agreements)
+
+    @property
+    def limits_kept(self) -> bool:
+        """Whether all runs keep all limits that are asked of them."""
+        return all(run.limits_kept is not False for run in self.runs)
+
+    @property
+    def other_failures(self) -> str:
+        """What else than agreement is not as it should be, for people; empty if nothing."""
+        faults = {"ended otherwise": not self.as_expected, "limits broken": not self.limits_kept}
+        return ", ".join(name for name, present in faults.items() if present)
 
     @property
     def passed(self) -> bool:
-        """Whether the runs ended as expected and the plants agree, as far as that can be judged."""
-        return self.as_expected and all(good for _, good in self.judged)
+        """Whether the runs ended as expected, the plants agree and limits are kept."""
+        return self.as_expected and self.plants_agree and self.limits_kept
 
 
 @dataclass(frozen=True)
@@ -139,7 +158,11 @@ def make_case(
     source: str | None = None,
     predict: Predict | None = None,
 ) -> Case:
-    """A case with the scenario's own controller and name and the usual place for its log by default."""
+    """A case with the scenario's own controller and name and the usual place for its log by default.
+
+    Raises InputError for unknown plants and for limits that the scenario cannot have.
+    """
+    limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
     return Case(scenario, controller, drive, in_order(plants), log, source or scenario.name, predict)

@@ -45,8 +45,8 @@ def compare_command(
 ) -> int:
     """Compare the plants of one LOG, or the same plants of two LOGs.
 
-    The plants of one LOG are judged as by the run that wrote it, exit code 1 if they do not agree or did not
-    end as their scenario expects.
+    The plants of one LOG are judged as by the run that wrote it, exit code 1 if they do not agree, break a
+    limit of their scenario, or did not end as it expects.
     The difference is second minus first, but NEW minus GOLDEN with --tolerances, which judges every plant
     that both have. docs/explanation/validation.md says what a file of tolerances holds. Logs made by other
     sources or versions are compared all the same, and what differs is named.
@@ -109,10 +109,11 @@ def _print(screen: "Screen", comparison: "Comparison") -> None:
 
 def _compare_plants(log: Path, json_file: str | None, *, predict: "Predict | None") -> int:
     """The plants of one log, judged as by the run that wrote it."""
+    from cranectl.cases.case import RunSummary
     from cranectl.cli.output import console, write_json
     from cranectl.compare.agreement import ended_as_expected, judge, least_good, limits_for
     from cranectl.compare.runs import compare_runs
-    from cranectl.report.run.tables import agreement_table, limit_notes
+    from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
 
     pairs = _pairs((log,))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
@@ -124,12 +125,16 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: "Predict | Non
         for pair, comparison in zip(pairs, comparisons, strict=True)
     ]
     unexpected = [run for run in runs if not ended_as_expected(run)]
-    passed = [agreement.passed is not False and not unexpected for agreement in agreements]
-    good = all(passed)
+    summaries = [RunSummary.of(run, log) for run in runs]
+    agree = all(agreement.passed is not False for agreement in agreements)
+    kept = all(summary.limits_kept is not False for summary in summaries)
+    good = agree and kept and not unexpected
     screen = console(json_file)
     for comparison in comparisons:
         _print(screen, comparison)
-    screen.print(agreement_table(agreements, passed))
+    screen.print(agreement_table(agreements))
+    if (table := limits_table(summaries)) is not None:
+        screen.print(table)
     for note in limit_notes(agreements):
         screen.print(f"  {note}")
     for run in unexpected:
@@ -138,6 +143,8 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: "Predict | Non
         json_file,
         {
             "passed": good,
+            "plants_agree": agree,
+            "limits_kept": kept,
             "agreement": least_good(agreements).to_json(),
             "agreements": [agreement.to_json() for agreement in agreements],
             "statuses": {run.plant: run.status.label for run in runs},

@@ -57,7 +57,14 @@ def run_command(
     from cranectl.cases.case import make_case, run_case
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.plants.registry import PLANTS
-    from cranectl.report.run.tables import agreement_table, limit_notes, metrics_table, run_notes, run_table
+    from cranectl.report.run.tables import (
+        agreement_table,
+        limit_notes,
+        limits_table,
+        metrics_table,
+        run_notes,
+        run_table,
+    )
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
 
@@ -79,8 +86,10 @@ def run_command(
     for note in run_notes([result]):
         screen.print(f"  {note}")
     screen.print(metrics_table({run.plant: run.metrics for run in result.runs}))
+    if (limits := limits_table(result.runs)) is not None:
+        screen.print(limits)
     if result.agreements:
-        screen.print(agreement_table(result.agreements, [good for _, good in result.judged]))
+        screen.print(agreement_table(result.agreements))
         for note in limit_notes(result.agreements):
             screen.print(f"  {note}")
     screen.print(f"log: {case.log}")
@@ -93,6 +102,8 @@ def run_command(
         {
             "runs": [run.to_json() for run in result.runs],
             "agreements": [agreement.to_json() for agreement in result.agreements],
+            "plants_agree": result.plants_agree,
+            "limits_kept": result.limits_kept,
         },
     )
     if result.interrupted:

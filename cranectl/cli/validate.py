@@ -90,13 +90,15 @@ def validate_command(
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": DRIVES}
     drives = several[drive] if drive in several else (checked_drive(drive),)
-    loaded, unloaded = _loaded(tuple(dict.fromkeys(scenarios)) or scenario_names(), rig, overrides)
+    chosen = plants or PLANTS
+    sources = _sources(scenarios) or scenario_names()
+    loaded, unloaded = _loaded(tuple(dict.fromkeys(sources)), rig, overrides, chosen)
     cases = [
         make_case(
             scenario,
             controller=name,
             drive=kind,
-            plants=plants or PLANTS,
+            plants=chosen,
             log=default_log(out, scenario, name, kind),
             source=source,
             predict=predict,
@@ -118,17 +120,57 @@ def validate_command(
     return _report(cases, outcome, unloaded, out, json_file)
 
 
+def _sources(names: Sequence[str]) -> list[str]:
+    """`names` with the scenarios of a directory in its place, those of directories below it too.
+
+    Rigs and campaigns there are left out; whatever else is no scenario fails as one. Raises InputError for a
+    directory without any.
+    """
+    from cranectl.support.errors import InputError
+
+    sources = []
+    for name in names:
+        if not Path(name).is_dir():
+            sources.append(name)
+            continue
+        files = sorted(str(file) for file in Path(name).rglob("*.toml"))
+        files = [file for file in files if not _is_rig_or_campaign(Path(file))]
+        if not files:
+            raise InputError(
+                f"{name}: a directory without scenarios",
+                allowed="directories with scenarios, files that end in '.toml'",
+                remedy="name another directory, or files",
+            )
+        sources += files
+    return sources
+
+
+def _is_rig_or_campaign(file: Path) -> bool:
+    from cranectl.scenario.rig import RigParameters
+    from cranectl.support.documents import read_toml
+    from cranectl.support.errors import InputError
+
+    try:
+        keys = set(read_toml(file))
+    except InputError:  # told when it is loaded
+        return False
+    return "scenario" in keys or keys <= set(RigParameters.model_fields)
+
+
 def _loaded(
-    names: Sequence[str], rig: Path | None, overrides: Sequence[str]
+    names: Sequence[str], rig: Path | None, overrides: Sequence[str], plants: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """The scenarios by the names they were asked for, and why others cannot be loaded."""
     from cranectl.cases.case import Failure
+    from cranectl.metrics.limits import limits_of
     from cranectl.scenario import load_scenario
 
     loaded, unloaded = {}, {}
     for name in names:
         try:
-            loaded[name] = load_scenario(name, rig=rig, overrides=overrides)
+            scenario = load_scenario(name, rig=rig, overrides=overrides)
+            limits_of(scenario, plants)
+            loaded[name] = scenario
         except Exception as error:
             unloaded[name] = Failure.of(error)
     return loaded, unloaded
@@ -153,7 +195,7 @@ def _report(
     """Say what came of `cases`, and why scenarios could not be loaded; returns the exit code."""
     from cranectl.cases.case import CaseResult, Failure
     from cranectl.cli.output import FAILED, PASSED, console, styled, write_json
-    from cranectl.report.run.tables import agreement_table, limit_notes, run_notes
+    from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes
 
     pairs = list(zip(cases, outcome.results, strict=True))
     failed = [Failed(name, None, None, failure) for name, failure in unloaded.items()]
@@ -165,17 +207,20 @@ def _report(
     code = _exit_code(finished, [each.failure for each in failed], lost, interrupted=outcome.interrupted)
     if finished or lost:
         screen = console(json_file)
-        pairs_found = [judged for each in finished for judged in each.judged]
-        agreements = [agreement for agreement, _ in pairs_found]
+        agreements = [agreement for each in finished for agreement in each.agreements]
+        others = [each.other_failures for each in finished for _ in each.agreements]
         unjudged = sum(agreement.passed is None for agreement in agreements)
-        screen.print(agreement_table(agreements, [good for _, good in pairs_found]))
+        screen.print(agreement_table(agreements, others))
+        runs = [run for each in finished for run in each.runs]
+        if (limits := limits_table(runs, broken_only=True)) is not None:
+            screen.print(limits)
         why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
         for note in (*limit_notes(agreements), *run_notes(finished)):
             screen.print(f"  {note}")
         for case in lost:
             name = f"{case.source}, {case.controller}, {case.drive}"
             screen.print(" ", styled(f"{name}: no result, {why}", "bold red"))
-        screen.print(f"{sum(len(each.runs) for each in finished)} runs, logs in {out}")
+        screen.print(f"{len(runs)} runs, logs in {out}")
         aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []
         screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
     _tell(failed)

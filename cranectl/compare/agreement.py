@@ -29,7 +29,7 @@ SHORTEST_NS = 1000  # of control.physics_step
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
 # Fields of a scenario that move neither plant.
-SILENT = {"name", "title", "controller", "expected", "log"}
+SILENT = {"name", "title", "controller", "expected", "log", "metrics", "limits"}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@
 """
 
 from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
-from cranectl.metrics.setup import SETTLING_TOLERANCE, MetricsSetup, metrics_setup
+from cranectl.metrics.setup import MetricsSetup, metrics_setup
 from cranectl.metrics.summary import (
     RunMetrics,
     WorkspaceViolation,
@@ -22,7 +22,6 @@ from cranectl.metrics.table import Measured, Metric, Row, all_metrics, low_is_ba
 
 __all__ = [
     "NEARLY_SLACK",
-    "SETTLING_TOLERANCE",
     "Accumulator",
     "Measured",
     "Metric",

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.metrics.setup import SETTLING_TOLERANCE, MetricsSetup
+from cranectl.metrics.setup import MetricsSetup
 from cranectl.metrics.table import all_metrics
 from cranectl.signals import (
     ALPHA,
@@ -239,7 +239,7 @@ def add_rest(
     total.overshoot = max(total.overshoot, beyond)
     total.rest_error_max = max(total.rest_error_max, error)
     total.rest_sway_max = max(total.rest_sway_max, sway)
-    if error > SETTLING_TOLERANCE:
+    if error > setup.settling_tolerance:
         total.settled_since = inf
     else:
         total.settled_since = min(total.settled_since, time)

@@ -13,7 +13,6 @@ from cranectl.simulate.signal_path import has_signal_path
 from cranectl.support.arrays import Array
 
 FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in the record of a signal path
-SETTLING_TOLERANCE = 0.005  # [m]; assumed: where a laboratory crane's hook counts as in its place
 NO_FLAGS = -1  # a run without a signal path
 BEFORE_END = 1e-3  # of a segment's duration before its end, where its direction is read
 
@@ -23,6 +22,7 @@ class MetricsSetup(NamedTuple):
 
     rest_ns: float  # when the reference comes to rest for good
     direction: Array  # (3,) of its last motion, a unit vector; zero for a reference that never moves
+    settling_tolerance: float  # [m]
     workspace: Array  # (3, 2) [m]
     driven_mass: Array  # (3,) what bridge, trolley and winch drive accelerate besides the load [kg]
     load_mass: float  # [kg]
@@ -43,6 +43,7 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
     return MetricsSetup(
         rest_ns=rest_ns,
         direction=np.array(direction),
+        settling_tolerance=scenario.metrics.settling_tolerance,
         workspace=rig.workspace,
         driven_mass=np.array([rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass]),
         load_mass=rig.load_mass,

@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.metrics.setup import SETTLING_TOLERANCE, MetricsSetup
+from cranectl.metrics.setup import MetricsSetup
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import AXES
 from cranectl.status import RunStatus
@@ -74,7 +74,7 @@ class Metric:
 
     @property
     def limited(self) -> bool:
-        """Whether a campaign may limit it: one recorded number that has a better side."""
+        """Whether scenarios and campaigns may limit it: one recorded number that has a better side."""
         return bool(self.better) and not self.parts and self.recorded
 
     @property
@@ -86,7 +86,6 @@ class Metric:
 TAKEN = ("status", "duration_s", "workspace_violations", "values", "sample", "reason", "end_s")
 
 DRIVES, ANGLES = ("bridge", "trolley", "rope"), ("alpha", "beta")
-MM = f"{1e3 * SETTLING_TOLERANCE:g} mm"
 
 
 def _total(place: str) -> Callable[[Measured], Any]:
@@ -144,9 +143,10 @@ METRICS = (
            "end of its last segment that is not a hold",
            lambda run: run.setup.rest_ns / NANOSECONDS, row=Row("reference at rest from", 3, 4)),
     Metric("settling_time_s", "t_s", "s",
-           f"from rest of the reference until the error stays below {MM}; absent if it does not",
-           f"first t_k ≥ t_r from which on |e| ≤ {MM} to the end of the run, less t_r; none if |e| is larger "
-           "at the last sample or the run stopped early (Franklin, Powell, Emami-Naeini)",
+           "from rest of the reference until the error stays below the settling tolerance; absent if it does "
+           "not", "first t_k ≥ t_r from which on |e| ≤ `metrics.settling_tolerance` of the scenario, 5 mm by "
+           "default, to the end of the run, less t_r; none if |e| is larger at the last sample or the run "
+           "stopped early (Franklin, Powell, Emami-Naeini)",
            _settling_time, "lower", row=Row("settling time", 3, 5), compared="settling time"),
     Metric("overshoot_m", "M_p", "m", "largest way past the end point along the last motion",
            "max over t_k ≥ t_r of (z − z_d)·d, at least 0; d is the unit vector of the direction in which "

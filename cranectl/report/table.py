@@ -16,6 +16,7 @@ def cells(*values: Cell | str) -> tuple[Cell, ...]:
     return tuple(Cell(value) if isinstance(value, str) else value for value in values)
 
 
+ANSWERS = {True: Cell("yes", "good"), False: Cell("NO", "bad"), None: Cell("not judged", "open")}
 VERDICTS = {True: Cell("passed", "good"), False: Cell("FAILED", "bad"), None: Cell("not judged", "open")}
 
 

@@ -150,6 +150,29 @@ class LogSettings(Settings):
     )
 
 
+class MetricSettings(Settings):
+    """What metrics of a run are measured by."""
+
+    settling_tolerance: Annotated[float, Field(gt=0.0, le=1e3)] = Field(
+        0.005, description="error of the load below which it counts as settled [m]; a laboratory crane's"
+    )
+
+
+Bound = Annotated[float, Field(ge=0.0)]
+
+
+class LimitSettings(Settings):
+    """Limits on metrics of its runs: names as in `[limits]` of a campaign, or tables for single plants."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Bound | dict[str, Bound]] = Field(init=False)
+
+    @property
+    def asked(self) -> dict[str, Bound | dict[str, Bound]]:
+        """As written; `metrics.limits` knows which there can be."""
+        return self.__pydantic_extra__
+
+
 class Scenario(Settings):
     """One thing to run: reference, disturbances, rig and settings."""
 
@@ -173,6 +196,8 @@ class Scenario(Settings):
     effects: EffectSettings = NO_EFFECTS
     workspace: WorkspaceSettings = WorkspaceSettings()
     log: LogSettings = LogSettings()
+    metrics: MetricSettings = MetricSettings()
+    limits: LimitSettings = LimitSettings()
 
     @model_validator(mode="after")
     def _times_fit(self) -> "Scenario":

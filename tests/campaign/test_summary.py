@@ -9,7 +9,6 @@ from rich.console import Console
 
 from cranectl.campaign.replay import chosen_rows, differences
 from cranectl.campaign.results import Results, read_results
-from cranectl.campaign.settings import Limits
 from cranectl.campaign.summary import (
     failed,
     failure_interval,
@@ -19,6 +18,7 @@ from cranectl.campaign.summary import (
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.cli.output import screen_table
 from cranectl.design import CONTROLLERS
+from cranectl.metrics.limits import Limits
 from cranectl.report.campaign.tables import failure_notes, summary_table
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign

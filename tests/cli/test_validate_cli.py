@@ -107,3 +107,50 @@ def test_an_error_that_nobody_foresaw_is_no_verdict(
     told = ["--controller", "lqr", "--drive", "velocity", "--jobs", "1", "--traceback"]
     assert main(["validate", "good.toml", *told]) == 70
     assert "Traceback (most recent call last)" in capsys.readouterr().err
+
+
+LIMITS = "[limits]\nmax_error_m = {0}\n[limits.mujoco]\nmin_rope_tension_n = 1.0\n"
+
+
+def test_limits_of_a_scenario_are_judged_beside_the_agreement(capsys: pytest.CaptureFixture[str]) -> None:
+    """Two verdicts of two names, in run, validate and, from the log, compare."""
+    Path("strict.toml").write_text(GOOD.replace("good", "strict") + LIMITS.format(0.0))
+    Path("mild.toml").write_text(GOOD.replace("good", "mild") + LIMITS.format(1.0))
+    options = ["--controller", "lqr", "--json", "result.json"]
+    for name, code in (("mild", 0), ("strict", 1)):
+        assert main(["run", f"{name}.toml", "--set", "initial.load_offset=[0.001,0,0]", *options]) == code
+        data = json.loads(Path("result.json").read_text())
+        assert (data["plants_agree"], data["limits_kept"]) == (True, code == 0)
+        asked = [[limit["metric"] for limit in run["limits"]] for run in data["runs"]]
+        assert asked == [["max_error_m"], ["max_error_m", "min_rope_tension_n"]]
+        assert main(["compare", f"logs/{name}/lqr-ideal.mcap", "--json", "result.json"]) == code
+        assert json.loads(Path("result.json").read_text())["limits_kept"] is (code == 0)
+    capsys.readouterr()
+    wrong = Path("wrong.toml")
+    wrong.write_text(GOOD.replace("good", "wrong") + LIMITS.format(1.0).replace("max_error_m", "max_eror_m"))
+    pushed = ["--set", "initial.load_offset=[0.001,0,0]"]
+    assert main(["validate", "strict.toml", "wrong.toml", *pushed, *options]) == 2
+    captured = capsys.readouterr()
+    assert "limits broken" in captured.out
+    assert "2 of 6 limits kept" in captured.out
+    assert "did you mean 'max_error_m'?" in captured.err
+
+
+def test_a_directory_stands_for_the_scenarios_in_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "mine"
+    (place / "below").mkdir(parents=True)
+    (place / "first.toml").write_text(GOOD.replace("good", "first"))
+    (place / "below" / "second.toml").write_text(GOOD.replace("good", "second"))
+    (place / "rig.toml").write_text("load_mass = 2.0\n")
+    (place / "many.toml").write_text('name = "many"\nscenario = "good.toml"\n')
+    assert main(["validate", "mine", "good.toml", *FOLLOWED]) == 0
+    runs = json.loads(Path("result.json").read_text())["runs"]
+    assert [run["scenario"] for run in runs[::2]] == ["second", "first", "good"]
+    (place / "broken.toml").write_text("reference = ")
+    assert main(["validate", "mine", *FOLLOWED]) == 2, "what is no scenario fails"
+    assert "mine/broken.toml: could not be run" in capsys.readouterr().err
+    (tmp_path / "empty").mkdir()
+    assert main(["validate", "empty", *FOLLOWED]) == 2
+    assert "a directory without scenarios" in capsys.readouterr().err

@@ -7,7 +7,8 @@ import pytest
 
 from cranectl.cases.case import RunSummary
 from cranectl.compare.agreement import Agreement
-from cranectl.report.run.tables import agreement_table, run_table
+from cranectl.metrics.limits import LimitVerdict
+from cranectl.report.run.tables import agreement_table, limits_table, run_table
 from cranectl.report.table import Cell
 from cranectl.status import RunStatus
 
@@ -51,26 +52,46 @@ def test_what_tells_runs_apart_has_a_column(heading: str, other: RunSummary, tex
 def test_agreement_has_a_row_for_each_controller_below_its_scenario() -> None:
     velocity = replace(GOOD, drive="velocity", max_load_error_m=2e-7, passed=False)
     other = replace(GOOD, scenario="slow", controller="pid")
-    table = agreement_table([GOOD, velocity, other], [True, False, True])
+    table = agreement_table([GOOD, velocity, other], ["", "limits broken", ""])
     assert [texts(row)[0] for row in table.rows] == ["fast", " lqr", "slow", " pid"]
     assert [row[0].mark for row in table.rows] == ["head", "", "head", ""]
-    assert {len(row) for row in table.rows} == {len(table.headings)} == {6}
+    assert {len(row) for row in table.rows} == {len(table.headings)} == {7}
     assert table.headings[1:3] == ("ideal\nload [m]\n< 1e-07", "ideal\nangle [rad]\n< 1e-07")
     assert [(cell.text, cell.mark) for cell in table.rows[1][1:]] == [
-        ("1.0e-09", ""), ("2.0e-09", ""), ("2.0e-07", "bad"), ("2.0e-09", ""), ("FAILED", "bad"),
+        ("1.0e-09", ""), ("2.0e-09", ""), ("2.0e-07", "bad"), ("2.0e-09", ""), ("NO", "bad"),
+        ("limits broken", "bad"),
     ]  # fmt: skip
-    assert texts(table.rows[3])[1:] == ["1.0e-09", "2.0e-09", "-", "-", "passed"]
+    assert texts(table.rows[3])[1:] == ["1.0e-09", "2.0e-09", "-", "-", "yes", ""]
 
 
 def test_limits_of_their_own_stand_beside_the_numbers() -> None:
     other = replace(GOOD, scenario="slow", limit_m=1e-3, limit_rad=1e-3)
-    table = agreement_table([GOOD, other], [True, True])
+    table = agreement_table([GOOD, other])
     assert table.headings[1] == "ideal\nload [m]"
     assert [table.rows[k][1].text for k in (1, 3)] == ["1.0e-09 < 1.0e-07", "1.0e-09 < 1.0e-03"]
 
 
 def test_a_verdict_names_the_drives_that_are_judged() -> None:
     unjudged = replace(GOOD, drive="velocity", limit_m=None, limit_rad=None, passed=None)
-    assert agreement_table([unjudged], [True]).rows[1][-1] == Cell("not judged", "open")
-    assert agreement_table([unjudged], [False]).rows[1][-1] == Cell("FAILED", "bad")
-    assert agreement_table([GOOD, unjudged], [True, True]).rows[1][-1] == Cell("passed (ideal)", "good")
+    assert agreement_table([unjudged]).rows[1][-1] == Cell("not judged", "open")
+    assert agreement_table([GOOD, unjudged]).rows[1][-1] == Cell("yes (ideal)", "good")
+    assert agreement_table([replace(GOOD, passed=False), unjudged]).rows[1][-1] == Cell("NO", "bad")
+
+
+def test_limits_are_told_run_by_run() -> None:
+    kept = LimitVerdict("max_sway_rad", 0.03, 0.1, kept=True)
+    broken = LimitVerdict("overshoot_m", None, 0.1, kept=False)
+    judged = replace(RUN, limits=(kept, broken))
+    table = limits_table([judged, RUN])
+    assert table is not None
+    assert [texts(row) for row in table.rows] == [
+        ["analytic", "max_sway_rad", "0.03", "≤ 0.1", "rad", "yes"],
+        ["analytic", "overshoot_m", "–", "≤ 0.1", "m", "NO"],
+    ]
+    assert table.note == "1 of 2 limits kept."
+    several = limits_table([judged, replace(judged, controller="pid")], broken_only=True)
+    assert several is not None
+    assert [texts(row)[:3] for row in several.rows] == [
+        [f"fast, {controller}, ideal", "analytic", "overshoot_m"] for controller in ("lqr", "pid")
+    ]
+    assert limits_table([RUN]) is None

@@ -22,7 +22,7 @@ from cranectl.report.run.figures import (
     families_of,
     largest_difference,
 )
-from cranectl.report.run.tables import comparison_table, metrics_table, run_table
+from cranectl.report.run.tables import comparison_table, limits_table, metrics_table, run_table
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
 
@@ -50,7 +50,12 @@ def log_page(
         label: [RunSummary.of(run, Path(label)) for run in log.values()] for label, log in logs.items()
     }
     metrics = {f"{label}, {run.plant}": run.metrics for label, log in summaries.items() for run in log}
-    run_tables = (run_table(summaries, _verdicts(agreements)), metrics_table(metrics))
+    limits = limits_table([run for log in summaries.values() for run in log])
+    run_tables = (
+        run_table(summaries, _verdicts(agreements)),
+        metrics_table(metrics),
+        *((limits,) if limits is not None else ()),
+    )
     sections = [
         Section("runs", "Runs", tuple(notes), run_tables),
         Section("figures", "Figures", figures=_figures(logs, agreements)),

@@ -9,9 +9,9 @@ from cranectl.compare.golden import RegressionVerdict, SignalVerdict
 from cranectl.compare.runs import Comparison, SignalDifference
 from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
-from cranectl.report.table import VERDICTS, Cell, Table, cells
+from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells
 
-Drives = dict[str, tuple[Agreement, bool]]  # by name; with whether the case passed
+Drives = dict[str, tuple[Agreement, str]]  # by name; with what else is wrong with the case
 
 
 def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table:
@@ -65,6 +65,27 @@ def _text(metric: Metric, metrics: RunMetrics | None) -> str:
     return " ".join("-" if n is None else f"{scale * n:.{metric.row.digits}f}" for n in numbers)
 
 
+def limits_table(runs: Sequence[RunSummary], *, broken_only: bool = False) -> Table | None:
+    """What scenarios ask of their runs beside what they got, a row a run and metric; None without limits."""
+    verdicts = [(run, verdict) for run in runs for verdict in run.limits]
+    shown = [(run, verdict) for run, verdict in verdicts if not (broken_only and verdict.kept)]
+    metrics = {metric.name: metric for metric in all_metrics()}
+    several = len({(run.scenario, run.controller, run.drive) for run, _ in verdicts}) > 1
+    rows = []
+    for run, verdict in shown:
+        metric = metrics[verdict.metric]
+        case = (f"{run.scenario}, {run.controller}, {run.drive}",) if several else ()
+        value = "–" if verdict.value is None else f"{verdict.value:.4g}"
+        sign = "≥" if metric.better == "higher" else "≤"
+        limit = f"{sign} {verdict.limit:.4g}"
+        rows.append(cells(*case, run.plant, metric.name, value, limit, metric.unit, ANSWERS[verdict.kept]))
+    if not verdicts:
+        return None
+    headings = (*(("case",) if several else ()), "plant", "metric", "value", "limit", "unit", "kept")
+    note = f"{sum(verdict.kept for _, verdict in verdicts)} of {len(verdicts)} limits kept."
+    return Table("Limits", headings, tuple(rows), labels=2 + several, note=note)
+
+
 def comparison_table(title: str, comparison: Comparison) -> Table:
     """How far two runs are apart, one row a signal."""
     rows = tuple(cells(*_largest(row), f"{row.rms:.1e}", f"{row.final:+.1e}") for row in comparison.signals)
@@ -103,11 +124,13 @@ def topic_table(description: LogDescription) -> Table:
     return Table("Topics", ("topic", "message", "messages", "rate [Hz]"), rows, labels=2)
 
 
-def agreement_table(agreements: Sequence[Agreement], passed: Sequence[bool]) -> Table:
-    """One row a scenario, controller and plant, its drives side by side; `passed`: of each agreement.
+def agreement_table(agreements: Sequence[Agreement], others: Sequence[str] = ()) -> Table:
+    """One row a scenario, controller and plant, its drives side by side.
 
-    A limit that all scenarios share stands above its column, others beside the numbers.
+    `others`: of each agreement's case what else is wrong with it, or nothing. A limit that all scenarios
+    share stands above its column, others beside the numbers.
     """
+    others = others or [""] * len(agreements)
     drives = dict.fromkeys(agreement.drive for agreement in agreements)
     shared = {drive: _shared([a for a in agreements if a.drive == drive]) for drive in drives}
     headings = [
@@ -117,18 +140,19 @@ def agreement_table(agreements: Sequence[Agreement], passed: Sequence[bool]) -> 
     ]
     several = len({agreement.plant for agreement in agreements}) > 1
     scenarios: dict[str, dict[str, Drives]] = {}
-    for agreement, good in zip(agreements, passed, strict=True):
+    for agreement, other in zip(agreements, others, strict=True):
         of_scenario = scenarios.setdefault(agreement.scenario, {})
         name = f"{agreement.controller}, {agreement.plant}" if several else agreement.controller
-        of_scenario.setdefault(name, {})[agreement.drive] = (agreement, good)
+        of_scenario.setdefault(name, {})[agreement.drive] = (agreement, other)
     rows: list[tuple[Cell, ...]] = []
     for scenario, of_scenario in scenarios.items():
-        rows.append(cells(Cell(scenario, "head"), *[""] * (len(headings) + 1)))
-        rows += [
-            cells(f" {name}", *_numbers(of_drives, shared), _verdict(of_drives))
-            for name, of_drives in of_scenario.items()
-        ]
-    return Table("Agreement of the plants", ("controller", *headings, "verdict"), tuple(rows))
+        rows.append(cells(Cell(scenario, "head"), *[""] * (len(headings) + (2 if any(others) else 1))))
+        for name, of_drives in of_scenario.items():
+            besides = "; ".join(dict.fromkeys(other for _, other in of_drives.values() if other))
+            cell = [Cell(besides, "bad" if besides else "")] if any(others) else []
+            rows.append(cells(f" {name}", *_numbers(of_drives, shared), _agree(of_drives), *cell))
+    asked = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
+    return Table("Agreement of the plants", ("controller", *headings, *asked), tuple(rows))
 
 
 def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
@@ -153,13 +177,14 @@ def _apart(value: float, limit: float | None, *, beside: bool) -> Cell:
     return Cell(text, "" if limit is None or value <= limit else "bad")  # not a number keeps no limit
 
 
-def _verdict(drives: Drives) -> Cell:
+def _agree(drives: Drives) -> Cell:
     """Of one row: of the drives that are judged, named if others are not."""
-    judged = [drive for drive, (agreement, _) in drives.items() if agreement.passed is not None]
-    verdict = VERDICTS[all(good for _, good in drives.values())]
-    if verdict.mark == "bad" or len(judged) == len(drives):
-        return verdict
-    return Cell(f"{verdict.text} ({', '.join(judged)})", verdict.mark) if judged else VERDICTS[None]
+    judged = {drive: agreement.passed for drive, (agreement, _) in drives.items()}
+    judged = {drive: passed for drive, passed in judged.items() if passed is not None}
+    answer = ANSWERS[all(judged.values()) if judged else None]
+    if answer.mark != "good" or len(judged) == len(drives):
+        return answer
+    return Cell(f"{answer.text} ({', '.join(judged)})", answer.mark)
 
 
 def limit_notes(agreements: Sequence[Agreement]) -> list[str]:

@@ -1,0 +1,78 @@
+"""Limits on metrics: asked of a scenario's own runs, or of every run of a campaign."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
+
+from pydantic import Field, create_model
+
+from cranectl.metrics.summary import RunMetrics
+from cranectl.metrics.table import all_metrics, low_is_bad
+from cranectl.plants.registry import plant_entry
+from cranectl.scenario import Scenario
+from cranectl.scenario.settings import Settings, parse_settings
+
+Limit = Annotated[float, Field(ge=0.0)] | None
+
+
+class _Limits(Settings):
+    """Limits on metrics, by name; by default none. A metric that a run lacks breaks its limit."""
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The limits that are set, by metric."""
+        return {name: value for name, value in self if value is not None}
+
+
+_LIMITED: dict[str, Any] = {  # those from below come last
+    metric.name: (Limit, Field(None, description=f"{metric.meaning} [{metric.unit}]"))
+    for metric in sorted(all_metrics(), key=lambda metric: metric.better == "higher")
+    if metric.limited
+}
+Limits = create_model("Limits", __base__=_Limits, **_LIMITED)
+
+
+def within(metric: str, values: Any, limit: float) -> Any:
+    """Whether `values` of `metric`, one or an array, keep `limit`; NaN, a value that is absent, does not."""
+    return values >= limit if low_is_bad(metric) else values <= limit
+
+
+@dataclass(frozen=True)
+class LimitVerdict:
+    """A metric of a run beside the limit that its scenario asks of it."""
+
+    metric: str
+    value: float | None  # None: the run has no such thing
+    limit: float
+    kept: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, float]]:
+    """What `[limits]` of `scenario` asks of runs on each of `plants`, by metric.
+
+    A table in it named as a plant holds for that plant only, before what holds for all. Raises InputError for
+    names and values that cannot be.
+    """
+    tables = {name: value for name, value in scenario.limits.asked.items() if isinstance(value, Mapping)}
+    shared = {name: value for name, value in scenario.limits.asked.items() if name not in tables}
+    asked = {"": parse_settings(Limits, shared, f"{scenario.name}, [limits]").given}
+    for plant, table in tables.items():
+        plant_entry(plant)  # raises for an unknown one
+        own = parse_settings(Limits, table, f"{scenario.name}, [limits.{plant}]").given
+        asked[plant] = {**asked[""], **own}
+    return {plant: asked.get(plant, asked[""]) for plant in plants}
+
+
+def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tuple[LimitVerdict, ...]:
+    """The verdict on each of `limits`; a run without samples keeps none."""
+    verdicts = []
+    for name, limit in limits.items():
+        value = None if metrics is None else metrics.values[name]
+        assert value is None or isinstance(value, float)  # a metric with parts has no limit
+        kept = value is not None and bool(within(name, value, limit))
+        verdicts.append(LimitVerdict(name, value, limit, kept))
+    return tuple(verdicts)

@@ -1,0 +1,74 @@
+"""Limits that a scenario asks of its runs: for all plants or for one, judged by metric."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
+from cranectl.scenario import Scenario, default_scenario
+from cranectl.scenario.scenario import LimitSettings
+from cranectl.support.errors import InputError
+from tests.conftest import closed_loop
+
+PLANTS = ("analytic", "mujoco")
+
+
+def asking(**limits: Any) -> Scenario:
+    return default_scenario().model_copy(update={"limits": LimitSettings(**limits)})
+
+
+def test_a_plants_own_limits_stand_before_those_of_all() -> None:
+    scenario = asking(max_error_m=0.1, max_sway_rad=0.2, mujoco={"max_error_m": 0.3, "overshoot_m": 0.4})
+    assert limits_of(scenario, PLANTS) == {
+        "analytic": {"max_sway_rad": 0.2, "max_error_m": 0.1},
+        "mujoco": {"max_sway_rad": 0.2, "max_error_m": 0.3, "overshoot_m": 0.4},
+    }
+    assert limits_of(default_scenario(), ["mujoco"]) == {"mujoco": {}}
+
+
+@pytest.mark.parametrize(
+    ("limits", "found"),
+    [
+        ({"max_swy_rad": 0.1}, r"\[limits\]: unknown key 'max_swy_rad'"),
+        ({"mujoco": {"final_load_m": 0.1}}, r"\[limits\.mujoco\]: unknown key 'final_load_m'"),  # has parts
+        ({"mujco": {"max_error_m": 0.1}}, "unknown plant 'mujco'"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(limits: dict[str, Any], found: str) -> None:
+    with pytest.raises(InputError, match=found):
+        limits_of(asking(**limits), PLANTS)
+
+
+@pytest.mark.parametrize("value", ["-1.0", "nan", "true", "{max_error_m=-1.0}"])
+def test_a_limit_is_a_number_from_zero_on(value: str) -> None:
+    with pytest.raises(InputError, match=r"limits\.mujoco"):
+        default_scenario(overrides=[f"limits.mujoco={value}"])
+
+
+def test_a_limit_is_kept_up_to_its_value_and_a_lower_one_down_to_it() -> None:
+    values = {"max_error_m": 0.1, "min_rope_tension_n": 5.0, "settling_time_s": None}
+    metrics = RunMetrics("completed", 1.0, values)
+
+    def kept(**limits: float) -> list[bool]:
+        return [verdict.kept for verdict in judge_limits(metrics, limits)]
+
+    assert kept(max_error_m=0.1, min_rope_tension_n=5.0) == [True, True]
+    assert kept(max_error_m=0.0999, min_rope_tension_n=5.01) == [False, False]
+    assert kept(settling_time_s=1e9) == [False], "what a run lacks it has not kept"
+    assert judge_limits(None, {"max_error_m": 1.0}) == (LimitVerdict("max_error_m", None, 1.0, kept=False),)
+    lost = replace(metrics, values={"max_error_m": float("nan")})
+    assert not judge_limits(lost, {"max_error_m": 1.0})[0].kept
+
+
+def test_the_tolerance_of_settling_is_the_scenarios() -> None:
+    run = closed_loop("off-reference", "lqr", plant="analytic")
+    times = []
+    for tolerance in (1e-5, 1e-4, 1e-3):
+        settings = run.scenario.metrics.model_copy(update={"settling_tolerance": tolerance})
+        scenario = run.scenario.model_copy(update={"metrics": settings})
+        metrics = run_metrics(replace(run, scenario=scenario))
+        assert metrics is not None
+        times.append(metrics.settling_time_s)
+    assert times[0] > times[1] > times[2] >= 0.0
