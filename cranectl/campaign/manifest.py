@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
 from cranectl.plants.registry import plant_sources
-from cranectl.scenario import Scenario
+from cranectl.scenario import MetricSettings, Scenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.support import documents
 from cranectl.support.documents import Table
@@ -21,6 +21,7 @@ from cranectl.support.provenance import HARMLESS, provenance
 
 FORMAT = 2
 RULE = 1  # of identities; parts of all formats have it
+DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
 NOT_DECISIVE = ("title", "limits", "scenario", "set")  # of a campaign: the scenario itself is recorded
 
 
@@ -95,7 +96,12 @@ def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str
 
 def _decisive(manifest: Mapping[str, Any]) -> Table:
     campaign = {key: value for key, value in manifest["campaign"].items() if key not in NOT_DECISIVE}
-    return {"campaign": campaign, "runs": manifest["runs"], "scenario": manifest["scenario"]}
+    scenario = {
+        key: value for key, value in manifest["scenario"].items() if key != "limits"
+    }  # of single runs
+    if scenario.get("metrics") == DEFAULT_METRICS:  # as in results that did not know them
+        del scenario["metrics"]
+    return {"campaign": campaign, "runs": manifest["runs"], "scenario": scenario}
 
 
 def _first_format(data: Mapping[str, Any]) -> Table:

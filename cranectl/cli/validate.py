@@ -90,7 +90,7 @@ def validate_command(
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": DRIVES}
     drives = several[drive] if drive in several else (checked_drive(drive),)
-    chosen = plants or PLANTS
+    chosen = plants or tuple(PLANTS)
     sources = _sources(scenarios) or scenario_names()
     loaded, unloaded = _loaded(tuple(dict.fromkeys(sources)), rig, overrides, chosen)
     cases = [
@@ -127,10 +127,11 @@ def _sources(names: Sequence[str]) -> list[str]:
     directory without any.
     """
     from cranectl.support.errors import InputError
+    from cranectl.support.files import exists
 
     sources = []
     for name in names:
-        if not Path(name).is_dir():
+        if not exists(Path(name)) or not Path(name).is_dir():
             sources.append(name)
             continue
         files = sorted(str(file) for file in Path(name).rglob("*.toml"))

@@ -43,7 +43,7 @@ def test_a_rig_of_ones_own_is_not_judged_by_the_limits_of_another(
         assert "FAILED" not in out
     assert main(["validate", *OWN, "--drive", "both", "--jobs", "1", "--json", "result.json"]) == 0
     out = capsys.readouterr().out
-    assert "passed (ideal)" in out
+    assert "yes (ideal)" in out
     assert "validation passed (1 of 2 pairs not judged)" in out
     data = json.loads(Path("result.json").read_text())
     assert data["passed"] is True

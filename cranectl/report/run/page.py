@@ -50,11 +50,11 @@ def log_page(
         label: [RunSummary.of(run, Path(label)) for run in log.values()] for label, log in logs.items()
     }
     metrics = {f"{label}, {run.plant}": run.metrics for label, log in summaries.items() for run in log}
-    limits = limits_table([run for log in summaries.values() for run in log])
+    judged = limits_table([run for log in summaries.values() for run in log])
     run_tables = (
         run_table(summaries, _verdicts(agreements)),
         metrics_table(metrics),
-        *((limits,) if limits is not None else ()),
+        *((judged,) if judged is not None else ()),
     )
     sections = [
         Section("runs", "Runs", tuple(notes), run_tables),
