@@ -2,9 +2,9 @@
 
 import traceback
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from cranectl.compare.agreement import Agreement, Predict, against_reference, judge_steps, limits_for
 from cranectl.controllers.registry import controller_design
@@ -19,6 +19,7 @@ from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
 LOG_DIRECTORY = Path("logs")
+Keep = Literal["all", "failed", "none"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Case:
     log: Path
     source: str  # how its scenario was asked for: its name or its file
     predict: Predict | None = None  # finds the limits of a scenario that is not shipped
+    keep: Keep = "all"  # which logs stay
 
     @property
     def simulated_seconds(self) -> float:
@@ -49,7 +51,7 @@ class RunSummary:
     drive: str
     status: RunStatus
     end_s: float
-    log: Path
+    log: Path | None  # None: it is not kept
     metrics: RunMetrics | None
     limits: tuple[LimitVerdict, ...] = ()  # that its scenario asks of it
 
@@ -59,7 +61,7 @@ class RunSummary:
         return all(verdict.kept for verdict in self.limits) if self.limits else None
 
     @classmethod
-    def of(cls, run: Run, log: Path) -> "RunSummary":
+    def of(cls, run: Run, log: Path | None) -> "RunSummary":
         """The summary of a run that is in `log`; raises InputError for limits that no run can have."""
         metrics = run_metrics(run)
         return cls(
@@ -83,7 +85,7 @@ class RunSummary:
             "drive": self.drive,
             "status": self.status.label,
             "end_s": self.end_s,
-            "log": str(self.log),
+            "log": None if self.log is None else str(self.log),
             "metrics": self.metrics.to_json() if self.metrics is not None else None,
             "limits": [verdict.to_json() for verdict in self.limits],
         }
@@ -96,6 +98,11 @@ class CaseResult:
     runs: tuple[RunSummary, ...]
     agreements: tuple[Agreement, ...]
     expected: str  # how its runs should have ended
+
+    @property
+    def log(self) -> Path | None:
+        """Where its runs are, if they are kept."""
+        return self.runs[0].log
 
     @property
     def interrupted(self) -> bool:
@@ -157,6 +164,7 @@ def make_case(
     log: Path | None = None,
     source: str | None = None,
     predict: Predict | None = None,
+    keep: Keep = "all",
 ) -> Case:
     """A case with the scenario's own controller and name and the usual place for its log by default.
 
@@ -165,7 +173,7 @@ def make_case(
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, in_order(plants), log, source or scenario.name, predict)
+    return Case(scenario, controller, drive, in_order(plants), log, source or scenario.name, predict, keep)
 
 
 def check_logs_differ(cases: Sequence[Case]) -> None:
@@ -195,7 +203,8 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     design = controller_design(case.controller, case.scenario)
     plan = plan_scenario(case.scenario)
     law = law_of(case.scenario, design, case.drive, plan)  # raises where it cannot be sampled so
-    check_writable(case.log)
+    if case.keep != "none":
+        check_writable(case.log)
     limits = limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
     runs: list[Run] = []
     for plant in case.plants:
@@ -212,13 +221,19 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         )
         if runs[-1].status == RunStatus.INTERRUPTED:
             break
-    write_log(case.log, runs, limits=limits)
+    log = None if case.keep == "none" else case.log
+    if log is not None:
+        write_log(log, runs, limits=limits)
     pairs = against_reference([run for run in runs if len(run.time_ns)], case.plants)
-    return CaseResult(
-        runs=tuple(RunSummary.of(run, case.log) for run in runs),
+    result = CaseResult(
+        runs=tuple(RunSummary.of(run, log) for run in runs),
         agreements=tuple(judge_steps(pair, limits, progress) for pair in pairs),
         expected=case.scenario.expected,
     )
+    if case.keep == "failed" and result.passed:
+        case.log.unlink()
+        return replace(result, runs=tuple(replace(run, log=None) for run in result.runs))
+    return result
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:

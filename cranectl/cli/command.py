@@ -133,6 +133,13 @@ def output_option(
     return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
 
 
+def every_option(function: F) -> F:
+    """`--every`."""
+    return click.option(
+        "--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them)."
+    )(function)
+
+
 def scenario_options(function: F) -> F:
     """`--rig` and `--set`."""
     rig = click.option(

@@ -10,6 +10,7 @@ from cranectl.cli.command import (
     Command,
     controller_option,
     drive_option,
+    every_option,
     json_option,
     layout_for,
     output_option,
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 @plants_option("Default: all.")
 @drive_option(default="ideal")
 @scenario_options
-@click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
+@every_option
 @output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
 @predict_option
 @json_option

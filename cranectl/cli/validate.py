@@ -1,8 +1,9 @@
 """`cranectl validate`."""
 
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import click
 
@@ -10,15 +11,18 @@ from cranectl.cli import exit_codes
 from cranectl.cli.command import (
     Command,
     drive_option,
+    every_option,
     json_option,
+    output_option,
     plants_option,
     predict_option,
     scenario_options,
 )
+from cranectl.support.files import HTML, XML
 
 if TYPE_CHECKING:
-    from cranectl.cases.case import Case, CaseResult, Failure
-    from cranectl.cases.workers import Outcome
+    from cranectl.cases.case import Case, Failure, Keep
+    from cranectl.cases.validation import Validation
     from cranectl.compare.agreement import Predict
     from cranectl.scenario import Scenario
 
@@ -49,6 +53,16 @@ SHOWN = 10  # failures shown on the screen
     "--jobs", metavar="N", type=click.IntRange(min=1), help="Worker processes. Default: one for each core."
 )
 @predict_option
+@every_option
+@click.option(
+    "--keep",
+    type=click.Choice(["all", "failed", "none"]),
+    default="all",
+    show_default=True,
+    help="Which logs stay.",
+)
+@output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
+@output_option("--report", HTML, "Write one HTML page, what failed on top.")
 @json_option
 def validate_command(
     scenarios: tuple[str, ...],
@@ -60,33 +74,45 @@ def validate_command(
     out: Path,
     jobs: int | None,
     predict: "Predict | None",
+    every: int | None,
+    keep: "Keep",
+    junit: Path | None,
+    report: Path | None,
     json_file: str | None,
 ) -> int:
     """Run scenarios on all plants and judge their agreement.
 
     With all controllers, ideal and velocity drives. The limits and their reasons are in
     validation/tolerances.toml. Those of velocity drives hold for the shipped scenarios and their rig: others
-    are shown and not judged, or with --predict judged by their own. A scenario that cannot be run is a failed
-    case with its reason; the others run.
+    are shown and not judged, or with --predict judged by their own. What a scenario asks in [limits] is
+    judged beside the agreement. A scenario that cannot be run is a failed case with its reason; the others
+    run.
+
+    SCENARIO is a name, a file, or a directory, whose scenarios are taken, with those of directories below.
 
     \b
     cranectl validate
     cranectl validate fixed-position --controller lqr --drive ideal --json -
+    cranectl validate scenarios/ --keep failed --every 20 --junit junit.xml --report validation.html
     cranectl validate --jobs 1 --set rig.load_mass=2.5
 
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
     from cranectl.cases.case import check_logs_differ, default_log, make_case
+    from cranectl.cases.validation import Validation, junit_xml
     from cranectl.cases.workers import available_cores, run_cases
-    from cranectl.cli.output import progress_bar
+    from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import chosen_controllers
     from cranectl.log import check_writable
     from cranectl.plants.plant import DRIVES, Drive
     from cranectl.plants.registry import PLANTS
     from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
+    from cranectl.support.files import write_text, writing
 
+    if every is not None:
+        overrides = (*overrides, f"log.every={every}")
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": DRIVES}
     drives = several[drive] if drive in several else (checked_drive(drive),)
@@ -102,6 +128,7 @@ def validate_command(
             log=default_log(out, scenario, name, kind),
             source=source,
             predict=predict,
+            keep=keep,
         )
         for source, scenario in loaded.items()
         for name in names
@@ -117,7 +144,28 @@ def validate_command(
             advance(case.simulated_seconds)
 
         outcome = run_cases(cases, jobs=jobs or available_cores(), done=done)
-    return _report(cases, outcome, unloaded, out, json_file)
+    validation = Validation(tuple(cases), outcome, unloaded, chosen)
+    code = _exit_code(validation)
+    _tell(validation, code, out, json_file)
+    write_json(json_file, validation.to_json(passed=code == exit_codes.GOOD))
+    options = [
+        *(("--rig", str(rig)) if rig else ()),
+        *(part for each in overrides for part in ("--set", each)),
+    ]
+    if junit is not None:
+        with writing(junit):
+            write_text(junit, junit_xml(validation.verdicts, options))
+        console(json_file).print(f"JUnit: {junit}")
+    if report is not None:
+        from cranectl.report.page import write_page
+        from cranectl.report.validation import validation_page
+
+        asked = [*scenarios, *(part for name in controllers for part in ("--controller", name))]
+        asked += ["--drive", drive, "--plants", ",".join(chosen), *options, "--report", str(report)]
+        page = validation_page(validation, options, shlex.join(["cranectl", "validate", *asked]))
+        write_page(page, report)
+        console(json_file).print(f"report: {report}")
+    return code
 
 
 def _sources(names: Sequence[str]) -> list[str]:
@@ -177,35 +225,12 @@ def _loaded(
     return loaded, unloaded
 
 
-class Failed(NamedTuple):
-    """What could not be run, and why; without controller and drive it is the whole scenario."""
-
-    scenario: str  # as it was asked for
-    controller: str | None
-    drive: str | None
-    failure: "Failure"
-
-
-def _report(
-    cases: "Sequence[Case]",
-    outcome: "Outcome",
-    unloaded: "Mapping[str, Failure]",
-    out: Path,
-    json_file: str | None,
-) -> int:
-    """Say what came of `cases`, and why scenarios could not be loaded; returns the exit code."""
-    from cranectl.cases.case import CaseResult, Failure
-    from cranectl.cli.output import FAILED, PASSED, console, styled, write_json
+def _tell(validation: "Validation", code: int, out: Path, json_file: str | None) -> None:
+    """What came of the cases on the screen, and on standard error why some could not be run."""
+    from cranectl.cli.output import FAILED, PASSED, console, styled
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes
 
-    pairs = list(zip(cases, outcome.results, strict=True))
-    failed = [Failed(name, None, None, failure) for name, failure in unloaded.items()]
-    failed += [
-        Failed(c.source, c.controller, c.drive, result) for c, result in pairs if isinstance(result, Failure)
-    ]
-    finished = [result for _, result in pairs if isinstance(result, CaseResult)]
-    lost = [case for case, result in pairs if result is None]
-    code = _exit_code(finished, [each.failure for each in failed], lost, interrupted=outcome.interrupted)
+    finished, lost = validation.finished, validation.lost
     if finished or lost:
         screen = console(json_file)
         agreements = [agreement for each in finished for agreement in each.agreements]
@@ -215,51 +240,28 @@ def _report(
         runs = [run for each in finished for run in each.runs]
         if (limits := limits_table(runs, broken_only=True)) is not None:
             screen.print(limits)
-        why = "interrupted before it ran" if outcome.interrupted else "its worker process died"
         for note in (*limit_notes(agreements), *run_notes(finished)):
             screen.print(f"  {note}")
         for case in lost:
             name = f"{case.source}, {case.controller}, {case.drive}"
-            screen.print(" ", styled(f"{name}: no result, {why}", "bold red"))
-        screen.print(f"{len(runs)} runs, logs in {out}")
+            screen.print(" ", styled(f"{name}: no result, {validation.why_lost}", "bold red"))
+        logs = sum(each.log is not None for each in finished)
+        kept = "logs" if logs == len(finished) else f"{logs} of {len(finished)} logs"
+        screen.print(f"{len(runs)} runs, {kept} in {out}" if logs else f"{len(runs)} runs, no log kept")
         aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []
         screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
-    _tell(failed)
-    write_json(json_file, _json(finished, failed, lost, passed=code == exit_codes.GOOD))
-    return code
+    _tell_failures(validation)
 
 
-def _exit_code(
-    finished: "Sequence[CaseResult]",
-    failed: "Sequence[Failure]",
-    lost: "Sequence[Case]",
-    *,
-    interrupted: bool,
-) -> int:
-    """The code that says most: interrupted, unforeseen or a worker died, bad input, stopped, disagreed, good.
-
-    A run that stops as its scenario expects is good.
-    """
-    if interrupted:
-        return exit_codes.INTERRUPTED
-    if lost or not all(failure.bad_input for failure in failed):
-        return exit_codes.UNFORESEEN
-    if failed:
-        return exit_codes.BAD_INPUT
-    if any(result.stopped and not result.as_expected for result in finished):
-        return exit_codes.RUN_STOPPED
-    return exit_codes.GOOD if all(result.passed for result in finished) else exit_codes.LIMIT_EXCEEDED
-
-
-def _tell(failed: Sequence[Failed]) -> None:
-    """Say on standard error why cases could not be run, each reason once for a scenario."""
+def _tell_failures(validation: "Validation") -> None:
+    """Why cases could not be run, each reason once for a scenario."""
     from cranectl.cli.output import console
 
     screen = console("-")
     alike: dict[tuple[str, Failure], list[str]] = {}
-    for each in failed:
-        name = ", ".join(part for part in (each.scenario, each.controller, each.drive) if part is not None)
-        alike.setdefault((each.scenario, each.failure), []).append(name)
+    for scenario, case, failure in validation.failures:
+        name = scenario if case is None else f"{scenario}, {case.controller}, {case.drive}"
+        alike.setdefault((scenario, failure), []).append(name)
     for (scenario, failure), names in list(alike.items())[:SHOWN]:
         name = names[0] if len(names) == 1 else f"{scenario}, {len(names)} cases"
         screen.print(f"{name}: could not be run" if failure.bad_input else f"{name}: unforeseen")
@@ -270,25 +272,19 @@ def _tell(failed: Sequence[Failed]) -> None:
         screen.print(f"and {len(alike) - SHOWN} more")
 
 
-def _json(
-    finished: "Sequence[CaseResult]", failed: Sequence[Failed], lost: "Sequence[Case]", *, passed: bool
-) -> dict[str, Any]:
-    return {
-        "passed": passed,
-        "runs": [run.to_json() for result in finished for run in result.runs],
-        "agreements": [agreement.to_json() for result in finished for agreement in result.agreements],
-        "failed": [
-            {
-                "scenario": each.scenario,
-                "controller": each.controller,
-                "drive": each.drive,
-                "reason": each.failure.reason,
-                "bad_input": each.failure.bad_input,
-            }
-            for each in failed
-        ],
-        "lost": [
-            {"scenario": case.scenario.name, "controller": case.controller, "drive": case.drive}
-            for case in lost
-        ],
-    }
+def _exit_code(validation: "Validation") -> int:
+    """The code that says most: interrupted, unforeseen or a worker died, bad input, stopped, disagreed, good.
+
+    A run that stops as its scenario expects is good.
+    """
+    if validation.outcome.interrupted:
+        return exit_codes.INTERRUPTED
+    failures = [failure for _, _, failure in validation.failures]
+    if validation.lost or not all(failure.bad_input for failure in failures):
+        return exit_codes.UNFORESEEN
+    if failures:
+        return exit_codes.BAD_INPUT
+    if any(result.stopped and not result.as_expected for result in validation.finished):
+        return exit_codes.RUN_STOPPED
+    good = all(result.passed for result in validation.finished)
+    return exit_codes.GOOD if good else exit_codes.LIMIT_EXCEEDED

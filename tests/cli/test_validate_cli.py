@@ -1,7 +1,10 @@
 """`cranectl validate` with scenarios of which some cannot be run, or would write over each other."""
 
 import json
+import re
+import shlex
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -154,3 +157,44 @@ def test_a_directory_stands_for_the_scenarios_in_it(
     (tmp_path / "empty").mkdir()
     assert main(["validate", "empty", *FOLLOWED]) == 2
     assert "a directory without scenarios" in capsys.readouterr().err
+
+
+def test_ci_gets_junit_and_a_page_and_keeps_what_failed(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("strict.toml").write_text(GOOD.replace("good", "strict") + LIMITS.format(0.0))
+    moved = ["--set", "initial.load_offset=[0.001,0,0]"]
+    command = ["validate", "strict.toml", "good.toml", "broken.toml", *moved, *FOLLOWED]
+    command += ["--keep", "failed", "--every", "20", "--junit", "cases.xml", "--report", "cases.html"]
+    assert main(command) == 2
+    capsys.readouterr()
+    assert [str(log) for log in Path("logs").rglob("*.mcap")] == ["logs/strict/lqr+hinf-ideal.mcap"]
+    (log,) = {run.scenario.log.every for run in read_log(Path("logs/strict/lqr+hinf-ideal.mcap")).values()}
+    assert log == 20
+    root = ElementTree.parse("cases.xml").getroot()
+    assert {name: root.get(name) for name in ("tests", "failures", "errors")} == {
+        "tests": "3", "failures": "1", "errors": "1"
+    }  # fmt: skip
+    cases = {case.get("classname"): case for case in root.iter("testcase")}
+    assert cases["good.toml"].get("name") == "lqr+hinf / ideal / analytic, mujoco"
+    assert list(cases["good.toml"]) == []
+    failure = cases["strict.toml"].find("failure")
+    assert failure is not None
+    assert str(failure.get("message")).startswith("analytic breaks the limit 0 of max_error_m: 0.001")
+    assert "log: logs/strict/lqr+hinf-ideal.mcap" in str(failure.text)
+    again = re.search(r"again: cranectl (.*)", str(failure.text))
+    assert again is not None
+    assert main(shlex.split(again[1])) == 1, "the command that shows it does"
+    assert cases["broken.toml"].find("error") is not None
+    page = Path("cases.html").read_text(encoding="utf-8")
+    assert "1 of 3 cases passed." in page
+    assert page.index("breaks the limit") < page.index("Agreement of the plants"), "what failed is on top"
+    assert "cranectl report logs/strict/lqr+hinf-ideal.mcap" in page
+    first = Path("cases.xml").read_bytes()
+    assert main(command) == 2
+    assert Path("cases.xml").read_bytes() == first
+
+
+def test_without_logs_all_is_judged_as_with_them(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "good.toml", *FOLLOWED, "--keep", "none"]) == 0
+    assert "2 runs, no log kept" in capsys.readouterr().out
+    assert not Path("logs", "good").exists()
+    assert [run["log"] for run in json.loads(Path("result.json").read_text())["runs"]] == [None, None]

@@ -1,0 +1,163 @@
+"""A validation: many cases and what came of each, as tables, JSON, JUnit XML and pages tell it."""
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+from xml.etree import ElementTree
+
+from cranectl.cases.case import Case, CaseResult, Failure
+from cranectl.cases.workers import Outcome
+
+Kind = Literal["passed", "failed", "error"]  # error: there is no result
+
+
+class Verdict(NamedTuple):
+    """What came of a case; of a scenario that cannot be loaded there is one, without controller and drive."""
+
+    scenario: str  # as it was asked for
+    controller: str
+    drive: str
+    plants: tuple[str, ...]
+    kind: Kind
+    faults: tuple[str, ...]  # a sentence each, none if it passed
+    log: str  # empty if there is none
+
+    def command(self, options: Sequence[str]) -> str:
+        """What runs it again alone, with `options` of the validation."""
+        parts = ["cranectl", "run", self.scenario]
+        if self.controller:
+            parts += ["--controller", self.controller, "--drive", self.drive]
+        return shlex.join([*parts, "--plants", ",".join(self.plants), *options])
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Cases with their outcome, and why scenarios could not be loaded, by how they were asked for."""
+
+    cases: tuple[Case, ...]
+    outcome: Outcome
+    unloaded: Mapping[str, Failure]
+    plants: tuple[str, ...]
+
+    @property
+    def finished(self) -> list[CaseResult]:
+        """Of the cases that have a result."""
+        return [result for result in self.outcome.results if isinstance(result, CaseResult)]
+
+    @property
+    def lost(self) -> list[Case]:
+        """Cases that an interrupt kept from running, or whose worker died."""
+        return [case for case, result in self._pairs() if result is None]
+
+    @property
+    def failures(self) -> list[tuple[str, Case | None, Failure]]:
+        """What could not be run, by how its scenario was asked for; without a case the whole scenario."""
+        failed: list[tuple[str, Case | None, Failure]] = [
+            (name, None, failure) for name, failure in self.unloaded.items()
+        ]
+        pairs = self._pairs()
+        return failed + [(case.source, case, result) for case, result in pairs if isinstance(result, Failure)]
+
+    @property
+    def why_lost(self) -> str:
+        """The reason that all that is lost has."""
+        return "interrupted before it ran" if self.outcome.interrupted else "its worker process died"
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """One a case, scenarios that cannot be loaded first."""
+        verdicts = [
+            Verdict(name, "", "", self.plants, "error", (failure.reason,), "")
+            for name, failure in self.unloaded.items()
+        ]
+        return verdicts + [self._verdict(case, result) for case, result in self._pairs()]
+
+    def _pairs(self) -> list[tuple[Case, CaseResult | Failure | None]]:
+        return list(zip(self.cases, self.outcome.results, strict=True))
+
+    def _verdict(self, case: Case, result: CaseResult | Failure | None) -> Verdict:
+        kind: Kind = "error"
+        log = ""
+        if isinstance(result, CaseResult):
+            kind, log = "passed" if result.passed else "failed", str(result.log or "")
+            faults = tuple(_faults(result))
+        else:
+            faults = (result.reason if result is not None else f"no result: {self.why_lost}",)
+        return Verdict(case.source, case.controller, case.drive, case.plants, kind, faults, log)
+
+    def to_json(self, *, passed: bool) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "passed": passed,
+            "runs": [run.to_json() for result in self.finished for run in result.runs],
+            "agreements": [
+                agreement.to_json() for result in self.finished for agreement in result.agreements
+            ],
+            "failed": [
+                {
+                    "scenario": name,
+                    "controller": case and case.controller,
+                    "drive": case and case.drive,
+                    "reason": failure.reason,
+                    "bad_input": failure.bad_input,
+                }
+                for name, case, failure in self.failures
+            ],
+            "lost": [
+                {"scenario": case.scenario.name, "controller": case.controller, "drive": case.drive}
+                for case in self.lost
+            ],
+        }
+
+
+def _faults(result: CaseResult) -> Iterator[str]:
+    """What is not as it should be, a sentence each."""
+    for run in result.runs:
+        if run.status.label != result.expected:
+            yield f"{run.plant} ends with {run.status.label} at {run.end_s:g} s, expected {result.expected}"
+    for agreement in result.agreements:
+        if agreement.passed is False:
+            yield (
+                f"{agreement.plant} and {agreement.reference} differ by "
+                f"{agreement.max_load_error_m:.2e} m and "
+                f"{agreement.max_angle_error_rad:.2e} rad, limits {agreement.limit_m:.2e} m and "
+                f"{agreement.limit_rad:.2e} rad"
+            )
+    for run in result.runs:
+        for limit in run.limits:
+            if not limit.kept:
+                value = "no value" if limit.value is None else f"{limit.value:.4g}"
+                yield f"{run.plant} breaks the limit {limit.limit:g} of {limit.metric}: {value}"
+
+
+def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
+    """JUnit XML: a test case for each, its class the scenario. The same verdicts are the same text."""
+    count = {kind: sum(each.kind == kind for each in verdicts) for kind in ("failed", "error")}
+    totals = {
+        "tests": str(len(verdicts)),
+        "failures": str(count["failed"]),
+        "errors": str(count["error"]),
+    }
+    root = ElementTree.Element("testsuites", totals)
+    suite = ElementTree.SubElement(root, "testsuite", {"name": "cranectl validate", **totals})
+    for each in verdicts:
+        name = " / ".join(part for part in (each.controller, each.drive, ", ".join(each.plants)) if part)
+        case = ElementTree.SubElement(suite, "testcase", {"classname": each.scenario, "name": name})
+        if each.kind != "passed":
+            tag = "failure" if each.kind == "failed" else "error"
+            fault = ElementTree.SubElement(case, tag, {"message": _printable(each.faults[0].splitlines()[0])})
+            lines = [
+                *each.faults,
+                f"again: {each.command(options)}",
+                *([f"log: {each.log}"] * bool(each.log)),
+            ]
+            fault.text = _printable("\n".join(lines))
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text.decode() + "\n"
+
+
+def _printable(text: str) -> str:
+    """Without characters that XML cannot hold."""
+    return "".join(char if char in "\n\t" or ord(char) >= 0x20 else "?" for char in text)
