@@ -14,9 +14,8 @@ from cranectl.model.dynamics import AxisMasses, axis_masses
 from cranectl.model.flatness import flat_output
 from cranectl.signals import INPUT_COLUMN, LAW_ERROR_COLUMN, LAW_LOAD_COLUMN, LAW_SIGNALS_COLUMN
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 from cranectl.support.jit import address_of, jit
-
-Array = NDArray[np.float64]
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)

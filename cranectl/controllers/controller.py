@@ -18,15 +18,12 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import Signal, SignalGroup, law_groups
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_name
 
-Array = NDArray[np.float64]
 Value = float | str
 
 

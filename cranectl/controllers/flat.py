@@ -8,7 +8,6 @@ from math import isfinite, pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.design import Design
 from cranectl.design.discretisation import check_sampled, sampled_blocks, sampled_loop
@@ -27,9 +26,8 @@ from cranectl.signals import (
     Z,
 )
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 RUNNING = int(RunStatus.RUNNING)
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
@@ -46,7 +44,7 @@ class Tracker(NamedTuple):
     """What the kernel needs to know besides signals; a design, sampled, on a given rig."""
 
     gain: Array  # (4,)
-    state_matrix: Array  # (n, 2, 2), see design.sampling.SampledBlocks
+    state_matrix: Array  # (n, 2, 2), see design.discretisation.SampledBlocks
     input_matrix: Array  # (n, 2)
     output_matrix: Array  # (n, 2)
     feedthrough: float

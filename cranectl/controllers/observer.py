@@ -11,12 +11,10 @@ A step D of d leaves at most 0.27 D/w² in position and 0.84 D/w in velocity, bo
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.model.dynamics import angular_accelerations
+from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-
-Array = NDArray[np.float64]
 
 JOINTS = 5  # bridge, trolley, rope, alpha, beta
 # Places in the observer's memory: what it expects at the next sample.

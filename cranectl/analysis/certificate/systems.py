@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cranectl.support.arrays import Array
+
 Complex = NDArray[np.complex128]
 
 
