@@ -1,6 +1,6 @@
-"""The tables of docs/reference/, from the tables and classes that the package itself uses.
+"""The tables of docs/reference/ and validation/schemas/, from the tables and classes that the package uses.
 
-python validation/reference_pages.py            say which pages differ
+python validation/reference_pages.py            say which differ
 python validation/reference_pages.py --write    and write them
 
 A page is what people wrote, and between two comments what is written here.
@@ -19,6 +19,7 @@ from google.protobuf import descriptor_pb2
 
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
+from cranectl.cli.schema import DOCUMENTS, json_schema
 from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
@@ -201,6 +202,13 @@ def written_anew(name: str, text: str) -> str:
 
 
 if __name__ == "__main__":
+    for document in DOCUMENTS:
+        path = DIRECTORY.parent.parent / "validation" / "schemas" / f"{document}.json"
+        new = json.dumps(json_schema(document), indent=1, ensure_ascii=False) + "\n"
+        if not path.exists() or path.read_text(encoding="utf-8") != new:
+            print(f"validation/schemas/{document}.json differs")
+            if "--write" in sys.argv[1:]:
+                path.write_text(new, encoding="utf-8")
     for name in PAGES:
         path = DIRECTORY / f"{name}.md"
         text = path.read_text(encoding="utf-8")

@@ -22,9 +22,11 @@ from cranectl.cli.ladder import ladder_command
 from cranectl.cli.list import list_command
 from cranectl.cli.live import live_command
 from cranectl.cli.log import log_command
+from cranectl.cli.new import new_command
 from cranectl.cli.render import render_command
 from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
+from cranectl.cli.schema import schema_command
 from cranectl.cli.streams import steady_streams
 from cranectl.cli.thesis import thesis_command
 from cranectl.cli.validate import validate_command
@@ -44,8 +46,16 @@ Exit codes:
 
 
 COMMANDS: dict[str, tuple[click.Command, ...]] = {
-    "Run": (run_command, live_command, campaign_command),
-    "Look": (list_command, info_command, compare_command, report_command, render_command, log_command),
+    "Run": (new_command, run_command, live_command, campaign_command),
+    "Look": (
+        list_command,
+        schema_command,
+        info_command,
+        compare_command,
+        report_command,
+        render_command,
+        log_command,
+    ),
     "Judge": (validate_command, certify_command, advise_command),
     "Explain": (design_command, ladder_command, budget_command, thesis_command),
 }

@@ -1,0 +1,96 @@
+"""`cranectl schema`."""
+
+from math import isfinite
+from typing import Any
+
+import click
+
+from cranectl.cli.command import Command
+
+DOCUMENTS = ("scenario", "rig", "campaign")
+
+
+@click.command("schema", cls=Command)
+@click.argument("document", type=click.Choice(DOCUMENTS))
+def schema_command(document: str) -> None:
+    """Print the JSON Schema of a kind of file, for editors.
+
+    With `#:schema scenario.json` in the first line of a TOML file, editors that know TOML complete its keys,
+    show what they mean and mark what is wrong. Metrics, plants and laws of installed packages are in it.
+
+    \b
+    cranectl schema scenario > scenario.json
+    cranectl schema campaign
+    """
+    import json
+
+    click.echo(json.dumps(json_schema(document), indent=1, ensure_ascii=False))
+
+
+def json_schema(document: str) -> dict[str, Any]:
+    """What a file of the kind `document`, one of DOCUMENTS, may hold: JSON Schema, draft 2020-12."""
+    from cranectl.campaign.settings import CampaignSettings
+    from cranectl.scenario import Scenario
+    from cranectl.scenario.rig import RigParameters
+    from cranectl.scenario.segments import added_kinds
+
+    model = {"scenario": Scenario, "rig": RigParameters, "campaign": CampaignSettings}[document]
+    schema = model.model_json_schema()
+    if document == "scenario":
+        schema["$defs"]["LimitSettings"] |= _limits()
+        schema["$defs"]["AddedSegment"]["properties"]["kind"]["enum"] = list(added_kinds())
+        schema["properties"]["controller"] = _controller(schema["$defs"]["ControllerSettings"])
+    if document == "campaign":
+        schema["properties"]["uncertain"]["$ref"] = "#/$defs/Uncertain"
+        schema["$defs"]["Uncertain"] = _nested(schema["properties"]["uncertain"].pop("additionalProperties"))
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _nested(distribution: dict[str, Any]) -> dict[str, Any]:
+    """Tables in tables, as a scenario has them, in which a table with a distribution is an end."""
+    below = {
+        "if": {"type": "object", "required": ["distribution"]},
+        "then": distribution,
+        "else": {"$ref": "#/$defs/Uncertain"},
+    }
+    return {"type": "object", "additionalProperties": below}
+
+
+def _limits() -> dict[str, Any]:
+    """The metrics that may be limited, and a table of them for each plant."""
+    from cranectl.metrics.limits import Limits
+    from cranectl.plants.registry import PLANTS
+
+    own = {"properties": Limits.model_json_schema()["properties"], "additionalProperties": False}
+    tables = {plant: {"type": "object", "description": f"on {plant} only", **own} for plant in PLANTS}
+    return {**own, "properties": {**own["properties"], **tables}}
+
+
+def _controller(table: dict[str, Any]) -> dict[str, Any]:
+    """A name, or a table of name and parameters of laws."""
+    from cranectl.controllers.registry import FLAT_FAMILY, controller_names, load_controller
+
+    name = {**table["properties"]["name"], "enum": list(controller_names())}
+    laws = {}
+    for law in map(load_controller, controller_names()[len(FLAT_FAMILY) :]):
+        parameters = {
+            each.name: {
+                "description": f"{each.description} [{each.unit}]" if each.unit else each.description,
+                "default": each.default,
+                **({"enum": list(each.choices)} if each.choices else _number(each.lowest, each.highest)),
+            }
+            for each in law.parameters
+        }
+        laws[law.name] = {
+            "type": "object",
+            "description": law.title,
+            "properties": parameters,
+            "additionalProperties": False,
+        }
+    both = {**table, "properties": {"name": name, **laws}, "additionalProperties": False}
+    return {"anyOf": [name, both], "description": table["description"]}
+
+
+def _number(lowest: float, highest: float) -> dict[str, Any]:
+    bounds = {"minimum": lowest, "maximum": highest}
+    return {"type": "number", **{name: value for name, value in bounds.items() if isfinite(value)}}
