@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cranectl
+from cranectl.log.topics import FORMER
 from viewer import panels, pictures
 from viewer.logs import rewrite
 from viewer.panels import Layout
