@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.analysis.certificate.certify import Certificate, certify, make_nominal_loops
+from cranectl.analysis.certificate.certify import Certificate, PointVerdict, certify, make_nominal_loops
 from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.ladder import Size, deviation
@@ -54,8 +54,17 @@ class Assessment:
 
     @property
     def least_margin(self) -> float:
-        """B(G, K) minus the largest nu-gap."""
-        return self.certificate.least_margin
+        """What is left of the margin at the point where that is least; positive if it is guaranteed."""
+        return self._tightest.left
+
+    @property
+    def judged_by(self) -> str:
+        """How the certificate judges that point: by the gap alone, or frequency by frequency."""
+        return {"gap": "gap", "by frequency": "frequency", "refused": "refused"}[self._tightest.grade]
+
+    @property
+    def _tightest(self) -> PointVerdict:
+        return min(self.certificate.points, key=lambda point: point.left)
 
     @property
     def grade(self) -> str:
@@ -71,6 +80,7 @@ class Assessment:
             "grade": self.grade,
             "status": self.status.label,
             "least_margin": self.least_margin,
+            "judged_by": self.judged_by,
             "margin": self.certificate.margin,
             "worst": str(self.certificate.worst.point),
             "metrics": self.metrics.to_json() if self.metrics else None,

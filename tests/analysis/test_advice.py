@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cranectl.analysis.advice import GIVEN, IMPROVEMENTS, Advice, advise, improved, visited_points
+from cranectl.analysis.advice import GIVEN, IMPROVEMENTS, Advice, advise, assess, improved, visited_points
+from cranectl.analysis.certificate.certify import CAUTION
 from cranectl.analysis.levels import with_effects
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
@@ -27,6 +28,18 @@ def test_the_best_comes_first_and_is_the_guaranteed_one(found: Advice) -> None:
     assert (best.grade, other.grade) == ("guaranteed", "survived")
     assert best.guaranteed == all(point.certified for point in best.certificate.points)
     assert not other.guaranteed
+
+
+def test_what_is_guaranteed_has_a_margin_left_and_says_by_what() -> None:
+    """`lqr` holds frequency by frequency where its gap exceeds its margin."""
+    points = visited_points(load_scenario("fixed-position", overrides=SHORT))
+    rows = [assess(load_scenario("fixed-position", overrides=SHORT), name, points) for name in PAIR]
+    rows.append(assess(load_scenario("fixed-position", overrides=SHORT), "lqr", points))
+    for row in rows:
+        assert row.guaranteed == (row.least_margin > CAUTION) == (row.judged_by != "refused")
+        assert row.least_margin >= row.certificate.least_margin
+    assert [row.judged_by for row in rows] == ["refused", "gap", "frequency"]
+    assert rows[-1].certificate.least_margin < 0.0 < rows[-1].least_margin
 
 
 def test_a_run_that_ends_early_has_failed(found: Advice) -> None:

@@ -77,30 +77,33 @@ class NominalLoop:
         """Compare the plant frozen at `point`."""
         graph = self.opening.graph(inner)
         gap = nu_gap(graph, self.graph)
+        grade, left = self.grade(graph, gap)
         return PointVerdict(
             point=point,
             margin=self.margin.margin,
             margin_frequency=self.margin.angle / self.period,
             gap=gap.gap,
             frequency=gap.angle / self.period,
-            grade=self.grade(graph, gap),
+            grade=grade,
+            left=left,
             closed_loop_radius=closed_loop_radius(inner, self.opening.axis.robustifier),
         )
 
     def certifies(self, inner: InnerLoop) -> bool:
         """Whether the loop around `inner` is known to be stable."""
         graph = self.opening.graph(inner)
-        return self.grade(graph, nu_gap(graph, self.graph)) != "refused"
+        return self.grade(graph, nu_gap(graph, self.graph))[0] != "refused"
 
-    def grade(self, graph: Graph, gap: NuGap) -> Grade:
-        """What the plant of this `graph` and `gap` to the design model deserves."""
-        if gap.gap + CAUTION < self.margin.margin:
-            return "gap"
+    def grade(self, graph: Graph, gap: NuGap) -> tuple[Grade, float]:
+        """What the plant of `graph`, `gap` off the design model, deserves, and how much margin is left."""
+        left = self.margin.margin - gap.gap
+        if left > CAUTION:
+            return "gap", left
         if gap.winding != 0 or self.margin.margin <= 0.0:
-            return "refused"
+            return "refused", left
         controller, poles = self.opening.controller, self.opening.axis.robustifier.poles()
-        excess = largest_excess(graph, self.graph, controller, poles)
-        return "by frequency" if excess + CAUTION < 0.0 else "refused"
+        left = max(left, -largest_excess(graph, self.graph, controller, poles))
+        return ("by frequency" if left > CAUTION else "refused"), left
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,7 @@ class PointVerdict:
     gap: float
     frequency: float  # of the largest chordal distance [rad/s]
     grade: Grade
+    left: float  # of the margin: by the gap or, where that decides nothing, at the worst frequency
     closed_loop_radius: float  # largest modulus of the poles of the true linear loop
 
     @property

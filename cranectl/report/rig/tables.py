@@ -36,20 +36,24 @@ def three(what: str) -> tuple[str, ...]:
 
 def controllers_table(advice: Advice) -> Table:
     """One row a controller."""
-    headings = ("controller", "grade", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
+    headings = ("controller", "grade", "by", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
                 "cost RMS\n[mm]", "cost max\n[mm]")  # fmt: skip
     rows = tuple(
         cells(
             row.controller,
             Cell(row.grade if row.survived else row.status.label, MARKS[row.grade]),
+            row.judged_by,
             f"{row.least_margin:+.3f}",
             *_errors_and_costs(row),
         )
         for row in advice.assessments
     )
-    note = "Cost: distance of the load from where the continuous-time ideal of the same controller has it."
+    note = (
+        "By: whether the nu-gap alone leaves a margin at every point, or the loop was compared frequency by "
+        "frequency. Cost: distance of the load from where the same controller's continuous-time ideal has it."
+    )
     title = f"{advice.scenario.name}: controllers, the best first"
-    return Table(title, headings, rows, labels=2, note=note)
+    return Table(title, headings, rows, labels=3, note=note)
 
 
 def _errors_and_costs(row: Assessment) -> list[str]:
@@ -82,8 +86,8 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
     best = advice.best
     if best is None:
         return ("No controller survives: improve drives, delay or sensors, or ask for less.",)
-    worst = best.certificate.worst.point
-    words = [f"Take {best.controller}: {best.grade}, least margin {best.least_margin:+.3f} with the {worst}."]
+    how = f"least margin {best.least_margin:+.3f} by {best.judged_by}" if best.guaranteed else "not certified"
+    words = [f"Take {best.controller}: {best.grade}, {how}; worst with the {best.certificate.worst.point}."]
     if advice.improvements and advice.improvements[0].gain > 0.0:
         first = advice.improvements[0]
         words.append(
