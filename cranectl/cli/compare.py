@@ -9,7 +9,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, json_option, output_option, predict_option
 from cranectl.support.errors import InputError
-from cranectl.support.files import MCAP
+from cranectl.support.files import MCAP, exists
 
 if TYPE_CHECKING:
     from cranectl.cli.output import Screen
@@ -48,13 +48,15 @@ def compare_command(
     The plants of one LOG are judged as by the run that wrote it, exit code 1 if they do not agree, break a
     limit of their scenario, or did not end as it expects.
     The difference is second minus first, but NEW minus GOLDEN with --tolerances, which judges every plant
-    that both have. docs/explanation/validation.md says what a file of tolerances holds. Logs made by other
-    sources or versions are compared all the same, and what differs is named.
+    that both have; of two directories the logs of the same relative path. docs/explanation/validation.md says
+    what a file of tolerances holds. Logs made by other sources or versions are compared all the same, and
+    what differs is named.
 
     \b
     cranectl compare logs/fixed-position/lqr-ideal.mcap
     cranectl compare logs/fixed-position/lqr-ideal.mcap logs/fixed-position/lqr-velocity.mcap
     cranectl compare logs/fixed-position/lqr-ideal.mcap golden.mcap --tolerances exact
+    cranectl compare logs golden-logs --tolerances rounding --json verdicts.json
     cranectl compare analytic.mcap mujoco.mcap --merge both.mcap
     """
     one, judged, merged = len(logs) == 1, tolerances is not None, merge is not None
@@ -68,15 +70,24 @@ def compare_command(
     ):
         if wrong:
             raise InputError(found, allowed=allowed, remedy=remedy)
+    directories = [log for log in logs if exists(log) and log.is_dir()]
+    if directories and (tolerances is None or len(directories) < len(logs)):
+        raise InputError(
+            f"{directories[0]} is a directory",
+            allowed="two directories with --tolerances, or logs",
+            remedy="name two directories of logs, NEW and GOLDEN, and --tolerances",
+        )
     if tolerances is not None:
-        return _judge(logs[0], logs[1], tolerances, json_file)
+        judge = _judge_directories if directories else _judge
+        return judge(logs[0], logs[1], tolerances, json_file)
     if one:
         return _compare_plants(logs[0], json_file, predict=predict)
+    from cranectl.cases.regression import software_differences
     from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import compare_runs
 
     if merge is None:
-        pairs, software = _pairs(logs), _software_differences(logs[0], logs[1])
+        pairs, software = _pairs(logs), software_differences(logs[0], logs[1])
     else:
         pairs, software = [_merged(logs[0], logs[1], merge, despite_differences)], []
     comparisons = [compare_runs(a, b) for a, b in pairs]
@@ -156,41 +167,66 @@ def _compare_plants(log: Path, json_file: str | None, *, predict: "Predict | Non
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:
+    from cranectl.cases.regression import regression_of
     from cranectl.cli.output import FAILED, PASSED, console, write_json
-    from cranectl.compare.golden import judge_regression, load_tolerances
-    from cranectl.compare.runs import differing_fields
-    from cranectl.log import read_log
+    from cranectl.compare.golden import load_tolerances
     from cranectl.report.run.tables import regression_table
 
-    limits = load_tolerances(tolerances)
-    new, golden = read_log(new_log), read_log(golden_log)
-    shared = [plant for plant in new if plant in golden]
-    if not shared:
-        raise _nothing_shared()
-    verdicts = [judge_regression(new[plant], golden[plant], limits) for plant in shared]
-    differences = differing_fields(golden[shared[0]], new[shared[0]])
-    software = _software_differences(golden_log, new_log)
-    passed = all(verdict.passed for verdict in verdicts)
+    found = regression_of(new_log, golden_log, load_tolerances(tolerances))
     screen = console(json_file)
-    for verdict in verdicts:
+    for verdict in found.verdicts:
         screen.print(regression_table(verdict))
-    for plant in sorted(new.keys() ^ golden.keys()):
-        only = new_log if plant in new else golden_log
+    for plant, only in found.unshared.items():
         screen.print(f"not compared: {plant}, only in {only}")
-    for difference in differences:
+    for difference in found.differing_fields:
         screen.print(f"golden and new differ in {difference}")
-    for difference in software:
+    for difference in found.software_differences:
         screen.print(f"golden was made by other software: {difference}")
-    screen.print(f"{new_log.name}:", PASSED if passed else FAILED)
-    write_json(
-        json_file,
-        {
-            "passed": passed,
-            "differing_fields": differences,
-            "software_differences": software,
-            "verdicts": [verdict.to_json() for verdict in verdicts],
-        },
+    screen.print(f"{new_log.name}:", PASSED if found.passed else FAILED)
+    write_json(json_file, found.to_json())
+    return exit_codes.GOOD if found.passed else exit_codes.LIMIT_EXCEEDED
+
+
+def _judge_directories(new: Path, golden: Path, tolerances: str, json_file: str | None) -> int:
+    """The logs in and below two directories, by relative path; one that only GOLDEN has fails."""
+    from cranectl.cases.regression import Regression, regression_of
+    from cranectl.cli.output import FAILED, PASSED, console, write_json
+    from cranectl.compare.golden import load_tolerances
+    from cranectl.report.run.tables import regressions_table
+
+    limits = load_tolerances(tolerances)
+    held = [{path.relative_to(place) for path in place.rglob("*.mcap")} for place in (new, golden)]
+    if not held[1]:
+        raise InputError(
+            f"{golden}: a directory without logs",
+            allowed="directories with logs",
+            remedy="name another GOLDEN",
+        )
+    outcomes: dict[str, Regression | str] = {}
+    for path in sorted(held[1]):
+        try:
+            missing = path not in held[0]
+            outcomes[str(path)] = "missing" if missing else regression_of(new / path, golden / path, limits)
+        except InputError as error:
+            outcomes[str(path)] = error.found
+    passed = all(isinstance(outcome, Regression) and outcome.passed for outcome in outcomes.values())
+    screen = console(json_file)
+    screen.print(
+        regressions_table(
+            {
+                path: outcome if isinstance(outcome, str) else outcome.verdicts
+                for path, outcome in outcomes.items()
+            }
+        )
     )
+    for path in sorted(held[0] - held[1]):
+        screen.print(f"not compared: {path}, only in {new}")
+    screen.print(f"{new}:", PASSED if passed else FAILED)
+    logs = {
+        path: {"passed": False, "problem": outcome} if isinstance(outcome, str) else outcome.to_json()
+        for path, outcome in outcomes.items()
+    }
+    write_json(json_file, {"passed": passed, "logs": logs})
     return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED
 
 
@@ -221,16 +257,9 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     return pair
 
 
-def _software_differences(log: Path, other: Path) -> list[str]:
-    """What may make the numbers of two logs differ besides their runs, by `log` and by `other`."""
-    from cranectl.log import describe_log
-    from cranectl.support.provenance import provenance_differences
-
-    return provenance_differences(describe_log(log).versions, describe_log(other).versions, word="other")
-
-
 def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:
     """The runs to compare: the plants of one log, or each plant that two logs share."""
+    from cranectl.cases.regression import nothing_shared
     from cranectl.compare.agreement import against_reference
     from cranectl.log import read_log
 
@@ -248,8 +277,4 @@ def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:
         return [(runs[0][plant], runs[1][plant]) for plant in shared]
     if len(runs[0]) == len(runs[1]) == 1:
         return [(next(iter(runs[0].values())), next(iter(runs[1].values())))]
-    raise _nothing_shared()
-
-
-def _nothing_shared() -> InputError:
-    return InputError("the logs share no plant", allowed="logs of the same plant")
+    raise nothing_shared()

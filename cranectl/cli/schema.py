@@ -34,7 +34,7 @@ def json_schema(document: str) -> dict[str, Any]:
     from cranectl.scenario.rig import RigParameters
     from cranectl.scenario.segments import added_kinds
 
-    model = {"scenario": Scenario, "rig": RigParameters, "campaign": CampaignSettings}[document]
+    model: Any = {"scenario": Scenario, "rig": RigParameters, "campaign": CampaignSettings}[document]
     schema = model.model_json_schema()
     if document == "scenario":
         schema["$defs"]["LimitSettings"] |= _limits()
@@ -68,7 +68,8 @@ def _limits() -> dict[str, Any]:
 
 def _controller(table: dict[str, Any]) -> dict[str, Any]:
     """A name, or a table of name and parameters of laws."""
-    from cranectl.controllers.registry import FLAT_FAMILY, controller_names, load_controller
+    from cranectl.controllers.registry import controller_names, load_controller
+    from cranectl.design import CONTROLLERS as FLAT_FAMILY
 
     name = {**table["properties"]["name"], "enum": list(controller_names())}
     laws = {}

@@ -13,7 +13,7 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 from scipy.linalg import expm, solve_continuous_are
 
-from cranectl.controllers.controller import Array, Controller, LinearLaw, Logged, Nominal, Parameter
+from cranectl.controllers.controller import Controller, LinearLaw, Logged, Nominal, Parameter
 from cranectl.design.discretisation import check_sampled
 from cranectl.model.flatness import flat_output, state_and_input
 from cranectl.signals import (
@@ -30,6 +30,7 @@ from cranectl.signals import (
     Y,
     Z,
 )
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
 

@@ -12,8 +12,9 @@ from math import pi, sqrt
 
 import numpy as np
 
-from cranectl.controllers.controller import Array, Controller, Logged, Nominal, Parameter
+from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
 from cranectl.signals import ROPE, Signal
+from cranectl.support.arrays import Array
 
 SHAPERS = ("none", "zv", "zvd", "ei")
 VIBRATION = 0.05  # V of ei, the part of the unshaped vibration that may remain at the modelled frequency

@@ -188,3 +188,37 @@ def test_logs_that_cannot_be_merged(capsys: pytest.CaptureFixture[str]) -> None:
         assert expected in bad_input(capsys, one, other, "--merge", out, "--despite-differences"), expected
     assert "one of each plant" in bad_input(capsys, one, "--merge", "new.mcap")
     assert "without --merge" in bad_input(capsys, one, "mujoco.mcap", "--despite-differences")
+
+
+def test_directories_are_judged_log_by_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By relative path: what is missing or cannot be read fails, what is new is named."""
+    scenario = tmp_path / "s.toml"
+    scenario.write_text('name = "s"\nduration = 0.3\nreference = { start = [1.0, 0.77, -0.7] }\n')
+    new, golden = tmp_path / "new", tmp_path / "golden"
+
+    def run(log: Path, *overrides: str) -> None:
+        changes = [part for each in overrides for part in ("--set", each)]
+        assert main(["run", str(scenario), "--plants", "analytic", "--out", str(log), *changes]) == 0
+
+    for place in (new, golden):
+        run(place / "a.mcap")
+        run(place / "below" / "b.mcap")
+    command = ["compare", str(new), str(golden), "--tolerances", "exact"]
+    assert main(command) == 0
+    run(new / "below" / "b.mcap", "initial.load_offset=[0.001,0,0]")
+    run(new / "extra.mcap")
+    run(golden / "gone.mcap")
+    (golden / "bad.mcap").write_bytes(b"no log")
+    (new / "bad.mcap").write_bytes(b"no log")
+    capsys.readouterr()
+    assert main([*command, "--json", str(tmp_path / "v.json")]) == 1
+    out = capsys.readouterr().out
+    assert "not compared: extra.mcap, only in" in out
+    logs = json.loads((tmp_path / "v.json").read_text())["logs"]
+    assert {path: log["passed"] for path, log in logs.items()} == {
+        "a.mcap": True, "bad.mcap": False, "below/b.mcap": False, "gone.mcap": False
+    }  # fmt: skip
+    assert logs["gone.mcap"]["problem"] == "missing"
+    for arguments in ([str(new), str(golden)], [str(new), str(golden / "a.mcap"), "--tolerances", "exact"]):
+        assert main(["compare", *arguments]) == 2
+        assert "is a directory" in capsys.readouterr().err

@@ -23,20 +23,21 @@ def problems(document: str, text: str) -> list[str]:
     return [error.json_path for error in found]
 
 
-@pytest.mark.parametrize("kind", ENDINGS)
-def test_an_example_works_and_proves_it(kind: str) -> None:
-    assert main(["new", kind, "own-thing", "--in", "place"]) == 0
-    written = {path.name: path.read_text() for path in Path("place").iterdir()}
-    stem = "own_thing" if kind == "controller" else "own-thing"
-    assert set(written) == {f"{stem}.{ENDINGS[kind]}", "test_own_thing.py"}
-    assert not any(word in text for text in written.values() for word in ("NAME", "MODULE"))
-    if kind in DOCUMENTS:
-        assert problems(kind, written[f"{stem}.toml"]) == []
+def test_examples_work_and_prove_it() -> None:
+    for kind, ending in ENDINGS.items():
+        assert main(["new", kind, f"own-{kind}", "--in", kind]) == 0
+        written = {path.name: path.read_text() for path in Path(kind).iterdir()}
+        stem = "own_controller" if kind == "controller" else f"own-{kind}"
+        assert set(written) == {f"{stem}.{ending}", f"test_own_{kind}.py"}
+        assert not any(word in text for text in written.values() for word in ("NAME", "MODULE"))
+        if kind in DOCUMENTS:
+            assert problems(kind, written[f"{stem}.toml"]) == []
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_own_thing.py"],
-        cwd="place", capture_output=True, text=True, check=False,
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *ENDINGS],
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
+    assert "5 passed" in done.stdout or "6 passed" in done.stdout, done.stdout
 
 
 def test_nothing_is_replaced_and_names_are_checked(capsys: pytest.CaptureFixture[str]) -> None:

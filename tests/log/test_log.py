@@ -55,8 +55,10 @@ def assert_same(read: Run, written: Run) -> None:
     assert read.design.to_json() == written.design.to_json()
 
 
-@pytest.mark.parametrize("plants", [slice(0, 2), slice(0, 1), slice(1, 2)])
-@pytest.mark.parametrize("every", [None, 1, 7])
+@pytest.mark.parametrize(
+    ("every", "plants"),
+    [(None, slice(0, 2)), (1, slice(0, 2)), (7, slice(0, 2)), (None, slice(0, 1)), (7, slice(1, 2))],
+)
 def test_reads_back_bit_for_bit(tmp_path: Path, runs: list[Run], every: int | None, plants: slice) -> None:
     read = read_log(write_log(tmp_path / "a.mcap", runs[plants], every=every))
     assert list(read) == ["analytic", "mujoco"][plants]

@@ -74,12 +74,15 @@ def test_one_changed_file_is_named(copied: Path, changed: str, named: str | None
 
 
 def test_everything_shipped_is_covered() -> None:
-    """A mesh beside the model, or a table in another format, would go unnoticed; pictures decide nothing."""
+    """A mesh beside the model, or a table in another format, would go unnoticed.
+
+    Pictures and schemas decide nothing.
+    """
     models, data = resources.MODEL_FILE.parent, resources.TOLERANCE_FILE.parent
     kinds = {path.suffix for path in models.rglob("*") if path.is_file()}
     assert kinds == {".xml"}
     kinds = {path.suffix for path in data.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
-    assert kinds == {".toml", ".py", ".svg"}
+    assert kinds == {".toml", ".py", ".svg", ".json"}
     for place in (
         resources.SCENARIO_DIRECTORY,
         resources.THESIS_DIRECTORY,

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.analysis.certificate.systems import Array, Complex, SampledSystem
+from cranectl.analysis.certificate.systems import Complex, SampledSystem
+from cranectl.support.arrays import Array
 
 NEAR_AXIS = 1e-6  # an eigenvalue counts as imaginary if its real part is below this part of its modulus
 OVERLAP = 1e-7  # of neighbouring intervals, in parts of the angle: what an eigenvalue may be wrong by

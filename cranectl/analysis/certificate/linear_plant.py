@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint, equilibrium, step_at
-from cranectl.analysis.certificate.systems import Array, SampledSystem, differences
+from cranectl.analysis.certificate.systems import SampledSystem, differences
 from cranectl.controllers.flat import ZETA, Tracker, inner_law
 from cranectl.controllers.observer import (
     DISTURBANCE,
@@ -42,6 +42,7 @@ from cranectl.scenario.effects import EffectSettings
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY
 from cranectl.simulate import make_plant, tracker_of
 from cranectl.simulate.actuation import Actuation, actuate, make_actuation
+from cranectl.support.arrays import Array
 
 NONE = (0.0, 0.0, 0.0)
 

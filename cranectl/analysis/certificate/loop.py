@@ -23,7 +23,6 @@ from scipy.optimize import minimize
 from cranectl.analysis.certificate.linear_plant import LinearPlant
 from cranectl.analysis.certificate.nu_gap import Graph
 from cranectl.analysis.certificate.systems import (
-    Array,
     Complex,
     SampledSystem,
     close_inputs,
@@ -33,6 +32,7 @@ from cranectl.controllers.controller import CRANE_STATES, LinearLaw
 from cranectl.design import Design
 from cranectl.design.discretisation import diagonal, sampled_blocks
 from cranectl.scenario import DesignSettings
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 SIGNALS = CRANE_STATES  # four measured on each axis: a flat output and three derivatives, or crane states

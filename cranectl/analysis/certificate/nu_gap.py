@@ -24,12 +24,12 @@ import numpy as np
 
 from cranectl.analysis.certificate.systems import (
     LOWEST,
-    Array,
     Complex,
     Samples,
     sample,
     starting_grid,
 )
+from cranectl.support.arrays import Array
 
 ON_CIRCLE = 1e-9  # poles this near to the circle are taken as on it
 

@@ -21,7 +21,7 @@ from math import asin, cos, sqrt
 
 import numpy as np
 
-from cranectl.analysis.certificate.systems import Array, differences
+from cranectl.analysis.certificate.systems import differences
 from cranectl.model.flatness import slopes_from_angles
 from cranectl.plants.mujoco.linearisation import (
     Anchor,
@@ -36,6 +36,7 @@ from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA, ROPE
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 LARGEST_SINE = 0.9999  # of alpha; where it would be 1 the law is singular

@@ -27,7 +27,8 @@ import numpy as np
 
 from cranectl.analysis.certificate.frequency_intervals import Bounded, first_gap
 from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_matrix, on_each_axis, parts
-from cranectl.analysis.certificate.systems import LOWEST, Array, Complex, SampledSystem, starting_grid
+from cranectl.analysis.certificate.systems import LOWEST, Complex, SampledSystem, starting_grid
+from cranectl.support.arrays import Array
 
 RADIUS = 4.0  # of the logarithms searched, about the scaling that balances rows and columns
 ENOUGH = 1e-4  # of the bound, by which it may exceed the least

@@ -110,6 +110,30 @@ def _largest(row: SignalDifference | SignalVerdict) -> tuple[str, str, str, str]
     return row.signal, row.unit, f"{row.max_abs:.1e}", f"{row.at_s:.3f}"
 
 
+def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str]) -> Table:
+    """Logs beside their golden ones, by path: the signal that is worst off, or why there is none."""
+    rows = []
+    for path, verdicts in outcomes.items():
+        if isinstance(verdicts, str):
+            rows.append(cells(path, "", verdicts, "", "", VERDICTS[False]))
+            continue
+        for verdict in verdicts:
+            worst = max(
+                verdict.signals, key=lambda row: row.max_abs / row.limit if row.limit else row.max_abs
+            )
+            said = "ends otherwise" if not (verdict.same_status and verdict.ends_passed) else worst.signal
+            limit = f"{worst.limit:.1e}"
+            rows.append(
+                cells(path, verdict.plant, said, f"{worst.max_abs:.1e}", limit, VERDICTS[verdict.passed])
+            )
+    headings = ("log", "plant", "worst", "max |diff|", "limit", "verdict")
+    return Table("New minus golden", headings, tuple(rows), labels=3)
+
+
+def _excess(signal: SignalVerdict) -> tuple[bool, float]:
+    return not signal.passed, signal.max_abs / signal.limit if signal.limit else signal.max_abs
+
+
 def topic_table(description: LogDescription) -> Table:
     """What a log holds, one row a topic."""
     rows = tuple(
