@@ -71,11 +71,11 @@ def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
     assert before["pause"] == "false"
     studio.set_parameter(PARAMETERS, "pause", "true")
     assert eventually(lambda: studio.parameters(PARAMETERS)["pause"], lambda seen: seen == "true") == "true"
-    stopped = at_rest(studio.duration)
     studio.set_parameter(PARAMETERS, "controller", '"lqr+hinf"')
     after = eventually(lambda: studio.parameters(PARAMETERS), lambda seen: seen["k0"] != before["k0"])
     assert after["controller"] == '"lqr+hinf"'
     assert after["k0"] != before["k0"]
+    stopped = at_rest(studio.duration)  # what was on its way has been shown by now
     assert at_rest(studio.duration) == stopped, "paused, whatever is set meanwhile"
     studio.set_parameter(PARAMETERS, "pause", "false")
     assert eventually(studio.duration, lambda seconds: seconds > stopped + 2.0) > stopped + 2.0
@@ -91,3 +91,4 @@ def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
         cranectl.read_log(live.record.with_suffix(".segment2.mcap")),
     )
     assert first["mujoco"].design.name != second["mujoco"].design.name == "lqr+hinf"
+    assert second["mujoco"].time[0] - first["mujoco"].time[-1] < 0.05, "no time passes while it is paused"

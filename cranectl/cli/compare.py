@@ -84,14 +84,17 @@ def compare_command(
         return _compare_plants(logs[0], json_file, predict=predict)
     from cranectl.cases.regression import software_differences
     from cranectl.cli.output import console, write_json
-    from cranectl.compare.runs import compare_runs
+    from cranectl.compare.runs import compare_runs, differing_fields
 
     if merge is None:
         pairs, software = _pairs(logs), software_differences(logs[0], logs[1])
     else:
         pairs, software = [_merged(logs[0], logs[1], merge, despite_differences)], []
+    differing = differing_fields(*pairs[0])
     comparisons = [compare_runs(a, b) for a, b in pairs]
     screen = console(json_file)
+    for difference in differing:
+        screen.print(f"the runs differ in {difference}")
     for comparison in comparisons:
         _print(screen, comparison)
     for difference in software:
@@ -99,7 +102,9 @@ def compare_command(
     if merge is not None:
         screen.print(f"log: {merge}")
     compared = [comparison.to_json() for comparison in comparisons]
-    write_json(json_file, {"comparisons": compared, "software_differences": software})
+    write_json(
+        json_file, {"comparisons": compared, "differing_fields": differing, "software_differences": software}
+    )
     return exit_codes.GOOD
 
 

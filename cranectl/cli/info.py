@@ -75,9 +75,10 @@ def _lines(
     software: Sequence[str],
 ) -> list[str]:
     """What a log is, a line a fact; `software` is what differs from what is installed."""
+    from cranectl.scenario import changed_from_default
+
     scenario, design = runs[0].scenario, runs[0].design
-    defaults = type(scenario.rig)().model_dump()
-    changed = {name: value for name, value in scenario.rig.model_dump().items() if value != defaults[name]}
+    changed = changed_from_default(scenario)
     facts = [
         ("file", description.path),
         ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
@@ -87,7 +88,7 @@ def _lines(
         (run.plant, f"{run.status.label} at {run.end_s:g} s, {len(run.time_ns)} samples") for run in runs
     ]
     facts += [
-        ("rig", ", ".join(f"{name} = {value}" for name, value in changed.items()) or "default parameters"),
+        ("not default", ", ".join(f"{name} = {value}" for name, value in changed.items()) or "nothing"),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
     ]

@@ -53,14 +53,15 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
     check_place(out, HTML, inputs=logs, option="--out")
     runs = [read_log(log) for log in logs]
     labels = _labels(logs)
+    versions = {label: describe_log(log).versions for label, log in zip(labels, logs, strict=True)}
     notes = [
         f"{label} was made by other software than is installed: {difference}"
-        for label, log in zip(labels, logs, strict=True)
-        for difference in provenance_differences(describe_log(log).versions, provenance())
+        for label in labels
+        for difference in provenance_differences(versions[label], provenance())
     ]
     command = f"cranectl report {' '.join(map(str, logs))}"
     of_logs = dict(zip(labels, runs, strict=True))
-    write_page(log_page(of_logs, command, notes, predict=predict), out)
+    write_page(log_page(of_logs, command, notes, versions=versions, predict=predict), out)
     for note in notes:
         console(None).print(note)
     console(None).print(f"report: {out}")

@@ -11,7 +11,7 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import MAX_DURATION, Duration, Point3, Segment
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
-from cranectl.support.documents import Table, merged, read_toml
+from cranectl.support.documents import Table, differences, leaves, merged, read_toml
 
 NANOSECONDS = 1_000_000_000
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
@@ -255,6 +255,19 @@ def _nanoseconds(seconds: float) -> int:
 def _divides(step: float, time: float) -> bool:
     """Whether `time` is a whole multiple of `step`, on the nanosecond grid."""
     return _nanoseconds(time) % _nanoseconds(step) == 0
+
+
+OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "initial", "controller"}
+
+
+def changed_from_default(scenario: Scenario) -> dict[str, Any]:
+    """By dotted name, what of rig, control, design, effects and the like is not the default.
+
+    Name, duration, motion and disturbances are every scenario's own and have none.
+    """
+    default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
+    usual, asked = (dict(leaves(each.model_dump(mode="json", exclude=OWN))) for each in (default, scenario))
+    return {name: new for name, _, new in differences(usual, asked, absent=None)}
 
 
 def scenario_names() -> list[str]:

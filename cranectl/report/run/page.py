@@ -22,22 +22,28 @@ from cranectl.report.run.figures import (
     families_of,
     largest_difference,
 )
+from cranectl.report.run.settings import SAME, Logs, what_differs, what_was_run
 from cranectl.report.run.tables import comparison_table, limits_table, metrics_table, run_table
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
 
 Runs = Mapping[str, Run]  # by label
 DASHES = ("-", (0, (2, 1)), (0, (1, 1)))  # of plants beside the reference plant
-Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 
 
 @np.errstate(invalid="ignore")  # of a last sample that may hold what stopped its run
 def log_page(
-    logs: Logs, remade_by: str, notes: Sequence[str] = (), *, predict: Predict | None = None
+    logs: Logs,
+    remade_by: str,
+    notes: Sequence[str] = (),
+    *,
+    versions: Mapping[str, Mapping[str, str]] | None = None,
+    predict: Predict | None = None,
 ) -> Page:
     """A page of up to four logs, each with the runs of one plant or more; `notes` come first.
 
-    `predict` finds limits where cranectl has none for the plants' agreement.
+    `versions`: by log, of what made it. `predict` finds limits where cranectl has none for the plants'
+    agreement.
     """
     agreements = {}
     for label, (a, b) in _pairs(logs).items():
@@ -56,13 +62,17 @@ def log_page(
         metrics_table(metrics),
         *((judged,) if judged is not None else ()),
     )
+    asked, differing = what_was_run(logs, versions or {}), what_differs(logs)
+    same = (SAME,) if len(logs) > 1 and differing is None else ()
+    tables = tuple(table for table in (differing, asked) if table is not None)
     sections = [
-        Section("runs", "Runs", tuple(notes), run_tables),
+        Section("asked", "What was run", (*notes, *same), tables),
+        Section("runs", "Runs", (), run_tables),
         Section("figures", "Figures", figures=_figures(logs, agreements)),
     ]
-    tables = tuple(comparison_table(label, comparison) for label, comparison in _comparisons(logs))
-    if tables:
-        sections.append(Section("differences", "Differences", tables=tables))
+    compared = tuple(comparison_table(label, comparison) for label, comparison in _comparisons(logs))
+    if compared:
+        sections.append(Section("differences", "Differences", tables=compared))
     return Page(", ".join(scenarios), title, tuple(sections), remade_by)
 
 

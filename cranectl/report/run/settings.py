@@ -1,0 +1,60 @@
+"""What was run, and in what the runs of several logs differ: tables by setting and log."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from cranectl.report.table import Table, cells
+from cranectl.scenario import changed_from_default
+from cranectl.simulate import Run
+from cranectl.support.documents import leaves
+
+Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
+LONGEST = 70  # characters of a value
+SAME = "Scenario, controller and drives are the same in all logs."
+
+
+def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> Table:
+    """A column a log; of settings those that are not the default in all of them. `versions`: by label."""
+    first = [next(iter(log.values())) for log in logs.values()]
+    changed = [changed_from_default(run.scenario) for run in first]
+    facts: dict[str, list[str]] = {
+        "scenario": [run.scenario.name for run in first],
+        "controller": [run.design.name for run in first],
+        "drives": [run.drive for run in first],
+        "plants": [", ".join(log) for log in logs.values()],
+        "duration": [f"{run.scenario.duration:g} s" for run in first],
+        "disturbances": [str(len(run.scenario.disturbances) or "none") for run in first],
+        "effects": [", ".join(run.scenario.effects.names) or "none" for run in first],
+    }
+    for name in dict.fromkeys(name for each in changed for name in each):
+        facts[name] = [_text(each[name]) if name in each else "default" for each in changed]
+    if versions:
+        facts["made with"] = [
+            ", ".join(f"{name} {version}" for name, version in versions[label].items()) for label in logs
+        ]
+    rows = tuple(cells(name, *texts) for name, texts in facts.items())
+    note = "All that is not named here has its default."
+    return Table("What was run", ("", *logs), rows, labels=1 + len(logs), note=note)
+
+
+def what_differs(logs: Logs) -> Table | None:
+    """What is not the same in all logs, a column each; None if all is, or for a single log."""
+    tables = []
+    for log in logs.values():
+        run = next(iter(log.values()))
+        asked = {"plants": list(log), "drives": run.drive, "controller": run.design.name}
+        tables.append(asked | {"scenario": run.scenario.model_dump(mode="json", exclude={"controller"})})
+    flat = [dict(leaves(table)) for table in tables]
+    names = dict.fromkeys(name for each in flat for name in each)
+    differing = [name for name in names if len({_text(each.get(name)) for each in flat}) > 1]
+    rows = tuple(
+        cells(name.removeprefix("scenario."), *(_text(each[name]) if name in each else "–" for each in flat))
+        for name in differing
+    )
+    return Table("What differs", ("", *logs), rows, labels=1 + len(logs)) if rows else None
+
+
+def _text(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"

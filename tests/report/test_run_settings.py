@@ -1,0 +1,72 @@
+"""What was run and what differs: of everything that is not the default, log by log."""
+
+from pathlib import Path
+
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.log import write_log
+from cranectl.report.run.settings import what_differs, what_was_run
+from cranectl.scenario import changed_from_default, default_scenario, load_scenario
+from cranectl.simulate import Run, simulate_run
+
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+OVERRIDES = ["duration=0.1", "disturbances=[]"]
+
+
+def logs(*changes: str) -> dict[str, dict[str, Run]]:
+    """Of `fixed-position`, and of that with changes."""
+    found = {}
+    for label, overrides in (("a", OVERRIDES), ("b", [*OVERRIDES, *changes])):
+        run = simulate_run(load_scenario("fixed-position", overrides=overrides), plant="analytic")
+        found[label] = {"analytic": run}
+    return found
+
+
+def rows(table: object) -> dict[str, list[str]]:
+    return {row[0].text: [cell.text for cell in row[1:]] for row in table.rows}  # type: ignore[attr-defined]
+
+
+def test_every_setting_that_is_not_the_default_is_named() -> None:
+    assert changed_from_default(default_scenario()) == {}
+    changed = default_scenario(
+        overrides=[
+            "rig.load_mass=3",
+            "design.poles=[-1,-2,-3,-4]",
+            "effects.delay={}",
+            "control.period=0.002",
+        ]
+    )
+    assert changed_from_default(changed) == {
+        "rig.load_mass": 3.0,
+        "control.period": 0.002,
+        "design.poles": [-1.0, -2.0, -3.0, -4.0],
+        "effects.delay.seconds": changed.effects.delay.seconds,
+    }
+
+
+def test_what_differs_is_named_and_nothing_else() -> None:
+    two = logs("rig.load_mass=3", "controller=lqr")
+    table = what_differs(two)
+    assert table is not None
+    assert table.headings == ("", "a", "b")
+    assert rows(table) == {"rig.load_mass": ["1.0", "3.0"], "controller": ["pole-placement", "lqr"]}
+    was = rows(what_was_run(two, {"a": {"cranectl": "1"}, "b": {"cranectl": "2"}}))
+    assert was["rig.load_mass"] == ["default", "3.0"]
+    assert was["workspace.on_exit"] == ["record", "record"], "not the default in either"
+    assert was["made with"] == ["cranectl 1", "cranectl 2"]
+    assert what_differs(logs()) is None
+    assert what_differs({"a": two["a"]}) is None
+
+
+def test_page_info_and_compare_say_it(capsys: pytest.CaptureFixture[str]) -> None:
+    for label, log in logs("rig.load_mass=3").items():
+        write_log(Path(f"{label}.mcap"), list(log.values()))
+    assert main(["report", "a.mcap", "b.mcap", "--out", "both.html"]) == 0
+    page = Path("both.html").read_text(encoding="utf-8")
+    assert page.index("What differs") < page.index("rig.load_mass") < page.index("Metrics"), "on top"
+    capsys.readouterr()
+    assert main(["info", "b.mcap"]) == 0
+    assert "rig.load_mass = 3.0" in capsys.readouterr().out
+    assert main(["compare", "a.mcap", "b.mcap"]) == 0
+    assert "the runs differ in rig.load_mass: 1.0 and 3.0" in capsys.readouterr().out
