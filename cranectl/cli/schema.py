@@ -40,6 +40,14 @@ def json_schema(document: str) -> dict[str, Any]:
         schema["$defs"]["LimitSettings"] |= _limits()
         schema["$defs"]["AddedSegment"]["properties"]["kind"]["enum"] = list(added_kinds())
         schema["properties"]["controller"] = _controller(schema["$defs"]["ControllerSettings"])
+        rig = schema["properties"]["rig"]
+        by_path = {"description": "path of a rig file, relative to this file"}
+        schema["properties"]["rig"] = {"if": {"type": "string"}, "then": by_path, "else": rig}
+    if document == "rig":
+        schema["properties"]["extends"] = {
+            "type": "string",
+            "description": "path of a rig file to begin with",
+        }
     if document == "campaign":
         schema["properties"]["uncertain"]["$ref"] = "#/$defs/Uncertain"
         schema["$defs"]["Uncertain"] = _nested(schema["properties"]["uncertain"].pop("additionalProperties"))

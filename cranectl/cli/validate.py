@@ -203,7 +203,7 @@ def _is_rig_or_campaign(file: Path) -> bool:
         keys = set(read_toml(file))
     except InputError:  # told when it is loaded
         return False
-    return "scenario" in keys or keys <= set(RigParameters.model_fields)
+    return "scenario" in keys or keys <= {*RigParameters.model_fields, "extends"}
 
 
 def _loaded(

@@ -12,6 +12,7 @@ from cranectl.scenario.segments import MAX_DURATION, Duration, Point3, Segment
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import Table, differences, leaves, merged, read_toml
+from cranectl.support.errors import InputError
 
 NANOSECONDS = 1_000_000_000
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
@@ -280,11 +281,29 @@ def load_scenario(
 ) -> Scenario:
     """Load a scenario by name or from a TOML file.
 
-    Rig parameters: defaults, then the scenario's `[rig]`, then the file `rig`, then `overrides`
-    (`"rig.load_mass=2.5"`). Raises InputError for anything wrong, naming all wrong fields.
+    Rig parameters: defaults, then the scenario's `[rig]`, or the rig file that it names, then the file `rig`,
+    then `overrides` (`"rig.load_mass=2.5"`). Raises InputError for anything wrong, naming all wrong fields.
     """
     path = resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
-    return _scenario(read_toml(path), path.name, rig, overrides)
+    table = read_toml(path)
+    if isinstance(table.get("rig"), str):
+        table = {**table, "rig": _rig_table(path.parent / table["rig"])}
+    return _scenario(table, path.name, rig, overrides)
+
+
+def _rig_table(path: Path, above: tuple[Path, ...] = ()) -> Table:
+    """The rig in a TOML file, on top of the file that it `extends`; paths are relative to the file."""
+    table = read_toml(path)
+    if path.resolve() in above:
+        raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
+    below = table.pop("extends", None)
+    if below is not None and not isinstance(below, str):
+        raise InputError(f"{path}: extends = {below!r}", allowed="the path of another rig file")
+    parse_settings(RigParameters, table, str(path))
+    if below is None:
+        return table
+    whole: Table = merged(_rig_table(path.parent / below, (*above, path.resolve())), table)
+    return whole
 
 
 def default_scenario(*, rig: Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
@@ -295,9 +314,7 @@ def default_scenario(*, rig: Path | None = None, overrides: Sequence[str] = ()) 
 
 def _scenario(table: Table, source: str, rig: Path | None, overrides: Sequence[str]) -> Scenario:
     if rig is not None:
-        rig_table = read_toml(rig)
-        parse_settings(RigParameters, rig_table, str(rig))
-        table = merged(table, {"rig": rig_table})
+        table = merged(table, {"rig": _rig_table(rig)})
     if "controller" in table:
         table = {**table, "controller": _controller_table(table["controller"])}
     return parse_settings(Scenario, override(table, overrides), source)

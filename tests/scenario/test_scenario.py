@@ -52,3 +52,28 @@ def test_an_error_in_a_rig_file_names_the_file(tmp_path: Path) -> None:
     rig.write_text("load_mas = 5.0\n")
     with pytest.raises(InputError, match=r"rig\.toml"):
         load_scenario("fixed-position", rig=rig)
+
+
+def test_a_scenario_names_the_file_of_its_rig(tmp_path: Path) -> None:
+    """By a path relative to its own, and that file another one."""
+    (tmp_path / "rigs").mkdir()
+    (tmp_path / "rigs" / "base.toml").write_text("load_mass = 5.0\nbridge_mass = 20.0\n")
+    (tmp_path / "rigs" / "heavy.toml").write_text('extends = "base.toml"\nload_mass = 9.0\n')
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(
+        'name = "s"\nduration = 1.0\nrig = "rigs/heavy.toml"\nreference = { start = [1, 0.77, -0.7] }\n'
+    )
+    rig = load_scenario(scenario, overrides=["rig.winch_mass=0.7"]).rig
+    assert (rig.load_mass, rig.bridge_mass, rig.winch_mass) == (9.0, 20.0, 0.7)
+    assert load_scenario(scenario, rig=tmp_path / "rigs" / "base.toml").rig.load_mass == 5.0
+    for text, found in (
+        ('extends = "heavy.toml"', "extends itself"),
+        ("extends = 3", "extends = 3"),
+        ('extends = "absent.toml"', "absent.toml"),
+        ('extends = "\\u0000"', "null"),
+        (f'extends = "{"a" * 999}"', "name too long"),
+        ("load_mas = 3.0", "did you mean 'load_mass'"),
+    ):
+        (tmp_path / "rigs" / "heavy.toml").write_text(text)
+        with pytest.raises(InputError, match=found):
+            load_scenario(scenario)
