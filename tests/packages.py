@@ -1,9 +1,16 @@
 """Packages that add to cranectl, and cranectl where they are installed."""
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+
+ALL = """
+import shlex, sys
+from cranectl.cli.main import main
+sys.exit(max(main(shlex.split(line)) for line in sys.argv[1:]))
+"""
 
 
 def install(directory: Path, name: str, code: str, entry_points: str, *, version: str = "1.0") -> None:
@@ -18,11 +25,16 @@ def install(directory: Path, name: str, code: str, entry_points: str, *, version
 
 def run_beside(directory: Path, *arguments: str, code: int = 0) -> str:
     """Standard output and error of `cranectl` in a process that finds packages in `directory`."""
+    return run_all_beside(directory, shlex.join(arguments), code=code)
+
+
+def run_all_beside(directory: Path, *lines: str, code: int = 0) -> str:
+    """The same of several command lines, one after the other in one process; `code` is their largest."""
     path = os.pathsep.join([str(directory), *sys.path])
     environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}
-    command = [sys.executable, "-m", "cranectl", *arguments]
     done = subprocess.run(
-        command, cwd=directory, env=environment, capture_output=True, text=True, check=False
-    )
+        [sys.executable, "-c", ALL, *lines],
+        cwd=directory, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert done.returncode == code, done.stderr
     return done.stdout + done.stderr

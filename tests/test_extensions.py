@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as parquet
 import pytest
 
-from tests.packages import install, run_beside
+from tests.packages import install, run_all_beside, run_beside
 
 CONTROLLER = """\
 import numpy as np
@@ -153,18 +153,21 @@ def test_a_run_has_all_of_them(folder: Path) -> None:
     for run in by_plant.values():
         assert run["controller"] == "servo"
         assert -0.95 < run["metrics"]["highest_load_m"] <= -0.8
-    shown = run_beside(folder, "info", LOG)
-    for text in ("bow", "servo, velocity drives", "moon", "crane-controller 1.0", "/moon/controller"):
-        assert text in shown, text
 
 
 def test_the_log_is_read_compared_reported_and_exported(folder: Path) -> None:
-    assert "moon" in run_beside(folder, "compare", LOG)
-    run_beside(folder, "report", LOG, "--out", "a.html")
+    shown = run_all_beside(
+        folder,
+        f"info {LOG}",
+        f"compare {LOG}",
+        f"report {LOG} --out a.html",
+        f"log export {LOG} --format note --out a.note",
+        f"log export {LOG} --signals moon.controller.* --out a.csv",
+    )
+    for text in ("bow", "servo, velocity drives", "crane-controller 1.0", "/moon/controller", " servo, moon"):
+        assert text in shown, text
     assert "load, highest" in (folder / "a.html").read_text(encoding="utf-8")
-    run_beside(folder, "log", "export", LOG, "--format", "note", "--out", "a.note")
     assert float((folder / "a.note").read_text().removeprefix("highest ")) == pytest.approx(-0.6, abs=1e-9)
-    run_beside(folder, "log", "export", LOG, "--signals", "moon.controller.*", "--out", "a.csv")
     with (folder / "a.csv").open(newline="") as lines:
         rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     errors = np.array([float(row["moon.controller.bridge_error"]) for row in rows])
@@ -173,8 +176,8 @@ def test_the_log_is_read_compared_reported_and_exported(folder: Path) -> None:
 
 
 def test_a_campaign_of_eight_runs_on_threads(folder: Path) -> None:
-    run_beside(folder, "campaign", "run", "many.toml", "--out", "many")
-    assert "many.html" in run_beside(folder, "campaign", "report", "many", "--out", "many.html")
+    shown = run_all_beside(folder, "campaign run many.toml --out many", "campaign report many")
+    assert "many.html" in shown
     assert "servo" in (folder / "many.html").read_text(encoding="utf-8")
     parts = sorted((folder / "many" / "parts").glob("*.parquet"))
     rows = [row for part in parts for row in parquet.read_table(part).to_pylist()]

@@ -1,6 +1,5 @@
 """The one table of metrics: everything derives from it, and what other packages bring joins it."""
 
-import functools
 import json
 import pickle
 import re
@@ -14,7 +13,7 @@ from cranectl.metrics import Metric, RunMetrics, all_metrics, low_is_bad
 from cranectl.metrics.table import METRICS
 from cranectl.support.errors import InputError
 from tests.conftest import ROOT
-from tests.packages import install, run_beside
+from tests.packages import install, run_all_beside
 
 PAGE = (ROOT / "docs" / "reference" / "metrics.md").read_text(encoding="utf-8")
 UNITS = {"m_s2": "m/s²", "rad": "rad", "m": "m", "s": "s", "n": "N", "j": "J"}  # by the end of a name
@@ -66,20 +65,22 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(from cranectl.metrics import Metric.*?)```", PAGE, re.DOTALL)
     (entry,) = re.findall(r'cranectl.metrics"\]\n(.*)\n', PAGE)
     install(tmp_path, "crane-metrics", code, f"[cranectl.metrics]\n{entry}".replace('"', ""))
-    cranectl = functools.partial(run_beside, tmp_path)
     (tmp_path / "small.toml").write_text(CAMPAIGN)
-    scenario = ("run", "fixed-position", "--set", "duration=0.3", "--set", "disturbances=[]")
-    shown = cranectl(*scenario, "--out", "run.mcap", "--json", "run.json")
+    shown = run_all_beside(
+        tmp_path,
+        "run fixed-position --set duration=0.3 --set disturbances=[] --out run.mcap --json run.json",
+        "report run.mcap --out run.html",
+        "campaign run small.toml --out result --json small.json",
+        "campaign report result --out small.html",
+    )
     # 1 kg that hangs still, to the last of its three digits
     assert re.search(r"rope tension, max +N +9\.81\d +9\.81\d", shown)
     assert shown.index("time outside") < shown.index("rope tension, max"), "after those that have a place"
     runs = json.loads((tmp_path / "run.json").read_text())["runs"]
     tensions = [run["metrics"]["max_rope_tension_n"] for run in runs]
     assert tensions == pytest.approx([9.81] * len(runs), abs=0.01)
-    cranectl("report", "run.mcap", "--out", "run.html")
     assert "rope tension, max" in (tmp_path / "run.html").read_text(encoding="utf-8")
 
-    cranectl("campaign", "run", "small.toml", "--out", "result", "--json", "small.json")
     (part,) = (tmp_path / "result" / "parts").iterdir()
     found = parquet.read_table(part)
     column = found.schema.field("max_rope_tension_n").metadata
@@ -90,7 +91,6 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
     assert 0 < beyond < 2
     (group,) = json.loads((tmp_path / "small.json").read_text())["groups"]
     assert group["broken"] == {"max_rope_tension_n": beyond}
-    cranectl("campaign", "report", "result", "--out", "small.html")
     assert (tmp_path / "small.html").read_text(encoding="utf-8").count("largest tension [N]") > 1
 
 

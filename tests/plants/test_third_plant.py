@@ -1,6 +1,5 @@
 """A plant from outside the package, known by its entry only, goes wherever the others go."""
 
-import functools
 import importlib
 import json
 import subprocess
@@ -21,7 +20,7 @@ from cranectl.plants.registry import PLANTS
 from cranectl.render.caption import readings
 from cranectl.render.timeline import timeline_of
 from cranectl.support.provenance import fingerprint
-from tests.packages import install, run_beside
+from tests.packages import install, run_all_beside
 
 SOURCE = """\
 import cranectl
@@ -155,18 +154,8 @@ def test_some_plants_are_chosen_the_last_is_the_reference_without_mujoco(folder:
 
 
 def test_workers_know_it_too(folder: Path) -> None:
-    command = [
-        "validate",
-        "fixed-position",
-        *MOVED,
-        "--drive",
-        "ideal",
-        "--jobs",
-        "2",
-        "--json",
-        "val.json",
-    ]
-    command += ["--controller", "lqr", "--controller", "pole-placement", "--plants", "heavy,mujoco"]
+    line = "validate fixed-position --drive ideal --jobs 2 --json val.json --plants heavy,mujoco"
+    command = [*line.split(), *MOVED, "--controller", "lqr", "--controller", "pole-placement"]
     script = f"import heavy_plant, sys; from cranectl.cli.main import main; sys.exit(main({command!r}))"
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=False
@@ -226,30 +215,13 @@ def test_a_plant_of_an_installed_package_is_found_by_every_process(tmp_path: Pat
     entry_points = "[cranectl.plants]\nheavy = heavy_plant:HEAVY"
     install(tmp_path, "heavy-plant", SOURCE, entry_points)
     (tmp_path / "mine.toml").write_text(CAMPAIGN.replace(', "analytic", "mujoco"', ""))
-    cranectl = functools.partial(run_beside, tmp_path)
-    cranectl(*RUN, "--plants", "all", "--json", "run.json", code=1)
-    assert by_plant(tmp_path / "run.json") == {"analytic": True, "heavy": False}
-    chosen = ["--plants", "heavy,mujoco", "--drive", "ideal", "--controller", "lqr"]
-    validate = [
-        "validate",
-        "fixed-position",
-        *MOVED,
-        *chosen,
-        "--controller",
-        "pole-placement",
-        "--jobs",
-        "2",
-    ]
-    cranectl(*validate, "--json", "validate.json", code=1)
-    assert by_plant(tmp_path / "validate.json") == {"heavy": False}
-    campaign = ["campaign", "run", "mine.toml", "--out"]
-    cranectl(*campaign, "threads")
-    cranectl(*campaign, "dask", "--cluster", "local", "--workers", "1")
+    run = "campaign run mine.toml --out"
+    run_all_beside(tmp_path, f"{run} threads", f"{run} dask --cluster local --workers 1")
     parts = [path.relative_to(tmp_path / "dask") for path in (tmp_path / "dask").rglob("*.parquet")]
     assert len(parts) == 3
     for part in parts:
         assert (tmp_path / "dask" / part).read_bytes() == (tmp_path / "threads" / part).read_bytes()
-    install(tmp_path, "heavy-plant", SOURCE, entry_points, version="1.1")
-    assert "heavy-plant 1.0, now 1.1" in cranectl(*campaign, "threads", "--resume", code=2)
-    install(tmp_path, "heavy-plant", SOURCE.replace("1.01", "1.02"), entry_points)
-    assert "sources of heavy_plant " in cranectl(*campaign, "threads", "--resume", code=2)
+    install(tmp_path, "heavy-plant", SOURCE.replace("1.01", "1.02"), entry_points, version="1.1")
+    refused = run_all_beside(tmp_path, f"{run} threads --resume", code=2)
+    assert "heavy-plant 1.0, now 1.1" in refused
+    assert "sources of heavy_plant " in refused
