@@ -39,7 +39,7 @@ sys.exit(main(["campaign", "run", "small.toml", "--out", "cut"]))
 """
 
 
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
 def test_a_run_cut_short_is_resumed_to_the_same_table(
     finished: Path, sent: signal.Signals, refused: Refused
 ) -> None:

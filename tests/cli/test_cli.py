@@ -58,19 +58,8 @@ def test_run_writes_the_log_where_it_says(capsys: pytest.CaptureFixture[str]) ->
 
 def test_run_of_one_plant_with_options(capsys: pytest.CaptureFixture[str]) -> None:
     Path("rig.toml").write_text("load_mass = 3.0\n")
-    options = [
-        "--plant",
-        "mujoco",
-        "--drive",
-        "velocity",
-        "--rig",
-        "rig.toml",
-        "--every",
-        "1",
-        "--out",
-        "my.mcap",
-    ]
-    assert main(["run", "fixed-position", *SHORT, *options, "--json", "run.json"]) == 0
+    options = "--plant mujoco --drive velocity --rig rig.toml --every 1 --out my.mcap --json run.json"
+    assert main(["run", "fixed-position", *SHORT, *options.split()]) == 0
     assert "Agreement" not in capsys.readouterr().out
     (run,) = read_log("my.mcap").values()
     assert (run.plant, run.drive) == ("mujoco", "velocity")
@@ -127,7 +116,6 @@ def test_validate_fails_when_a_limit_is_exceeded(
     assert main(["validate", *arguments, "--jobs", "1", "--json", "v.json"]) == 1
     assert "FAILED" in capsys.readouterr().out
     assert json.loads(Path("v.json").read_text())["passed"] is False
-    assert main(["run", "fixed-position", *SHORT]) == 1
 
 
 def test_tables_fit_a_terminal_of_80_columns(
@@ -323,7 +311,7 @@ def test_json_may_go_to_a_device() -> None:
     assert Path(os.devnull).is_char_device()
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
     """Sent as soon as the simulation is under way; the run is far longer than that."""
     script = (

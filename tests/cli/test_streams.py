@@ -34,8 +34,7 @@ def run(arguments: list[str], shell: str = "", **environment: str) -> subprocess
     return subprocess.run(command, capture_output=True, env=env, check=False, timeout=60)
 
 
-@pytest.mark.parametrize("code", [0, 1])
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(("code", "unbuffered"), [(0, ""), (1, "1")])
 @pytest.mark.parametrize(
     "shell", [">/dev/full", ">&-", "| head -1", ">/dev/full 2>&1", ">&- 2>&-", "2>/dev/full"]
 )

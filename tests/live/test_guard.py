@@ -16,17 +16,11 @@ def request(**headers: str) -> bytes:
 @pytest.mark.parametrize(
     "origin",
     [
-        "https://app.foxglove.dev",
-        "https://studio.foxglove.dev",
-        "http://localhost:8080",
-        "https://127.0.0.1",
-        "http://[::1]:8080",
-        "https://mine.example",
-        "file://",
-        "app://lichtblick",
+        "https://app.foxglove.dev", "https://studio.foxglove.dev", "http://localhost:8080",
+        "https://127.0.0.1", "http://[::1]:8080", "https://mine.example", "file://", "app://lichtblick",
         "vscode-webview://1a2b",
     ],
-)
+)  # fmt: skip
 def test_who_may(origin: str) -> None:
     assert refusal(request(Host="127.0.0.1:8765", Origin=origin), "127.0.0.1", ["https://mine.example"]) == ""
 
@@ -34,20 +28,12 @@ def test_who_may(origin: str) -> None:
 @pytest.mark.parametrize(
     "origin",
     [
-        "https://evil.example",
-        "null",
-        "NULL",
-        "http://app.foxglove.dev",
-        "https://app.foxglove.dev.evil.example",
-        "https://localhost.evil.example",
-        "https://mine.example:444",
-        "http://127.0.0.1.evil.example",
-        "http://[::1",
-        "https://",
-        "HTTPS://evil.example",
-        "http://192.168.1.2",
+        "https://evil.example", "null", "NULL", "http://app.foxglove.dev",
+        "https://app.foxglove.dev.evil.example", "https://localhost.evil.example",
+        "https://mine.example:444", "http://127.0.0.1.evil.example", "http://[::1", "https://",
+        "HTTPS://evil.example", "http://192.168.1.2",
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
 def test_who_may_not(origin: str, host: str) -> None:
     reason = refusal(request(Host="127.0.0.1:8765", Origin=origin), host, ["https://mine.example"])

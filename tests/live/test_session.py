@@ -14,8 +14,6 @@ from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.conftest import ALL_CONTROLLERS
 
-STOP = ["disturbances=[{joint='alpha', start=0.1, magnitude=200.0}]", "duration=2"]
-
 
 def session(scenario: Scenario, controller: str = "lqr", **options: object) -> Session:
     return Session(scenario, controller_design(controller, scenario), **options)
@@ -164,24 +162,3 @@ def test_reset_starts_again_and_time_goes_on(short: Scenario) -> None:
     for run in increments:
         assert np.array_equal(run.table, first[run.plant]), run.plant
         assert run.time_ns[[0, -1]].tolist() == [333_000_000, 665_000_000]
-
-
-def test_a_stop_ends_the_motion_until_the_next_start() -> None:
-    scenario = load_scenario("fixed-position", overrides=STOP)
-    running, rows = session(scenario), dict.fromkeys(PLANTS, 0)
-    while running.moving:
-        increments = running.advance(50)
-        for run in increments:
-            rows[run.plant] += len(run.time_ns)
-    for run in running.advance(20):
-        expected = simulate_run(scenario, plant=run.plant, controller="lqr")
-        assert expected.status.stopped
-        assert (run.status, run.end_ns, rows[run.plant]) == (
-            expected.status,
-            expected.end_ns,
-            len(expected.time_ns),
-        )
-        assert not len(run.time_ns)
-    running.reset()
-    assert running.moving
-    assert [len(run.time_ns) for run in running.advance(20)] == [20, 20]
