@@ -2,7 +2,9 @@
 
 import functools
 import os
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; before NumPy is loaded
 
@@ -38,6 +40,14 @@ def closed_loop(scenario: str, controller: str, plant: str, drive: str = "ideal"
     return simulate_run(load_scenario(scenario), plant=plant, drive=drive, controller=controller)
 
 
+def cut(run: Run, samples: int, **changes: Any) -> Run:
+    """The first samples of a run, and what else is said of it then."""
+    return replace(
+        run, time_ns=run.time_ns[:samples], table=run.table[:samples], reference=run.reference[:samples],
+        **changes,
+    )  # fmt: skip
+
+
 @pytest.fixture
 def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """For `pytestmark` of files that run commands."""
@@ -48,10 +58,5 @@ def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def short() -> Scenario:
     """A disturbed half second, for tests that only need some run."""
     return load_scenario(
-        "fixed-position",
-        overrides=[
-            "duration=0.5",
-            "disturbances.0.start=0.1",
-            "disturbances.1.start=0.2",
-        ],
+        "fixed-position", overrides=["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
     )

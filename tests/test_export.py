@@ -22,19 +22,16 @@ from cranectl.signals import REFERENCE, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
-from tests.conftest import ROOT
+from tests.conftest import ROOT, cut
 from tests.packages import install, run_beside
+
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
 Array = NDArray[np.float64]
 INFO = {
     "scenario": "fixed-position", "controller": "lqr+hinf", "drive": "ideal",
     "analytic_status": "completed", "analytic_end_s": 0.5, "mujoco_status": "completed", "mujoco_end_s": 0.5,
 }  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture
@@ -48,13 +45,7 @@ def log(runs: list[Run]) -> Path:
 
 
 def until(run: Run, samples: int) -> Run:
-    return replace(
-        run,
-        time_ns=run.time_ns[:samples],
-        table=run.table[:samples],
-        reference=run.reference[:samples],
-        end_ns=int(run.time_ns[samples - 1]),
-    )
+    return cut(run, samples, end_ns=int(run.time_ns[samples - 1]))
 
 
 def read_csv(path: Path) -> dict[str, Array]:
@@ -200,11 +191,8 @@ def test_missing_is_told_from_not_a_number(runs: list[Run]) -> None:
 
 
 def test_a_run_without_samples_leaves_the_names(runs: list[Run]) -> None:
-    empty = replace(
-        runs[0], time_ns=runs[0].time_ns[:0], table=runs[0].table[:0], reference=runs[0].reference[:0]
-    )
     for name in READERS:
-        write_table(export_table([empty]), Path(f"a.{name}"), exporters()[name])
+        write_table(export_table([cut(runs[0], 0)]), Path(f"a.{name}"), exporters()[name])
     assert len(Path("a.csv").read_text().splitlines()) == 1
     assert pyarrow.parquet.read_table("a.parquet").num_rows == 0
     assert loadmat("a.mat")["time"].size == 0
@@ -215,14 +203,6 @@ def test_signals_are_chosen_in_the_order_of_the_log(log: Path) -> None:
     assert main(["log", "export", str(log), *patterns]) == 0
     state = [f"mujoco.state.{name}" for name in recorded_groups(flat_groups(0))[0].names]
     assert list(read_csv(Path("pair.csv"))) == ["time", "analytic.state.alpha", *state, "reference.load_x"]
-
-
-def test_a_pattern_that_matches_nothing_lists_near_names(runs: list[Run]) -> None:
-    with pytest.raises(InputError, match=r"no signal matches 'mujoco.state.alfa'") as caught:
-        export_table(runs, ["*", "mujoco.state.alfa"])
-    assert "did you mean 'mujoco.state.alpha'?" in str(caught.value)
-    with pytest.raises(InputError, match=r"did you mean 'analytic.load.\*'"):
-        export_table(runs[:1], ["analytc.load.*"])
 
 
 @pytest.mark.parametrize(
@@ -258,14 +238,6 @@ def test_every_unit_is_documented() -> None:
         assert first == unit, name
 
 
-def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    assert main(["log", "export", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert "Traceback" not in captured.err
-    assert captured.out == ""
-    return captured.err
-
-
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
@@ -277,13 +249,18 @@ def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--out", "pair.mcap/a.csv"], "cannot write pair.mcap/a.csv"),
         (["--format", "csv", "--out", "./pair.mcap"], "the same command reads it"),
         (["--signals", "mujoco.stat.*"], "did you mean 'mujoco.state.*'?"),
+        (["--signals", "*", "--signals", "mujoco.state.alfa"], "did you mean 'mujoco.state.alpha'?"),
     ],
 )
 def test_bad_input_is_explained(
     capsys: pytest.CaptureFixture[str], log: Path, arguments: list[str], expected: str
 ) -> None:
     before = log.read_bytes()
-    assert expected in bad_input(capsys, str(log), *arguments)
+    assert main(["log", "export", str(log), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert expected in captured.err
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
     assert [path.name for path in Path().iterdir()] == ["pair.mcap"]
     assert log.read_bytes() == before
 

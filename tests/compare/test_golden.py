@@ -8,12 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.compare.golden import (
-    RegressionVerdict,
-    Tolerances,
-    judge_regression,
-    load_tolerances,
-)
+from cranectl.compare.golden import RegressionVerdict, Tolerances, judge_regression, load_tolerances
 from cranectl.compare.runs import COMPARED_GROUPS, named_signals
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
@@ -21,7 +16,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from cranectl.support.resources import REGRESSION_DIRECTORY, toml_names
-from tests.conftest import ALL_CONTROLLERS
+from tests.conftest import ALL_CONTROLLERS, cut
 
 ALPHA_RATE, LOAD_X = 7, 10  # columns of the table
 
@@ -166,10 +161,7 @@ def test_a_new_run_must_have_the_golden_samples(short: Scenario, run: Run) -> No
     with pytest.raises(InputError, match="lacks 375 of 501 samples of the golden one"):
         judge_regression(run, full, EXACT)
     # A golden run that stopped has its last sample between those of a new one that ran on.
-    stopped = replace(
-        full, time_ns=full.time_ns[:204], table=full.table[:204], reference=full.reference[:204],
-        end_ns=int(full.time_ns[203]),
-    ).every(4)  # fmt: skip
+    stopped = cut(full, 204, end_ns=int(full.time_ns[203])).every(4)
     assert judge_regression(run, stopped, tolerances(("*", 0.0), end_s=1.0)).passed
 
 

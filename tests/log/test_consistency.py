@@ -51,12 +51,8 @@ def refused(run: Run, every: int = EVERY) -> str:
 
 
 def row_removed(run: Run, row: int) -> Run:
-    return replace(
-        run,
-        time_ns=np.delete(run.time_ns, row),
-        table=np.delete(run.table, row, axis=0),
-        reference=np.delete(run.reference, row, axis=0),
-    )
+    kept = np.delete(np.arange(len(run.time_ns)), row)
+    return replace(run, time_ns=run.time_ns[kept], table=run.table[kept], reference=run.reference[kept])
 
 
 def changed(values: np.ndarray, place: tuple[int, ...], value: float) -> np.ndarray:
@@ -65,17 +61,15 @@ def changed(values: np.ndarray, place: tuple[int, ...], value: float) -> np.ndar
     return copy
 
 
-@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 @pytest.mark.parametrize("controller", CONTROLLERS)
-@pytest.mark.parametrize("every", [1, EVERY, 7, 10**9])
-def test_whole_runs_are_consistent(plant: str, controller: str, every: int) -> None:
-    check_runs([closed_loop("fixed-position", controller, plant).every(every)], every)
+@pytest.mark.parametrize("every", [1, 7, 10**9])
+def test_whole_runs_are_consistent(controller: str, every: int) -> None:
+    check_runs([closed_loop("fixed-position", controller, "mujoco").every(every)], every)
 
 
-@pytest.mark.parametrize("every", [1, EVERY, 7])
 @pytest.mark.parametrize("name", ["slack-rope", "near-slack", "settled-trajectory"])
-def test_runs_of_other_scenarios_are_consistent(name: str, every: int) -> None:
-    check_runs([closed_loop(name, "lqr", "mujoco").every(every)], every)
+def test_runs_of_other_scenarios_are_consistent(name: str) -> None:
+    check_runs([closed_loop(name, "lqr", "mujoco").every(7)], 7)
     check_runs([stopped(), replace(stopped(), plant="mujoco")], EVERY)
 
 
@@ -158,12 +152,8 @@ def test_only_the_last_sample_of_a_run_that_stopped_may_hold_what_stopped_it() -
 
 def test_segments_of_a_session_begin_where_they_say_and_end_when_they_like() -> None:
     whole = completed()
-    segment = replace(
-        whole,
-        time_ns=whole.time_ns + 7_000_000,
-        end_ns=whole.end_ns + 7_000_000,
-        status=RunStatus.INTERRUPTED,
-    )
+    late = {"time_ns": whole.time_ns + 7_000_000, "end_ns": whole.end_ns + 7_000_000}
+    segment = replace(whole, status=RunStatus.INTERRUPTED, **late)
     clock = Clock.of(segment.scenario, EVERY, 7_000_000)
     check_run(segment, clock)
     check_run(segment, replace(clock, from_ns=4_000_000))
@@ -231,10 +221,7 @@ def test_a_stopped_run_with_what_stopped_it_is_written_and_read(tmp_path: Path) 
 
 @functools.cache
 def header() -> tuple[dict[str, dict[str, str]], dict[str, bytes]]:
-    return (
-        file_metadata([completed()], EVERY),
-        {a.name: a.data for a in file_attachments([completed()])},
-    )
+    return (file_metadata([completed()], EVERY), {a.name: a.data for a in file_attachments([completed()])})
 
 
 def parsed(record: str, **values: str) -> LogHeader:

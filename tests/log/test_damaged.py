@@ -80,10 +80,7 @@ ACCIDENTS: list[tuple[Callable[[bytes, np.random.Generator, int], Iterator[Case]
 
 @pytest.mark.parametrize(("damage", "count"), ACCIDENTS, ids=lambda value: getattr(value, "__name__", ""))
 def test_accidents(
-    log: Path,
-    tmp_path: Path,
-    damage: Callable[[bytes, np.random.Generator, int], Iterator[Case]],
-    count: int,
+    log: Path, tmp_path: Path, damage: Callable[[bytes, np.random.Generator, int], Iterator[Case]], count: int
 ) -> None:
     """Every byte of a log is under a checksum."""
     data = log.read_bytes()
@@ -115,13 +112,8 @@ def edited_lengths(data: bytes, rng: np.random.Generator, count: int) -> Iterato
 def edited_numbers(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
     """Any 1 to 8 bytes of what is read, but for the contents of chunks and attachments, become absurd."""
     kinds = [
-        Opcode.METADATA,
-        Opcode.ATTACHMENT,
-        Opcode.CHUNK,
-        Opcode.DATA_END,
-        Opcode.STATISTICS,
-        Opcode.FOOTER,
-    ]
+        Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.DATA_END, Opcode.STATISTICS, Opcode.FOOTER,
+    ]  # fmt: skip
     heads = [(opcode, start, min(stop, start + 49)) for opcode, start, stop in places(data)]
     for _ in range(count):
         kind = kinds[rng.integers(len(kinds))]

@@ -23,7 +23,7 @@ from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
-from tests.log.corruption import places, put_together, take_apart
+from tests.log.corruption import every_message, places, put_together, take_apart
 from tests.log.viewer import messages_of
 
 CHUNK = 6  # opcode
@@ -154,10 +154,8 @@ def test_nothing_that_is_written_at_the_end_is_needed(log: Path, tmp_path: Path)
     """A recorder that appends as it goes does not know yet how a run will end."""
     parts = take_apart(log)
     parts.metadata = [metadata for metadata in parts.metadata if not metadata.name.startswith("run/")]
-    for topic in ("/run/info", "/diff/verdict"):
-        channel = parts.channel(topic).id
-        for chunk in parts.chunks:
-            chunk[:] = [r for r in chunk if not isinstance(r, Message) or r.channel_id != channel]
+    ids = [parts.channel(topic).id for topic in ("/run/info", "/diff/verdict")]
+    every_message(lambda m: None if m.channel_id in ids else m)(parts)
     part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
     recovery = recover_log(part)
     assert [run.expected for run in recovery.runs] == [None, None]
@@ -188,13 +186,9 @@ def test_topics_and_lines_of_others_are_kept(log: Path, tmp_path: Path) -> None:
 def test_groups_are_cut_to_their_last_common_sample(log: Path, tmp_path: Path) -> None:
     """The chunk ends in the middle of a sample: of MuJoCo some groups have it, others not."""
     parts = take_apart(log)
-    last = [m for m in parts.chunks[1] if isinstance(m, Message)][-1].log_time
+    late = [m for m in parts.chunks[1] if isinstance(m, Message)][-1].log_time - 9_000_000
     ids = [parts.channel(f"/mujoco/{group}").id for group in ("input", "controller")]
-    parts.chunks[1] = [
-        r
-        for r in parts.chunks[1]
-        if not (isinstance(r, Message) and r.channel_id in ids and r.log_time > last - 9_000_000)
-    ]
+    every_message(lambda m: None if m.channel_id in ids and m.log_time > late else m)(parts)
     part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
     runs = read_log(recover_log(part).log)
     assert len(runs["mujoco"].time_ns) < len(runs["analytic"].time_ns)
@@ -265,7 +259,6 @@ def test_files_that_hold_nothing(tmp_path: Path, log: Path, monkeypatch: pytest.
     for name, data, text in (
         ("empty", b"", "is empty"),
         ("text", b"this is no log", "no MCAP file"),
-        ("begun", log.read_bytes()[:200], "nothing can be saved"),
         ("magic", log.read_bytes()[:4], "nothing can be saved"),
     ):
         (tmp_path / name).write_bytes(data)
@@ -280,9 +273,7 @@ def test_files_that_hold_nothing(tmp_path: Path, log: Path, monkeypatch: pytest.
     (tmp_path / "foreign").write_bytes(put_together(parts))
     with pytest.raises(LogError, match="not of cranectl"):
         recover_log(tmp_path / "foreign")
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
-        ["empty", "text", "begun", "magic", "foreign"]
-    )
+    assert {path.name for path in tmp_path.iterdir()} == {"empty", "text", "magic", "foreign"}
 
 
 def test_the_command(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -381,8 +372,8 @@ def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Pat
     with long_log.open("rb") as stream:
         messages = make_reader(stream).iter_messages(log_time_order=False)
         sizes = np.array([31 + len(message.data) for _, _, message in messages])
-    sent = sorted([1, len(sizes), *np.random.default_rng(4).integers(1500, len(sizes), size=8).tolist()])
-    moments = [*sent, *range(-1, -9, -1)]
+    sent = sorted([1, len(sizes), *np.random.default_rng(4).integers(1500, len(sizes), size=4).tolist()])
+    moments = [*sent, *range(-1, -6, -1)]
     recovered = 0
     for moment, (path, part, status) in zip(
         moments, kill(long_log, tmp_path, [f"9:{moment}" for moment in moments]), strict=True
@@ -404,12 +395,10 @@ def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Pat
     assert recovered, "not one was killed while it wrote"
 
 
-@pytest.mark.parametrize("number", [2, 15])
-def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path, number: int) -> None:
+def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path) -> None:
     """A run that is finished is not thrown away because Ctrl-C comes while it is written."""
-    moments = [1, 10_000, 25_000]
     whole = write_log(tmp_path / "whole.mcap", list(read_log(long_log).values())).read_bytes()
-    for path, part, status in kill(long_log, tmp_path, [f"{number}:{moment}" for moment in moments]):
+    for path, part, status in kill(long_log, tmp_path, ["2:1", "2:25000", "15:10000"]):
         assert os.waitstatus_to_exitcode(status) == 130
         assert path.read_bytes() == whole
         assert not part.exists()

@@ -3,7 +3,6 @@
 import json
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import colours, resources
-from tests.conftest import closed_loop
+from tests.conftest import closed_loop, cut
 from tests.log.viewer import message_type
 
 Messages = dict[str, list[tuple[int, Any]]]  # by topic: (time [ns], decoded message)
@@ -253,15 +252,11 @@ def test_nothing_is_invisible(scene: Messages) -> None:
 def test_a_run_that_ends_first_stays_where_it_ended(short: Scenario, tmp_path: Path) -> None:
     long = simulate_run(short, plant="mujoco")
     whole = simulate_run(short, plant="analytic")
-    cut = replace(
-        whole, time_ns=whole.time_ns[:201], table=whole.table[:201], reference=whole.reference[:201],
-        status=RunStatus.INTERRUPTED, end_ns=int(whole.time_ns[200]),
-    )  # fmt: skip
-    path = write_log(tmp_path / "a.mcap", [cut, long], every=1)
-    times = [time for time, _ in decode(path)["/tf"]]
-    assert times[-1] == long.end_ns
-    last = decode(path)["/tf"][-1][1]
-    assert placed(last, "analytic/load")[0] == pytest.approx(cut.load_position[-1], abs=1e-12)
+    less = cut(whole, 201, status=RunStatus.INTERRUPTED, end_ns=int(whole.time_ns[200]))
+    path = write_log(tmp_path / "a.mcap", [less, long], every=1)
+    end_ns, last = decode(path)["/tf"][-1]
+    assert end_ns == long.end_ns
+    assert placed(last, "analytic/load")[0] == pytest.approx(less.load_position[-1], abs=1e-12)
     assert list(read_log(path)) == ["analytic", "mujoco"]
 
 

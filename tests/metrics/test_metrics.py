@@ -35,6 +35,7 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.signals import BASE_WIDTH, DISTURBANCE_COLUMN, INPUT_COLUMN, LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.status import RunStatus
+from tests.conftest import cut
 
 BRIDGE, TROLLEY, ROPE = 0, 2, 4  # positions in the state; velocities are one further
 ALPHA, BETA = 6, 8
@@ -198,15 +199,11 @@ def moved(plant: str, drive: str) -> Run:
     scenario = load_scenario(
         "settled-trajectory",
         overrides=[
-            "duration=3.0",
-            "reference.segments=[{kind='line', to=[0.9, 0.6, -0.5], duration=2.0}]",
-            "disturbances.0.start=0.5",
-            "disturbances.0.end=1.0",
-            "disturbances.1.start=0.8",
-            "disturbances.1.end=1.5",
-            "effects.delay.seconds=0.0",
+            "duration=3.0", "reference.segments=[{kind='line', to=[0.9, 0.6, -0.5], duration=2.0}]",
+            "disturbances.0.start=0.5", "disturbances.0.end=1.0", "disturbances.1.start=0.8",
+            "disturbances.1.end=1.5", "effects.delay.seconds=0.0",
         ],
-    )
+    )  # fmt: skip
     return simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
 
 
@@ -243,7 +240,7 @@ def test_power_of_drives_that_run_steadily(synthetic: Run) -> None:
     table[:, [ALPHA, BETA, ROPE, TENSION_COLUMN]] = alpha, beta, length, tension
     table[:, [BRIDGE + 1, TROLLEY + 1, ROPE + 1]] = velocity
     table[:, DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = push
-    run = replace(first_rows(synthetic, samples), table=table)
+    run = replace(cut(synthetic, samples), table=table)
     later = replace(run, time_ns=run.time_ns + 7_000_000_000)
 
     def n(a: float, b: float) -> np.ndarray:
@@ -327,16 +324,12 @@ def test_without_motion_there_is_no_overshoot(short: Scenario) -> None:
     assert found.max_rest_error_m == found.max_error_m > 0
 
 
-def first_rows(run: Run, n: int) -> Run:
-    return replace(run, time_ns=run.time_ns[:n], table=run.table[:n], reference=run.reference[:n])
-
-
 def test_a_run_that_ends_before_rest_says_nothing_of_it(synthetic: Run) -> None:
     for rows in (1, 1000, REST + 1):  # the last has one sample at rest
-        found = measured(replace(first_rows(synthetic, rows), status=RunStatus.SLACK_ROPE))
+        found = measured(replace(cut(synthetic, rows), status=RunStatus.SLACK_ROPE))
         assert all(getattr(found, name) is None for name in AFTER_REST)
         assert found.status == "slack-rope"
-    stopped = measured(replace(first_rows(synthetic, 3500), status=RunStatus.SLACK_ROPE))
+    stopped = measured(replace(cut(synthetic, 3500), status=RunStatus.SLACK_ROPE))
     assert stopped.settling_time_s is None
     assert stopped.overshoot_m == measured(synthetic).overshoot_m
     outside = column(synthetic, LOAD_COLUMN, 0.002, slice(-1, None))
@@ -344,14 +337,14 @@ def test_a_run_that_ends_before_rest_says_nothing_of_it(synthetic: Run) -> None:
 
 
 def test_one_sample_is_measured(synthetic: Run) -> None:
-    found = measured(first_rows(synthetic, 1))
+    found = measured(cut(synthetic, 1))
     assert found.max_error_m == found.rms_error_m == found.final_error_m > 0.0
     assert found.drive_path_m == found.drive_energy_j == (0.0, 0.0, 0.0)
     assert found.load_path_m == 0.0
 
 
 def test_a_run_without_samples_has_no_metrics(synthetic: Run) -> None:
-    empty = first_rows(synthetic, 0)
+    empty = cut(synthetic, 0)
     assert run_metrics(empty) is None
     assert workspace_violations(empty) == ()
 
@@ -377,12 +370,12 @@ def test_the_table_of_a_run(synthetic: Run) -> None:
     assert {row[3].text for row in table.rows} == {"-"}
     stopped = metrics_table({"one": measured(replace(synthetic, status=RunStatus.SLACK_ROPE))})
     assert [row[2].text for row in stopped.rows if row[0].text == "settling time"] == ["-"]
-    page = log_page({"log": {"analytic": first_rows(synthetic, 0)}}, "cranectl report")  # without figures
+    page = log_page({"log": {"analytic": cut(synthetic, 0)}}, "cranectl report")  # without figures
     assert metrics_table({"log, analytic": None}) in page.sections[0].tables
 
 
 def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:
-    runs = [RunSummary.of(run, Path("log")) for run in (synthetic, first_rows(synthetic, 1000))]
+    runs = [RunSummary.of(run, Path("log")) for run in (synthetic, cut(synthetic, 1000))]
     assert [row[-1] for row in run_table({"log": runs}).rows] == [Cell("0.2000", "bad"), Cell("0.0000", "")]
 
 

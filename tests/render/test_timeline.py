@@ -11,20 +11,14 @@ from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
+from tests import conftest
 from tests.render.pictures import at, both_runs, moved, moving_run
 
 
 def cut(run: Run, time: float, status: RunStatus = RunStatus.SLACK_ROPE) -> Run:
     """The run as if it had stopped at `time`."""
-    n = at(run, time) + 1
-    return replace(
-        run,
-        time_ns=run.time_ns[:n],
-        table=run.table[:n],
-        reference=run.reference[:n],
-        end_ns=int(run.time_ns[n - 1]),
-        status=status,
-    )
+    last = at(run, time)
+    return conftest.cut(run, last + 1, end_ns=int(run.time_ns[last]), status=status)
 
 
 @pytest.mark.parametrize(

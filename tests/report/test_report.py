@@ -21,7 +21,7 @@ from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.colours import COLOURS
-from tests.conftest import closed_loop
+from tests.conftest import closed_loop, cut
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -207,21 +207,14 @@ def test_report_of_one_plant_whose_run_stopped() -> None:
     assert re.search(r"drives the trolley [\d.]+ m past the end of the rig, from 0\.\d\d s on", page.text)
 
 
-@pytest.mark.parametrize("value", [np.nan, -np.inf])
 def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
-    tmp_path: Path, runs: dict[str, Run], value: float
+    tmp_path: Path, runs: dict[str, Run]
 ) -> None:
     """It is written, read, reported and compared like any other, and no verdict calls it good."""
     ended = []
-    for run in runs.values():
-        table = run.table[:205].copy()
-        table[-1] = value
-        ended.append(
-            replace(
-                run, time_ns=run.time_ns[:205], table=table, reference=run.reference[:205],
-                status=RunStatus.ENGINE_WARNING, end_ns=204_000_000,
-            )
-        )  # fmt: skip
+    for run, value in zip(runs.values(), (-np.inf, np.nan), strict=True):
+        run.table[204] = value
+        ended.append(cut(run, 205, status=RunStatus.ENGINE_WARNING, end_ns=204_000_000))
     log = {run.plant: run for run in ended}
     back = read_log(write_log(tmp_path / "a.mcap", ended))
     assert np.array_equal(back["mujoco"].table[-1], log["mujoco"].table[-1], equal_nan=True)
@@ -233,8 +226,7 @@ def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
 
 
 def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
-    run = runs["mujoco"]
-    empty = replace(run, time_ns=run.time_ns[:0], table=run.table[:0], reference=run.reference[:0])
+    run, empty = runs["mujoco"], cut(runs["mujoco"], 0)
     page = read_page(render(log_page({"a": {"analytic": empty, "mujoco": empty}}, "")))
     assert page.tags["figure"] == 0
     half = read_page(render(log_page({"a": {"analytic": empty, "mujoco": run}}, "")))
