@@ -74,22 +74,12 @@ def test_the_contracts_notice_a_violation(tmp_path: Path, module: str, line: str
     assert any(contract in row for row in broken), done.stdout
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["--help"],
-        ["run", "--help"],
-        ["validate", "--help"],
-        ["campaign", "--help"],
-        ["campaign", "run", "--help"],
-        ["campaign", "replay", "--help"],
-        ["--version"],
-    ],
-)
-def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
+def test_help_imports_nothing_heavy() -> None:
+    commands = ["", "run", "validate", "campaign", "campaign run", "campaign replay"]
+    lines = ["--version", *(f"{command} --help" for command in commands)]
     script = (
-        "import sys; from cranectl.cli.main import main; "
-        f"main({arguments!r}); "
+        "import sys; from cranectl.cli.main import main\n"
+        f"for line in {lines!r}: assert main(line.split()) == 0\n"
         f"print('HEAVY', [name for name in {HEAVY!r} if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

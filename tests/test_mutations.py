@@ -18,12 +18,13 @@ print(sum(
     for function in functions.split()
 ))
 """
-WITH_OTHER_TESTS = """
+ONE_FUNCTION = """
 import sys
 sys.path.insert(0, "validation")
 import mutations
-mutations.SUITE = ["tests/support/test_errors.py"]
-sys.argv = ["mutations.py", "potential_energy", "--jobs", "1"]
+assert all((mutations.ROOT / file).exists() for file in mutations.SUITE)
+function, *mutations.SUITE = sys.argv[1:]
+sys.argv[1:] = [function, "--jobs", "1"]
 sys.exit(mutations.main())
 """
 
@@ -33,7 +34,7 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_mutants_of_one_function_are_caught() -> None:
-    done = python("validation/mutations.py", "load_velocity", "--jobs", "1")
+    done = python("-c", ONE_FUNCTION, "load_velocity", "tests/model/test_flatness.py")
     assert done.returncode == 0, done.stdout + done.stderr
     caught = re.search(r"(\d+) mutants, (\d+) caught, 0 survived", done.stdout)
     assert caught is not None
@@ -42,7 +43,7 @@ def test_mutants_of_one_function_are_caught() -> None:
 
 
 def test_a_mutant_that_no_test_looks_at_survives() -> None:
-    done = python("-c", WITH_OTHER_TESTS)
+    done = python("-c", ONE_FUNCTION, "potential_energy", "tests/support/test_errors.py")
     assert done.returncode == 1, done.stdout + done.stderr
     assert "SURVIVED cranectl.model.dynamics.potential_energy" in done.stdout
 

@@ -41,15 +41,16 @@ def test_wheel_carries_what_runs_need_and_nothing_generated(wheel: Path) -> None
 def test_a_wheel_is_the_same_program_as_its_checkout(wheel: Path, tmp_path: Path) -> None:
     zipfile.ZipFile(wheel).extractall(tmp_path)
     command = "import json; from cranectl.support.provenance import fingerprints as f; print(json.dumps(f()))"
-    found = subprocess.run(
-        [sys.executable, "-c", command],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert json.loads(found.stdout) == fingerprints()
+    assert json.loads(python(tmp_path, tmp_path, "-c", command)) == fingerprints()
+
+
+def python(site: Path, work: Path, *arguments: str) -> str:
+    """Standard output of an interpreter in `work` that finds what is in `site`."""
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    command = [sys.executable, *arguments]
+    return subprocess.run(
+        command, cwd=work, env=environment, capture_output=True, text=True, check=True
+    ).stdout
 
 
 def test_the_wheel_runs_away_from_the_checkout(wheel: Path, tmp_path: Path) -> None:
@@ -61,20 +62,9 @@ def test_the_wheel_runs_away_from_the_checkout(wheel: Path, tmp_path: Path) -> N
     zipfile.ZipFile(wheel).extractall(site)
     work = tmp_path / "work"
     work.mkdir()
-
-    def python(*arguments: str) -> str:
-        return subprocess.run(
-            [sys.executable, *arguments],
-            cwd=work,
-            env={**os.environ, "PYTHONPATH": str(site)},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-
-    where = python("-c", "import cranectl.support.resources as r; print(r.MODEL_FILE)")
+    where = python(site, work, "-c", "import cranectl.support.resources as r; print(r.MODEL_FILE)")
     assert where.startswith(str(site))
-    listed = python("-m", "cranectl", "list")
+    listed = python(site, work, "-m", "cranectl", "list")
     for scenario in ALL_SCENARIOS:
         assert scenario in listed
     assert not list(work.iterdir())

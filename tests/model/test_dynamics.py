@@ -13,16 +13,12 @@ RIG = RigParameters(bridge_mass=5.0, trolley_mass=2.0, winch_mass=0.3, load_mass
 STEP = 1e-6
 
 
-def test_derivation_from_the_lagrangian_equals_the_code() -> None:
+def test_derivation_from_the_lagrangian_equals_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And notices a wrong sign."""
     derivation = runpy.run_path(str(ROOT / "validation" / "derivations" / "lagrange.py"))
     equations = derivation["derive"]()
     derivation["check_identities"](equations)
     assert derivation["check_code"](equations, samples=1000) < 1e-12
-
-
-def test_the_derivation_notices_a_wrong_sign(monkeypatch: pytest.MonkeyPatch) -> None:
-    derivation = runpy.run_path(str(ROOT / "validation" / "derivations" / "lagrange.py"))
-    equations = derivation["derive"]()
     right = dynamics.angular_accelerations
     monkeypatch.setattr(dynamics, "angular_accelerations", lambda *a: (right(*a)[0], -right(*a)[1]))
     with pytest.raises(AssertionError, match="cardan"):

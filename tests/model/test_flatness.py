@@ -57,13 +57,9 @@ def test_feed_forward_reproduces_every_c4_reference(name: str) -> None:
     state = feed_forward(0.0)[0]
     for start, stop in zip(trajectory.joints[:-1], trajectory.joints[1:], strict=True):
         solution = solve_ivp(
-            lambda time, x: state_derivative(x, feed_forward(min(time, end))[1]),
-            (start, stop),
-            state,
-            method="DOP853",
-            rtol=1e-12,
-            atol=1e-12,
-        )
+            lambda time, x: state_derivative(x, feed_forward(min(time, end))[1]), (start, stop), state,
+            method="DOP853", rtol=1e-12, atol=1e-12,
+        )  # fmt: skip
         state = solution.y[:, -1]
     expected = trajectory.sample(np.array([end]))[0, :3]
     q, _ = split(state)
