@@ -32,12 +32,8 @@ def test_levels_add_one_effect_each_and_are_the_runs_that_a_person_would_make(sh
     assert [result.level for result in results] == list(LEVELS[: len(results)])
     effects = [result.run.scenario.effects.names for result in results]
     assert effects == [(), (), (), (), ("limits",), ("limits", "sensing"), ("limits", "sensing", "delay")]
-    assert [(result.run.plant, result.run.drive) for result in results[:4]] == [
-        ("analytic", "ideal"),
-        ("analytic", "ideal"),
-        ("mujoco", "ideal"),
-        ("mujoco", "velocity"),
-    ]
+    runs = [f"{result.run.plant} {result.run.drive}" for result in results[:4]]
+    assert runs == ["analytic ideal", "analytic ideal", "mujoco ideal", "mujoco velocity"]
     assert [result.alone is not None for result in results] == [False] * 4 + [True] * 3
 
     def run(*names: str) -> Run:

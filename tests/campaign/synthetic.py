@@ -14,11 +14,7 @@ from cranectl.campaign.results import Results
 from cranectl.campaign.table import METRIC_COLUMNS, arrow_schema
 from tests.campaign.campaigns import LAG, MASS, campaign, uniform
 
-THREE = {
-    "rig.load_mass": MASS,
-    "rig.winch_time_constant": LAG,
-    "initial.load_offset.0": uniform(-0.03, 0.03),
-}
+THREE = {"rig.load_mass": MASS, "rig.winch_time_constant": LAG, "initial.load_offset.0": uniform(-0.03, 0.03)}
 BOTH = {"plants": ["analytic", "mujoco"], "controllers": ["lqr", "pole-placement"], "runs": 64}
 
 Metrics = Callable[[np.ndarray, str, str], Mapping[str, np.ndarray]]

@@ -97,10 +97,7 @@ def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
 
 
 def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
-    finished: Path,
-    cluster: LocalCluster,
-    refused: Refused,
-    monkeypatch: pytest.MonkeyPatch,
+    finished: Path, cluster: LocalCluster, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write, written = Store.write, []
 
@@ -141,11 +138,7 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> N
     [("numpy", ", here 1.0"), ("cranectl", "the scheduler has"), ("sources", "the worker tcp://")],
 )
 def test_other_software_is_refused(
-    name: str,
-    told: str,
-    cluster: LocalCluster,
-    refused: Refused,
-    monkeypatch: pytest.MonkeyPatch,
+    name: str, told: str, cluster: LocalCluster, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = provenance() | {name: "1.0"}
     monkeypatch.setattr("cranectl.campaign.manifest.software_of", lambda _: other)  # not the worker's
@@ -187,10 +180,7 @@ def test_without_dask(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None
     ],
 )
 def test_a_place_that_is_none(
-    arguments: list[str],
-    expected: str,
-    refused: Refused,
-    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str], expected: str, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("cranectl.campaign.cluster.CONNECT_S", 0.3)
     assert expected in refused(*RUN, *arguments)

@@ -9,12 +9,7 @@ from rich.console import Console
 
 from cranectl.campaign.replay import chosen_rows, differences
 from cranectl.campaign.results import Results, read_results
-from cranectl.campaign.summary import (
-    failed,
-    failure_interval,
-    summarize,
-    worst_first,
-)
+from cranectl.campaign.summary import failed, failure_interval, summarize, worst_first
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.cli.output import screen_table
 from cranectl.design import CONTROLLERS

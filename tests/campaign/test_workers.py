@@ -56,12 +56,9 @@ def alone(made: Campaign, sample: int, plant: str, controller: str) -> Run:
     (values,) = sample_values(made, sample, sample + 1)
     sampled = sampled_scenario(made, values)
     return simulate_run(
-        sampled,
-        nominal=nominal_scenario(made, sampled),
-        plant=plant,
-        drive=made.settings.drive,
+        sampled, nominal=nominal_scenario(made, sampled), plant=plant, drive=made.settings.drive,
         controller=controller,
-    )
+    )  # fmt: skip
 
 
 def assert_row_is(row: Row, run: Run) -> None:

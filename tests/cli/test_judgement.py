@@ -31,9 +31,7 @@ def judged(*arguments: str, code: int = 0) -> dict[str, object]:
     return agreement
 
 
-def test_a_rig_of_ones_own_is_not_judged_by_the_limits_of_another(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_rig_of_ones_own_is_not_judged_by_the_limits_of_another(capsys: pytest.CaptureFixture[str]) -> None:
     for arguments in (["run", *OWN], ["compare", LOG], ["info", LOG]):
         result = judged(*arguments)
         assert (result["passed"], result["limit_m"], result["limit_rad"]) == (None, None, None), arguments

@@ -52,20 +52,12 @@ def test_shipped_scenarios_are_known_by_what_moves_the_plants(name: str) -> None
 @pytest.mark.parametrize(
     "override",
     [
-        "rig.load_mass=1.001",
-        "rig.winch_time_constant=0.021",
-        "rig.gravity=9.82",
-        "duration=24.0",
-        "control.lag_compensation=false",
-        "control.physics_step=0.0005",
-        "design.input_weight=0.11",
-        "disturbances.0.magnitude=0.9",
-        "initial.load_offset=[0.01,0,0]",
-        "reference.start=[1.0,0.77,-0.71]",
-        "effects.delay.seconds=0.01",
-        "workspace.on_exit='stop'",
+        "rig.load_mass=1.001", "rig.winch_time_constant=0.021", "rig.gravity=9.82", "duration=24.0",
+        "control.lag_compensation=false", "control.physics_step=0.0005", "design.input_weight=0.11",
+        "disturbances.0.magnitude=0.9", "initial.load_offset=[0.01,0,0]",
+        "reference.start=[1.0,0.77,-0.71]", "effects.delay.seconds=0.01", "workspace.on_exit='stop'",
     ],
-)
+)  # fmt: skip
 def test_whatever_may_move_a_plant_makes_another_scenario(override: str) -> None:
     scenario = load_scenario("fixed-position", overrides=[override])
     design = design_controller("lqr", scenario.design)

@@ -95,10 +95,7 @@ def test_velocity_drives_have_wider_limits(run: Run) -> None:
 def test_without_limits_there_is_no_verdict(run: Run) -> None:
     """A rig that is not shipped has none with velocity drives: however far apart, however they ended."""
     velocity = replace(run, drive="velocity")
-    for other in (
-        shifted(velocity, 10, 5.0),
-        replace(velocity, plant="mujoco", status=RunStatus.SLACK_ROPE),
-    ):
+    for other in (shifted(velocity, 10, 5.0), replace(velocity, plant="mujoco", status=RunStatus.SLACK_ROPE)):
         found = judge(velocity, other)
         assert (found.passed, found.limit_m, found.limit_rad) == (None, None, None)
         assert found.verdict == "not judged"

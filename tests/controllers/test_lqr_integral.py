@@ -15,16 +15,8 @@ LENGTH = 0.725  # [m], the middle of the rig's range
 
 def hanging(*overrides: str) -> Scenario:
     """At rest in the middle of the rig, at the middle length."""
-    return load_scenario(
-        "fixed-position",
-        overrides=[
-            "duration=4.0",
-            "disturbances=[]",
-            f"reference.start=[1.0, 0.77, {-LENGTH}]",
-            "reference.segments=[]",
-            *overrides,
-        ],
-    )
+    rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-LENGTH}]", "reference.segments=[]"]
+    return load_scenario("fixed-position", overrides=["duration=4.0", *rest, *overrides])
 
 
 def test_near_rest_it_moves_as_its_linearisation_says() -> None:

@@ -125,11 +125,9 @@ def test_what_the_nominal_rig_does_not_know_shows() -> None:
 def test_forces_are_recorded_as_the_drives_get_them(plant: str) -> None:
     """And are those of the equations of motion at the recorded state."""
     run = simulate_run(
-        load_scenario("fast-diagonal", overrides=["duration=3.0", "disturbances=[]"]),
-        plant=plant,
-        drive="force",
-        controller="lqr",
-    )
+        load_scenario("fast-diagonal", overrides=["duration=3.0", "disturbances=[]"]), plant=plant,
+        drive="force", controller="lqr",
+    )  # fmt: skip
     group = next(group for group in run.groups if group.name == "command")
     assert [signal.unit for signal in group.signals] == ["N"] * 3 + ["1"] * 3
     masses = dynamics.axis_masses(run.scenario.rig)

@@ -29,13 +29,7 @@ from cranectl.signals import BASE_WIDTH
 from cranectl.support.errors import InputError
 from tests.plants.effects import HANGING, RIG, SWINGING, make, simulate
 
-PHYSICAL = {
-    "friction": Friction(),
-    "limits": DriveLimits(),
-    "rope": Rope(),
-    "body": Body(),
-    "frame": Frame(),
-}
+PHYSICAL = {"friction": Friction(), "limits": DriveLimits(), "rope": Rope(), "body": Body(), "frame": Frame()}
 ALL = EffectSettings(**PHYSICAL)
 STRUCTURES = [
     EffectSettings(**{name: PHYSICAL[name] for name in names})
@@ -253,12 +247,9 @@ def test_beyond_its_limit_the_integrator_really_is_unstable() -> None:
     frequency = 1.5 * LARGEST / 1e-3 / (2 * np.pi)
     frame = Frame(frequency=(frequency, frequency), damping_ratio=0.0)
     plant = MujocoPlant(
-        RigParameters(load_mass=1e-3),
-        drive="ideal",
-        step=1e-3,
-        substeps=1,
+        RigParameters(load_mass=1e-3), drive="ideal", step=1e-3, substeps=1,
         effects=EffectSettings(frame=frame),
-    )
+    )  # fmt: skip
     plant._set_state(HANGING)
     place = plant.model.joint("frame_x").qposadr[0]
     plant.data.qpos[place] = 1e-6

@@ -35,18 +35,10 @@ OTHER = {
     "installation": {"tilt": (0.01, -0.02)},
 }
 OTHER_RIG = RigParameters(
-    gravity=9.7,
-    bridge_range=(0.1, 1.9),
-    trolley_range=(0.1, 1.5),
-    rope_range=(0.1, 1.3),
-    bridge_mass=5.0,
-    trolley_mass=3.0,
-    winch_mass=0.3,
-    load_mass=1.7,
-    bridge_time_constant=0.03,
-    trolley_time_constant=0.025,
+    gravity=9.7, bridge_range=(0.1, 1.9), trolley_range=(0.1, 1.5), rope_range=(0.1, 1.3), bridge_mass=5.0,
+    trolley_mass=3.0, winch_mass=0.3, load_mass=1.7, bridge_time_constant=0.03, trolley_time_constant=0.025,
     winch_time_constant=0.04,
-)
+)  # fmt: skip
 
 
 def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:

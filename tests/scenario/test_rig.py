@@ -27,18 +27,10 @@ def test_file_and_parameters_agree(filed: mujoco.MjModel) -> None:
 
 def test_every_parameter_reaches_the_model() -> None:
     rig = RigParameters(
-        gravity=9.7,
-        bridge_range=(0.1, 1.9),
-        trolley_range=(0.1, 1.4),
-        rope_range=(0.2, 1.2),
-        bridge_mass=7.0,
-        trolley_mass=3.0,
-        winch_mass=0.5,
-        load_mass=2.0,
-        bridge_time_constant=0.03,
-        trolley_time_constant=0.04,
-        winch_time_constant=0.05,
-    )
+        gravity=9.7, bridge_range=(0.1, 1.9), trolley_range=(0.1, 1.4), rope_range=(0.2, 1.2),
+        bridge_mass=7.0, trolley_mass=3.0, winch_mass=0.5, load_mass=2.0, bridge_time_constant=0.03,
+        trolley_time_constant=0.04, winch_time_constant=0.05,
+    )  # fmt: skip
     model = model_spec(rig, drive="velocity", step=0.002).compile()
     assert model.opt.gravity[2] == -9.7
     assert model.opt.timestep == 0.002

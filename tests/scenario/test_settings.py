@@ -102,12 +102,8 @@ def test_override_of_a_list_entry_that_does_not_exist() -> None:
 
 def test_override_creates_absent_tables_and_leaves_the_original_alone() -> None:
     table = {"a": {"b": 1}, "c": [{"d": 2}]}
-    assert override(table, ["a.b=2", "c.0.d=3", "e.f='x'", "g=plain text"]) == {
-        "a": {"b": 2},
-        "c": [{"d": 3}],
-        "e": {"f": "x"},
-        "g": "plain text",
-    }
+    expected = {"a": {"b": 2}, "c": [{"d": 3}], "e": {"f": "x"}, "g": "plain text"}
+    assert override(table, ["a.b=2", "c.0.d=3", "e.f='x'", "g=plain text"]) == expected
     assert table == {"a": {"b": 1}, "c": [{"d": 2}]}
 
 

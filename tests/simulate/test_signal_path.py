@@ -90,12 +90,9 @@ def test_set_points_keep_the_limits_of_the_drives() -> None:
 def test_a_set_point_that_was_cut_off_does_not_run_away() -> None:
     """Once the limit no longer acts, command and wish are one again."""
     held = run(
-        NO_FORCE_LIMIT,
-        "effects.limits.velocity=[0.01,0.01,0.6]",
-        "duration=3.0",
-        "disturbances.0.end=0.2",
+        NO_FORCE_LIMIT, "effects.limits.velocity=[0.01,0.01,0.6]", "duration=3.0", "disturbances.0.end=0.2",
         "disturbances.1.end=0.3",
-    )
+    )  # fmt: skip
     wanted, command = held.block("input")[-1, 3:], held.block("command")[-1, :3]
     assert held.block("command")[:, 3:].any()
     assert_array_equal(wanted, command)

@@ -83,11 +83,7 @@ def test_everything_shipped_is_covered() -> None:
     assert kinds == {".xml"}
     kinds = {path.suffix for path in data.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
     assert kinds == {".toml", ".py", ".svg", ".json"}
-    for place in (
-        resources.SCENARIO_DIRECTORY,
-        resources.THESIS_DIRECTORY,
-        resources.CAMPAIGN_DIRECTORY,
-    ):
+    for place in (resources.SCENARIO_DIRECTORY, resources.THESIS_DIRECTORY, resources.CAMPAIGN_DIRECTORY):
         assert place.is_relative_to(data)
 
 

@@ -23,15 +23,11 @@ SHORT = {
     "fast-diagonal": ["duration=5.0"],
     "off-reference": ["duration=6.5", *(f"effects.limits.{what}=[1e3,1e3,1e3]" for what in FREE)],
     "settled-trajectory": [
-        "duration=6.0",
-        "reference.segments.0.duration=4.0",
-        "reference.segments.1.duration=2.0",
-        "reference.segments.0.to=[0.4,0.3,-0.4]",
-        "reference.segments.1.angle=-0.3",
-        "disturbances.0.start=2.0",
-        "disturbances.1.start=3.0",
+        "duration=6.0", "reference.segments.0.duration=4.0", "reference.segments.1.duration=2.0",
+        "reference.segments.0.to=[0.4,0.3,-0.4]", "reference.segments.1.angle=-0.3",
+        "disturbances.0.start=2.0", "disturbances.1.start=3.0",
     ],
-}
+}  # fmt: skip
 
 
 @functools.cache

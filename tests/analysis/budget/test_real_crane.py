@@ -25,15 +25,10 @@ SCENARIO = load_scenario("fast-diagonal")
 # too, which a direction does not have.
 EXACT, HELD, LATE, TURN = 1e-9, 2e-8, 1e-5, 2e-5
 CASES = [
-    ((), (0.0, 0.0), 1e-14),
-    ((), (0.5, -0.4), HELD),
-    (("frame",), (0.0, 0.0), 1e-14),
-    (("rope",), (0.0, 0.0), EXACT),
-    (("rope", "frame"), (0.5, -0.4), HELD),
-    (("wind",), (0.0, 0.0), LATE),
-    (("body",), (0.5, -0.4), TURN),
-    (("rope", "body", "wind", "frame"), (0.5, -0.4), TURN),
-]
+    ((), (0.0, 0.0), 1e-14), ((), (0.5, -0.4), HELD), (("frame",), (0.0, 0.0), 1e-14),
+    (("rope",), (0.0, 0.0), EXACT), (("rope", "frame"), (0.5, -0.4), HELD), (("wind",), (0.0, 0.0), LATE),
+    (("body",), (0.5, -0.4), TURN), (("rope", "body", "wind", "frame"), (0.5, -0.4), TURN),
+]  # fmt: skip
 
 
 def drive(

@@ -23,11 +23,8 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.simulate.signal_path import Encoders
 
 HOISTING = [
-    "duration=3.0",
-    "disturbances.0.magnitude=2.0",
-    "disturbances.0.start=0.5",
-    "disturbances.0.end=0.8",
-]
+    "duration=3.0", "disturbances.0.magnitude=2.0", "disturbances.0.start=0.5", "disturbances.0.end=0.8",
+]  # fmt: skip
 
 
 @functools.cache

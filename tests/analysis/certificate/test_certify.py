@@ -99,7 +99,7 @@ def test_a_nu_gap_of_the_design_model_to_itself_is_nothing() -> None:
     assert verdict.stable
 
 
-@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize("controller", ["pole-placement", "lqr+hinf", "lqr+loop-shaping"])
 def test_never_wrong_on_random_cranes(controller: str) -> None:
     """Lag, delay, gain of the drives, rope, tilt, speed at random: what is certified is stable."""
     nominal_loop = nominal_loop_of(controller)

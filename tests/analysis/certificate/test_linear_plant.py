@@ -12,11 +12,7 @@ from cranectl.analysis.certificate.linear_plant import (
     present,
     run_plant,
 )
-from cranectl.analysis.certificate.loop import (
-    closed_loop_matrix,
-    flat_axis,
-    inner_loop_of,
-)
+from cranectl.analysis.certificate.loop import closed_loop_matrix, flat_axis, inner_loop_of
 from cranectl.analysis.certificate.operating_points import OperatingPoint, equilibrium, grid_of, tilt_angles
 from cranectl.controllers.flat import RUNNING, ZETA, control_step, initial_memory
 from cranectl.controllers.registry import controller_design
@@ -36,11 +32,7 @@ from cranectl.support.errors import InputError
 from tests.conftest import STILL
 
 G, PERIOD = 9.81, 1e-3
-POINTS = [
-    OperatingPoint(0.7),
-    OperatingPoint(0.2, (1.0, 1.0)),
-    OperatingPoint(1.3, (-2.0, 0.5)),
-]
+POINTS = [OperatingPoint(0.7), OperatingPoint(0.2, (1.0, 1.0)), OperatingPoint(1.3, (-2.0, 0.5))]
 
 
 EFFECTS = {
