@@ -15,15 +15,11 @@ from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.status import RunStatus
 
 PIECES = [
-    "duration=0.6",
+    "duration=0.6", "reference.continuity=2", "disturbances.0.start=0.1", "disturbances.1.start=0.4",
     "reference.segments.0.duration=0.2505",  # a joint between two samples
-    "reference.segments.1.duration=0.3",
     "reference.segments.0.to=[0.102,0.103,-0.152]",
-    "reference.segments.1.angle=-0.002",
-    "reference.continuity=2",
-    "disturbances.0.start=0.1",
-    "disturbances.1.start=0.4",
-]
+    "reference.segments.1.duration=0.3", "reference.segments.1.angle=-0.002",
+]  # fmt: skip
 
 
 def pieces() -> Scenario:

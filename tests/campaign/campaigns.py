@@ -38,12 +38,9 @@ PAIR = [{"between": ["rig.load_mass", "rig.winch_time_constant"], "value": 0.7}]
 
 def table(uncertain: dict[str, Any] | None = None, **changes: Any) -> dict[str, Any]:
     return {
-        "name": "test",
-        "scenario": "fast-diagonal",
-        "controllers": ["lqr"],
-        "runs": 64,
+        "name": "test", "scenario": "fast-diagonal", "controllers": ["lqr"], "runs": 64,
         "uncertain": MIXED if uncertain is None else uncertain,
-    } | changes
+    } | changes  # fmt: skip
 
 
 def campaign(uncertain: dict[str, Any] | None = None, **changes: Any) -> Campaign:

@@ -251,12 +251,6 @@ def test_another_campaign_is_not_mixed_in(tmp_path: Path, changes: dict[str, Any
     assert len(read_results(tmp_path)) == 80
 
 
-def test_limits_may_change_afterwards(directory: Path) -> None:
-    judged = two_controllers(limits={"max_error_m": 0.5}, title="Other words")
-    assert opened(judged, directory, resume=True) == (0, ())
-    assert read_results(directory).campaign.settings.limits.max_error_m == 0.5
-
-
 def test_places_that_are_no_results(tmp_path: Path, directory: Path) -> None:
     assert "holds no result" in caught(read_results, tmp_path).found
     (tmp_path / "notes.txt").write_text("mine")
@@ -268,12 +262,6 @@ def test_places_that_are_no_results(tmp_path: Path, directory: Path) -> None:
         (directory / MANIFEST_FILE).write_text(text)
         assert MANIFEST_FILE in caught(read_results, directory).found
         assert MANIFEST_FILE in caught(opened, CAMPAIGN, directory, resume=True).found
-
-
-def test_one_process_at_a_time(tmp_path: Path) -> None:
-    with open_store(CAMPAIGN, tmp_path):
-        assert "another process is writing" in caught(opened, CAMPAIGN, tmp_path, resume=True).found
-    assert opened(CAMPAIGN, tmp_path, resume=True) == (6, ())
 
 
 def test_nothing_is_left_where_nothing_could_be_run(tmp_path: Path) -> None:

@@ -19,29 +19,19 @@ from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fi
 SHORT = ["duration=0.25", "disturbances.0.start=0.05", "disturbances.0.end=0.2", "disturbances.1.start=0.1"]
 OFFSET = uniform(-0.02, 0.02)
 UNCERTAIN = {
-    "rig.load_mass": MASS,
-    "rig.winch_time_constant": LAG,
-    "rig.gravity": uniform(9.7, 9.9),
-    "disturbances.0.magnitude": PUSH,
-    "effects.friction.pivot_viscous": uniform(0.0, 0.01),
-    "effects.sensing.seed": SEED,
-    "effects.delay.seconds": uniform(0.0, 0.005),
-    "effects.wind.seed": SEED,
-    "initial.load_offset.0": OFFSET,
-    "initial.alpha_offset": OFFSET,
-    "control.period": choice(0.001, 0.002),
-}
+    "rig.load_mass": MASS, "rig.winch_time_constant": LAG, "rig.gravity": uniform(9.7, 9.9),
+    "disturbances.0.magnitude": PUSH, "effects.friction.pivot_viscous": uniform(0.0, 0.01),
+    "effects.sensing.seed": SEED, "effects.delay.seconds": uniform(0.0, 0.005), "effects.wind.seed": SEED,
+    "initial.load_offset.0": OFFSET, "initial.alpha_offset": OFFSET, "control.period": choice(0.001, 0.002),
+}  # fmt: skip
 NO_FORCES = ["effects.friction.coulomb=[0.0,0.0,0.0]", "effects.friction.viscous=[0.0,0.0,0.0]"]
 HEAVY = "lqr+hinf"
 
 
 def short(uncertain: dict[str, Any] | None = None, *extra: str, **changes: Any) -> Campaign:
     settings = {
-        "scenario": "fixed-position",
-        "set": [*SHORT, *extra],
-        "runs": 6,
-        "controllers": ["lqr", HEAVY],
-    }
+        "scenario": "fixed-position", "set": [*SHORT, *extra], "runs": 6, "controllers": ["lqr", HEAVY],
+    }  # fmt: skip
     return campaign(UNCERTAIN if uncertain is None else uncertain, **(settings | changes))
 
 

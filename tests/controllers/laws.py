@@ -63,12 +63,8 @@ def noting(**declared: object) -> Controller:
 
 def giving_up(code: float, acceleration: float = 0.0) -> Controller:
     """A law that cannot go on at its eleventh step."""
-    return Controller(
-        name="giving-up",
-        title="for tests",
-        step=give_up,
-        prepare=lambda _: (np.array([code, acceleration]), np.zeros(1)),
-    )
+    numbers = np.array([code, acceleration]), np.zeros(1)
+    return Controller(name="giving-up", title="for tests", step=give_up, prepare=lambda _: numbers)
 
 
 FOLLOWING = Controller(

@@ -19,12 +19,9 @@ runs = 2
 uncertain.rig.load_mass = {distribution = "uniform", low = 0.5, high = 2.0}
 """
 TEXTS = {
-    "s.toml": SCENARIO,
-    "c.toml": CAMPAIGN,
-    "rig.toml": "load_mass = 2.0\n",
-    "notes.txt": "my notes\n",
+    "s.toml": SCENARIO, "c.toml": CAMPAIGN, "rig.toml": "load_mass = 2.0\n", "notes.txt": "my notes\n",
     "old.json": "{\n}\n",
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="session")

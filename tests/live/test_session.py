@@ -29,7 +29,7 @@ def advanced(running: Session, samples: int, block: int = 20) -> dict[str, np.nd
     return {plant: np.vstack([run.table for run in runs]) for plant, runs in increments.items()}
 
 
-@pytest.mark.parametrize("block", [1, 7, 20, 501])
+@pytest.mark.parametrize("block", [1, 7])
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("controller", ["pole-placement", "lqr+hinf", "pid", "lqr-integral"])
 def test_left_alone_it_gives_the_numbers_of_a_run(

@@ -198,13 +198,9 @@ def test_ideal_drives_refuse_limits(force: tuple[float, float, float], plant: st
 @pytest.mark.parametrize(("plant", "drive"), list(itertools.product(PLANTS, DRIVES)))
 def test_effects_that_suit_every_plant_are_accepted(plant: str, drive: str) -> None:
     zero = (0.0, 0.0, 0.0)
-    effects = EffectSettings(
-        friction=Friction(coulomb=zero, viscous=zero),
-        limits=DriveLimits(force=(NO_LIMIT,) * 3) if drive == "velocity" else None,
-        wind=Wind(),
-        sensing=Sensing(),
-        delay=Delay(),
-    )
+    friction = Friction(coulomb=zero, viscous=zero)
+    limits = DriveLimits(force=(NO_LIMIT,) * 3) if drive == "velocity" else None
+    effects = EffectSettings(friction=friction, limits=limits, wind=Wind(), sensing=Sensing(), delay=Delay())
     check_effects(effects, plant=plant, drive=drive)
     check_effects(NO_EFFECTS, plant=plant, drive=drive)
     if plant == "mujoco":

@@ -101,15 +101,6 @@ def test_threads_that_write_one_file_have_a_part_each(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_part_belongs_to_who_made_it(tmp_path: Path) -> None:
-    path = tmp_path / "a.txt"
-    with replacing(path) as first, replacing(path) as second:
-        assert first.exists()
-        assert first != second
-        check_replaceable(path)
-        assert sorted(tmp_path.iterdir()) == sorted([first, second])
-
-
 @pytest.mark.parametrize("error", [InputError, LogError])
 @pytest.mark.parametrize(
     ("name", "failure"), [("a", OSError("disk full")), ("a\0", ValueError("embedded null byte"))]

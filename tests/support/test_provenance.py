@@ -97,13 +97,8 @@ def test_names_and_contents_count_and_line_endings_do_not(tmp_path: Path) -> Non
     same = of({"a": b"1\n", "b": b"2"})
     assert len(same) == 16
     assert of({"a": b"1\r\n", "b": b"2"}) == same
-    others = [
-        of({"a": b"2", "b": b"1\n"}),
-        of({"a": b"1\n", "c": b"2"}),
-        of({"a": b"1\n"}),
-        of({"a": b"1\n2"}),
-    ]
-    assert len({same, *others}) == 5
+    others = ({"a": b"2", "b": b"1\n"}, {"a": b"1\n", "c": b"2"}, {"a": b"1\n"}, {"a": b"1\n2"})
+    assert len({same, *map(of, others)}) == 5
 
 
 def test_it_has_all_that_decides_numbers() -> None:

@@ -87,7 +87,8 @@ def test_a_bound_can_be_broken_and_an_estimate_without_one_is_marked() -> None:
     assert (entry.holds, entry.rough, entry.remark) == (True, False, "")
     broken = replace(entry, measured=Size(1.0, 2.6, 0.5))
     assert not broken.holds
-    assert not replace(budget(*CASES[0]), entries=(entry, broken)).holds
+    assert Budget("any", "lqr", (entry, entry), size, size).holds
+    assert not Budget("any", "lqr", (entry, broken), size, size).holds
     assert replace(entry, bound=50.0).remark
     own, above = replace(entry, bound=np.inf), replace(entry, bound=np.inf, above="limits")
     assert own.remark == "rough estimate, no bound: this is too large for a first order"
