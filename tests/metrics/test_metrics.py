@@ -52,12 +52,9 @@ def scenario_of(**changes: object) -> Scenario:
     """A line of 0.4 m along x in 2 s, then 2 s of rest."""
     line = {"kind": "line", "to": [0.9, 0.5, -0.7], "duration": 2.0}
     table = {
-        "name": "synthetic",
-        "duration": 4.0,
-        "reference": {"start": [0.5, 0.5, -0.7], "segments": [line]},
-        "effects": {"delay": {"seconds": 0.004}},
-        **changes,
-    }
+        "name": "synthetic", "duration": 4.0, "reference": {"start": [0.5, 0.5, -0.7], "segments": [line]},
+        "effects": {"delay": {"seconds": 0.004}}, **changes,
+    }  # fmt: skip
     return parse_settings(Scenario, table, "test")
 
 
@@ -89,17 +86,10 @@ def synthetic() -> Run:
     table[500:750, LIMITED] = 1.0
     table[700:1000, LIMITED + 2] = 1.0
     return Run(
-        scenario=scenario,
-        design=design_controller("pole-placement", scenario.design),
-        plant="analytic",
-        drive="ideal",
-        model="",
-        time_ns=np.arange(SAMPLES, dtype=np.int64) * 1_000_000,
-        table=table,
-        reference=reference,
-        status=RunStatus.COMPLETED,
-        end_ns=4_000_000_000,
-    )
+        scenario=scenario, design=design_controller("pole-placement", scenario.design), plant="analytic",
+        drive="ideal", model="", time_ns=np.arange(SAMPLES, dtype=np.int64) * 1_000_000, table=table,
+        reference=reference, status=RunStatus.COMPLETED, end_ns=4_000_000_000,
+    )  # fmt: skip
 
 
 def measured(run: Run) -> RunMetrics:
@@ -371,7 +361,7 @@ def test_the_table_of_a_run(synthetic: Run) -> None:
     stopped = metrics_table({"one": measured(replace(synthetic, status=RunStatus.SLACK_ROPE))})
     assert [row[2].text for row in stopped.rows if row[0].text == "settling time"] == ["-"]
     page = log_page({"log": {"analytic": cut(synthetic, 0)}}, "cranectl report")  # without figures
-    assert metrics_table({"log, analytic": None}) in page.sections[0].tables
+    assert metrics_table({"log, analytic": None}) in page.sections[1].tables
 
 
 def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:
