@@ -129,7 +129,9 @@ def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
     return process, logs
 
 
-@pytest.mark.parametrize(("sent", "to_group"), [(signal.SIGINT, True), (signal.SIGTERM, False)])
+@pytest.mark.parametrize(
+    ("sent", "to_group"), [(signal.SIGINT, True), (signal.SIGTERM, False), (signal.SIGHUP, True)]
+)
 def test_a_signal_ends_all_workers_and_closes_their_logs(
     tmp_path: Path, sent: signal.Signals, to_group: bool
 ) -> None:
