@@ -262,13 +262,11 @@ OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "in
 
 
 def changed_from_default(scenario: Scenario) -> dict[str, Any]:
-    """By dotted name, what of rig, control, design, effects and the like is not the default.
-
-    Name, duration, motion and disturbances are every scenario's own and have none.
-    """
+    """By dotted name, what but OWN, of which every scenario has its own, is not the default."""
     default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
-    usual, asked = (dict(leaves(each.model_dump(mode="json", exclude=OWN))) for each in (default, scenario))
-    return {name: new for name, _, new in differences(usual, asked, absent=None)}
+    usual, asked = (each.model_dump(mode="json", exclude=OWN) for each in (default, scenario))
+    changed = {name: new for name, _, new in differences(usual, asked, absent=None)}
+    return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
 
 
 def scenario_names() -> list[str]:
@@ -297,11 +295,11 @@ def _rig_table(path: Path, above: tuple[Path, ...] = ()) -> Table:
     if path.resolve() in above:
         raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
     below = table.pop("extends", None)
-    if below is not None and not isinstance(below, str):
-        raise InputError(f"{path}: extends = {below!r}", allowed="the path of another rig file")
     parse_settings(RigParameters, table, str(path))
     if below is None:
         return table
+    if not isinstance(below, str):
+        raise InputError(f"{path}: extends = {below!r}", allowed="the path of another rig file")
     whole: Table = merged(_rig_table(path.parent / below, (*above, path.resolve())), table)
     return whole
 
