@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
-from cranectl.cases.case import Case, CaseResult, Failure
+from cranectl.cases.case import Case, CaseResult, Failure, RunSummary
 from cranectl.cases.workers import Outcome
+from cranectl.compare.agreement import Agreement
 
 Kind = Literal["passed", "failed", "error"]  # error: there is no result
 
@@ -44,6 +45,21 @@ class Validation:
     def finished(self) -> list[CaseResult]:
         """Of the cases that have a result."""
         return [result for result in self.outcome.results if isinstance(result, CaseResult)]
+
+    @property
+    def runs(self) -> list[RunSummary]:
+        """Of all finished cases."""
+        return [run for result in self.finished for run in result.runs]
+
+    @property
+    def agreements(self) -> list[Agreement]:
+        """Of all finished cases."""
+        return [agreement for result in self.finished for agreement in result.agreements]
+
+    @property
+    def other_failures(self) -> list[str]:
+        """Of each agreement's case, what else is wrong with it, or nothing."""
+        return [result.other_failures for result in self.finished for _ in result.agreements]
 
     @property
     def lost(self) -> list[Case]:
@@ -90,10 +106,8 @@ class Validation:
         """Plain data."""
         return {
             "passed": passed,
-            "runs": [run.to_json() for result in self.finished for run in result.runs],
-            "agreements": [
-                agreement.to_json() for result in self.finished for agreement in result.agreements
-            ],
+            "runs": [run.to_json() for run in self.runs],
+            "agreements": [agreement.to_json() for agreement in self.agreements],
             "failed": [
                 {
                     "scenario": name,
@@ -147,11 +161,9 @@ def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
         if each.kind != "passed":
             tag = "failure" if each.kind == "failed" else "error"
             fault = ElementTree.SubElement(case, tag, {"message": _printable(each.faults[0].splitlines()[0])})
-            lines = [
-                *each.faults,
-                f"again: {each.command(options)}",
-                *([f"log: {each.log}"] * bool(each.log)),
-            ]
+            lines = [*each.faults, f"again: {each.command(options)}"]
+            if each.log:
+                lines.append(f"log: {each.log}")
             fault.text = _printable("\n".join(lines))
     ElementTree.indent(root)
     text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)

@@ -233,11 +233,9 @@ def _tell(validation: "Validation", code: int, out: Path, json_file: str | None)
     finished, lost = validation.finished, validation.lost
     if finished or lost:
         screen = console(json_file)
-        agreements = [agreement for each in finished for agreement in each.agreements]
-        others = [each.other_failures for each in finished for _ in each.agreements]
+        agreements, runs = validation.agreements, validation.runs
         unjudged = sum(agreement.passed is None for agreement in agreements)
-        screen.print(agreement_table(agreements, others))
-        runs = [run for each in finished for run in each.runs]
+        screen.print(agreement_table(agreements, validation.other_failures))
         if (limits := limits_table(runs, broken_only=True)) is not None:
             screen.print(limits)
         for note in (*limit_notes(agreements), *run_notes(finished)):

@@ -11,10 +11,10 @@ has the same weights, with its length for e.
 
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]
-from scipy.linalg import expm, solve_continuous_are
+from scipy.linalg import solve_continuous_are
 
 from cranectl.controllers.controller import Controller, LinearLaw, Logged, Nominal, Parameter
-from cranectl.design.discretisation import check_sampled
+from cranectl.design.discretisation import check_sampled, zero_order_hold
 from cranectl.model.flatness import flat_output, state_and_input
 from cranectl.signals import (
     ACCELERATION,
@@ -121,9 +121,8 @@ def _gain(nominal: Nominal, a: Array, b: Array, c: Array) -> Array:
             remedy="scale the weights in [controller.lqr-integral] towards each other",
         ) from error
     gain: Array = (b.T @ cost / r)[0]
-    n = len(a)
-    sampled = expm(nominal.period * np.block([[a, b], [np.zeros((1, n + 1))]]))
-    closed = sampled[:n, :n] - sampled[:n, n:] @ gain[np.newaxis]
+    phi, hold = zero_order_hold(a, b, nominal.period)
+    closed = phi - hold @ gain[np.newaxis]
     remedy = "raise input_weight in [controller.lqr-integral]"
     check_sampled("lqr-integral", closed, nominal.period, remedy=remedy)
     return gain

@@ -18,6 +18,13 @@ class SampledBlocks(NamedTuple):
     feedthrough: float
 
 
+def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
+    """A and B of x' = A x + B u, b (n, m), sampled exactly for an input held over `period` [s]."""
+    n, m = b.shape
+    exponential = expm(period * np.block([[a, b], [np.zeros((m, n + m))]]))
+    return exponential[:n, :n], exponential[:n, n:]
+
+
 def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> SampledBlocks:
     """Sample a real modal form exactly for an input held over `period` [s].
 
@@ -30,10 +37,8 @@ def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> Sam
     state, drive = np.zeros((n, 2, 2)), np.zeros((n, 2))
     for k in range(n):
         rows = slice(2 * k, 2 * k + 2)
-        augmented = np.zeros((3, 3))
-        augmented[:2, :2], augmented[:2, 2] = a[rows, rows] * period, b[rows] * period
-        exponential = expm(augmented)
-        state[k], drive[k] = exponential[:2, :2], exponential[:2, 2]
+        state[k], held = zero_order_hold(a[rows, rows], b[rows, None], period)
+        drive[k] = held[:, 0]
     return SampledBlocks(state, drive, np.ascontiguousarray(c.reshape(n, 2)), float(d))
 
 
@@ -43,10 +48,7 @@ def sampled_loop(gain: Array, blocks: SampledBlocks, period: float) -> Array:
     States: the error and three derivatives, then those of the blocks. What is truly held is the drives'
     accelerations, which differs by a fraction of a period.
     """
-    chain = np.zeros((5, 5))
-    chain[:4, :4], chain[3, 4] = np.diag(np.ones(3), 1), 1.0
-    exponential = expm(chain * period)
-    phi, hold = exponential[:4, :4], exponential[:4, 4:]
+    phi, hold = zero_order_hold(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], period)
     measured = np.eye(4)[:1]
     law = gain.reshape(1, 4) + blocks.feedthrough * measured
     return np.block(

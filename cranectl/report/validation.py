@@ -24,12 +24,13 @@ def validation_page(validation: Validation, options: Sequence[str], remade_by: s
     lead = f"{len(verdicts) - len(failed)} of {len(verdicts)} cases passed."
     sections = [Section("failed", "What failed", () if failed else ("Nothing.",), tables)]
     if finished:
-        agreements = [agreement for each in finished for agreement in each.agreements]
-        others = [each.other_failures for each in finished for _ in each.agreements]
-        runs = [run for each in finished for run in each.runs]
+        agreements, runs = validation.agreements, validation.runs
         limits = limits_table(runs)
         notes = (*limit_notes(agreements), *run_notes(finished))
-        judged = (agreement_table(agreements, others), *((limits,) if limits is not None else ()))
+        judged = (
+            agreement_table(agreements, validation.other_failures),
+            *((limits,) if limits is not None else ()),
+        )
         sections.append(Section("judgement", "Plants and limits", notes, judged))
         sections.append(Section("runs", "Runs", (), (run_table({"": runs}),)))
     return Page("Validation", lead, tuple(sections), remade_by)

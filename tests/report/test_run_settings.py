@@ -7,6 +7,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log import write_log
 from cranectl.report.run.settings import what_differs, what_was_run
+from cranectl.report.table import Table
 from cranectl.scenario import changed_from_default, default_scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 
@@ -23,8 +24,8 @@ def logs(*changes: str) -> dict[str, dict[str, Run]]:
     return found
 
 
-def rows(table: object) -> dict[str, list[str]]:
-    return {row[0].text: [cell.text for cell in row[1:]] for row in table.rows}  # type: ignore[attr-defined]
+def rows(table: Table) -> dict[str, list[str]]:
+    return {row[0].text: [cell.text for cell in row[1:]] for row in table.rows}
 
 
 def test_every_setting_that_is_not_the_default_is_named() -> None:

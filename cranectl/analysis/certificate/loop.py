@@ -17,7 +17,6 @@ optimum.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.optimize import minimize
 
 from cranectl.analysis.certificate.linear_plant import LinearPlant
@@ -30,7 +29,7 @@ from cranectl.analysis.certificate.systems import (
 )
 from cranectl.controllers.controller import CRANE_STATES, LinearLaw
 from cranectl.design import Design
-from cranectl.design.discretisation import diagonal, sampled_blocks
+from cranectl.design.discretisation import diagonal, sampled_blocks, zero_order_hold
 from cranectl.scenario import DesignSettings
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -99,7 +98,7 @@ class AxisDesign:
 
     def inner_loop(self) -> InnerLoop:
         """The design model, all axes of it, under state feedback."""
-        phi, hold = sampled(self.a, self.b, self.period)
+        phi, hold = zero_order_hold(self.a, self.b, self.period)
         eye, n = np.eye(self.axes), SIGNALS * self.axes
         a, b = np.kron(phi, eye), np.kron(hold, eye)
         whole = SampledSystem(
@@ -128,16 +127,9 @@ def flat_axis(design: Design, period: float) -> AxisDesign:
 def law_axis(law: LinearLaw, period: float) -> AxisDesign:
     """The linearisation of a law: the states that it adds to those of the crane are its R."""
     crane, own = slice(SIGNALS), slice(SIGNALS, None)
-    phi, hold = sampled(law.a[own, own], law.a[own, crane], period)
+    phi, hold = zero_order_hold(law.a[own, own], law.a[own, crane], period)
     robustifier = SampledSystem(phi, hold, law.gain[None, own], np.zeros((1, SIGNALS)))
     return AxisDesign(law.a[crane, crane], law.b[crane], law.gain[crane], robustifier, 2, period)
-
-
-def sampled(a: Array, b: Array, period: float) -> tuple[Array, Array]:
-    """A and B of x' = A x + B u for u held over `period` [s]."""
-    n, m = b.shape
-    exponential = expm(period * np.block([[a, b], [np.zeros((m, n + m))]]))
-    return exponential[:n, :n], exponential[:n, n:]
 
 
 def closed_loop_matrix(inner: InnerLoop, robustifier: SampledSystem) -> Array:
