@@ -1,0 +1,35 @@
+"""Values with the prefixes of their units."""
+
+import math
+
+import pytest
+
+from cranectl.support.units import quantity, scaled
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "expected"),
+    [
+        (0.0123456, "m", "12.3 mm"),
+        (0.00099999, "m", "1.00 mm"),
+        (-3.05e-7, "m", "-305 nm"),
+        (4.2e-15, "m", "0.00420 pm"),
+        (4.2e-17, "m", "4.20 · 10⁻¹⁷ m"),
+        (1234.0, "m", "1234 m"),
+        (123.4, "m", "123 m"),
+        (196133.0, "N", "196 kN"),
+        (2e-5, "rad/s²", "20.0 µrad/s²"),
+        (2e-5, "°", "2.00 · 10⁻⁵°"),
+        (0.0, "m", "0.00 m"),
+        (math.nan, "m", "nan m"),
+        (-math.inf, "N", "-inf N"),
+    ],
+)
+def test_a_value_is_told_with_the_prefix_of_its_unit(value: float, unit: str, expected: str) -> None:
+    assert quantity(value, unit).replace("\N{NO-BREAK SPACE}", " ") == expected
+
+
+def test_a_column_has_the_unit_of_its_largest_value() -> None:
+    assert scaled("m", 0.4) == (1e3, "mm")
+    assert scaled("m", 40.0) == (1.0, "m")
+    assert scaled("m", 0.0) == (1.0, "m")
