@@ -179,6 +179,8 @@ def _allowed(kind: dict[str, Any]) -> str:
         return f"{len(elements)} of: {_allowed(elements[0])}"
     if "items" in kind:
         return f"list of: {_allowed(kind['items'])}"
+    if "anyOf" in kind:
+        return " or ".join(map(_allowed, kind["anyOf"]))
     bounds = [f"{sign} {_text(float(kind[word]))}" for word, sign in BOUNDS.items() if word in kind]
     return " ".join([KINDS[kind["type"]], ", ".join(bounds)]).rstrip()
 

@@ -9,7 +9,7 @@ from cranectl.support.files import PLOTS
 
 
 @click.command("design", cls=Command)
-@click.argument("name")
+@click.argument("names", metavar="NAME...", nargs=-1, required=True)
 @click.option(
     "--scenario", metavar="NAME", help="Whose [design], [control] and [rig] to take. Default: the defaults."
 )
@@ -19,25 +19,28 @@ from cranectl.support.files import PLOTS
 )
 @json_option
 def design_command(
-    name: str,
+    names: tuple[str, ...],
     scenario: str | None,
     rig: Path | None,
     overrides: tuple[str, ...],
     plot: Path | None,
     json_file: str | None,
 ) -> None:
-    """Design the controller NAME and say what it achieves.
+    """Design the controller NAME, or several, and say what it achieves.
+
+    Several are told in one table, and drawn on top of each other on one sheet.
 
     \b
     cranectl design pole-placement
     cranectl design lqr+loop-shaping --plot design.svg
+    cranectl design pole-placement lqr --set 'design.poles=["-3+1j", "-3-1j", -4, -4]' --plot both.svg
     cranectl design lqr+loop-shaping --scenario fixed-position
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     """
     from cranectl.cli.output import console, write_json
     from cranectl.controllers.registry import controller_design, load_controller, only_flat
     from cranectl.design import Design
-    from cranectl.report.design_tables import design_tables, law_tables
+    from cranectl.report.design_tables import design_tables, designs_table, law_tables
     from cranectl.scenario import default_scenario, load_scenario
     from cranectl.simulate import linearised_law, tracker_of
 
@@ -45,23 +48,26 @@ def design_command(
         loaded = default_scenario(rig=rig, overrides=overrides)
     else:
         loaded = load_scenario(scenario, rig=rig, overrides=overrides)
-    design = controller_design(name, loaded)
+    designs = [controller_design(name, loaded) for name in dict.fromkeys(names)]
     screen = console(json_file)
-    if not isinstance(design, Design):
-        if plot is not None:
-            only_flat(design)  # raises
-        for table in law_tables(design, load_controller(name), linearised_law(loaded, design)):
+    if not isinstance(designs[0], Design) and len(designs) == 1 and plot is None:
+        law = designs[0]
+        for table in law_tables(law, load_controller(law.name), linearised_law(loaded, law)):
             screen.print(table)
-        write_json(json_file, design.to_json())
+        write_json(json_file, law.to_json())
         return
-    tracker_of(loaded, design)  # raises if sampling makes it unstable
+    flat = [only_flat(design) for design in designs]
+    for design in flat:
+        tracker_of(loaded, design)  # raises if sampling makes it unstable
     if plot is not None:
-        from cranectl.report.design_figures import design_figure  # matplotlib, only where it is asked for
+        # Matplotlib, only where it is asked for.
+        from cranectl.report.design_figures import design_figure, designs_figure
         from cranectl.report.theme import save_figure
 
-        save_figure(design_figure(design), plot)
-    for table in design_tables(design):
+        save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
+    for table in design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)]:
         screen.print(table)
     if plot is not None:
         screen.print(f"picture: {plot}")
-    write_json(json_file, design.to_json())
+    results = [design.to_json() for design in flat]
+    write_json(json_file, results[0] if len(flat) == 1 else {"designs": results})

@@ -11,7 +11,7 @@ from cranectl.support.errors import InputError
 
 def pole_placement_gain(settings: DesignSettings) -> Array:
     """Gain (4,) that places the poles of one axis at `settings.poles` (4.12), (4.13)."""
-    gain: Array = np.asarray(control.place_acker(CHAIN_A, CHAIN_B, list(settings.poles)))
+    gain: Array = np.asarray(control.place_acker(CHAIN_A, CHAIN_B, [*map(complex, settings.poles)]))
     return gain.reshape(4)
 
 

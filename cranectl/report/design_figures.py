@@ -1,5 +1,7 @@
 """Figures of designs: singular values, shaped loops, step responses."""
 
+from collections.abc import Sequence
+
 import control
 import matplotlib
 import numpy as np
@@ -10,10 +12,13 @@ from cranectl.design import Design
 from cranectl.design.linear_systems import inner_loop, open_loop
 from cranectl.design.loop_shaping import error_weight
 from cranectl.scenario import LoopShapingSettings
+from cranectl.support.arrays import Array
 
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]
 STEP_TIME = np.linspace(0.0, 8.0, 801)  # [s]
 FREQUENCY = "angular frequency [rad/s]"
+INITIAL = ("initial error", "time [s]", "error [m]")  # titles of two panels, their axes
+DISTURBED = ("disturbance of 1 m/s⁴ on v", "time [s]", "displacement [mm]")
 
 
 def design_figure(design: Design) -> Figure:
@@ -25,6 +30,29 @@ def design_figure(design: Design) -> Figure:
     _draw_sensitivities(sensitivities, loop)
     _draw_loops(shaped, design, loop)
     _draw_responses(initial, disturbed, loop)
+    return figure
+
+
+def designs_figure(designs: Sequence[Design]) -> Figure:
+    """Several designs on top of each other, a colour each."""
+    figure = Figure(figsize=(10.0, 7.9), layout="constrained")
+    sensitivities, gains, initial, disturbed = figure.subplots(2, 2).flat
+    for k, design in enumerate(designs):
+        loop, colour = open_loop(design.gain, design.robustifier.system()), f"C{k}"
+        response = loop(1j * OMEGA)
+        sensitivities.loglog(OMEGA, np.abs(1.0 / (1.0 + response)), color=colour)
+        sensitivities.loglog(OMEGA, np.abs(response / (1.0 + response)), "--", color=colour)
+        gains.loglog(OMEGA, np.abs(response), color=colour)
+        off, pushed = _responses(loop)
+        initial.plot(STEP_TIME, off, color=colour)
+        disturbed.plot(STEP_TIME, pushed * 1e3, color=colour, label=design.name)
+    gains.axhline(1.0, color="0.6", linewidth=0.8)
+    _label(sensitivities, "loop cut at v: |S|, dashed |T|", FREQUENCY, "magnitude")
+    _label(gains, "loop gains", FREQUENCY, "magnitude")
+    _label(initial, *INITIAL)
+    _label(disturbed, *DISTURBED)
+    figure.suptitle("one axis")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
@@ -67,18 +95,27 @@ def _draw_loops(axes: Axes, design: Design, loop: control.StateSpace) -> None:
 
 
 def _draw_responses(initial: Axes, disturbed: Axes, loop: control.StateSpace) -> None:
-    """Of the load to an error of 1 m at the start, all else at rest, and to a step of 1 m/s⁴ added to v."""
+    off, pushed = _responses(loop)
+    initial.plot(STEP_TIME, off, label="z, from 1 m off")
+    _finish(initial, *INITIAL)
+    disturbed.plot(STEP_TIME, pushed * 1e3, label="z, step on v")
+    _finish(disturbed, *DISTURBED)
+
+
+def _responses(loop: control.StateSpace) -> tuple[Array, Array]:
+    """The load [m] at STEP_TIME after an error of 1 m, all else at rest, and after a step of 1 m/s⁴ on v."""
     unit = np.eye(loop.nstates)
     closed = control.ss(loop.A - loop.B @ loop.C, loop.B, unit[:1], 0.0)
-    response = control.initial_response(closed, STEP_TIME, unit[0])
-    initial.plot(response.time, np.squeeze(response.outputs), label="z, from 1 m off")
-    _finish(initial, "initial error", "time [s]", "error [m]")
-    response = control.step_response(closed, STEP_TIME)
-    disturbed.plot(response.time, np.squeeze(response.outputs) * 1e3, label="z, step on v")
-    _finish(disturbed, "disturbance of 1 m/s⁴ on v", "time [s]", "displacement [mm]")
+    off = control.initial_response(closed, STEP_TIME, unit[0])
+    pushed = control.step_response(closed, STEP_TIME)
+    return np.squeeze(off.outputs), np.squeeze(pushed.outputs)
 
 
 def _finish(axes: Axes, title: str, x_label: str, y_label: str) -> None:
+    _label(axes, title, x_label, y_label)
+    axes.legend(frameon=False)
+
+
+def _label(axes: Axes, title: str, x_label: str, y_label: str) -> None:
     axes.set(title=title, xlabel=x_label, ylabel=y_label)
     axes.grid(visible=True, which="major", linewidth=0.4)
-    axes.legend(frameon=False)

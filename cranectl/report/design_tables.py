@@ -1,7 +1,7 @@
 """What a design achieves, for the terminal."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 from typing import Any
 
@@ -12,6 +12,11 @@ from cranectl.controllers.controller import Controller, LawDesign, LinearLaw
 from cranectl.design import Design
 from cranectl.design.records import Margins
 from cranectl.report.table import Table, cells
+
+ROUNDING = (
+    1e4  # by which polynomials of some poles that nearly coincide amplify it, at the most that was seen
+)
+TIMES = {2: "twice"}
 
 
 def design_tables(design: Design) -> tuple[Table, Table]:
@@ -27,6 +32,25 @@ def design_tables(design: Design) -> tuple[Table, Table]:
         Table(f"{design.name}, one axis", ("", "", ""), tuple(cells(*row) for row in figures), labels=3),
         Table("Poles [1/s]", ("closed loop", "robustifier"), tuple(cells(*row) for row in poles), labels=2),
     )
+
+
+def designs_table(designs: Sequence[Design]) -> Table:
+    """Several designs beside each other, a column each."""
+    rows = [
+        (f"gain k{k} [1/s{'⁴³²'[k] if k < 3 else ''}]", *(f"{design.gain[k]:.6g}" for design in designs))
+        for k in range(4)
+    ]
+    margins = (_margin_rows(design.margins) for design in designs)
+    rows += [(each[0][0], *(text for _, text, _ in each)) for each in zip(*margins, strict=True)]
+    rows += _pole_rows(design.closed_loop_poles for design in designs)
+    headings = ("one axis", *(design.name for design in designs))
+    return Table("Designs", headings, tuple(cells(*row) for row in rows), labels=1 + len(designs))
+
+
+def _pole_rows(poles: Iterable[NDArray[Any]]) -> list[tuple[str, ...]]:
+    """The poles of several loops, a column each."""
+    columns = zip_longest(*map(_poles, poles), fillvalue="")
+    return [(f"pole {k} [1/s]", *row) for k, row in enumerate(columns, 1)]
 
 
 def law_tables(design: LawDesign, controller: Controller, linear: Sequence[LinearLaw]) -> tuple[Table, ...]:
@@ -45,9 +69,8 @@ def law_tables(design: LawDesign, controller: Controller, linear: Sequence[Linea
 
         loops = [control.ss(law.a, law.b, law.gain.reshape(1, -1), 0.0) for law in linear]
         margins = [_margin_rows(loop_margins(loop)) for loop in loops]
-        poles = [_poles(closed_loop_poles(loop)) for loop in loops]
         lines = [("gain", *("  ".join(f"{value:.4g}" for value in law.gain) for law in linear))]
-        lines += [(f"pole {k} [1/s]", *row) for k, row in enumerate(zip(*poles, strict=True), 1)]
+        lines += _pole_rows(closed_loop_poles(loop) for loop in loops)
         lines += [(row[0][0], *(text for _, text, _ in row)) for row in zip(*margins, strict=True)]
         headings = ("one horizontal axis", *(f"rope of {law.rope_length:g} m" for law in linear))
         title = "Linearised about rest, loop opened at the drive's acceleration"
@@ -81,6 +104,30 @@ def _gamma_rows(design: Design) -> list[tuple[str, str, str]]:
 
 
 def _poles(poles: NDArray[Any]) -> list[str]:
-    """The slowest first."""
-    slowest_first = sorted(poles.tolist(), key=lambda pole: (-pole.real, pole.imag))
-    return [f"{pole.real:.4g}" + (f" {pole.imag:+.4g}i" if pole.imag else "") for pole in slowest_first]
+    """The slowest first, multiple ones once."""
+    slowest_first = sorted(distinct_poles(poles), key=lambda each: (-each[0].real, each[0].imag))
+    return [
+        f"{pole.real:.4g}"
+        + (f" {pole.imag:+.4g}i" if pole.imag else "")
+        + (f" ({TIMES.get(count, f'{count} times')})" if count > 1 else "")
+        for pole, count in slowest_first
+    ]
+
+
+def distinct_poles(poles: NDArray[Any]) -> list[tuple[complex, int]]:
+    """Computed poles with their multiplicities, imaginary parts that are rounding left out.
+
+    Rounding of eps moves an m-fold root by the m-th root of eps, in all directions, but hardly the mean of
+    what it falls apart into: m poles within (1e4 eps)^(1/m) of their mean, relative to it, are one.
+    """
+    left, found = np.asarray(poles, dtype=complex), []
+    while len(left):
+        for m in range(len(left), 0, -1):
+            group = np.argsort(np.abs(left - left[0]), kind="stable")[:m]
+            mean, known = left[group].mean(), (ROUNDING * np.finfo(float).eps) ** (1.0 / m)
+            if np.abs(left[group] - mean).max() <= known * abs(mean):
+                break
+        real = abs(mean.imag) <= known * abs(mean)
+        found.append((complex(mean.real if real else mean), m))
+        left = np.delete(left, group)
+    return found

@@ -1,10 +1,8 @@
 """What is asked: scenario, rig, effects, and how they are read from TOML."""
 
+from cranectl.scenario.design import DesignSettings, HinfSettings, LoopShapingSettings
 from cranectl.scenario.scenario import (
     NANOSECONDS,
-    DesignSettings,
-    HinfSettings,
-    LoopShapingSettings,
     MetricSettings,
     ReferenceSettings,
     Scenario,

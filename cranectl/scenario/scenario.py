@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
 
+from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import MAX_DURATION, Duration, Point3, Segment
@@ -16,8 +17,6 @@ from cranectl.support.errors import InputError
 
 NANOSECONDS = 1_000_000_000
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
-Weight = Annotated[float, Field(ge=1e-9, le=1e9)]
-Pole = Annotated[float, Field(ge=-1e3, le=-1e-3)]
 
 
 class ReferenceSettings(Settings):
@@ -86,53 +85,6 @@ class ControllerSettings(Settings):
 def _controller_table(value: object) -> object:
     """`controller = "lqr"` for a table of no more than a name."""
     return {"name": value} if isinstance(value, str) else value
-
-
-class HinfSettings(Settings):
-    """S/KS mixed sensitivity: W_s = (s/M + w) / (s + w A) on the error, a constant on v-bar."""
-
-    peak: Annotated[float, Field(gt=1.0, le=1e3)] = Field(
-        5.0, description="M, upper bound of |S| at high frequencies"
-    )
-    offset: Annotated[float, Field(ge=1e-6, le=1.0)] = Field(
-        0.09, description="A, upper bound of |S| at frequency zero"
-    )
-    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3)] = Field(
-        0.8, description="w, where |S| may reach 1 [rad/s]"
-    )
-    control_weight: Annotated[float, Field(ge=1e-9, le=1e3)] = Field(
-        1e-4, description="W_ks on v-bar [s⁴/m]; not in the thesis, this value reproduces its gammas"
-    )
-    back_off: Annotated[float, Field(ge=1.0, le=10.0)] = Field(
-        1.005, description="gamma over the smallest gamma; at 1 the controller has a pole at -6e4 1/s"
-    )
-    gamma: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
-        None, description="design for this gamma instead of the smallest times back_off"
-    )
-
-
-class LoopShapingSettings(Settings):
-    """Glover-McFarlane with the weight W_e = P + I/s on the error."""
-
-    proportional: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(17.88, description="P [1/s⁴]")
-    integral: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(78.85, description="I [1/s⁵]")
-    back_off: Annotated[float, Field(ge=1.0001, le=10.0)] = Field(
-        1.01, description="gamma over the smallest gamma; above 1"
-    )
-
-
-class DesignSettings(Settings):
-    """Data of the feedback designs (thesis 5.2.1); each axis gets the same."""
-
-    poles: Annotated[tuple[Pole, Pole, Pole, Pole], Field(strict=False)] = Field(
-        (-2.5, -2.5, -2.5, -2.5), description="closed-loop poles of pole-placement [1/s]"
-    )
-    state_weights: Annotated[tuple[Weight, Weight, Weight, Weight], Field(strict=False)] = Field(
-        (1000.0, 1.0, 1.0, 1.0), description="diagonal of Q of lqr, for e, ė, ë, e⃛"
-    )
-    input_weight: Weight = Field(0.1, description="R of lqr, for v")
-    hinf: HinfSettings = HinfSettings()
-    loop_shaping: LoopShapingSettings = LoopShapingSettings()
 
 
 class WorkspaceSettings(Settings):

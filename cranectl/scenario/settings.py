@@ -72,7 +72,7 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
     return (
         f"{where} = {printable(repr(value), longest=80)}",
         f"{where}: {message[0].lower()}{message[1:]}",
-        "",
+        str(details.get("ctx", {}).get("remedy", "")),
     )
 
 

@@ -8,6 +8,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from cranectl.design import CONTROLLERS, Design, Robustifier, design_controller
 from cranectl.scenario import DesignSettings
+from cranectl.scenario.settings import parse_settings
 from cranectl.support.errors import InputError
 
 CHAIN_A, CHAIN_B = np.diag(np.ones(3), 1), np.eye(4)[:, 3]
@@ -26,6 +27,18 @@ def test_pole_placement_achieves_distinct_poles() -> None:
     design = design_controller("pole-placement", DesignSettings(poles=poles))
     assert np.sort(design.closed_loop_poles.real) == pytest.approx(np.sort(poles))
     assert design.closed_loop_poles.imag == pytest.approx(np.zeros(4), abs=1e-9)
+
+
+def test_pole_placement_achieves_conjugate_pairs() -> None:
+    """(s² + 6 s + 10)(s + 4)²; written otherwise and read back they are the same settings."""
+    table = {"poles": ["-3.0+1j", -4, "-3-1j", "-4"]}
+    settings = parse_settings(DesignSettings, table, "design")
+    assert settings.poles == ("-3+1j", -4.0, "-3-1j", -4.0)
+    assert parse_settings(DesignSettings, settings.model_dump(mode="json"), "again") == settings
+    design = design_controller("pole-placement", settings)
+    assert design.gain == pytest.approx([160.0, 176.0, 74.0, 14.0])
+    found = [*design.closed_loop_poles.real, *np.abs(design.closed_loop_poles.imag)]
+    assert found == pytest.approx([-4.0, -4.0, -3.0, -3.0, 0.0, 0.0, 1.0, 1.0], abs=1e-5)
 
 
 def test_lqr_gain_is_the_minimum_of_its_cost() -> None:

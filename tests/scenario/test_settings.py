@@ -41,6 +41,8 @@ def error(*overrides: str, scenario: str = BASE) -> InputError:
         ("log.every=0", "log.every = 0", "greater than or equal to 1"),
         ("log.every=1.5", "log.every = 1.5", "integer"),
         ("design.poles=[-1,-2,-3,1]", "design.poles.3 = 1", "less than or equal to -0.001"),
+        ("design.poles=['-3+xj',-3,-4,-4]", "design.poles.0 = '-3+xj'", 'text like "-3+1j"'),
+        ("design.poles=['3+1j',-3,-4,-4]", "design.poles.0 = '3+1j'", "from -1000 to -0.001"),
         ("control.period=0.003", "duration must be a multiple of control.period", ""),
         ("control.period=1e-10", "whole number of nanoseconds", ""),
         ("control.period=1e300", "control.period = 1e+300", "less than or equal to 600"),
@@ -59,6 +61,13 @@ def test_wrong_value_is_found_and_the_allowed_named(assignment: str, found: str,
     caught = error(assignment)
     assert found in caught.found
     assert allowed in caught.allowed
+
+
+@pytest.mark.parametrize("poles", ['["-3+1j", -3, -4, -4]', '["-3+1j", "-3+1j", "-3-1j", -4]'])
+def test_a_complex_pole_alone_asks_for_its_conjugate(poles: str) -> None:
+    caught = error(f"design.poles={poles}")
+    assert "conjugate pairs" in caught.allowed
+    assert caught.remedy == "add '-3-1j' in place of another pole"
 
 
 @pytest.mark.parametrize(
