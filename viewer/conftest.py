@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser, sync_playwright
 
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
@@ -49,17 +49,24 @@ def logs(files: Path) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="session")
-def studio(files: Path) -> Iterator[Studio]:
-    """The viewer in a browser."""
-    browser = shutil.which("chromium")
-    if browser is None or not STUDIO.is_dir():
-        pytest.exit("Chromium or the viewer is not installed; run `make test-viewer`", returncode=2)
-    with serve(files) as origin, sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(
-            executable_path=browser, args=FLAGS, env={**tools.environment()}
-        )
+def chromium() -> Iterator[Browser]:
+    """A browser without a network."""
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.exit("Chromium is not installed; run `make test-viewer`", returncode=2)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=FLAGS, env={**tools.environment()})
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def studio(files: Path, chromium: Browser) -> Iterator[Studio]:
+    """The viewer in the browser."""
+    if not STUDIO.is_dir():
+        pytest.exit("the viewer is not installed; run `make test-viewer`", returncode=2)
+    with serve(files) as origin:
         yield Studio(chromium.new_page(viewport={"width": 1280, "height": 800}), origin)
-        chromium.close()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -1,11 +1,12 @@
 """Tables as data: the terminal and a page show the same one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell of a table; `mark` is "", "good", "open", "bad" or "head", what stands over the rows below."""
+    """One cell; `mark` is "", "good", "open", "bad", "best" of its row, "head" over the rows below."""
 
     text: str
     mark: str = ""
@@ -21,10 +22,20 @@ VERDICTS = {True: Cell("passed", "good"), False: Cell("FAILED", "bad"), None: Ce
 
 
 @dataclass(frozen=True)
+class Heading:
+    """What stands over one or more columns of a page, in one or more rows."""
+
+    text: str
+    label: bool = False
+    columns: int = 1
+    rows: int = 1
+
+
+@dataclass(frozen=True)
 class Table:
     """A table; the first `labels` columns are text, the others numbers.
 
-    A line break in a heading is for the terminal, where columns are narrow. All headings may be empty.
+    Headings have lines; neighbours that begin with the same line are a group. All may be empty.
     """
 
     title: str
@@ -32,3 +43,24 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     labels: int = 1
     note: str = ""
+    folded: bool = False  # on a page, until it is asked for
+
+    @property
+    def head(self) -> tuple[tuple[Heading, ...], ...]:
+        """The headings as rows for a page: what neighbours begin with stands once over all of them."""
+        if not any(self.headings):
+            return ()
+        upper, lower = [], []
+        places = [(text, k < self.labels) for k, text in enumerate(self.headings)]
+        for first, group in groupby(places, key=lambda place: place[0].split("\n")[0]):
+            members = list(group)
+            if len(members) == 1 or not all("\n" in text for text, _ in members):
+                upper += [Heading(text.replace("\n", " "), label, rows=2) for text, label in members]
+            else:
+                upper.append(Heading(first, columns=len(members)))
+                lower += [
+                    Heading(text.partition("\n")[2].replace("\n", " "), label) for text, label in members
+                ]
+        if lower:
+            return tuple(upper), tuple(lower)
+        return (tuple(replace(heading, rows=1) for heading in upper),)

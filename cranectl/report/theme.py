@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from html import escape
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -15,6 +16,7 @@ import matplotlib
 from cycler import cycler
 from matplotlib.figure import Figure
 
+from cranectl.report.time_axes import marked, name_parts, told
 from cranectl.support.colours import COLOURS
 from cranectl.support.errors import InputError
 from cranectl.support.files import replacing
@@ -40,7 +42,7 @@ _STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.5,
     "legend.frameon": False,
     "lines.linewidth": 1.2,
-    "path.simplify_threshold": 0.2,
+    "path.simplify_threshold": 0.02,
     "savefig.transparent": True,
     "svg.fonttype": "none",
     "svg.hashsalt": "cranectl",
@@ -67,18 +69,28 @@ def css_variables(dark: bool) -> str:
 def inline_svg(figure: Figure) -> str:
     """`figure` as an `<svg>` element for a page, its ids kept apart from those of others."""
     file = io.StringIO()
+    name_parts(figure)
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
-    text = file.getvalue()
+    text = marked(file.getvalue())
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r' (?:width|height)="[\d.]+pt"', "", text, count=2)
-    text = re.sub(r'<g id="[^"]*">', "<g>", text)
     text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>f{crc32(text.encode()):08x}-", text)
-    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), text)
-    text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", text)
+    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d\d)\d+", r"\1", path[0]), text)
+    text = re.sub(
+        r"font-size: ([\d.]+)px; font-family: [^;\"]*", r"font-size: calc(\1px * var(--text))", text
+    )
+    text = re.sub(r"<text.*?</text>", lambda words: _SUBSCRIPT.sub(_LOWERED, words[0]), text)
+    plots, width = told(figure), f"--wide: {72.0 * figure.get_figwidth():g}"
+    data = f' data-plots="{escape(plots, quote=True)}"' if plots else ""
+    text = text.replace("<svg", f'<svg style="{width}"{data}', 1)
     for role, colour in STAND_IN.items():
         text = text.replace(colour, f"var(--{role})")
     return text.strip()
+
+
+_SUBSCRIPT = re.compile(r"\b(\w)_(\w{1,3})\b")  # of a symbol: x_c
+_LOWERED = r'\1<tspan dy=".25em" font-size="75%">\2</tspan><tspan dy="-.19em">&#8203;</tspan>'
 
 
 def save_figure(figure: Figure, path: Path) -> None:

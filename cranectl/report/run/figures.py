@@ -162,6 +162,7 @@ def _draw_paths(axes: Any, family: Family, curves: Sequence[Curve]) -> None:
 _LIMIT: dict[str, Any] = {"color": STAND_IN["limit"], "linewidth": 0.8, "linestyle": (0, (1, 2))}
 _REFERENCE: dict[str, Any] = {
     "color": STAND_IN["reference"], "linewidth": 1.0, "linestyle": (0, (5, 3)), "zorder": 4,
+    "label": "reference",
 }  # fmt: skip
 _REFERENCE_END: dict[str, Any] = {
     "color": STAND_IN["reference"], "marker": "x", "markersize": 6, "linestyle": "none", "zorder": 6,
@@ -176,6 +177,7 @@ def _line(curve: Curve) -> dict[str, Any]:
         "alpha": opacity,
         "zorder": layer,
         "linestyle": curve.dash,
+        "label": f"{curve.label}, {plant_entry(curve.run.plant).label}",
     }
 
 
@@ -224,7 +226,7 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
         style = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
         lines.append(Line2D([], [], color=STAND_IN["ink"], label=name, **style))
     if any(panel.reference for panel in family.panels):
-        lines.append(Line2D([], [], label="reference", **_REFERENCE))
+        lines.append(Line2D([], [], **_REFERENCE))
     if any(_near_limits(panel, curves) for panel in family.panels):
         lines.append(Line2D([], [], label="end of the rig", **_LIMIT))
     columns = max(len(colours), len(lines))

@@ -1,0 +1,71 @@
+"""A report in a browser: its curves tell the values of the log, and are enlarged together."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+
+from cranectl.cli import exit_codes
+from cranectl.cli.main import main
+from cranectl.log import read_log
+from viewer.studio import eventually
+
+LABELS = """all => all.map(svg => [...svg.querySelectorAll("[data-part^=axes]")].at(-1)
+    .querySelectorAll(".zoomed > g > text").length)"""
+WINDOWS = "all => all.flatMap(svg => svg.plots.map(plot => plot.shown))"
+
+
+@pytest.fixture
+def page(chromium: Browser, tmp_path: Path) -> Page:
+    """The page of a log, opened from the disk."""
+    log = tmp_path / "run.mcap"
+    settings = ["--set", "duration=8", "--set", "disturbances=[{joint='beta', start=2.0, magnitude=1.0}]"]
+    assert main(["run", "fixed-position", *settings, "--out", str(log)]) == exit_codes.GOOD
+    assert main(["report", str(log), "--out", str(log.with_suffix(".html"))]) == exit_codes.GOOD
+    opened = chromium.new_page(viewport={"width": 1280, "height": 800})
+    opened.on("pageerror", lambda error: pytest.fail(str(error)))
+    opened.on(
+        "request", lambda request: request.url.startswith(("file:", "data:")) or pytest.fail(request.url)
+    )
+    opened.goto(log.with_suffix(".html").as_uri())
+    return opened
+
+
+def told(page: Page, share: float) -> tuple[float, float]:
+    """Time [s] and first value that the cursor tells at a share of the first figure's width."""
+    figure = page.locator("svg[data-plots]").first
+    figure.scroll_into_view_if_needed()
+    box = figure.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + share * box["width"], box["y"] + 0.25 * box["height"])
+    title, row = page.locator("#values").inner_text().split("\n")[:2]
+    return float(title.removesuffix(" s")), float(row.split("\t")[-1].removesuffix(" m"))
+
+
+def test_the_cursor_tells_the_log_and_the_wheel_enlarges_all_figures(page: Page, tmp_path: Path) -> None:
+    run = read_log(tmp_path / "run.mcap")["analytic"]
+    error = run.signal("error.error_x")
+    figures = page.locator("svg[data-plots]")
+    home = figures.evaluate_all(WINDOWS)
+    assert figures.count() == 7
+    assert home == [[0.0, 8.0]] * len(home)
+    for share in (0.3, 0.6, 0.8):
+        time, value = told(page, share)
+        assert value == pytest.approx(np.interp(time, run.time, error), abs=np.ptp(error) / 1000)
+
+    page.keyboard.down("Control")
+    page.mouse.wheel(0, -400)
+    page.keyboard.up("Control")
+    ((low, high),) = eventually(
+        lambda: {tuple(window) for window in figures.evaluate_all(WINDOWS)}, lambda seen: seen != {(0.0, 8.0)}
+    )
+    assert 0.0 < low < time < high < 8.0
+    assert high - low < 0.6 * 8.0
+    assert min(figures.evaluate_all(LABELS)) >= 3
+    again, value = told(page, 0.8)
+    assert again == pytest.approx(time, abs=0.02), "what the wheel turned at stays, to a pixel"
+    assert value == pytest.approx(np.interp(again, run.time, error), abs=np.ptp(error) / 1000)
+
+    figures.first.dblclick()
+    assert eventually(lambda: figures.evaluate_all(WINDOWS), lambda seen: seen == home) == home
