@@ -29,6 +29,7 @@ from cranectl.log.messages import design_info, differences, log_lines, run_info,
 from cranectl.log.topics import Stream
 from cranectl.metrics import workspace_excess
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.drawn_size import drawn_scale
 from cranectl.simulate import Plan, Run
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
@@ -58,11 +59,12 @@ class Increments:
 
     def __init__(self, scenario: Scenario, plan: Plan, plants: Sequence[str]) -> None:
         self._scenario, self._plan, self._period = scenario, plan, scenario.period_ns
-        self._opacities = scene.opacities(plants)
+        self._opacities, self._scale = scene.opacities(plants), drawn_scale(scenario.rig)
         self._every = scenario.log.every
         logged = self._every * self._period / NANOSECONDS
         self._pose = self._every * max(1, round(1.0 / scene.RATE / logged))  # samples between poses
-        self._dot = self._every * max(1, round(scene.TRAIL_STEP / logged))  # between points of a trail
+        # Samples between points of a trail.
+        self._dot = self._every * max(1, round(scene.trail_step(scenario.rig) / logged))
         self._phases = phases(scenario)
         self._reference_ns = -1  # of the newest desired value that was sent
         self.start()
@@ -86,7 +88,9 @@ class Increments:
             scene.path(whole),
             scene.workspace(whole),
         ]
-        streams += [scene.model(plant, opacity) for plant, opacity in self._opacities.items()]
+        streams += [
+            scene.model(plant, self._scenario.rig, opacity) for plant, opacity in self._opacities.items()
+        ]
         return [replace(stream, time_ns=np.full_like(stream.time_ns, now_ns)) for stream in streams]
 
     def messages(self, runs: Sequence[Run], origin_ns: int) -> list[Stream]:
@@ -170,7 +174,7 @@ class Increments:
             acting = [
                 [(j, a) for j, a in zip(JOINTS, disturbance[k].tolist(), strict=True) if a] for k in edges
             ]
-            streams.append(scene.arrows(run.plant, [times[k] for k in edges], acting))
+            streams.append(scene.arrows(run.plant, [times[k] for k in edges], acting, scale=self._scale))
         return streams
 
     def _statuses(self, run: Run, origin_ns: int) -> NDArray[np.int64]:
@@ -198,7 +202,7 @@ class Increments:
             shown, dots = self._shown[run.plant], self._rows(run, origin_ns, self._dot)
             trail = np.vstack([shown.trail, run.load_position[dots]])
             streams.append(scene.rope(run, self._opacities[run.plant], rows))
-            streams.append(scene.trail(run.plant, run.time_ns[dots], trail))
+            streams.append(scene.trail(run.plant, run.time_ns[dots], trail, scale=self._scale))
             shown.trail = trail[-scene.TRAIL_POINTS :]
         return streams
 

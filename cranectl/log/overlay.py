@@ -62,7 +62,7 @@ def _streams(runs: list[Run]) -> list[Stream]:
     result.append(status(CRANE, status_changes(top)))
     rows = scene.rows_apart(top, 1.0 / scene.RATE)
     result += [scene.path(longest), scene.workspace(top), scene.transforms([top], top, rows)]
-    result += [scene.model(top.plant, 1.0), scene.rope(top, 1.0, rows)]
+    result += [scene.model(top.plant, top.scenario.rig, 1.0), scene.rope(top, 1.0, rows)]
     for k, run in enumerate(drawn):
         result.append(scene.whole_trail(run, colour=VIEWER_SERIES[k % len(VIEWER_SERIES)]))
     return result

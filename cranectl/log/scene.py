@@ -6,38 +6,43 @@ reference plant are ghosts. `scene_streams` makes all topics of whole runs; a li
 piece by piece.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from foxglove.messages import (
     ArrowPrimitive,
-    Color,
     CubePrimitive,
     CylinderPrimitive,
-    FrameTransform,
     FrameTransforms,
-    LinePrimitive,
     LinePrimitiveLineType,
-    Point3,
     Pose,
-    Quaternion,
-    SceneEntity,
     SceneEntityDeletion,
     SceneEntityDeletionType,
     SceneUpdate,
     SpherePrimitive,
-    Timestamp,
-    Vector3,
 )
 from numpy.typing import NDArray
 
 from cranectl.log import topics
 from cranectl.log.events import acting_disturbances, disturbance_times
+from cranectl.log.primitives import (
+    ORIGIN,
+    colour_of,
+    entity_of,
+    line_of,
+    points_of,
+    quaternion_of,
+    timestamp_of,
+    transform_of,
+    vector_of,
+)
 from cranectl.log.topics import Stream
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario import NANOSECONDS
+from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
+from cranectl.scenario.rig import RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, TROLLEY
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -45,16 +50,15 @@ from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
 
 Rows = list[list[float]]
 
-IDENTITY = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
-ORIGIN = Pose(position=Vector3(x=0.0, y=0.0, z=0.0), orientation=IDENTITY)
-
 RATE = 50  # [Hz] of poses and ropes
-TRAIL = 4.0  # [s] that a trail shows
-TRAIL_STEP = 0.08  # [s] between its points, and between its messages
-TRAIL_POINTS = round(TRAIL / TRAIL_STEP)  # before the newest
+TRAIL_POINTS = 50  # of a trail before the newest
 GHOST = 0.3  # opacity
+# Lengths of the laboratory's rig, to be multiplied by a rig's scale.
 ROPE_THICKNESS = 0.008  # [m]
-ARROW_LENGTH = 0.25  # [m] for 1 rad/s²
+ARROW_LENGTH = 0.25  # [m] for 1 rad/s² of a rope in scale
+SHORTEST_ARROW, LONGEST_ARROW = 0.1, 0.75  # [m]
+SHAFT, HEAD = 0.018, 0.05  # [m], diameters
+TARGET = 0.04  # [m], diameter of the ball where the load should be
 
 # Of a solid, by its kind: where an entity has it, its class, what else that wants.
 PRIMITIVES: dict[str, tuple[str, Any, dict[str, float]]] = {
@@ -76,10 +80,15 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
     for run in drawn:
         times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
         result += [
-            model(run.plant, shown[run.plant]),
+            model(run.plant, run.scenario.rig, shown[run.plant]),
             rope(run, shown[run.plant], rows_apart(run, 1.0 / RATE)),
             whole_trail(run),
-            arrows(run.plant, times, [acting_disturbances(run.scenario, time) for time in times]),
+            arrows(
+                run.plant,
+                times,
+                [acting_disturbances(run.scenario, time) for time in times],
+                scale=drawn_scale(run.scenario.rig),
+            ),
         ]
     return result
 
@@ -95,14 +104,14 @@ def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stre
     target = leader.reference[rows, :3].tolist()
     trees = [(run.plant, *_tree(run, time_ns)) for run in runs]
     messages = []
-    for k, time in enumerate(map(_timestamp, time_ns.tolist())):
-        tree = [_transform(time, "world", "reference", target[k])]
+    for k, time in enumerate(map(timestamp_of, time_ns.tolist())):
+        tree = [transform_of(time, "world", "reference", target[k])]
         for plant, trolley, load, rotation in trees:
             (x, y), frames = trolley[k], (f"{plant}/bridge", f"{plant}/trolley", f"{plant}/load")
             tree += [
-                _transform(time, "world", frames[0], (x, 0.0, 0.0)),
-                _transform(time, frames[0], frames[1], (0.0, y, 0.0)),
-                _transform(time, frames[1], frames[2], load[k], rotation[k]),
+                transform_of(time, "world", frames[0], (x, 0.0, 0.0)),
+                transform_of(time, frames[0], frames[1], (0.0, y, 0.0)),
+                transform_of(time, frames[1], frames[2], load[k], rotation[k]),
             ]
         messages.append(FrameTransforms(transforms=tree).encode())
     definition = FrameTransforms.get_schema()
@@ -122,24 +131,27 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
     return trolley.tolist(), load.tolist(), np.column_stack([sa * cb, -ca * sb, -sa * sb, ca * cb]).tolist()
 
 
-def model(plant: str, opacity: float) -> Stream:
+def model(plant: str, rig: RigParameters, opacity: float) -> Stream:
     """The rig's solids, once; a ghost needs no second frame around the same rig."""
     from cranectl.plants.mujoco.geometry import rig_solids  # MuJoCo, which reading a log does not need
 
     entities: dict[str, dict[str, list[object]]] = {}
-    for solid in rig_solids():
+    for solid in rig_solids(rig):
         if opacity < 1.0 and solid.body == "frame":
             continue
         name, primitive, more = PRIMITIVES[solid.kind]
         shape = primitive(
-            pose=Pose(position=_vector(solid.position), orientation=_quaternion(solid.orientation)),
-            size=_vector(solid.size),
-            color=_colour(solid.colour[:3], solid.colour[3] * opacity),
+            pose=Pose(
+                position=vector_of(solid.position),
+                orientation=quaternion_of(solid.orientation),
+            ),
+            size=vector_of(solid.size),
+            color=colour_of(solid.colour[:3], solid.colour[3] * opacity),
             **more,
         )
         entities.setdefault(solid.body, {}).setdefault(name, []).append(shape)
     drawn = [
-        _entity("world" if body == "frame" else f"{plant}/{body}", body, 0, **primitives)
+        entity_of("world" if body == "frame" else f"{plant}/{body}", body, 0, **primitives)
         for body, primitives in entities.items()
     ]
     return _scene(topics.plant_topic(plant, "model"), [0], [SceneUpdate(entities=drawn)])
@@ -150,45 +162,58 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     state, load = run.block("state")[rows], run.block("load")[rows]
     slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
     colours = np.outer(1.0 - slackness, rgb(VIEWER["rope"])) + np.outer(slackness, rgb(SLACK_ROPE))
+    thickness = ROPE_THICKNESS * drawn_scale(run.scenario.rig)
     ends = np.column_stack([state[:, [BRIDGE, TROLLEY]], np.zeros(len(rows)), load[:, :3]]).tolist()
     updates = []
     for time_ns, (*trolley, x, y, z), colour in zip(
         run.time_ns[rows].tolist(), ends, colours.tolist(), strict=True
     ):
-        line = _line(_points([trolley, [x, y, z]]), ROPE_THICKNESS, color=_colour(colour, opacity))
-        updates.append(SceneUpdate(entities=[_entity("world", "rope", time_ns, lines=[line])]))
+        line = line_of(points_of([trolley, [x, y, z]]), thickness, color=colour_of(colour, opacity))
+        updates.append(SceneUpdate(entities=[entity_of("world", "rope", time_ns, lines=[line])]))
     return _scene(topics.plant_topic(run.plant, topics.ROPE), run.time_ns[rows].tolist(), updates)
 
 
 def whole_trail(run: Run, *, colour: str | None = None) -> Stream:
     """The trail of a whole run."""
-    rows = rows_apart(run, TRAIL_STEP)
-    return trail(run.plant, run.time_ns[rows], run.load_position[rows], colour=colour)
+    rig = run.scenario.rig
+    rows = rows_apart(run, trail_step(rig))
+    return trail(run.plant, run.time_ns[rows], run.load_position[rows], scale=drawn_scale(rig), colour=colour)
 
 
-def trail(plant: str, time_ns: NDArray[np.int64], load: Array, *, colour: str | None = None) -> Stream:
+def trail_step(rig: RigParameters) -> float:
+    """Between the points of a trail, and between its messages [s]."""
+    return drawn_trail(rig) / TRAIL_POINTS
+
+
+def trail(
+    plant: str, time_ns: NDArray[np.int64], load: Array, *, scale: float, colour: str | None = None
+) -> Stream:
     """Where the load has been, fading: a message for each time.
 
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows are the past of the first message.
     """
-    points = _points(load.tolist())
+    points = points_of(load.tolist())
     shade = rgb(colour or VIEWER[plant_entry(plant).colour])
-    fading = [_colour(shade, k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
+    fading = [colour_of(shade, k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     updates = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):
         first = max(k - TRAIL_POINTS, 0)
-        line = _line(points[first : k + 1], 1.2 * ROPE_THICKNESS, colors=fading[first - k - 1 :])
-        updates.append(SceneUpdate(entities=[_entity("world", "trail", time, lines=[line])]))
+        line = line_of(points[first : k + 1], 1.2 * ROPE_THICKNESS * scale, colors=fading[first - k - 1 :])
+        updates.append(SceneUpdate(entities=[entity_of("world", "trail", time, lines=[line])]))
     return _scene(topics.plant_topic(plant, "trail"), time_ns.tolist(), updates)
 
 
-def arrows(plant: str, times: Sequence[int], acting: Sequence[Sequence[tuple[str, float]]]) -> Stream:
+def arrows(
+    plant: str, times: Sequence[int], acting: Sequence[Sequence[tuple[str, float]]], *, scale: float
+) -> Stream:
     """Arrows for what acts, by joint and magnitude [rad/s²]: each message deletes what was shown before."""
-    everything = SceneEntityDeletion(type=SceneEntityDeletionType.All, timestamp=_timestamp(0))
+    everything = SceneEntityDeletion(type=SceneEntityDeletionType.All, timestamp=timestamp_of(0))
     updates = [
         SceneUpdate(
             deletions=[everything],
-            entities=[_entity(f"{plant}/load", "disturbance", time, arrows=[_arrow(*one) for one in now])],
+            entities=[
+                entity_of(f"{plant}/load", "disturbance", time, arrows=[_arrow(*one, scale) for one in now])
+            ],
         )
         if now
         else SceneUpdate(deletions=[everything])
@@ -197,32 +222,36 @@ def arrows(plant: str, times: Sequence[int], acting: Sequence[Sequence[tuple[str
     return _scene(topics.plant_topic(plant, topics.ARROW), times, updates)
 
 
-def _arrow(joint: str, magnitude: float) -> ArrowPrimitive:
+def _arrow(joint: str, magnitude: float, scale: float) -> ArrowPrimitive:
     """At the load: alpha pushes it along y, beta along x."""
     # Half the angle about z from the arrow's x axis.
     half = (0.25 * np.pi if joint == "alpha" else 0.0) + (0.5 * np.pi if magnitude < 0.0 else 0.0)
-    length = ARROW_LENGTH * float(np.clip(abs(magnitude), 0.4, 3.0))
+    length = scale * float(np.clip(ARROW_LENGTH * scale * abs(magnitude), SHORTEST_ARROW, LONGEST_ARROW))
     return ArrowPrimitive(
         pose=Pose(
-            position=_vector([0.0] * 3),
-            orientation=_quaternion([0.0, 0.0, float(np.sin(half)), float(np.cos(half))]),
+            position=vector_of([0.0] * 3),
+            orientation=quaternion_of([0.0, 0.0, float(np.sin(half)), float(np.cos(half))]),
         ),
         shaft_length=0.75 * length,
-        shaft_diameter=0.018,
+        shaft_diameter=SHAFT * scale,
         head_length=0.25 * length,
-        head_diameter=0.05,
-        color=_colour(rgb(VIEWER["disturbance"]), 0.95),
+        head_diameter=HEAD * scale,
+        color=colour_of(rgb(VIEWER["disturbance"]), 0.95),
     )
 
 
 def path(run: Run) -> Stream:
     """The desired path as a line, the desired load as a small ball that moves with the frame `reference`."""
     shade = rgb(VIEWER["reference"])
-    points = _points(run.reference[rows_apart(run, TRAIL_STEP), :3].tolist())
-    line = _line(points, 0.8 * ROPE_THICKNESS, color=_colour(shade, 0.9))
-    size = _vector([0.04] * 3)
-    ball = SpherePrimitive(pose=ORIGIN, size=size, color=_colour(shade, 0.6))
-    entities = [_entity("world", "path", 0, lines=[line]), _entity("reference", "target", 0, spheres=[ball])]
+    rig = run.scenario.rig
+    points = points_of(run.reference[rows_apart(run, trail_step(rig)), :3].tolist())
+    line = line_of(points, 0.8 * ROPE_THICKNESS * drawn_scale(rig), color=colour_of(shade, 0.9))
+    size = vector_of([TARGET * drawn_scale(rig)] * 3)
+    ball = SpherePrimitive(pose=ORIGIN, size=size, color=colour_of(shade, 0.6))
+    entities = [
+        entity_of("world", "path", 0, lines=[line]),
+        entity_of("reference", "target", 0, spheres=[ball]),
+    ]
     return _scene(topics.REFERENCE_PATH, [0], [SceneUpdate(entities=entities)])
 
 
@@ -231,10 +260,10 @@ def workspace(run: Run) -> Stream:
     x, y, rope = run.scenario.rig.workspace
     corners = np.array([(a, b, -c) for c in rope for b in y for a in x])
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
-    points = _points(corners[k].tolist() for edge in edges for k in edge)
-    shade = _colour(rgb(VIEWER["reference"]), 0.5)
-    line = _line(points, 1.5, scale_invariant=True, type=LinePrimitiveLineType.LineList, color=shade)
-    entity = _entity("world", "workspace", 0, lines=[line])
+    points = points_of(corners[k].tolist() for edge in edges for k in edge)
+    shade = colour_of(rgb(VIEWER["reference"]), 0.5)
+    line = line_of(points, 1.5, scale_invariant=True, type=LinePrimitiveLineType.LineList, color=shade)
+    entity = entity_of("world", "workspace", 0, lines=[line])
     return _scene(topics.WORKSPACE, [0], [SceneUpdate(entities=[entity])])
 
 
@@ -251,62 +280,3 @@ def _scene(topic: str, time_ns: Sequence[int], updates: Sequence[SceneUpdate]) -
     definition = SceneUpdate.get_schema()
     messages = [update.encode() for update in updates]
     return Stream(topic, definition.name, definition.data, np.array(time_ns, dtype=np.int64), messages)
-
-
-def _entity(frame: str, name: str, time_ns: int, **primitives: Sequence[object]) -> SceneEntity:
-    """Shown until replaced, in a frame that it moves with."""
-    return SceneEntity(
-        timestamp=_timestamp(time_ns),
-        frame_id=frame,
-        id=name,
-        frame_locked=True,
-        **primitives,  # type: ignore[arg-type]
-    )
-
-
-def _transform(
-    time: Timestamp,
-    parent: str,
-    child: str,
-    translation: Sequence[float],
-    rotation: Sequence[float] | None = None,
-) -> FrameTransform:
-    """A frame in its parent; without a rotation it is only moved."""
-    return FrameTransform(
-        timestamp=time,
-        parent_frame_id=parent,
-        child_frame_id=child,
-        translation=_vector(translation),
-        rotation=IDENTITY if rotation is None else _quaternion(rotation),
-    )
-
-
-def _line(points: list[Point3], thickness: float, **more: Any) -> LinePrimitive:
-    """A connected line, or what `more` says of it: in one colour, or in one for each point."""
-    kind = {"type": LinePrimitiveLineType.LineStrip, "scale_invariant": False, **more}
-    return LinePrimitive(pose=ORIGIN, points=points, thickness=thickness, **kind)
-
-
-def _timestamp(time_ns: int) -> Timestamp:
-    """Nanoseconds as a message has them."""
-    return Timestamp(*divmod(time_ns, NANOSECONDS))
-
-
-def _vector(xyz: Iterable[float]) -> Vector3:
-    """From (x, y, z)."""
-    return Vector3(**dict(zip("xyz", xyz, strict=True)))
-
-
-def _points(rows: Iterable[Iterable[float]]) -> list[Point3]:
-    """From rows (x, y, z)."""
-    return [Point3(x=x, y=y, z=z) for x, y, z in rows]
-
-
-def _quaternion(xyzw: Iterable[float]) -> Quaternion:
-    """From (x, y, z, w)."""
-    return Quaternion(**dict(zip("xyzw", xyzw, strict=True)))
-
-
-def _colour(rgb: Sequence[float], opacity: float) -> Color:
-    """From (r, g, b) and opacity."""
-    return Color(**dict(zip("rgba", (*rgb, opacity), strict=True)))

@@ -8,6 +8,7 @@ import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
 from cranectl.render.timeline import Timeline
+from cranectl.scenario.drawn_size import drawn_trail
 from cranectl.support.colours import LIGHT, SLACK_ROPE
 
 SMOOTH = 4
@@ -93,9 +94,10 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
 def legend(timeline: Timeline) -> list[tuple[Sign, str]]:
     """What is to be seen, and what it means."""
     signs: list[tuple[Sign, str]] = []
+    alone = f", last {drawn_trail(timeline.main.run.scenario.rig):.0f} s"
     for track in timeline.tracks:
         colour, width = (track.colour + "66", 9) if track.ghost else (track.colour, 3)
-        role = ", last 4 s" if len(timeline.tracks) == 1 else ": ghost" if track.ghost else ": solid"
+        role = alone if len(timeline.tracks) == 1 else ": ghost" if track.ghost else ": solid"
         signs.append((partial(_line, colour, width), f"{track.label} plant{role}"))
     signs.append((partial(_ball, LIGHT["series-3"]), "where the load should be"))
     if len(timeline.path_dashes):

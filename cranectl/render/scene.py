@@ -8,27 +8,30 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.plants.mujoco.geometry import ASPECT, drawn_spec
 from cranectl.plants.mujoco.model import state_addresses
 from cranectl.render.opengl import drawing
 from cranectl.render.timeline import Timeline, Track
-from cranectl.support import resources
+from cranectl.scenario.drawn_size import drawn_reach, drawn_scale
+from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
 
 Pixels = NDArray[np.uint8]
 Colour = tuple[float, float, float]
 
-ASPECT = 4.0 / 3.0  # what the cameras of the model file are made for
 MAX_GEOMS = 5000
 GHOST = 0.45  # opacity
+# Lengths of the laboratory's rig, to be multiplied by a rig's scale.
 HALO = 0.006  # [m] by which a ghost is larger, to be seen around the solid crane where they coincide
 BEHIND = 0.03  # [m] by which a ghost stands farther from the camera, so that it does not dye the solid crane
 ROPE_WIDTH = 0.006  # [m]
 TAUT_COLOUR, SLACK_COLOUR = rgb(LIGHT["ink"]), rgb(SLACK_ROPE)
-ARROW_LENGTH, ARROW_WIDTH = 0.25, 0.012  # [m] for 1 rad/s², [m]
+ARROW_LENGTH, ARROW_WIDTH = 0.25, 0.012  # [m] for 1 rad/s², of a rope in scale; [m]
 LONGEST_ARROW = 0.6  # [m]
 MARKER = 0.024  # [m], radius of the point where the load should be
-FLOOR = -1.399  # [m], just above it
+ABOVE_FLOOR = 0.001  # [m]
+DISC = (0.05, 0.0005, 0.0)  # [m], radius and half the height
 ALONG_Z = np.eye(3).ravel()
 LINE, SPHERE, ARROW, CYLINDER = (
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) for kind in ("LINE", "SPHERE", "ARROW", "CYLINDER")
@@ -38,7 +41,7 @@ LINE, SPHERE, ARROW, CYLINDER = (
 @contextlib.contextmanager
 def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterator["Renderer"]:
     """A renderer ready to draw pictures of this size; raises InputError without OpenGL."""
-    model = _model(width, height)
+    model = _model(timeline.main.run.scenario.rig, width, height)
     with drawing(model, width, height) as context:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
         yield Renderer(model, context, timeline, camera)
@@ -49,6 +52,8 @@ class Renderer:
 
     def __init__(self, model: Any, context: Any, timeline: Timeline, camera: str) -> None:
         self._model, self._context, self._timeline = model, context, timeline
+        rig = timeline.main.run.scenario.rig
+        self._scale, self._floor = drawn_scale(rig), -rig.rope_range[1]
         self._size = model.vis.global_.offwidth, model.vis.global_.offheight
         self._line = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
         # The solid crane first: the scene begins with it and with what does not move.
@@ -106,7 +111,7 @@ class Renderer:
             geom.rgba = (*(rope if is_rope else rgb(track.colour)), GHOST)
             geom.matid = -1
             geom.transparent = 1
-            geom.size = geom.size + HALO
+            geom.size = geom.size + HALO * self._scale
             geom.pos = self._behind(geom.pos)
 
     def _add_disturbance(self, track: Track, data: Any, row: int) -> None:
@@ -115,9 +120,10 @@ class Renderer:
             if magnitude:
                 hinge = self._model.joint(joint).id
                 push = np.cross(data.xaxis[hinge], load - data.xanchor[hinge])
-                length = np.clip(ARROW_LENGTH * magnitude, -LONGEST_ARROW, LONGEST_ARROW)
+                length = ARROW_LENGTH * self._scale * magnitude
+                length = self._scale * np.clip(length, -LONGEST_ARROW, LONGEST_ARROW)
                 end = load + push * length / np.linalg.norm(push)
-                self._connect(ARROW, ARROW_WIDTH, load, end, (*rgb(LIGHT["series-4"]), 1.0))
+                self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*rgb(LIGHT["series-4"]), 1.0))
 
     def _add_reference(self, track: Track, row: int) -> None:
         load, target = track.run.load_position[row], track.run.reference[row, :3]
@@ -125,9 +131,10 @@ class Renderer:
         for start, end in self._timeline.path_dashes:
             self._connect(LINE, self._line, start, end, (*rgb(LIGHT["ink"]), 0.8))
         self._connect(LINE, self._line, load, target, green)
-        self._add(SPHERE, (MARKER, 0.0, 0.0), target, green)
+        self._add(SPHERE, (MARKER * self._scale, 0.0, 0.0), target, green)
         # In the place of a shadow: where the load is above the floor.
-        self._add(CYLINDER, (0.05, 0.0005, 0.0), (load[0], load[1], FLOOR), (0.0, 0.0, 0.0, 0.3))
+        below = (load[0], load[1], self._floor + ABOVE_FLOOR * self._scale)
+        self._add(CYLINDER, self._scale * np.array(DISC), below, (0.0, 0.0, 0.0, 0.3))
 
     def _add_trail(self, track: Track, row: int) -> None:
         points = track.trail(row)
@@ -141,7 +148,7 @@ class Renderer:
 
     def _behind(self, point: Array) -> Array:
         sight = point - self._eye
-        moved: Array = point + BEHIND * sight / np.linalg.norm(sight)
+        moved: Array = point + BEHIND * self._scale * sight / np.linalg.norm(sight)
         return moved
 
     def _add(self, kind: int, size: Any, position: Any, rgba: Any) -> Any:
@@ -162,15 +169,15 @@ class Renderer:
             geom.size = geom.size * (1.0, 1.0, 2.0)
 
 
-def _model(width: int, height: int) -> Any:
-    """The filed model in a picture of this size."""
-    spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
+def _model(rig: RigParameters, width: int, height: int) -> Any:
+    """The rig in a picture of this size."""
+    spec = drawn_spec(rig)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     # Of round shapes; more is not seen, and is drawn in software.
     spec.visual.quality.numslices, spec.visual.quality.numstacks = 18, 10
     spec.visual.quality.shadowsize = 0
-    spec.tendon("rope").width = ROPE_WIDTH
-    _light(spec)
+    spec.tendon("rope").width = ROPE_WIDTH * drawn_scale(rig)
+    _light(spec, drawn_reach(rig))
     model = spec.compile()
     # Cameras have a vertical angle: a picture less wide than theirs would cut the rig off at its sides.
     widening = max(1.0, ASPECT * height / width)
@@ -178,14 +185,14 @@ def _model(width: int, height: int) -> Any:
     return model
 
 
-def _light(spec: Any) -> None:
+def _light(spec: Any, reach: float) -> None:
     """Even light, and a wide floor and a sky so pale that lines and letters stand out."""
     for name, direction, diffuse in (("key", (0.25, 0.35, -1.0), 0.55), ("fill", (-0.6, 0.5, -0.4), 0.25)):
         light = spec.light(name)
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
         light.dir, light.diffuse, light.specular = direction, [diffuse] * 3, [0.25] * 3
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42] * 3, [0.22] * 3
-    spec.geom("floor").size, spec.material("floor").texrepeat = (9.0, 9.0, 0.1), (18, 18)
+    spec.geom("floor").size, spec.material("floor").texrepeat = reach * np.array([9.0, 9.0, 0.1]), (18, 18)
     spec.material("floor").specular = 0.0
     spec.material("aluminium").rgba = (0.66, 0.69, 0.73, 1.0)
     spec.texture("floor").rgb1, spec.texture("floor").rgb2 = (0.84, 0.86, 0.88), (0.80, 0.82, 0.84)

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants.registry import plant_entry, reference_plant
+from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT
 from cranectl.support.errors import InputError
 
-TRAIL = 4.0  # [s] that a trail shows
 TRAIL_POINTS = 60
-DASH, PERIOD = 0.035, 0.065  # [m] of the reference path
+DASH, PERIOD = 0.035, 0.065  # [m] of the reference path, times the rig's scale
 MOST_DASHES = 1000
 FARTHEST = 1e6  # [m or rad] that is drawn
 
@@ -61,9 +61,9 @@ class Track:
         return self.run.status.stopped and time >= float(self.run.time[-1])
 
     def trail(self, row: int) -> Array:
-        """Where the load has been in the last TRAIL seconds, shape (M, 3), oldest first."""
+        """Where the load has been in the last seconds, shape (M, 3), oldest first."""
         time = self.run.time_ns
-        start = int(np.searchsorted(time, time[row] - int(TRAIL * 1e9)))
+        start = int(np.searchsorted(time, time[row] - int(drawn_trail(self.run.scenario.rig) * 1e9)))
         points: Array = self.run.load_position[np.unique(np.linspace(start, row, TRAIL_POINTS).astype(int))]
         return points
 
@@ -84,7 +84,7 @@ class Timeline:
     def path_dashes(self) -> Array:
         """The desired path of the longest run as dashes, shape (M, 2, 3); none if the load is to stay."""
         longest = max((track.run for track in self.tracks), key=lambda run: run.end_ns)
-        return dashes(longest.reference[:, :3])
+        return dashes(longest.reference[:, :3], drawn_scale(longest.scenario.rig))
 
     @cached_property
     def distances(self) -> list[tuple[Array, Array]]:
@@ -142,10 +142,10 @@ def _drawable(run: Run) -> Run:
     return replace(run, time_ns=run.time_ns[kept], table=run.table[kept], reference=run.reference[kept])
 
 
-def dashes(path: Array) -> Array:
-    """A path (N, 3) as dashes, shape (M, 2, 3); longer ones where there would be too many."""
+def dashes(path: Array, scale: float = 1.0) -> Array:
+    """A path (N, 3) as dashes to scale, shape (M, 2, 3); longer ones where there would be too many."""
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    period = max(PERIOD, lengths[-1] / MOST_DASHES)
+    period = max(PERIOD * scale, lengths[-1] / MOST_DASHES)
     starts = np.arange(0.0, lengths[-1], period)
     ends = np.minimum(starts + period * DASH / PERIOD, lengths[-1])
     corners = [np.column_stack([np.interp(s, lengths, axis) for axis in path.T]) for s in (starts, ends)]

@@ -17,6 +17,7 @@ from cranectl.plants.mujoco.geometry import rig_solids
 from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import layout_json
 from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import colours, resources
@@ -135,7 +136,7 @@ def test_the_model_is_that_of_the_mjcf_and_the_analytic_crane_its_ghost(scene: M
         return {e.id: [*e.cubes, *e.cylinders, *e.spheres] for e in update.entities}
 
     solid, ghost = shapes("mujoco"), shapes("analytic")
-    assert sum(map(len, solid.values())) == len(rig_solids())
+    assert sum(map(len, solid.values())) == len(rig_solids(RigParameters()))
     assert set(solid) == {"frame", "bridge", "trolley", "load"}
     assert set(ghost) == {"bridge", "trolley", "load"}, "one frame is enough"
     assert {shape.color.a for shapes in solid.values() for shape in shapes} == {1.0}
@@ -146,7 +147,7 @@ def test_the_model_is_that_of_the_mjcf_and_the_analytic_crane_its_ghost(scene: M
 
 
 def test_solids_have_the_sizes_of_the_file() -> None:
-    solids = {solid.name: solid for solid in rig_solids()}
+    solids = {solid.name: solid for solid in rig_solids(RigParameters())}
     assert "floor" not in solids
     assert solids["post_00"].size == pytest.approx((0.05, 0.05, 1.48))
     assert solids["bridge_motor"].size == pytest.approx((0.06, 0.06, 0.1))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.plants.mujoco import plant as plant_module
+from cranectl.plants.mujoco.geometry import draw_to_scale
 from cranectl.plants.mujoco.model import compiled_model, model_description, model_spec
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
@@ -37,7 +38,10 @@ def course(drive: Drive, effects: EffectSettings) -> np.ndarray:
 
 
 def drawn_model(rig: RigParameters, drive: Drive, step: float, effects: EffectSettings) -> mujoco.MjModel:
-    return model_spec(rig, drive=drive, step=step, effects=effects).compile()
+    """Drawn large, which is to change nothing either."""
+    spec = model_spec(rig, drive=drive, step=step, effects=effects)
+    draw_to_scale(spec, rig.model_copy(update={"bridge_range": (0.0, 40.0), "rope_range": (2.0, 45.0)}))
+    return spec.compile()
 
 
 @pytest.mark.parametrize("names", SETS, ids="+".join)

@@ -10,7 +10,7 @@ import numpy as np
 from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
 from cranectl.scenario import load_scenario
-from cranectl.signals import LOAD_COLUMN
+from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import resources
 
@@ -73,6 +73,22 @@ def moved(run: Run, x: float) -> Run:
     table = run.table.copy()
     table[:, [0, LOAD_COLUMN]] += x
     return replace(run, table=table)
+
+
+def enlarged(run: Run, times: float) -> Run:
+    """The run of a rig of the same shape, so many times as large; its rope turns as much slower."""
+    rig = run.scenario.rig
+    ranges = {
+        n: tuple(times * np.array(getattr(rig, n))) for n in ("bridge_range", "trolley_range", "rope_range")
+    }
+    larger = rig.model_copy(update={**ranges, "load_mass": times**3 * rig.load_mass})
+    table = run.table.copy()
+    table[:, [0, 2, 4, *range(LOAD_COLUMN, LOAD_COLUMN + 3)]] *= times
+    table[:, TENSION_COLUMN] *= times**3
+    scenario = run.scenario.model_copy(update={"rig": larger})
+    result = replace(run, scenario=scenario, table=table, reference=times * run.reference)
+    result.block("disturbance")[:] /= times
+    return result
 
 
 def at(run: Run, time: float) -> int:

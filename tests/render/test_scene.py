@@ -19,6 +19,7 @@ from tests.render.pictures import (
     at,
     both_runs,
     draw,
+    enlarged,
     is_arrow,
     is_load,
     moved,
@@ -161,6 +162,16 @@ def test_narrow_pictures_show_the_whole_rig() -> None:
     assert np.allclose(*shares, atol=0.02)
     assert 0.1 < shares[0][0] < 0.3
     assert wide.shape == (HEIGHT, WIDTH, 3)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_a_larger_rig_is_as_well_seen(camera: str) -> None:
+    runs = both_runs()
+    filed, large = (draw(r, 8.0, camera) for r in (runs, {p: enlarged(run, 25.0) for p, run in runs.items()}))
+    assert is_load(large).sum() == pytest.approx(is_load(filed).sum(), rel=0.05)
+    assert is_arrow(large).sum() == pytest.approx(is_arrow(filed).sum(), rel=0.05)
+    # A trail is of five times as many seconds, in which this run, as slow as the small one, gets farther.
+    assert (np.abs(large - filed).max(axis=2) > 40).mean() < 0.01
 
 
 def test_the_same_moment_is_the_same_picture() -> None:

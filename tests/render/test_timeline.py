@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cranectl.render.caption import legend, readings
-from cranectl.render.timeline import MOST_DASHES, TRAIL, dashes, timeline_of
+from cranectl.render.timeline import MOST_DASHES, dashes, timeline_of
+from cranectl.scenario.drawn_size import FILED_TRAIL
 from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -58,7 +59,7 @@ def test_a_still_shows_the_largest_error() -> None:
 
 def test_the_trail_is_of_the_last_seconds() -> None:
     track = timeline_of({"mujoco": moving_run("mujoco")}).main
-    for time, since in ((9.0, 9.0 - TRAIL), (2.0, 0.0)):
+    for time, since in ((9.0, 9.0 - FILED_TRAIL), (2.0, 0.0)):
         trail = track.trail(track.row(time))
         assert np.allclose(trail[-1], track.run.load_position[track.row(time)])
         assert np.allclose(trail[0], track.run.load_position[track.row(since)], atol=1e-3)

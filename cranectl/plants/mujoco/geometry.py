@@ -1,4 +1,4 @@
-"""The shapes of `models/crane.xml` as data, for logs and pictures: the rig is drawn in one place only."""
+"""The shapes of `models/crane.xml`, stretched to a rig, for logs and pictures: drawn in one place only."""
 
 import functools
 from dataclasses import dataclass
@@ -6,7 +6,20 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from cranectl.scenario.drawn_size import (
+    FILED_RADIUS,
+    LABORATORY,
+    drawn_box,
+    drawn_ends,
+    drawn_eye,
+    drawn_load_radius,
+    drawn_place,
+    drawn_reach,
+    drawn_scale,
+)
+from cranectl.scenario.rig import RigParameters
 from cranectl.support import resources
+from cranectl.support.arrays import Array
 
 # MuJoCo's names of what is drawn; planes are endless and left out.
 KINDS = {
@@ -15,6 +28,14 @@ KINDS = {
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "cylinder",
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
 }
+# Along which axes a body takes its shapes with it: there they are placed from its own middle.
+CARRIED = {
+    "world": (False, False, False),
+    "frame": (False, False, False),
+    "bridge": (True, False, False),
+    "trolley": (True, True, False),
+}
+ASPECT = 4.0 / 3.0  # what the filed cameras are made for
 
 
 @dataclass(frozen=True)
@@ -30,10 +51,56 @@ class Solid:
     colour: tuple[float, float, float, float]  # red, green, blue, opacity, 0 to 1
 
 
-@functools.cache
-def rig_solids() -> tuple[Solid, ...]:
-    """All shapes of the rig, in the order of the file."""
-    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+def drawn_spec(rig: RigParameters) -> mujoco.MjSpec:
+    """The filed model as it is drawn of a rig; masses, joints and drives are the filed ones."""
+    spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
+    draw_to_scale(spec, rig)
+    return spec
+
+
+def draw_to_scale(spec: mujoco.MjSpec, rig: RigParameters) -> None:
+    """Stretch shapes, cameras and light; nothing of it has a mass or touches anything."""
+    for geom in spec.body("load").geoms:
+        factor = drawn_load_radius(rig) / FILED_RADIUS
+        geom.size, geom.fromto = factor * geom.size, factor * geom.fromto
+    if (drawn_ends(rig) == drawn_ends(LABORATORY)).all():
+        return  # as filed, to the last bit
+    for body, carried in CARRIED.items():
+        for geom in spec.body(body).geoms:
+            _stretch(geom, rig, np.array(carried))
+    scale, reach, middle = drawn_scale(rig), drawn_reach(rig), drawn_box(rig).mean(axis=0)
+    spec.tendon("rope").width *= scale
+    spec.stat.center, spec.stat.extent = middle, reach * spec.stat.extent
+    for light in spec.lights:
+        light.pos = drawn_place(light.pos, rig)
+    floor = spec.geom("floor")
+    floor.pos, floor.size = (*middle[:2], -rig.rope_range[1]), reach * floor.size
+    filed = spec.copy().compile()
+    for camera in spec.cameras:
+        axes = filed.cam_mat0[filed.camera(camera.name).id].reshape(3, 3).T
+        tangent = np.tan(np.radians(camera.fovy) / 2.0)
+        camera.pos, _ = drawn_eye(camera.pos, axes, np.array([ASPECT * tangent, tangent]), rig)
+
+
+def _stretch(geom: mujoco.MjsGeom, rig: RigParameters, carried: Array) -> None:
+    """A part of the rig: its ends where those of the ranges are, its thickness to scale."""
+    scale = drawn_scale(rig)
+
+    def place(filed: Array) -> Array:
+        return np.where(carried, scale * filed, drawn_place(filed, rig))
+
+    if geom.type == mujoco.mjtGeom.mjGEOM_BOX:
+        low, high = place(geom.pos - geom.size), place(geom.pos + geom.size)
+        geom.pos, geom.size = (low + high) / 2.0, (high - low) / 2.0
+    elif geom.type != mujoco.mjtGeom.mjGEOM_PLANE:  # given by its ends
+        geom.fromto = [*place(geom.fromto[:3]), *place(geom.fromto[3:])]
+        geom.size = scale * geom.size
+
+
+@functools.lru_cache(maxsize=8)
+def rig_solids(rig: RigParameters) -> tuple[Solid, ...]:
+    """All shapes of a rig, in the order of the file."""
+    model = drawn_spec(rig).compile()
     return tuple(_solid(model, k) for k in range(model.ngeom) if int(model.geom_type[k]) in KINDS)
 
 

@@ -17,6 +17,7 @@ from cranectl.plants.mujoco.effects import (
     hang_body,
 )
 from cranectl.plants.mujoco.entries import Entry, write_spec
+from cranectl.plants.mujoco.geometry import draw_to_scale
 from cranectl.plants.mujoco.rope import DISTANCE, add_rope, rope_entries
 from cranectl.plants.plant import Drive
 from cranectl.plants.surroundings import gravity_in_rig
@@ -47,8 +48,9 @@ def compiled_model(
 def model_description(
     rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> str:
-    """MJCF of the model as drawn."""
+    """MJCF of the model as drawn, to the size of its rig."""
     spec = model_spec(rig, drive=drive, step=step, effects=effects)
+    draw_to_scale(spec, rig)
     spec.compile()  # which writing it needs
     return str(spec.to_xml())
 

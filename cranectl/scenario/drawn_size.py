@@ -1,0 +1,93 @@
+"""How large a rig is drawn: the laboratory's, as `models/crane.xml` has it, stretched to other ranges.
+
+What stands at the ends of the ranges stands where they are. How thick parts are, how far from an end, how
+long an arrow is, all this has one scale, 1 for the laboratory. Drawings only: no plant knows of it.
+"""
+
+import numpy as np
+
+from cranectl.scenario.rig import RigParameters
+from cranectl.support.arrays import Array
+
+LABORATORY = RigParameters()
+FILED_RADIUS = 0.05  # [m] of the filed ball of 1 kg: 1910 kg/m³, a loaded container rather than steel
+RADIUS_LIMITS = (0.6, 2.0)  # of the filed one in scale: a light load is seen, a heavy one hides nothing
+FILED_TRAIL = 4.0  # [s], two swings of the laboratory's rope
+FILED_BOX = ((-0.125, -0.145, -1.4), (2.125, 1.685, 0.225))  # [m], corners of all that is filed of the rig
+
+
+def drawn_ends(rig: RigParameters) -> Array:
+    """Where bridge, trolley and rope end along x, y, z [m], shape (3, 2); the longest rope at the floor."""
+    return np.array([rig.bridge_range, rig.trolley_range, (-rig.rope_range[1], 0.0)])
+
+
+def _extents(rig: RigParameters) -> Array:
+    """Of each range, over the laboratory's, shape (3,)."""
+    ratios: Array = np.ptp(drawn_ends(rig), axis=1) / np.ptp(drawn_ends(LABORATORY), axis=1)
+    return ratios
+
+
+def drawn_scale(rig: RigParameters) -> float:
+    """How many times thicker than the laboratory's its parts are drawn.
+
+    The middle one of the three extents: neither a track of 200 m nor a deep shaft alone makes parts thick.
+    """
+    return float(np.median(_extents(rig)))
+
+
+def drawn_reach(rig: RigParameters) -> float:
+    """How many times farther than the laboratory's its floor and its surroundings reach."""
+    return float(_extents(rig).max())
+
+
+def drawn_load_radius(rig: RigParameters) -> float:
+    """Of the ball that is drawn [m]: by the load's mass, within what is seen on its rig."""
+    low, high = (drawn_scale(rig) * FILED_RADIUS * limit for limit in RADIUS_LIMITS)
+    return float(np.clip(FILED_RADIUS * np.cbrt(rig.load_mass), low, high))
+
+
+def drawn_trail(rig: RigParameters) -> float:
+    """How long a trail shows where the load has been [s]: as many swings whatever the rope."""
+    return float(FILED_TRAIL * np.sqrt(drawn_scale(rig)))
+
+
+def drawn_place(filed: Array, rig: RigParameters) -> Array:
+    """Where a filed point (x, y, z) of what stands on the floor is drawn [m].
+
+    In scale as far from an end of each range as filed, from the end that is nearer.
+    """
+    old, new = drawn_ends(LABORATORY), drawn_ends(rig)
+    nearer = np.arange(3), np.abs(old - filed[:, None]).argmin(axis=1)
+    place: Array = new[nearer] + drawn_scale(rig) * (filed - old[nearer])
+    return place
+
+
+def drawn_box(rig: RigParameters) -> Array:
+    """Corners of all that is drawn of the rig [m], the lowest and the highest, shape (2, 3)."""
+    return np.array([drawn_place(np.array(corner), rig) for corner in FILED_BOX])
+
+
+def drawn_eye(filed: Array, axes: Array, tangents: Array, rig: RigParameters) -> tuple[Array, float]:
+    """Where a filed camera stands for another rig [m], and how many times farther from its middle.
+
+    Its picture is as full as the laboratory's. `axes` (3, 3) are the directions to its right, up and
+    backwards as rows, `tangents` (2,) of half its angles of view.
+    """
+    old, new = (_fitted_eye(drawn_box(each), axes, tangents) for each in (LABORATORY, rig))
+    distances = [
+        axes[2] @ (eye - drawn_box(each).mean(axis=0)) for each, eye in ((LABORATORY, old), (rig, new))
+    ]
+    farther = distances[1] / distances[0]
+    return new + farther * (filed - old), float(farther)
+
+
+def _fitted_eye(box: Array, axes: Array, tangents: Array) -> Array:
+    """Where a camera has the whole box in its picture and nothing to spare [m], shape (3,).
+
+    A corner p is between its sides if ±u·(p - eye) ≤ t w·(eye - p), u to the right or up, w backwards.
+    """
+    across_up, back = np.split(axes @ np.array(np.meshgrid(*box.T)).reshape(3, -1), [2])
+    depth = np.outer(tangents, back)
+    high, low = (across_up + depth).max(axis=1), (depth - across_up).max(axis=1)
+    eye: Array = axes.T @ np.append((high - low) / 2.0, ((high + low) / (2.0 * tangents)).max())
+    return eye
