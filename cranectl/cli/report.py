@@ -42,6 +42,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict |
 def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None") -> None:
     from cranectl.cli.output import console
     from cranectl.log import describe_log, read_log
+    from cranectl.render.draw import draw_worst_moment
     from cranectl.report.page import write_page
     from cranectl.report.run.page import log_page
     from cranectl.support.errors import InputError
@@ -61,7 +62,13 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
     ]
     command = f"cranectl report {' '.join(map(str, logs))}"
     of_logs = dict(zip(labels, runs, strict=True))
-    write_page(log_page(of_logs, command, notes, versions=versions, predict=predict), out)
+    worst = {}
+    try:
+        for label, log in of_logs.items():
+            worst[label] = draw_worst_moment(log)
+    except InputError as error:
+        notes.append(f"No picture of the crane: {error.found}")
+    write_page(log_page(of_logs, command, notes, versions=versions, predict=predict, worst=worst), out)
     for note in notes:
         console(None).print(note)
     console(None).print(f"report: {out}")

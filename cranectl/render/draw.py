@@ -6,6 +6,7 @@ PNG and GIF by Pillow, MP4 by PyAV.
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -127,16 +128,7 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
     times = _times(timeline, settings)
     if settings.ending == ".mp4":
         check_encoder()
-    check_engine()
-    from cranectl.render.scene import renderer  # imports the engine
-
-    strip = settings.width // PLOTS_SHARE if settings.plots else 0
-    with (
-        writing(settings.out),
-        renderer(timeline, settings.camera, settings.width - strip, settings.height) as scene,
-        replacing(settings.out) as part,
-    ):
-        paint = _painted(timeline, scene.draw, settings, strip)
+    with writing(settings.out), _painter(timeline, settings) as paint, replacing(settings.out) as part:
         pictures = _pictures(paint, times, progress)
         if settings.ending == ".png":
             next(pictures).save(part, format="png", optimize=True)
@@ -148,16 +140,26 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
     return float(times[-1])
 
 
-def _painted(
-    timeline: Timeline, draw: Callable[[float], Pixels], settings: RenderSettings, strip: int
-) -> Paint:
-    """What paints the picture at a time [s]; plots take `strip` pixels at its right."""
+def draw_worst_moment(runs: Mapping[str, Run]) -> tuple[float, Image.Image]:
+    """When the load is farthest from its reference [s], and the crane then; raises as `draw_runs` does."""
+    timeline = timeline_of(runs)
+    with _painter(timeline, render_settings(Path("worst.png"))) as paint:
+        return timeline.worst_time, paint(timeline.worst_time)
+
+
+@contextmanager
+def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
+    """What paints the picture at a time [s], while the context is open; plots are at its right."""
+    check_engine()
+    from cranectl.render.scene import renderer  # imports the engine
+
+    strip = settings.width // PLOTS_SHARE if settings.plots else 0
     width, height = settings.width - strip, settings.height
     caption = Caption(timeline, width, height)
     plots = Plots(timeline, strip, height) if strip else None
 
     def paint(time: float) -> Image.Image:
-        picture = Image.fromarray(draw(time))
+        picture = Image.fromarray(scene.draw(time))
         caption.draw(picture, time)
         if plots is None:
             return picture
@@ -166,7 +168,8 @@ def _painted(
         plots.draw(whole, width, time)
         return whole
 
-    return paint
+    with renderer(timeline, settings.camera, width, height) as scene:
+        yield paint
 
 
 def _times(timeline: Timeline, settings: RenderSettings) -> Array:

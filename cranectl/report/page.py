@@ -1,13 +1,16 @@
 """A report: one HTML page that needs nothing but itself, light or dark as its reader prefers."""
 
+import io
+from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure as Drawing
+from PIL.Image import Image
 
 from cranectl.report.table import Table
 from cranectl.report.theme import css_variables, inline_svg, styled
@@ -19,7 +22,7 @@ class Figure:
     """A picture and what it shows; its number is its place in the page unless it has another."""
 
     title: str
-    svg: str
+    svg: str  # or another element
     caption: str
     alone: bool = False  # in its row
     number: str = ""
@@ -32,9 +35,18 @@ class Figure:
         with styled():
             return cls(title, inline_svg(draw(*data)), caption, **more)
 
+    @classmethod
+    def pictured(cls, title: str, caption: str, picture: Image) -> "Figure":
+        """A picture of points, held by the page itself."""
+        data = io.BytesIO()
+        picture.save(data, format="png", optimize=True)
+        source = f"data:image/png;base64,{b64encode(data.getvalue()).decode()}"
+        size = f'width="{picture.width}" height="{picture.height}"'
+        return cls(title, f'<img src="{source}" alt="{escape(title)}" {size}>', caption)
+
     @property
     def markup(self) -> Markup:
-        """The SVG as markup: it is ours and needs no escaping."""
+        """The element as markup: it is ours and needs no escaping."""
         return Markup(self.svg)
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
+from cranectl.render.opengl import no_opengl
 from cranectl.report.page import Figure, Page, Section, render
 from cranectl.report.run.figures import FAMILIES, Curve, Family, largest_difference
 from cranectl.report.run.page import agreement, caption, log_page
@@ -70,8 +71,9 @@ def read_page(html: str) -> Reader:
     reader.feed(html)
     assert not reader.open
     assert set(reader.ids.values()) <= {1}, reader.ids.most_common(3)
-    assert {reference[0] for reference in reader.references} <= {"#"}
-    assert {reference[1:] for reference in reader.references} <= set(reader.ids)
+    links = [reference for reference in reader.references if not reference.startswith("data:image/png;")]
+    assert {link[0] for link in links} <= {"#"}
+    assert {link[1:] for link in links} <= set(reader.ids)
     assert set(re.findall(r"url\(#([^)]*)\)", html)) <= set(reader.ids)
     assert reader.tags["script"] == 1
     assert not re.search(r"\b(fetch|import|XMLHttpRequest|eval)\b|https?://(?!www\.w3\.org/)", html)
@@ -177,8 +179,9 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "ideal/run.mcap"]) == 0
     assert "report: run.html" in capsys.readouterr().out
     one = read_page(Path("run.html").read_text())
-    assert one.tags["figure"] == len(FAMILIES) + 1
-    assert one.tags["svg"] == one.tags["figure"]
+    assert one.tags["figure"] == len(FAMILIES) + 2
+    assert (one.tags["svg"], one.tags["img"]) == (len(FAMILIES) + 1, 1)
+    assert "The load is farthest from its reference at" in one.text
     assert "run: plants at most" in one.text
     assert "mujoco minus analytic" in one.text
     assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html"]) == 0
@@ -201,12 +204,21 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     assert "not judged" not in predicted
 
 
-def test_report_of_one_plant_whose_run_stopped() -> None:
+def test_report_of_one_plant_whose_run_stopped(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def nothing() -> None:
+        raise no_opengl({"egl": "no screen"})
+
+    monkeypatch.setattr("cranectl.render.draw.check_engine", nothing)
     stop = ["--set", "disturbances=[{joint='alpha', start=0.1, magnitude=20.0}]", "--set", "duration=2"]
     assert main(["run", "fixed-position", *stop, "--plant", "mujoco", "--out", "one.mcap"]) == 3
     assert main(["report", "one.mcap"]) == 0
     page = read_page(Path("one.html").read_text())
-    assert page.tags["figure"] == len(FAMILIES)
+    without = "No picture of the crane: no OpenGL to draw with. Tried MUJOCO_GL=egl: no screen"
+    assert without in page.text
+    assert without in capsys.readouterr().out
+    assert (page.tags["figure"], page.tags["img"]) == (len(FAMILIES), 0)
     assert "length-singular" in page.text
     assert re.search(r"drives the trolley [\d.]+ m past the end of the rig, from 0\.\d\d s on", page.text)
 

@@ -6,6 +6,7 @@ from itertools import cycle
 from pathlib import Path
 
 import numpy as np
+from PIL.Image import Image
 
 from cranectl.cases.case import RunSummary
 from cranectl.compare.agreement import Agreement, Limits, Predict, against_reference, judge, limits_for
@@ -39,11 +40,12 @@ def log_page(
     *,
     versions: Mapping[str, Mapping[str, str]] | None = None,
     predict: Predict | None = None,
+    worst: Mapping[str, tuple[float, Image]] | None = None,
 ) -> Page:
     """A page of up to four logs, each with the runs of one plant or more; `notes` come first.
 
-    `versions`: by log, of what made it. `predict` finds limits where cranectl has none for the plants'
-    agreement.
+    `versions`: by log, of what made it. `worst`: by log, time and picture of its worst moment. `predict`
+    finds limits where cranectl has none for the plants' agreement.
     """
     agreements = {}
     for label, (a, b) in _pairs(logs).items():
@@ -68,8 +70,18 @@ def log_page(
     sections = [
         Section("asked", "What was run", (*notes, *same), tables),
         Section("runs", "Runs", (), run_tables),
-        Section("figures", "Figures", figures=_figures(logs, agreements)),
     ]
+    if worst:
+        moments = tuple(
+            Figure.pictured(
+                ", ".join(["the crane", *([label] if len(worst) > 1 else [])]),
+                _moment(logs[label], time),
+                picture,
+            )
+            for label, (time, picture) in worst.items()
+        )
+        sections.append(Section("worst", "Worst moment", figures=moments))
+    sections.append(Section("figures", "Figures", figures=_figures(logs, agreements)))
     compared = tuple(comparison_table(label, comparison) for label, comparison in _comparisons(logs))
     if compared:
         sections.append(Section("differences", "Differences", tables=compared))
@@ -106,6 +118,11 @@ def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
         for pair in pairs:
             found[label if len(pairs) == 1 else f"{label}, {pair[0].plant}"] = pair
     return found
+
+
+def _moment(log: Mapping[str, Run], time: float) -> str:
+    run = log[reference_plant(log)]
+    return f"The load is farthest from its reference at {time:g} s of {run.end_s:g} s."
 
 
 def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, ...]:
