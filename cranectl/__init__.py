@@ -14,6 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cranectl.cases.assertions import assert_agree, assert_limits
     from cranectl.compare.agreement import Agreement, judge
     from cranectl.compare.runs import Comparison, compare_runs
     from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
@@ -48,6 +49,8 @@ _HOME = {
     "RunStatus": "status",
     "Scenario": "scenario",
     "Signal": "signals",
+    "assert_agree": "cases.assertions",
+    "assert_limits": "cases.assertions",
     "compare_runs": "compare.runs",
     "controller_names": "controllers.registry",
     "design_controller": "design",
@@ -82,6 +85,8 @@ __all__ = [
     "RunStatus",
     "Scenario",
     "Signal",
+    "assert_agree",
+    "assert_limits",
     "compare_runs",
     "controller_names",
     "design_controller",

@@ -4,17 +4,21 @@ import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from cranectl.compare.agreement import Agreement, Predict, against_reference, judge_steps, limits_for
+from cranectl.controllers.addressed import AddressedLaw
+from cranectl.controllers.controller import LawDesign
+from cranectl.controllers.flat import Tracker
 from cranectl.controllers.registry import controller_design
+from cranectl.design import Design
 from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PLANTS, in_order
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, law_of, plan_scenario, simulate_run
+from cranectl.simulate import Plan, Run, law_of, plan_scenario, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
@@ -194,18 +198,25 @@ def default_log(directory: Path, scenario: Scenario, controller: str, drive: str
     return directory / scenario.name / f"{controller}-{drive}.mcap"
 
 
-def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult:
-    """Simulate, log, compare.
+class PreparedCase(NamedTuple):
+    """What all runs of a case share."""
 
-    `progress` is called with simulated seconds. Raises InputError for wrong input, before anything is
-    simulated. An interrupted run is logged and ends the case.
-    """
+    design: Design | LawDesign
+    plan: Plan
+    law: Tracker | AddressedLaw
+
+
+def prepare_case(case: Case) -> PreparedCase:
+    """Raises InputError for whatever is wrong with the case."""
     design = controller_design(case.controller, case.scenario)
     plan = plan_scenario(case.scenario)
-    law = law_of(case.scenario, design, case.drive, plan)  # raises where it cannot be sampled so
-    if case.keep != "none":
-        check_writable(case.log)
-    limits = limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
+    return PreparedCase(design, plan, law_of(case.scenario, design, case.drive, plan))
+
+
+def simulate_case(
+    case: Case, prepared: PreparedCase, *, progress: Callable[[float], None] | None = None
+) -> list[Run]:
+    """A run on each plant; an interrupted one is the last."""
     runs: list[Run] = []
     for plant in case.plants:
         runs.append(
@@ -213,14 +224,26 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
                 case.scenario,
                 plant=plant,
                 drive=case.drive,
-                design=design,
-                plan=plan,
-                law=law,
                 progress=progress,
+                **prepared._asdict(),
             )
         )
         if runs[-1].status == RunStatus.INTERRUPTED:
             break
+    return runs
+
+
+def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult:
+    """Simulate, log, compare.
+
+    `progress` is called with simulated seconds. Raises InputError for wrong input, before anything is
+    simulated. An interrupted run is logged and ends the case.
+    """
+    prepared = prepare_case(case)
+    if case.keep != "none":
+        check_writable(case.log)
+    limits = limits_for(case.scenario, prepared.design, case.drive, case.plants, predict=case.predict)
+    runs = simulate_case(case, prepared, progress=progress)
     log = None if case.keep == "none" else case.log
     if log is not None:
         write_log(log, runs, limits=limits)

@@ -141,8 +141,7 @@ def _faults(result: CaseResult) -> Iterator[str]:
     for run in result.runs:
         for limit in run.limits:
             if not limit.kept:
-                value = "no value" if limit.value is None else f"{limit.value:.4g}"
-                yield f"{run.plant} breaks the limit {limit.limit:g} of {limit.metric}: {value}"
+                yield f"{run.plant} {limit.fault}"
 
 
 def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:

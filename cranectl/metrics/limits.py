@@ -4,13 +4,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, create_model
 
-from cranectl.metrics.summary import RunMetrics
+from cranectl.metrics.summary import RunMetrics, metric_course
 from cranectl.metrics.table import all_metrics, low_is_bad
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.simulate import Run
 
 Limit = Annotated[float, Field(ge=0.0)] | None
 
@@ -46,6 +48,12 @@ class LimitVerdict:
     limit: float
     kept: bool
 
+    @property
+    def fault(self) -> str:
+        """What a run that does not keep it does."""
+        value = "no value" if self.value is None else f"{self.value:.4g}"
+        return f"breaks the limit {self.limit:g} of {self.metric}: {value}"
+
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
@@ -59,12 +67,17 @@ def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, 
     """
     tables = {name: value for name, value in scenario.limits.asked.items() if isinstance(value, Mapping)}
     shared = {name: value for name, value in scenario.limits.asked.items() if name not in tables}
-    asked = {"": parse_settings(Limits, shared, f"{scenario.name}, [limits]").given}
+    asked = {"": given_limits(shared, f"{scenario.name}, [limits]")}
     for plant, table in tables.items():
         plant_entry(plant)  # raises for an unknown one
-        own = parse_settings(Limits, table, f"{scenario.name}, [limits.{plant}]").given
+        own = given_limits(table, f"{scenario.name}, [limits.{plant}]")
         asked[plant] = {**asked[""], **own}
     return {plant: asked.get(plant, asked[""]) for plant in plants}
+
+
+def given_limits(table: Mapping[str, Any], where: str) -> dict[str, float]:
+    """`table` if it holds limits, by metric; raises InputError, which says `where`, if not."""
+    return parse_settings(Limits, table, where).given
 
 
 def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tuple[LimitVerdict, ...]:
@@ -76,3 +89,10 @@ def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tup
         kept = value is not None and bool(within(name, value, limit))
         verdicts.append(LimitVerdict(name, value, limit, kept))
     return tuple(verdicts)
+
+
+def broken_since(run: Run, verdict: LimitVerdict) -> float | None:
+    """From when on [s] `run` does not keep a limit, wherever it ends; None if it keeps it at its end."""
+    kept = np.flatnonzero(within(verdict.metric, metric_course(run, verdict.metric), verdict.limit))
+    first = int(kept[-1]) + 1 if len(kept) else 0
+    return float(run.time[first]) if first < len(run.time) else None

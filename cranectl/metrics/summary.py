@@ -65,11 +65,24 @@ class RunMetrics:
 
 def run_metrics(run: Run) -> RunMetrics | None:
     """Metrics of `run` over its recorded samples; None for a run that stopped before its first."""
-    setup = metrics_setup(run.scenario, run.drive, flag_column=_flag_column(run))
-    accumulator = empty_accumulator()
+    setup, accumulator = _begun(run)
     table, reference = np.ascontiguousarray(run.table), np.ascontiguousarray(run.reference)
     accumulate(setup, accumulator, run.time_ns, table, reference, table)
     return finish(setup, accumulator, run.status, run.end_ns)
+
+
+def metric_course(run: Run, name: str) -> Array:
+    """The metric `name`, which has no parts, had `run` ended at each sample, (N,); NaN where absent."""
+    (metric,) = (metric for metric in all_metrics() if metric.name == name)
+    setup, accumulator = _begun(run)
+    course = np.full(len(run.time_ns), np.nan)
+    for k, time in enumerate(run.time_ns.tolist()):
+        sample = slice(k, k + 1)
+        table = run.table[sample]
+        accumulate(setup, accumulator, run.time_ns[sample], table, run.reference[sample], table)
+        value = metric.value(Measured(setup, accumulator.total[0], accumulator.own, run.status, time))
+        course[k] = np.nan if value is None else value
+    return course
 
 
 def workspace_excess(run: Run) -> Array:
@@ -96,6 +109,11 @@ def finish(
     measured = Measured(setup, total, accumulator.own, status, end_ns)
     values = {metric.name: _plain(metric.value(measured)) for metric in all_metrics()}
     return RunMetrics(status.label, end_ns / NANOSECONDS, values)
+
+
+def _begun(run: Run) -> tuple[MetricsSetup, Accumulator]:
+    """To measure `run` with, before its first sample."""
+    return metrics_setup(run.scenario, run.drive, flag_column=_flag_column(run)), empty_accumulator()
 
 
 def _plain(value: Any) -> Value:

@@ -3,14 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
+from cranectl.metrics import RunMetrics, all_metrics, run_metrics
+from cranectl.metrics.limits import LimitVerdict, broken_since, judge_limits, limits_of
+from cranectl.metrics.summary import metric_course
 from cranectl.scenario import Scenario, default_scenario
 from cranectl.scenario.scenario import LimitSettings
 from cranectl.support.errors import InputError
-from tests.conftest import closed_loop
+from tests.conftest import closed_loop, cut
 
 PLANTS = ("analytic", "mujoco")
 
@@ -72,3 +74,28 @@ def test_the_tolerance_of_settling_is_the_scenarios() -> None:
         assert metrics is not None
         times.append(metrics.settling_time_s)
     assert times[0] > times[1] > times[2] >= 0.0
+
+
+def test_the_course_of_a_metric_is_what_a_run_that_ends_sooner_has() -> None:
+    run = closed_loop("fast-diagonal", "lqr", "mujoco", "velocity")
+    for metric in (metric for metric in all_metrics() if metric.limited):
+        course = metric_course(run, metric.name)
+        for samples in (1, 500, 3100, len(run.time_ns)):
+            sooner = run_metrics(cut(run, samples, end_ns=int(run.time_ns[samples - 1])))
+            assert sooner is not None
+            value = sooner.values[metric.name]
+            assert course[samples - 1] == value or (value is None and np.isnan(course[samples - 1])), metric
+
+
+def test_a_limit_is_broken_since_it_was_kept_last() -> None:
+    run = closed_loop("fast-diagonal", "lqr", "mujoco", "velocity")
+    error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
+
+    def since(metric: str, limit: float) -> float | None:
+        return broken_since(run, LimitVerdict(metric, None, limit, kept=False))
+
+    assert since("max_error_m", 0.05) == run.time[np.argmax(error > 0.05)]
+    assert (
+        since("final_error_m", 0.9 * error[-1]) == run.time[np.flatnonzero(error <= 0.9 * error[-1])[-1] + 1]
+    )
+    assert since("max_error_m", 10.0) is None

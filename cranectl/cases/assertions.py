@@ -1,0 +1,206 @@
+"""What tests assert of the closed loops that they ran; a failure names signal, time, size and limit."""
+
+import functools
+from collections.abc import Callable, Sequence
+from math import inf
+from pathlib import Path
+from typing import ParamSpec
+
+from cranectl.cases.case import Case, prepare_case, simulate_case
+from cranectl.compare.agreement import (
+    Limits,
+    NoLimits,
+    against_reference,
+    ended_as_expected,
+    judge,
+    judge_steps,
+    limits_for,
+)
+from cranectl.compare.golden import judge_regression, load_tolerances
+from cranectl.compare.runs import compare_runs, differing_fields
+from cranectl.log import describe_log, read_log, write_log
+from cranectl.metrics import run_metrics
+from cranectl.metrics.limits import broken_since, given_limits, judge_limits, limits_of
+from cranectl.scenario import NANOSECONDS
+from cranectl.simulate import Run
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
+from cranectl.support.provenance import provenance, provenance_differences
+from cranectl.support.units import quantity
+
+SHOWN = 10  # faults of a failure
+GOLDEN_SAMPLES = 50  # at least: where deterministic runs differ, they do so from then on
+
+Arguments = ParamSpec("Arguments")
+
+
+class CaseRuns(dict[str, Run]):
+    """The runs of a case, by plant."""
+
+    def __init__(self, case: Case) -> None:
+        """Simulates them; raises InputError for wrong input and KeyboardInterrupt where one came."""
+        super().__init__({run.plant: run for run in simulate_case(case, prepare_case(case))})
+        if any(run.status == RunStatus.INTERRUPTED for run in self.values()):
+            raise KeyboardInterrupt
+        self.case = case
+
+    def __repr__(self) -> str:
+        """Short: pytest shows it with every failure."""
+        return f"{self.case.scenario.name}, {self.case.controller}, {self.case.drive} drives"
+
+    def write(self, path: Path) -> Path:
+        """The log of all, at the rate that the scenario asks for; raises LogError."""
+        return write_log(path, list(self.values()))
+
+    def write_golden(self, path: Path) -> Path:
+        """A log small enough to be kept beside the code; raises LogError."""
+        scenario = self.case.scenario
+        samples = round(scenario.duration * NANOSECONDS / scenario.period_ns)
+        return write_log(path, list(self.values()), every=max(samples // GOLDEN_SAMPLES, 1))
+
+
+def briefly(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
+    """What `function` raises because of its arguments points at the line that calls it, not below."""
+
+    @functools.wraps(function)
+    def asserting(*args: Arguments.args, **kwargs: Arguments.kwargs) -> None:
+        __tracebackhide__ = True
+        try:
+            function(*args, **kwargs)
+        except (AssertionError, InputError) as error:
+            raise error.with_traceback(None) from None
+
+    return asserting
+
+
+@briefly
+def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: float | None = None) -> None:
+    """Assert that the plants agree and that their runs ended as the scenario expects.
+
+    By the limits of the numerics with ideal and force drives; with velocity drives by those that are shipped,
+    or predicted for this scenario, rig and controller. `load_m` [m] and `angle_rad` [rad], one or both, take
+    their place. Raises InputError for a single plant, and where no limits are known.
+    """
+    pairs = against_reference(list(runs.values()))
+    if not pairs:
+        raise InputError(
+            f"a run of {', '.join(runs)} only", allowed="two plants or more", remedy="name more in 'plants'"
+        )
+    given = load_m is not None or angle_rad is not None
+    limits = _given(runs, load_m, angle_rad) if given else _known(runs)
+    faults, hints = _endings(runs), []
+    for a, b in pairs:
+        found = compare_runs(a, b, signals=("state.alpha", "state.beta"))
+        agreement = judge(a, b, limits=limits, comparison=found)
+        if agreement.passed is None:
+            raise _unknown(agreement.limits)
+        place = ("load position", "m", found.max_load_error_m, found.max_load_error_at_s, limits.load_m)
+        angles = [(s.signal, s.unit, s.max_abs, s.at_s, limits.angle_rad) for s in found.signals]
+        pair = f"{a.plant} and {b.plant} differ in"
+        faults += [f"{pair} {_difference(*each)}" for each in (place, *angles) if not each[2] <= each[-1]]
+        if abs(a.end_ns - b.end_ns) > limits.end_s * NANOSECONDS:
+            faults.append(f"{a.plant} ends at {a.end_s:g} s, {b.plant} at {b.end_s:g} s")
+        if not agreement.passed and not given:
+            step = judge_steps((a, b), limits).curing_step_s
+            hints += [] if step is None else [f"they agree with control.physics_step = {step:g}"]
+    _fail_for(faults, hints)
+
+
+@briefly
+def assert_limits(runs: CaseRuns, **limits: float) -> None:
+    """Assert that every run keeps its limits and ended as the scenario expects.
+
+    Those of the scenario's [limits], with `limits` by metric, as `max_error_m=0.05`, in their place. Raises
+    InputError for unknown metrics, and if no limit is given at all.
+    """
+    faults = _endings(runs)
+    given = given_limits(limits, "assert_limits")
+    for plant, own in limits_of(runs.case.scenario, runs).items():
+        asked = {**own, **given}
+        if not asked:
+            raise InputError(
+                f"no limit for the run of {plant}",
+                allowed="[limits] in the scenario, or arguments of assert_limits",
+                remedy="say what the run must keep, as assert_limits(runs, max_error_m=0.05)",
+            )
+        for verdict in judge_limits(run_metrics(runs[plant]), asked):
+            if not verdict.kept:
+                since = broken_since(runs[plant], verdict)
+                when = "" if since is None else f", from {since:g} s on"
+                faults.append(f"{plant} {verdict.fault}{when}")
+    _fail_for(faults)
+
+
+@briefly
+def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None:
+    """Assert that the runs are those of `golden_log` within `tolerances`, a name or a TOML file.
+
+    Raises InputError for tolerances and logs that cannot be read, and as `judge_regression`.
+    """
+    golden, limits = read_log(golden_log), load_tolerances(tolerances)
+    faults = [f"only golden or only new: {plant}" for plant in sorted(golden.keys() ^ runs.keys())]
+    differing: list[str] = []
+    for plant in [plant for plant in runs if plant in golden]:
+        new, old = runs[plant], golden[plant]
+        verdict = judge_regression(new, old, limits)
+        if not (verdict.same_status and verdict.ends_passed):
+            ends = [f"{run.status.label} at {run.end_s:g} s" for run in (new, old)]
+            faults.append(f"{plant} ends with {ends[0]}, golden with {ends[1]}")
+        faults += [
+            f"{plant} differs from golden in {_difference(s.signal, s.unit, s.max_abs, s.at_s, s.limit)}"
+            for s in verdict.signals
+            if not s.passed
+        ]
+        differing = [f"golden and new differ in {field}" for field in differing_fields(old, new)]
+    if faults:
+        versions = provenance_differences(describe_log(golden_log).versions, provenance(), word="new")
+        software = [f"golden was made by other software: {version}" for version in versions]
+        where = f"golden: {golden_log}; where the new run is right, pytest --cranectl-update keeps it"
+        _fail_for(faults, [*differing, *software, where])
+
+
+def _known(runs: CaseRuns) -> Limits:
+    case = runs.case
+    design = next(iter(runs.values())).design
+    limits = limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
+    if isinstance(limits, NoLimits):
+        raise _unknown(limits.reason)
+    return limits
+
+
+def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> Limits:
+    """Limits of any pair; runs that stop do so at most the lag of the slowest drive apart."""
+    return Limits(
+        load_m=inf if load_m is None else load_m,
+        angle_rad=inf if angle_rad is None else angle_rad,
+        end_s=float(runs.case.scenario.rig.time_constants.max()),
+        reason="given",
+    )
+
+
+def _unknown(reason: str) -> InputError:
+    return InputError(
+        f"nobody knows how far the plants may differ: {reason}",
+        allowed="scenarios, controllers and drives of which it is known, or limits of your own",
+        remedy="say how far, as assert_agree(runs, load_m=0.01, angle_rad=0.02)",
+    )
+
+
+def _endings(runs: CaseRuns) -> list[str]:
+    """What is wrong with how they ended."""
+    return [
+        f"{run.plant} ends with {run.status.label} at {run.end_s:g} s, expected {run.scenario.expected}"
+        for run in runs.values()
+        if not ended_as_expected(run)
+    ]
+
+
+def _difference(signal: str, unit: str, size: float, at_s: float, limit: float) -> str:
+    return f"{signal} by {quantity(size, unit)} at {at_s:g} s, limit {quantity(limit, unit)}"
+
+
+def _fail_for(faults: Sequence[str], hints: Sequence[str] = ()) -> None:
+    """Raise AssertionError if there are faults."""
+    if faults:
+        more = [f"and {len(faults) - SHOWN} more"] if len(faults) > SHOWN else []
+        raise AssertionError("\n".join([*faults[:SHOWN], *more, *hints]))

@@ -1,0 +1,220 @@
+"""The pytest plugin in a repository of its own: what it proves, what it says of failures, what it leaves."""
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from cranectl import Run, RunStatus, load_scenario, read_log
+from cranectl.cases import case as cases
+from cranectl.cases.assertions import CaseRuns
+from cranectl.support.units import quantity
+from tests.conftest import closed_loop
+from tests.test_architecture import HEAVY
+
+PLUGIN = "cranectl.cli.pytest_plugin"
+LAW = """
+import numpy as np
+from cranectl import Controller, register_controller
+
+def step(parameters, measured, reference, memory, command):
+    for axis in range(3):
+        target = -reference[2] if axis == 2 else reference[axis]
+        command[axis] = 4.0 * (target - measured[2 * axis]) - 4.0 * measured[2 * axis + 1]
+    return 0
+
+SERVO = Controller("servo", "a spring and a damper", step, lambda nominal: (np.zeros(1), np.zeros(1)))
+register_controller(SERVO)
+"""
+SCENARIO = """
+name = "hop"
+duration = 3.0
+rig = "rig.toml"
+log.every = 1
+[reference]
+start = [0.5, 0.4, -0.6]
+segments = [{kind = "line", to = [0.8, 0.5, -0.8], duration = 2.0}]
+[limits]
+max_error_m = 0.05
+"""
+PASSING = """
+import law
+import pytest
+from cranectl import InputError, assert_agree, assert_limits, register_controller
+
+register_controller(law.SERVO)
+
+@pytest.fixture(scope="module")
+def runs(closed_loop):
+    return closed_loop("../hop.toml", "lqr", drive="velocity")
+
+def test_own_scenario(runs):
+    assert_agree(runs)
+    assert_limits(runs, max_sway_rad=0.2)
+    assert runs["mujoco"].scenario.rig.load_mass == 3.0
+
+def test_own_law(closed_loop):
+    for drive in ("ideal", "force"):
+        assert_agree(closed_loop("../hop.toml", "servo", drive=drive, rig="../rig.toml"))
+    assert_agree(closed_loop("../hop.toml", "servo", drive="velocity"), load_m=0.01)
+
+def test_golden_twice(runs, closed_loop, assert_golden):
+    assert_golden(runs)
+    assert_golden(closed_loop("../hop.toml", "servo", plants=["mujoco"]), tolerances="exact")
+
+def test_wrong_questions(runs, closed_loop):
+    short = ["duration=0.5", "disturbances=[]"]
+    free = closed_loop("fixed-position", "servo", plants=["mujoco"], overrides=short)
+    velocity = closed_loop("../hop.toml", "servo", drive="velocity")
+    for ask, found in (
+        (lambda: assert_agree(free), "a run of mujoco only"),
+        (lambda: assert_limits(free), "no limit for the run of mujoco"),
+        (lambda: assert_limits(free, max_errr_m=1.0), "unknown key 'max_errr_m'"),
+        (lambda: assert_agree(velocity), "nobody knows how far"),
+        (lambda: closed_loop("hop.toml"), "hop.toml"),
+    ):
+        with pytest.raises(InputError, match=found):
+            ask()
+"""
+FAILING = """
+import law
+from cranectl import assert_agree, assert_limits
+
+def test_limits(closed_loop):
+    closed_loop("hop.toml", "lqr")
+    assert_limits(closed_loop("hop.toml", "servo", drive="velocity"))
+
+def test_agree(closed_loop):
+    assert_agree(closed_loop("hop.toml", "servo", drive="velocity"), load_m=1e-6, angle_rad=1e-5)
+
+def test_golden(closed_loop, assert_golden, request):
+    mass = 3.0 if request.config.getoption("cranectl_update") else 3.001
+    assert_golden(closed_loop("hop.toml", "lqr", drive="velocity", overrides=[f"rig.load_mass={mass}"]))
+
+def test_no_golden(closed_loop, assert_golden):
+    assert_golden(closed_loop("hop.toml", "lqr"))
+
+def test_stopped(closed_loop):
+    assert_agree(closed_loop("slack-rope", "lqr", overrides=["expected='completed'"]))
+
+def test_steps(closed_loop):
+    steps = ["control.period=0.02", "control.physics_step=0.02"]
+    assert_agree(closed_loop("fast-diagonal", "lqr", overrides=steps))
+
+def test_anything_else(closed_loop):
+    assert closed_loop("hop.toml")["mujoco"].angles.max() > 3.0
+"""
+
+
+def run_pytest(directory: Path, *arguments: str) -> str:
+    """Standard output of pytest with the plugin, and no other that happens to be installed."""
+    environment = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "COLUMNS": "200"}
+    command = [sys.executable, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", *arguments]
+    return subprocess.run(
+        command, cwd=directory, env=environment, capture_output=True, text=True, check=False
+    ).stdout
+
+
+def messages(directory: Path) -> dict[str, str]:
+    """Of each test what its failure says, empty if it passed."""
+    tests = ElementTree.parse(directory / "junit.xml").iter("testcase")
+    told = {test.get("name", ""): test.findtext("failure", "") for test in tests}
+    return {name: "\n".join(re.findall(r"^E +(.*)", text, re.MULTILINE)) for name, text in told.items()}
+
+
+@pytest.fixture(scope="module")
+def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A repository whose golden runs are written, and that was tested since, by two workers."""
+    made = tmp_path_factory.mktemp("repository")
+    (made / "sub").mkdir()
+    for name, text in (
+        ("law.py", LAW), ("rig.toml", "load_mass = 3.0\n"), ("hop.toml", SCENARIO),
+        ("sub/test_passing.py", PASSING), ("test_failing.py", FAILING),
+        ("pytest.ini", "[pytest]\npythonpath = .\nfilterwarnings = error\n"),
+    ):  # fmt: skip
+        (made / name).write_text(text)
+    assert "2 passed" in run_pytest(made, "--cranectl-update", "-k", "test_golden")
+    options = ["-p", "xdist.plugin", "-n", "2", "--dist", "loadfile", "--junitxml", "junit.xml"]
+    run_pytest(made, *options, "--cranectl-logs", "kept", "--basetemp", str(made / "base"))
+    return made
+
+
+def test_what_holds_passes_and_leaves_golden_runs_only(repository: Path) -> None:
+    failed = {name for name, message in messages(repository).items() if message}
+    assert failed == {line.split("(")[0][4:] for line in FAILING.splitlines() if line.startswith("def")}
+    left = {str(path.relative_to(repository)) for path in repository.rglob("*.mcap")}
+    kept = {f"kept/test_failing.py-{name}.mcap" for name in failed}
+    golden = {"sub/golden/test_passing/test_golden_twice.mcap"}
+    golden |= {"sub/golden/test_passing/test_golden_twice-2.mcap"}
+    golden |= {"golden/test_failing/test_golden.mcap"}
+    assert left == kept | golden | {"kept/test_failing.py-test_limits-2.mcap"}
+    assert all((repository / path).stat().st_size < 250_000 for path in golden)
+
+
+def test_failures_name_signal_time_size_limit_and_log(repository: Path) -> None:
+    said = messages(repository)
+
+    def log(test: str, k: str = "") -> dict[str, Run]:
+        path = repository / "kept" / f"test_failing.py-{test}{k}.mcap"
+        assert re.search(rf"^log of hop, .*: {re.escape(str(path))}$", said[test], re.MULTILINE)
+        return read_log(path)
+
+    for plant, run in log("test_limits", "-2").items():
+        error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
+        since = run.time[np.argmax(error > 0.05)]
+        line = f"{plant} breaks the limit 0.05 of max_error_m: {error.max():.4g}, from {since:g} s on"
+        assert line in said["test_limits"]
+    analytic, mujoco = log("test_agree").values()
+    apart = np.linalg.norm(analytic.load_position - mujoco.load_position, axis=1)
+    place = f"by {quantity(apart.max(), 'm')} at {analytic.time[apart.argmax()]:g} s, limit 1.00\xa0µm"
+    assert f"analytic and mujoco differ in load position {place}" in said["test_agree"]
+    assert "differ in state.beta by " in said["test_agree"]
+    golden = read_log(repository / "golden/test_failing/test_golden.mcap")["mujoco"]
+    new = log("test_golden")["mujoco"]
+    _, rows, _ = np.intersect1d(new.time_ns, golden.time_ns, return_indices=True)
+    change = np.abs(new.signal("load.rope_tension")[rows] - golden.signal("load.rope_tension"))
+    place = f"by {quantity(change.max(), 'N')} at {golden.time[change.argmax()]:g} s, limit "
+    assert f"mujoco differs from golden in load.rope_tension {place}" in said["test_golden"]
+    assert "golden and new differ in rig.load_mass: 3.0 and 3.001" in said["test_golden"]
+    assert f"golden: {repository}/golden/test_failing/test_golden.mcap" in said["test_golden"]
+    assert "pytest --cranectl-update" in said["test_no_golden"]
+    assert "mujoco ends with slack-rope at 0.255 s, expected completed" in said["test_stopped"]
+    assert "they agree with control.physics_step = 0.01" in said["test_steps"]
+    assert log("test_anything_else").keys() == {"analytic", "mujoco"}
+
+
+def test_failures_point_at_the_line_of_the_test(repository: Path) -> None:
+    chosen = ["test_failing.py", "-k", "test_stopped or test_no_golden"]
+    shown = run_pytest(repository, *chosen, "--cranectl-logs", "law.py")
+    assert "2 failed" in shown
+    assert "no log of hop, lqr, ideal drives: cannot write" in shown
+    assert set(re.findall(r"^(\S+\.py):\d+: ", shown, re.MULTILINE)) == {"test_failing.py"}, shown
+
+
+def test_whoever_does_not_use_it_does_not_wait_for_it(tmp_path: Path) -> None:
+    """Importing it takes about a millisecond; the best of three, for what else the machine does."""
+    script = (
+        "import pytest, sys, time; there = set(sys.modules); begin = time.perf_counter()\n"
+        f"import {PLUGIN}; print(time.perf_counter() - begin, *sorted(set(sys.modules) - there))"
+    )
+    command = [sys.executable, "-c", script]
+    said = [subprocess.run(command, capture_output=True, text=True, check=True).stdout for _ in range(3)]
+    times, (modules, *_) = zip(*(line.split(maxsplit=1) for line in said), strict=True)
+    assert modules.split() == ["cranectl", "cranectl.cli", PLUGIN]
+    assert min(map(float, times)) < 0.02
+    loaded = f"[name for name in ('numpy', *{HEAVY!r}) if name in sys.modules]"
+    (tmp_path / "test_unrelated.py").write_text(f"import sys\n\ndef test(): assert not {loaded}")
+    assert "1 passed" in run_pytest(tmp_path)
+
+
+def test_an_interrupt_ends_the_session_not_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = replace(closed_loop("fixed-position", "lqr", "analytic"), status=RunStatus.INTERRUPTED)
+    monkeypatch.setattr(cases, "simulate_run", lambda *_, **__: run)
+    with pytest.raises(KeyboardInterrupt):
+        CaseRuns(cases.make_case(load_scenario("fixed-position")))
