@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+PLUGIN = "cranectl.cli.pytest_plugin"
 ALL = """
 import shlex, sys
 from cranectl.cli.main import main
@@ -37,4 +38,14 @@ def run_all_beside(directory: Path, *lines: str, code: int = 0) -> str:
         cwd=directory, env=environment, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == code, done.stderr
+    return done.stdout + done.stderr
+
+
+def run_pytest(directory: Path, *arguments: str, **environment: str) -> str:
+    """Standard output of pytest with the plugin of cranectl, and no other that happens to be installed."""
+    environment = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "COLUMNS": "200", **environment}
+    command = [sys.executable, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", *arguments]
+    done = subprocess.run(
+        command, cwd=directory, env=environment, capture_output=True, text=True, check=False
+    )
     return done.stdout + done.stderr

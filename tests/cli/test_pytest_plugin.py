@@ -1,6 +1,5 @@
 """The pytest plugin in a repository of its own: what it proves, what it says of failures, what it leaves."""
 
-import os
 import re
 import subprocess
 import sys
@@ -16,9 +15,9 @@ from cranectl.cases import case as cases
 from cranectl.cases.assertions import CaseRuns
 from cranectl.support.units import quantity
 from tests.conftest import closed_loop
+from tests.packages import PLUGIN, run_pytest
 from tests.test_architecture import HEAVY
 
-PLUGIN = "cranectl.cli.pytest_plugin"
 LAW = """
 import numpy as np
 from cranectl import Controller, register_controller
@@ -110,15 +109,6 @@ def test_steps(closed_loop):
 def test_anything_else(closed_loop):
     assert closed_loop("hop.toml")["mujoco"].angles.max() > 3.0
 """
-
-
-def run_pytest(directory: Path, *arguments: str) -> str:
-    """Standard output of pytest with the plugin, and no other that happens to be installed."""
-    environment = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "COLUMNS": "200"}
-    command = [sys.executable, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", *arguments]
-    return subprocess.run(
-        command, cwd=directory, env=environment, capture_output=True, text=True, check=False
-    ).stdout
 
 
 def messages(directory: Path) -> dict[str, str]:
