@@ -19,8 +19,11 @@ KINDS = {
     "merged": "compare {analytic} {mujoco} --merge {merged}",
     "recovered": "log recover {cut-off} --out {recovered}",
 }
-# Logs for viewers only.
-OVERLAYS = {"ladder": "ladder fixed-position --out {ladder}"}
+# Logs of runs by label.
+OVERLAYS = {
+    "ladder": "ladder fixed-position --out {ladder}",
+    "overlay": "overlay {one-plant} {robustified} --label one,lqr+hinf --out {overlay}",
+}
 CUT_OFF = "cut-off"  # half of the log of one plant, as a process that is killed leaves it
 
 

@@ -188,6 +188,17 @@ def names_given(_: click.Context, parameter: click.Parameter, given: tuple[str, 
     return tuple(dict.fromkeys(names))
 
 
+label_option = click.option(
+    "--label",
+    "labels",
+    metavar="A,B",
+    multiple=True,
+    callback=names_given,
+    help="What the runs are called, one after the other. Default: as much of CONTROLLER-DRIVE-PLANT as tells "
+    "them apart, else the names of the files.",
+)
+
+
 def layout_for(plants: Sequence[str]) -> str:
     """What `cranectl log layout` is given to show a log of `plants`."""
     from cranectl.plants.registry import PLANTS

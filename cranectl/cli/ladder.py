@@ -56,9 +56,10 @@ def ladder_command(
     from cranectl.cases.case import LOG_DIRECTORY
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.log import check_writable
-    from cranectl.log.overlay import write_overlay
+    from cranectl.log.overlay import Layer, write_overlay
     from cranectl.report.rig.tables import ladder_table
     from cranectl.scenario import load_scenario
+    from cranectl.support.provenance import provenance
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     name = controller or loaded.controller.name
@@ -69,7 +70,8 @@ def ladder_command(
         for result in evaluate_levels(loaded, name, top=top, progress=advance):
             describe(f"{loaded.name}, {result.level.name}")
             results.append(result)
-    write_overlay(log, {result.level.name: result.run for result in results}, every=EVERY)
+    made_by = provenance()
+    write_overlay(log, {r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results})
     screen = console(json_file)
     screen.print(ladder_table(results))
     screen.print(f"log: {log}")

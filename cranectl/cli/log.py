@@ -4,7 +4,15 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, Group, OutputFile, json_option, output_option, plants_option
+from cranectl.cli.command import (
+    Command,
+    Group,
+    OutputFile,
+    json_option,
+    names_given,
+    output_option,
+    plants_option,
+)
 from cranectl.support.files import JSON, MCAP
 
 
@@ -58,25 +66,34 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
 @click.argument("name")
 @click.argument("out", type=OutputFile(JSON))
 @plants_option("Whose runs the log holds. Default: all; what shows one run then shows mujoco's.")
-def write_layout(name: str, out: Path, plants: tuple[str, ...]) -> None:
+@click.option(
+    "--labels",
+    metavar="A,B",
+    multiple=True,
+    callback=names_given,
+    help="Of the runs of an overlay, as `cranectl overlay` says them.",
+)
+def write_layout(name: str, out: Path, plants: tuple[str, ...], labels: tuple[str, ...]) -> None:
     """Write the layout NAME for Foxglove or Lichtblick to OUT.
 
     \b
     single        one run: crane, load, error, angles, inputs, tension
     comparison    several plants: the crane and its ghosts, the same signals, what parts them
     controller    what the controller thought
+    overlay       the runs of `cranectl overlay` on top of each other
     ladder        all levels of `cranectl ladder` on top of each other
 
     \b
     cranectl log layout comparison comparison.json
     cranectl log layout single single.json --plant analytic
+    cranectl log layout overlay view.json --labels lqr,pole-placement
     """
     from cranectl.cli.output import console
     from cranectl.plants.registry import PLANTS
     from cranectl.report.viewer_layouts import layout_json
     from cranectl.support.files import write_text, writing
 
-    content = layout_json(name, plants=plants or PLANTS)
+    content = layout_json(name, plants=plants or PLANTS, labels=labels)
     with writing(out):
         write_text(out, content)
     console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")

@@ -23,6 +23,7 @@ from cranectl.cli.list import list_command
 from cranectl.cli.live import live_command
 from cranectl.cli.log import log_command
 from cranectl.cli.new import new_command
+from cranectl.cli.overlay import overlay_command
 from cranectl.cli.render import render_command
 from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
@@ -52,6 +53,7 @@ COMMANDS: dict[str, tuple[click.Command, ...]] = {
         schema_command,
         info_command,
         compare_command,
+        overlay_command,
         report_command,
         render_command,
         log_command,

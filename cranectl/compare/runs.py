@@ -1,7 +1,7 @@
 """Two runs compared sample by sample, or merged as the pair that one log holds; the caller reads files."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -77,6 +77,12 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
         max_angle_error_rad=float(angles.max()),
         signals=of_signals,
     )
+
+
+def against_first(runs: Mapping[str, Run]) -> dict[str, Comparison]:
+    """Each run minus the first, by label; raises InputError as `compare_runs`."""
+    (label, first), *others = runs.items()
+    return {other: replace(compare_runs(first, run), a=label, b=other) for other, run in others}
 
 
 def named_signals(run: Run) -> dict[str, Signal]:

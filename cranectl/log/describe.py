@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.log.reader import header_of, open_contents, opened
+from cranectl.log.header import OVERLAY
+from cranectl.log.overlay import headers_of
+from cranectl.log.reader import open_contents, opened
 from cranectl.scenario import NANOSECONDS
 
 
@@ -27,7 +29,7 @@ class LogDescription:
     path: str
     size_bytes: int
     format: str
-    every: int  # logged every n-th control sample
+    every: int  # logged every n-th control sample; of an overlay, the first run
     duration_s: float
     messages: int
     versions: dict[str, str]
@@ -40,12 +42,13 @@ class LogDescription:
 
 
 def describe_log(path: str | Path) -> LogDescription:
-    """Describe a log that `read_log` accepts; raises LogError as that does for what is no closed log."""
+    """Describe a log that `read_layers` accepts; raises LogError as that does for what is no closed log."""
     path = Path(path)
     with opened(path) as stream:
         contents, _ = open_contents(path, stream)
         times = [content.table[:, 1] for content in contents.chunks(stream)]
-        header = header_of(path, contents)
+        headers = headers_of(path, contents)
+        header = next(iter(headers.values()))
     duration = float(np.ptp(np.concatenate(times))) / NANOSECONDS if contents.messages else 0.0
     topics = []
     for channel in sorted(contents.channels.values(), key=lambda channel: channel.topic):
@@ -63,7 +66,7 @@ def describe_log(path: str | Path) -> LogDescription:
     return LogDescription(
         path=str(path),
         size_bytes=path.stat().st_size,
-        format=contents.metadata["cranectl"]["format"],
+        format=contents.metadata[OVERLAY if OVERLAY in contents.metadata else "cranectl"]["format"],
         every=header.every,
         duration_s=duration,
         messages=contents.messages.total(),

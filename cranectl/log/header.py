@@ -27,6 +27,7 @@ from cranectl.support.documents import leaves, parse_json
 from cranectl.support.errors import InputError, LogError
 
 FORMATS = ("2",)  # that can be read; the last is written
+OVERLAY = "overlay"  # the metadata of a log of runs by label, which has a header for each
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,12 @@ def parse_header(
     path: str, metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]
 ) -> LogHeader:
     """The header of the log at `path`; raises LogError for a foreign log and one of another version."""
+    if OVERLAY in metadata:
+        raise LogError(
+            f"{path} is an overlay of the runs {metadata[OVERLAY].get('labels')}",
+            allowed="logs of one controller and kind of drive",
+            remedy="name one of these; info, compare, report, render and log export take overlays too",
+        )
     if "cranectl" not in metadata:
         raise LogError(
             f"{path} is an MCAP file, but not of cranectl",

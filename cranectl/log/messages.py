@@ -1,7 +1,7 @@
 """Turn runs into the messages of a log: one stream for each topic."""
 
 import json
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
@@ -16,7 +16,7 @@ from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams
 from cranectl.log.topics import Stream
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import ALPHA, BETA, REFERENCE, SignalGroup
+from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
 from cranectl.support.provenance import provenance
 
@@ -42,18 +42,18 @@ def streams(
     return result + scene_streams(runs)
 
 
-def samples(runs: Sequence[Run], *, groups: Container[str] | None = None) -> list[Stream]:
-    """The reference at the times of any run, and the signals of the runs: all, or those of some groups."""
+def samples(runs: Sequence[Run]) -> list[Stream]:
+    """The reference at the times of any run, and the signals of the runs."""
     time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
     reference = np.concatenate([run.reference for run in runs])[rows]
     result = [signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
-    for run in runs:
-        result += [
-            signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
-            for group in run.groups
-            if groups is None or group.name in groups
-        ]
-    return result
+    return result + [stream for run in runs for stream in recorded(run)]
+
+
+def recorded(run: Run) -> Iterator[Stream]:
+    """The signals of a run."""
+    for group in run.groups:
+        yield signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
 
 
 def signals(
@@ -82,15 +82,19 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
     if not len(time_ns):
         return []
     blocks = {g.name: b.block(g.name)[in_b] - a.block(g.name)[in_a] for g in topics.DIFFERENCE_GROUPS}
-    distances = np.column_stack(
-        [np.linalg.norm(blocks["load"][:, :3], axis=1), np.abs(blocks["state"][:, [ALPHA, BETA]]).max(axis=1)]
-    )
     result = [
         signals(topics.difference_topic(group.name, name), group, time_ns, blocks[group.name])
         for group in topics.DIFFERENCE_GROUPS
     ]
-    topic = topics.difference_topic(topics.DISTANCE.name, name)
-    return [*result, signals(topic, topics.DISTANCE, time_ns, distances)]
+    return [*result, distances(topics.difference_topic(topics.DISTANCE.name, name), a, b)]
+
+
+def distances(topic: str, a: Run, b: Run) -> Stream:
+    """How far two runs are apart, over their common times."""
+    time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
+    load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
+    angles = np.abs(b.angles[in_b] - a.angles[in_a]).max(axis=1)
+    return signals(topic, topics.DISTANCE, time_ns, np.column_stack([load, angles]))
 
 
 def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, str]:

@@ -1,79 +1,237 @@
-"""Several runs of one scenario in one log, to be looked at on top of each other.
+"""Runs by label in one log: of several controllers, drives or plants, or the levels of a ladder.
 
-Topics are those of a log, with a label in place of the plant: `/LABEL/load`. The last run is drawn as a
-crane, of the others the trails. Such a file is for viewers; `read_log` reads logs of one or two plants.
+Such an overlay holds a log of one run for each label. Its metadata and attachments have the label before
+their names, `LABEL/scenario.json`; its topics have it in place of the plant, `/LABEL/load`.
+`/LABEL/reference` is what that run was to follow, `/LABEL/distance` how far it is from the first run and
+`/LABEL/step` from the one before. The first is drawn as a crane, the others as ghosts in their own colours.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from cranectl.log import scene
+from cranectl.log import scene, topics
+from cranectl.log.consistency import Clock, check_design, check_run
 from cranectl.log.events import events, status_changes
-from cranectl.log.messages import log_lines, samples, signals, status
+from cranectl.log.header import OVERLAY, LogHeader, parse_header
+from cranectl.log.messages import distances, log_lines, recorded, signals, status
+from cranectl.log.reader import assembled, blocks_of, header_of, opened, read_contents, runs_of
 from cranectl.log.topics import Stream
-from cranectl.log.writer import check_writable, file_attachments, write_container
-from cranectl.signals import Signal, SignalGroup
+from cranectl.log.writer import check_writable, file_attachments, file_metadata, write_container
+from cranectl.mcap_columns.contents import Contents
+from cranectl.mcap_columns.records import DamageError
+from cranectl.plants.registry import PLANTS, reference_plant
+from cranectl.signals import REFERENCE
 from cranectl.simulate import Run
 from cranectl.support.colours import VIEWER_SERIES
-from cranectl.support.provenance import provenance
+from cranectl.support.errors import InputError, LogError
 
-GROUPS = ("state", "load", "error", "input")
-CRANE = "overlay"  # label of the crane that is drawn
-DISTANCE = f"/{CRANE}/distance"
+FORMAT = "1"
+STEP = "step"  # how far a run is from the one before it
+TARGET = "reference"  # of a run, in place of the one that the runs of other logs share
+MOST = len(VIEWER_SERIES)  # as many as there are colours
+LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]*")
+
+T = TypeVar("T")
 
 
-def write_overlay(path: Path, runs: Mapping[str, Run], *, every: int) -> None:
-    """Write the runs by their labels, every n-th sample; raises LogError if that cannot be done.
+@dataclass(frozen=True)
+class Layer:
+    """A run of a log, and what else the log says of it."""
 
-    Distances of the loads are from the first run's.
+    run: Run
+    every: int  # logged every n-th control sample
+    versions: Mapping[str, str]  # of what made it
+    from_ns: int | None = None  # where a segment of a live session begins
+
+    @property
+    def clock(self) -> Clock:
+        """When it has samples."""
+        return Clock.of(self.run.scenario, self.every, self.from_ns)
+
+
+def read_layers(path: str | Path) -> dict[str, Layer]:
+    """The runs of any log: by label those of an overlay, by plant those of others.
+
+    Raises LogError as `read_log` does.
     """
+    with opened(path) as stream:
+        contents, columns = read_contents(path, stream)
+        headers = headers_of(path, contents)
+        if OVERLAY not in contents.metadata:
+            runs = runs_of(next(iter(headers.values())), contents, columns)
+            return {plant: _layer(headers[plant], run) for plant, run in runs.items()}
+        there = {label: _topics(label, header) for label, header in headers.items()}
+        groups = {
+            topic: group
+            for label, header in headers.items()
+            for topic, group in zip(there[label], header.groups().values(), strict=True)
+        }
+        blocks = blocks_of(groups, contents, columns)
+        layers = {}
+        for label, header in headers.items():
+            own = {here: blocks[topic] for here, topic in zip(header.groups(), there[label], strict=True)}
+            (plant,) = header.plants
+            layers[label] = _layer(header, assembled(header, plant, own, header.outcome(plant)))
+        return layers
+
+
+def headers_of(path: str | Path, contents: Contents) -> dict[str, LogHeader]:
+    """What a log that has been read says of each of its runs, by label or plant.
+
+    Raises DamageError, and LogError for an overlay that only viewers read.
+    """
+    if OVERLAY not in contents.metadata:
+        header = header_of(path, contents)
+        return dict.fromkeys(header.plants, header)
+    labels = contents.metadata[OVERLAY].get("labels", "").split(",")
+    if contents.metadata[OVERLAY].get("format") != FORMAT:
+        raise LogError(
+            f"{path} is an overlay of the runs {', '.join(labels)}, in a format for viewers only",
+            allowed=f"overlays of format {FORMAT}",
+            remedy="write it again, with cranectl ladder or cranectl overlay",
+        )
+    attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
+    headers = {}
+    for label in labels:
+        headers[label] = parse_header(str(path), _of(label, contents.metadata), _of(label, attachments))
+        if len(headers[label].plants) != 1:
+            raise DamageError(f"{label} is said to be a run of {', '.join(headers[label].plants)}")
+    return headers
+
+
+def _of(label: str, records: Mapping[str, T]) -> dict[str, T]:
+    """The records of one label, named as in a log of its own."""
+    prefix = f"{label}/"
+    return {name.removeprefix(prefix): record for name, record in records.items() if name.startswith(prefix)}
+
+
+def _topics(label: str, header: LogHeader) -> list[str]:
+    """Where an overlay has each of the topics of `header.groups()`."""
+    here = header.groups()
+    kinds = (TARGET if topic == topics.REFERENCE_LOAD else topic.rpartition("/")[2] for topic in here)
+    return [topics.plant_topic(label, kind) for kind in kinds]
+
+
+def _layer(header: LogHeader, run: Run) -> Layer:
+    return Layer(run, header.every, header.versions, header.from_ns)
+
+
+def is_overlay(layers: Mapping[str, Layer]) -> bool:
+    """Whether runs have labels; those of other logs have the names of their plants."""
+    return any(label != layer.run.plant for label, layer in layers.items())
+
+
+def check_labels(labels: Sequence[str]) -> None:
+    """Raise InputError unless runs can be told apart by these in a log."""
+    for label in labels:
+        if not LABEL.fullmatch(label) or label in PLANTS or labels.count(label) > 1:
+            raise InputError(
+                f"the label '{label}'",
+                allowed="letters, digits, '_', '+' and '-', each label once, and no name of a plant",
+                remedy="choose other labels with --label",
+            )
+    if not 1 < len(labels) <= MOST:
+        raise InputError(
+            f"{len(labels)} runs on top of each other",
+            allowed=f"2 to {MOST}, as many as there are colours",
+            remedy="name more or fewer logs, or choose with --plants",
+        )
+
+
+def gathered(
+    paths: Sequence[Path], *, labels: Sequence[str] = (), plants: Sequence[str] = ()
+) -> dict[str, Layer]:
+    """The runs of several logs by label: of an overlay all, of others those of `plants`.
+
+    By default that of the reference plant. `labels`: of all runs in their order, by default as short as they
+    differ. Raises InputError for labels that cannot be, and LogError as `read_log` does.
+    """
+    named: list[tuple[str, str, Layer]] = []  # own label or none, stem of the file, run
+    for path in paths:
+        layers = read_layers(path)
+        whole = is_overlay(layers)
+        wanted = layers if whole else plants or (reference_plant(layers),)
+        named += [(name if whole else "", path.stem, layers[name]) for name in wanted if name in layers]
+    found = [layer for _, _, layer in named]
+    if not labels:
+        short = labels_of([layer.run for layer in found], [stem for _, stem, _ in named])
+        labels = [own or label for (own, _, _), label in zip(named, short, strict=True)]
+    if len(labels) != len(found):
+        raise InputError(
+            f"{len(labels)} labels of {len(found)} runs",
+            allowed="a label for each run",
+            remedy="say --label once for each run, or not at all",
+        )
+    check_labels(labels)
+    return dict(zip(labels, found, strict=True))
+
+
+def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
+    """CONTROLLER-DRIVE-PLANT, as much of it as tells the runs apart; else the stems of their files.
+
+    Numbered where neither does.
+    """
+    names = [(run.design.name, run.drive, run.plant) for run in runs]
+    parts = [kept for size in (1, 2, 3) for kept in combinations(range(3), size)]
+    choices = [["-".join(name[k] for k in kept) for name in names] for kept in parts]
+    for choice in (*choices, stems):
+        labels = [re.sub(r"[^A-Za-z0-9_+]+", "-", label).strip("-_+") for label in choice]
+        if len({*labels} - {*PLANTS, ""}) == len(runs):
+            return labels
+    return [f"{run.design.name}-{k}" for k, run in enumerate(runs, 1)]
+
+
+def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
+    """Write the runs by their labels; raises InputError for labels, LogError if it cannot be done."""
+    check_labels([*layers])
     check_writable(path)
-    labelled = [replace(run.every(every), plant=label) for label, run in runs.items()]
-    metadata = {
-        "overlay": {"labels": ",".join(runs), "scenario": labelled[-1].scenario.name},
-        "versions": provenance(),
-    }
-    write_container(path, metadata, file_attachments(labelled[-1:]), _streams(labelled))
+    metadata = {OVERLAY: {"format": FORMAT, "labels": ",".join(layers)}}
+    attachments = []
+    for label, layer in layers.items():
+        try:
+            check_design(layer.run.design)
+            check_run(layer.run, layer.clock)
+        except DamageError as error:
+            raise LogError(f"cannot write {path}: {label} would contradict itself: {error}") from None
+        records = {**file_metadata([layer.run], layer.every), "versions": dict(layer.versions)}
+        if layer.from_ns is not None:
+            records["live"] = {"from_ns": str(layer.from_ns)}
+        metadata |= {f"{label}/{name}": record for name, record in records.items()}
+        own = file_attachments([layer.run])
+        attachments += [replace(attachment, name=f"{label}/{attachment.name}") for attachment in own]
+    with np.errstate(invalid="ignore"):  # of a last sample that may hold what stopped its run
+        sent = list(_streams([replace(layer.run, plant=label) for label, layer in layers.items()]))
+    write_container(path, metadata, attachments, sent)
 
 
-def distance_group(labels: list[str]) -> SignalGroup:
-    """How far the load of each run is from that of the first."""
-    distances = tuple(
-        Signal(label, f"|Δz| {label}", "m", f"distance of the load of {label} from that of {labels[0]}")
-        for label in labels[1:]
-    )
-    return SignalGroup("distance", f"Distance{len(distances)}", "distances of the loads", distances)
-
-
-def _streams(runs: list[Run]) -> list[Stream]:
-    result = [log_lines(event for run in runs for event in events(run))]
-    result += [status(run.plant, status_changes(run)) for run in runs]
-    result += samples(runs, groups=GROUPS)
-    drawn = [run for run in runs if len(run.time_ns)]
+def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
+    """Of runs whose plants are called by their labels."""
+    yield log_lines(event for run in runs for event in events(run))
+    for run in runs:
+        yield status(run.plant, status_changes(run))
+        yield from recorded(run)
+        yield signals(topics.plant_topic(run.plant, TARGET), REFERENCE, run.time_ns, run.reference)
+    for before, run in pairwise(runs):
+        for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
+            if np.intersect1d(run.time_ns, other.time_ns).size:
+                yield distances(topics.plant_topic(run.plant, kind), run, other)
+    drawn = {run.plant: run for run in runs if len(run.time_ns)}
     if not drawn:
-        return result
-    longest = max(drawn, key=lambda run: len(run.time_ns))
-    if len(drawn) > 1:
-        result.append(_distances(drawn, longest))
-    top = replace(drawn[-1], plant=CRANE)
-    result.append(status(CRANE, status_changes(top)))
-    rows = scene.rows_apart(top, 1.0 / scene.RATE)
-    result += [scene.path(longest), scene.workspace(top), scene.transforms([top], top, rows)]
-    result += [scene.model(top.plant, top.scenario.rig, 1.0), scene.rope(top, 1.0, rows)]
-    for k, run in enumerate(drawn):
-        result.append(scene.whole_trail(run, colour=VIEWER_SERIES[k % len(VIEWER_SERIES)]))
-    return result
-
-
-def _distances(runs: list[Run], longest: Run) -> Stream:
-    """On the times of the longest run; NaN after the end of a shorter one."""
-    first, *others = (run.load_position for run in runs)
-    table = np.full((len(longest.time_ns), len(others)), np.nan)
-    for k, load in enumerate(others):
-        common = min(len(first), len(load))
-        table[:common, k] = np.linalg.norm(load[:common] - first[:common], axis=1)
-    group = distance_group([run.plant for run in runs])
-    return signals(DISTANCE, group, longest.time_ns, table)
+        return
+    longest = max(drawn.values(), key=lambda run: run.end_ns)
+    solid = next(iter(drawn))
+    rows = scene.rows_apart(longest, 1.0 / scene.RATE)
+    yield from (scene.transforms([*drawn.values()], longest, rows), scene.path(longest))
+    yield scene.workspace(drawn[solid])
+    for run, colour in zip(runs, VIEWER_SERIES, strict=False):
+        if run.plant in drawn:
+            opacity, tint = (1.0, None) if run.plant == solid else (scene.GHOST, colour)
+            yield scene.model(run.plant, run.scenario.rig, opacity, tint=tint)
+            yield scene.rope(run, opacity, scene.rows_apart(run, 1.0 / scene.RATE))
+            yield scene.whole_trail(run, colour=colour)

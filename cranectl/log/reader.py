@@ -37,10 +37,14 @@ def read_log(path: str | Path) -> dict[str, Run]:
     Raises LogError if the file is missing, empty, truncated, damaged, foreign, or of another format version.
     """
     with opened(path) as stream:
-        contents, columns = _read(path, stream, lambda topic: not topic.startswith(topics.DIFFERENCES))
-        header = header_of(path, contents)
-        blocks = blocks_of(header, contents, columns)
-        return {plant: assembled(header, plant, blocks, header.outcome(plant)) for plant in header.plants}
+        contents, columns = read_contents(path, stream)
+        return runs_of(header_of(path, contents), contents, columns)
+
+
+def runs_of(header: LogHeader, contents: Contents, columns: dict[int, Column]) -> dict[str, Run]:
+    """The runs in a log that has been read, by plant; raises DamageError."""
+    blocks = blocks_of(header.groups(), contents, columns)
+    return {plant: assembled(header, plant, blocks, header.outcome(plant)) for plant in header.plants}
 
 
 def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
@@ -51,7 +55,7 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
     """
     topic, _, field = f"/{name.removeprefix('/')}".rpartition(".")
     with opened(path) as stream:
-        contents, columns = _read(path, stream, lambda other: other == topic)
+        contents, columns = read_contents(path, stream, lambda other: other == topic)
         header = header_of(path, contents)
         _checked_channels(contents, header.groups())
         known = _signals(contents)
@@ -107,8 +111,10 @@ def header_of(path: str | Path, contents: Contents) -> LogHeader:
     return parse_header(str(path), contents.metadata, attachments)
 
 
-def _read(
-    path: str | Path, stream: BinaryIO, wanted: Callable[[str], bool]
+def read_contents(
+    path: str | Path,
+    stream: BinaryIO,
+    wanted: Callable[[str], bool] = lambda topic: not topic.startswith(topics.DIFFERENCES),
 ) -> tuple[Contents, dict[int, Column]]:
     """All of a closed log, and the rows of signals of the topics `wanted` by channel."""
     contents, end = open_contents(path, stream)
@@ -129,12 +135,13 @@ def row_width(channel: Channel, definition: Schema) -> int:
         return 0
 
 
-def blocks_of(header: LogHeader, contents: Contents, columns: dict[int, Column]) -> dict[str, Block]:
-    """The blocks of the runs' groups by topic, empty where one has no channel; takes them out of `columns`.
+def blocks_of(
+    groups: Mapping[str, SignalGroup], contents: Contents, columns: dict[int, Column]
+) -> dict[str, Block]:
+    """The blocks of groups by topic, empty where one has no channel; takes them out of `columns`.
 
     Raises DamageError unless each channel carries the signals of its group, in their order and units.
     """
-    groups = header.groups()
     channels = _checked_channels(contents, groups)
     return {
         topic: _decoded(topic, columns.pop(channels[topic].id), len(group))

@@ -119,7 +119,7 @@ def _place(source: Path, out: str | Path | None) -> Path:
 
 def _runs(header: LogHeader, contents: Contents, chunks: Sequence[Content]) -> dict[str, Run]:
     """The runs, each cut to the samples that all its groups have."""
-    blocks = blocks_of(header, contents, columns_of(contents, chunks, row_width))
+    blocks = blocks_of(header.groups(), contents, columns_of(contents, chunks, row_width))
     return {plant: _run(header, plant, blocks) for plant in header.plants}
 
 

@@ -131,8 +131,8 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
     return trolley.tolist(), load.tolist(), np.column_stack([sa * cb, -ca * sb, -sa * sb, ca * cb]).tolist()
 
 
-def model(plant: str, rig: RigParameters, opacity: float) -> Stream:
-    """The rig's solids, once; a ghost needs no second frame around the same rig."""
+def model(plant: str, rig: RigParameters, opacity: float, *, tint: str | None = None) -> Stream:
+    """The rig's solids, once, of their own colours or of one; a ghost needs no second frame."""
     from cranectl.plants.mujoco.geometry import rig_solids  # MuJoCo, which reading a log does not need
 
     entities: dict[str, dict[str, list[object]]] = {}
@@ -146,7 +146,7 @@ def model(plant: str, rig: RigParameters, opacity: float) -> Stream:
                 orientation=quaternion_of(solid.orientation),
             ),
             size=vector_of(solid.size),
-            color=colour_of(solid.colour[:3], solid.colour[3] * opacity),
+            color=colour_of(rgb(tint) if tint else solid.colour[:3], solid.colour[3] * opacity),
             **more,
         )
         entities.setdefault(solid.body, {}).setdefault(name, []).append(shape)

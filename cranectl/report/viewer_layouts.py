@@ -9,7 +9,8 @@ from functools import partial
 from typing import Any
 
 from cranectl.analysis.levels import NAMES
-from cranectl.log import overlay, topics
+from cranectl.log import topics
+from cranectl.log.overlay import STEP, TARGET, check_labels
 from cranectl.plants.registry import PLANTS, in_order, reference_plant
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
@@ -26,17 +27,19 @@ CAMERA = {  # looks at the middle of the rig from outside a corner
     "target": [0.0, 0.0, 0.0], "targetOffset": [1.0, 0.77, -0.62], "targetOrientation": [0.0, 0.0, 0.0, 1.0],
 }  # fmt: skip
 
+LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
 
-def layout_json(name: str, *, plants: Iterable[str] = PLANTS) -> str:
+
+def layout_json(name: str, *, plants: Iterable[str] = PLANTS, labels: Sequence[str] = ()) -> str:
     """The layout `name` as a file's content, for a log of `plants`; of one run, the reference plant's.
 
-    Raises InputError for an unknown name.
+    `labels`: of the runs of an overlay. Raises InputError for an unknown name, and for such labels.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
     content = {
-        "layout": _numbered(LAYOUTS[name](in_order(plants)), panels),
+        "layout": _numbered(LAYOUTS[name](labels if name == "overlay" else in_order(plants)), panels),
         "configById": panels,
         "globalVariables": {},
         "userNodes": {},
@@ -103,33 +106,49 @@ def _controller(plants: Sequence[str]) -> Layout:
     return _row([left, _row([_column(plots[:4]), _column(plots[4:])])], (34, 66))
 
 
-def _ladder(_plants: Sequence[str]) -> Layout:
-    """All fidelity levels on top of each other, and how far each is from theory."""
-    labels = list(NAMES)
-    colours = dict(zip(labels, VIEWER_SERIES, strict=True))
-    distances = [
-        _line(f"{overlay.DISTANCE}.{s.name}.@log10", s, s.name, colours[s.name])
-        for s in overlay.distance_group(labels).signals
-    ]
-    plots = [_plot(f"log₁₀ of distance from {labels[0]}", distances, minYValue=-9.0)]
-    titles = {("error", f"error_{axis}"): f"error {axis}" for axis in "xyz"}
-    titles |= {("state", "alpha"): "alpha", ("load", "rope_tension"): "rope tension"}
-    for (group, name), title in titles.items():
-        paths = [
-            {**_path(label, group, name), "label": label, "color": colours[label]}
-            for label in reversed(labels)
-        ]
-        plots.append(_plot(title, paths))
-    shown = [topics.plant_topic(label, "trail") for label in labels]
-    shown += [topics.plant_topic(overlay.CRANE, name) for name in ("model", topics.ROPE, *topics.FORMER)]
-    left = _column([_scene(shown), _timeline([overlay.CRANE])], (60, 40))
-    return _row([left, _row([_column(plots[:3]), _column(plots[3:])])], (42, 58))
+def _overlay(labels: Sequence[str]) -> Layout:
+    """Runs by label: the crane of the first and the ghosts of the others, the same signals of all."""
+    check_labels(labels)
+    titles = {("load", f"load_{axis}"): f"load {axis}" for axis in "xyz"}
+    titles |= {("state", name): name for name in ("alpha", "beta")}
+    target = topics.plant_topic(labels[0], TARGET)
+    paths = [_of_labels(labels, key[0], SIGNALS[key]) for key in titles]
+    for k, axis in enumerate("xyz"):
+        paths[k].append(_reference(axis, target))
+    x, *rest = map(_plot, titles.values(), paths)
+    y, z, alpha, beta = map(_without_legend, rest)
+    load = topics.DISTANCE.signals[0]
+    far = _without_legend(_plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, load)))
+    shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]
+    left = _column([_scene(shown), _timeline(labels)], (66, 34))
+    return _row([left, _column([x, _row([y, z]), _row([alpha, beta]), far])], (42, 58))
+
+
+def _ladder(_: Sequence[str]) -> Layout:
+    """What each fidelity level adds, how far it is from theory; the crane of theory, the last one's ghost."""
+    distance = topics.DISTANCE.signals[0]
+    added, orders = (
+        _plot(
+            f"log₁₀ of distance from {where}",
+            _of_labels(NAMES, group, distance, ".@log10"),
+            minYValue=LEAST_ORDER,
+        )
+        for where, group in (("the level before", STEP), (NAMES[0], topics.DISTANCE.name))
+    )
+    metres = _plot(f"distance from {NAMES[0]}", _of_labels(NAMES, topics.DISTANCE.name, distance))
+    shown = [topics.plant_topic(label, "trail") for label in NAMES]
+    for label in (NAMES[0], NAMES[-1]):
+        shown += [topics.plant_topic(label, kind) for kind in ("model", topics.ROPE)]
+    left = _column([_scene(shown), _timeline([NAMES[-1]])], (66, 34))
+    right = _column([added, _without_legend(orders), _without_legend(metres)], (46, 27, 27))
+    return _row([left, right], (42, 58))
 
 
 LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
     "single": _single,
     "comparison": _comparison,
     "controller": _controller,
+    "overlay": _overlay,
     "ladder": _ladder,
 }
 
@@ -157,6 +176,21 @@ def _of_each(plants: Sequence[str], group: str, name: str) -> list[dict[str, Any
     ]
 
 
+def _of_labels(labels: Sequence[str], group: str, signal: Signal, modifier: str = "") -> list[dict[str, Any]]:
+    """A signal of each run of an overlay, in the run's colour; distances are those of all but the first."""
+    lines = []
+    for k, label in enumerate(labels):
+        if k or group not in (topics.DISTANCE.name, STEP):
+            value = f"{_field(topics.plant_topic(label, group), signal.name)}{modifier}"
+            lines.append(_line(value, signal, label, VIEWER_SERIES[k]))
+    return lines
+
+
+def _field(topic: str, name: str) -> str:
+    """A field as viewers name it, who want topics with other signs than letters in quotes."""
+    return f'"{topic}".{name}' if "+" in topic else f"{topic}.{name}"
+
+
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
     """One line of a plot."""
     signal = SIGNALS[group, name]
@@ -175,9 +209,9 @@ def _distances(plants: Sequence[str], signal: Signal, k: int) -> list[dict[str, 
     return lines
 
 
-def _reference(axis: str) -> dict[str, Any]:
+def _reference(axis: str, topic: str = topics.REFERENCE_LOAD) -> dict[str, Any]:
     (signal,) = (signal for signal in REFERENCE.signals if signal.name == f"load_{axis}")
-    return _line(f"{topics.REFERENCE_LOAD}.{signal.name}", signal, signal.symbol, VIEWER["reference"])
+    return _line(_field(topic, signal.name), signal, signal.symbol, VIEWER["reference"])
 
 
 def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]:
@@ -203,6 +237,12 @@ def _plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel
         sidebarDimension=40 + 8 * max(4, *(len(path["label"]) for path in paths)),
         **limits,
     )
+
+
+def _without_legend(plot: Panel) -> Panel:
+    """A plot whose lines are those of another, which tells them apart."""
+    kind, configuration = plot
+    return kind, {**configuration, "showLegend": False}
 
 
 def _cranes(plants: Sequence[str]) -> list[str]:
@@ -242,7 +282,7 @@ def _timeline(plants: Sequence[str]) -> Layout:
     standings[plants[-1]] = ("status", "phase", "disturbed", "saturated")
     paths = [
         {
-            "value": f"{topics.plant_topic(plant, 'status')}.{field}",
+            "value": _field(topics.plant_topic(plant, "status"), field),
             "label": f"{names.get(plant, plant)} {field.replace('_', ' ')}",
             "timestampMethod": "receiveTime",
         }

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from numpy.testing import assert_array_equal
 
 from cranectl.analysis.budget.error_budget import error_budget
 from cranectl.analysis.ladder import deviation, evaluate_levels
 from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, with_effects
 from cranectl.cli.main import main
-from cranectl.log.overlay import DISTANCE, write_overlay
+from cranectl.log.overlay import read_layers
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
@@ -96,22 +95,21 @@ def test_a_step_too_long_for_a_level_is_refused_before_any_run(
         evaluate(scenario)
 
 
-def test_the_overlay_has_every_run(tmp_path: Path, short: Scenario) -> None:
-    steps = list(evaluate_levels(short, "lqr", top="servos"))
-    path = tmp_path / "ladder.mcap"
-    runs = {step.level.name: step.run for step in steps}
-    write_overlay(path, runs, every=10)
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    counts = {c.topic: summary.statistics.channel_message_counts[c.id] for c in summary.channels.values()}
-    for name in runs:
-        for group in ("state", "load", "error", "input"):
-            assert counts[f"/{name}/{group}"] == 51
-        assert counts[f"/{name}/trail"] > 3
-    assert counts[DISTANCE] == 51
-    before = path.read_bytes()
-    write_overlay(path, runs, every=10)
-    assert path.read_bytes() == before
+def test_the_log_of_a_ladder_is_an_overlay_of_its_levels(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings = ["--controller", "lqr", "--set", "duration=0.5", "--set", "disturbances=[]"]
+    assert main(["ladder", "fixed-position", *settings, "--top", "sensing", "--out", "a.mcap"]) == 0
+    layers = read_layers("a.mcap")
+    assert [*layers] == [level.name for level in LEVELS[:6]]
+    scenario = load_scenario("fixed-position", overrides=settings[3::2])
+    for result, layer in zip(evaluate_levels(scenario, "lqr", top="sensing"), layers.values(), strict=True):
+        every_tenth = result.run.every(10)
+        assert_array_equal(layer.run.table, every_tenth.table)
+        assert replace(layer.run, table=None, reference=None, time_ns=None, design=None) == replace(
+            every_tenth, table=None, reference=None, time_ns=None, design=None
+        )
 
 
 def test_a_level_that_stops_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 from cranectl.log import describe_log, topics, write_log
-from cranectl.log.overlay import write_overlay
+from cranectl.log.overlay import Layer, write_overlay
 from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario import load_scenario
@@ -21,6 +21,7 @@ from tests.conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
+LABELS = ("lqr", "lqr+hinf", "pid_2")
 SAMPLE = ROOT / "tests" / "log" / "samples" / "format-2.mcap"
 
 
@@ -42,7 +43,8 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]
     runs = [simulate_run(scenario, plant=plant) for plant in PLANTS]
     folder = tmp_path_factory.mktemp("log")
     write_log(folder / "a.mcap", runs)
-    write_overlay(folder / "b.mcap", dict.fromkeys(NAMES, runs[0]), every=4)
+    for name, labels in (("b", NAMES), ("c", LABELS)):
+        write_overlay(folder / f"{name}.mcap", dict.fromkeys(labels, Layer(runs[0].every(4), 4, {})))
     found = {}
     for path in folder.iterdir():
         with path.open("rb") as stream:
@@ -55,7 +57,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dict[str, str]]) -> None:
-    layout = json.loads(layout_json(name, plants=[plant]))
+    layout = json.loads(layout_json(name, plants=[plant], labels=LABELS))
     panels = layout["configById"]
     assert sorted(leaves(layout["layout"])) == sorted(panels)
     kinds = {panel.partition("!")[0] for panel in panels}
@@ -65,7 +67,7 @@ def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dic
         assert configuration["lichtblickPanelTitle"] == title
         if panel.startswith("Plot"):
             for path in configuration["paths"]:
-                topic, _, field = path["value"].partition(".@")[0].partition(".")
+                topic, _, field = path["value"].replace('"', "").partition(".@")[0].partition(".")
                 unit = logged[topic][field].partition("[")[2].partition("]")[0]
                 assert title.endswith(f"[{unit}]"), path
                 assert unit
@@ -74,7 +76,9 @@ def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dic
             assert present <= set(logged)
             assert all(topic["visible"] for topic in configuration["topics"].values())
         if panel.startswith("StateTransitions"):
-            assert {path["value"].partition(".")[0] for path in configuration["paths"]} <= set(logged)
+            assert {
+                path["value"].replace('"', "").partition(".")[0] for path in configuration["paths"]
+            } <= set(logged)
 
 
 def test_what_logs_of_before_draw_is_shown_too() -> None:
@@ -97,7 +101,7 @@ def test_a_layout_of_one_run_asks_for_one_plant_only(plant: str) -> None:
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_the_lines_of_a_plot_differ_in_colour(name: str) -> None:
-    for panel, configuration in json.loads(layout_json(name))["configById"].items():
+    for panel, configuration in json.loads(layout_json(name, labels=LABELS))["configById"].items():
         if panel.startswith("Plot"):
             lines = [line["color"] for line in configuration["paths"] if "reference" not in line["value"]]
             assert len(lines) == len(set(lines)), configuration["foxglovePanelTitle"]

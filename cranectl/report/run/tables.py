@@ -92,6 +92,18 @@ def comparison_table(title: str, comparison: Comparison) -> Table:
     return Table(title, ("signal", "unit", "max |diff|", "at [s]", "RMS", "final"), rows, labels=2)
 
 
+def distances_table(comparisons: Mapping[str, Comparison]) -> Table:
+    """How far runs are from the first one, by label."""
+    rows = tuple(
+        cells(
+            label, f"{c.max_load_error_m:.2e}", f"{c.max_load_error_at_s:g}", f"{c.max_angle_error_rad:.2e}"
+        )
+        for label, c in comparisons.items()
+    )
+    (first,) = {comparison.a for comparison in comparisons.values()}
+    return Table(f"Farthest from {first}", ("", "load [m]", "at [s]", "angles [rad]"), rows)
+
+
 def regression_table(verdict: RegressionVerdict) -> Table:
     """A run beside its golden one: one row a signal, then how they ended."""
     rows = [cells(*_largest(row), f"{row.limit:.1e}", VERDICTS[row.passed]) for row in verdict.signals]

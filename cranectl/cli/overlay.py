@@ -1,0 +1,58 @@
+"""`cranectl overlay`."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli.command import Command, json_option, label_option, output_option, plants_option
+from cranectl.support.files import MCAP
+
+
+@click.command("overlay", cls=Command)
+@click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@output_option("--out", MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
+@label_option
+@plants_option("Whose runs to take of each LOG. Default: MuJoCo's.")
+@json_option
+def overlay_command(
+    logs: tuple[Path, ...],
+    out: Path | None,
+    labels: tuple[str, ...],
+    plants: tuple[str, ...],
+    json_file: str | None,
+) -> None:
+    """Lay the runs of several LOGs on top of each other, in one log.
+
+    Of several controllers, drives, rigs or settings. The first is the crane, the others are its ghosts;
+    topics have the label of their run in front, as /lqr/load. `info`, `compare`, `report`, `render` and
+    `log export` read such a log too.
+
+    \b
+    cranectl overlay logs/fixed-position/lqr-ideal.mcap logs/fixed-position/pole-placement-ideal.mcap
+    cranectl overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
+    """
+    from cranectl.cases.case import LOG_DIRECTORY
+    from cranectl.cli.output import console, write_json
+    from cranectl.compare.runs import against_first
+    from cranectl.log.overlay import gathered, write_overlay
+    from cranectl.report.run.tables import distances_table
+    from cranectl.support.files import check_place
+
+    layers = gathered(logs, labels=labels, plants=plants)
+    runs = {label: layer.run for label, layer in layers.items()}
+    path = out or LOG_DIRECTORY / next(iter(runs.values())).scenario.name / "overlay.mcap"
+    check_place(path, MCAP, inputs=logs, option="--out")
+    comparisons = against_first(runs)
+    write_overlay(path, layers)
+    screen = console(json_file)
+    screen.print(distances_table(comparisons))
+    screen.print(f"log: {path}")
+    screen.print(f"view: cranectl log layout overlay view.json --labels {','.join(runs)}")
+    write_json(
+        json_file,
+        {
+            "log": str(path),
+            "labels": [*runs],
+            "comparisons": [comparison.to_json() for comparison in comparisons.values()],
+        },
+    )

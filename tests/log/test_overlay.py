@@ -1,0 +1,129 @@
+"""Overlays: each run bit for bit under its label, however it was logged; honest errors."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.log import read_log, write_log
+from cranectl.log.overlay import Layer, check_labels, labels_of, read_layers, write_overlay
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError, LogError
+from tests.conftest import closed_loop, cut
+from tests.log.corruption import meta, put_together, take_apart
+from tests.log.test_log import assert_same
+from tests.log.viewer import messages_of
+
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
+
+@pytest.fixture
+def layers(short: Scenario) -> dict[str, Layer]:
+    """Of other controllers, plants, drives, references and rates; one stopped early, one at once."""
+    early = simulate_run(short, plant="mujoco", controller="lqr", drive="velocity")
+    stopped = {"status": RunStatus.SLACK_ROPE}
+    other = load_scenario("settled-trajectory", overrides=["duration=20", "disturbances=[]"])
+    return {
+        "lqr": Layer(simulate_run(short, plant="mujoco", controller="lqr").every(4), 4, {"numpy": "2"}),
+        "pid": Layer(simulate_run(short, plant="analytic", controller="pid").every(10), 10, {"numpy": "1"}),
+        "early": Layer(cut(early, 101, end_ns=100_000_000, **stopped).every(1), 1, {"numpy": "3"}),
+        "at-once": Layer(cut(early, 0, end_ns=0, **stopped), 1, {"numpy": "3"}),
+        "moving_1+": Layer(simulate_run(other, plant="analytic").every(40), 40, {"numpy": "3"}),
+    }
+
+
+def test_every_run_comes_back_bit_for_bit(layers: dict[str, Layer]) -> None:
+    path = Path("a.mcap")
+    write_overlay(path, layers)
+    before, read = path.read_bytes(), read_layers(path)
+    assert [*read] == [*layers]
+    for label, layer in layers.items():
+        assert_same(read[label].run, layer.run)
+        assert replace(read[label], run=layer.run) == layer
+    write_overlay(path, layers)
+    assert path.read_bytes() == before
+
+
+def test_distances_are_from_the_first_and_from_the_one_before(layers: dict[str, Layer]) -> None:
+    write_overlay(Path("a.mcap"), layers)
+    first, second, third = (layers[label].run for label in ("lqr", "pid", "early"))
+    for topic, a, b in (
+        ("pid/distance", first, second),
+        ("early/distance", first, third),
+        ("early/step", second, third),
+    ):
+        messages = messages_of(Path("a.mcap"), f"/{topic}")
+        common = np.intersect1d(a.time_ns, b.time_ns)
+        assert [time_ns for time_ns, _ in messages] == common.tolist()
+        loads = (run.load_position[np.isin(run.time_ns, common)] for run in (a, b))
+        assert [message.load_distance for _, message in messages] == pytest.approx(
+            np.linalg.norm(np.subtract(*loads), axis=1), abs=1e-15
+        )
+
+
+def test_labels_are_as_short_as_they_differ() -> None:
+    def run(controller: str, drive: str, plant: str) -> Run:
+        return closed_loop("fixed-position", controller, plant, drive)
+
+    lqr, other = run("lqr", "ideal", "mujoco"), run("lqr+hinf", "ideal", "mujoco")
+    assert labels_of([lqr, other], ["a", "b"]) == ["lqr", "lqr+hinf"]
+    assert labels_of([lqr, run("lqr", "velocity", "mujoco")], ["a", "b"]) == ["ideal", "velocity"]
+    assert labels_of([lqr, run("lqr", "ideal", "analytic")], ["a", "b"]) == ["lqr-mujoco", "lqr-analytic"]
+    assert labels_of([lqr, lqr], ["20 t", "a.b"]) == ["20-t", "a-b"]
+    assert labels_of([lqr, lqr], ["a", "a"]) == ["lqr-1", "lqr-2"]
+
+
+@pytest.mark.parametrize(
+    "labels", [["a", "a"], ["a", "b/c"], ["a", "mujoco"], ["a", "b.c"], ["a"], list("abcdefghijklm")]
+)
+def test_labels_that_cannot_be(labels: list[str]) -> None:
+    with pytest.raises(InputError, match=r"label|runs on top"):
+        check_labels(labels)
+
+
+def test_runs_of_several_logs(short: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("lqr", "pole-placement"):
+        write_log(
+            f"{name}.mcap",
+            [simulate_run(short, plant=plant, controller=name) for plant in ("analytic", "mujoco")],
+        )
+    assert main(["overlay", "lqr.mcap", "pole-placement.mcap", "--out", "both.mcap"]) == 0
+    assert "log layout overlay view.json --labels lqr,pole-placement" in capsys.readouterr().out
+    read = read_layers("both.mcap")
+    for name, layer in read.items():
+        assert_same(layer.run, read_log(f"{name}.mcap")["mujoco"])
+    assert main(["overlay", "both.mcap", "lqr.mcap", "--plants", "analytic", "--label", "a,b,c"]) == 0
+    assert [layer.run.plant for layer in read_layers("logs/fixed-position/overlay.mcap").values()] == [
+        "mujoco",
+        "mujoco",
+        "analytic",
+    ]
+    assert main(["overlay", "lqr.mcap", "both.mcap", "--label", "a"]) == 2
+    assert "1 labels of 3 runs" in capsys.readouterr().err
+    with pytest.raises(LogError, match=r"both\.mcap is an overlay of the runs lqr,pole-placement") as caught:
+        read_log("both.mcap")
+    assert "report, render" in caught.value.remedy
+
+
+def test_an_overlay_that_contradicts_itself_is_refused(layers: dict[str, Layer]) -> None:
+    write_overlay(Path("a.mcap"), layers)
+    for record, values, problem in (
+        ("pid/run/analytic", {"samples": "50"}, "51 of 50 samples of analytic/state"),
+        ("pid/cranectl", {"plants": "analytic,mujoco"}, "pid is said to be a run of analytic, mujoco"),
+        ("overlay", {"labels": "lqr,nobody"}, "not of cranectl"),
+        ("overlay", {"format": "9"}, "for viewers only"),
+    ):
+        parts = take_apart(Path("a.mcap"))
+        meta(record, **values)(parts)
+        Path("b.mcap").write_bytes(put_together(parts))
+        with pytest.raises(LogError, match=re.escape(problem)):
+            read_layers("b.mcap")
+    late = replace(layers["lqr"].run, time_ns=layers["lqr"].run.time_ns + 1)
+    with pytest.raises(LogError, match=r"cannot write c\.mcap: late would contradict itself"):
+        write_overlay(Path("c.mcap"), {"late": Layer(late, 4, {}), "pid": layers["pid"]})
+    assert not Path("c.mcap").exists()
