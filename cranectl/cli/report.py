@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command("report", cls=Command)
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=click.Path(path_type=Path))
-@output_option("--out", HTML, "Default: thesis.html without logs, otherwise the first log's name with .html.")
+@output_option("--out", HTML, "Default: beside LOG, LOG-compared.html for several; thesis.html without.")
 @predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict | None") -> int:
     """Write runs, or the thesis, as one HTML page of figures and tables.
@@ -35,7 +35,8 @@ def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict |
         from cranectl.cli.thesis import run_thesis
 
         return run_thesis(None, out or Path("thesis.html"))
-    _report_logs(logs, out or Path(logs[0].stem + ".html"), predict=predict)
+    beside = logs[0].parent / (logs[0].stem + (".html" if len(logs) == 1 else "-compared.html"))
+    _report_logs(logs, out or beside, predict=predict)
     return exit_codes.GOOD
 
 
@@ -55,10 +56,14 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
     runs = [read_log(log) for log in logs]
     labels = _labels(logs)
     versions = {label: describe_log(log).versions for label, log in zip(labels, logs, strict=True)}
+    others: dict[str, list[str]] = {}
+    for label in labels:
+        for difference in provenance_differences(versions[label], provenance()):
+            others.setdefault(difference, []).append(label)
     notes = [
-        f"{label} was made by other software than is installed: {difference}"
-        for label in labels
-        for difference in provenance_differences(versions[label], provenance())
+        f"{', '.join(of)} {'was' if len(of) == 1 else 'were'} made by other software than is installed: "
+        f"{difference}"
+        for difference, of in others.items()
     ]
     command = f"cranectl report {' '.join(map(str, logs))}"
     of_logs = dict(zip(labels, runs, strict=True))

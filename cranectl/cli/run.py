@@ -86,7 +86,7 @@ def run_command(
     screen.print(run_table({case.log.stem: result.runs}))
     for note in run_notes([result]):
         screen.print(f"  {note}")
-    screen.print(metrics_table({run.plant: run.metrics for run in result.runs}))
+    screen.print(metrics_table({"": result.runs}))
     if (limits := limits_table(result.runs)) is not None:
         screen.print(limits)
     if result.agreements:

@@ -55,12 +55,10 @@ class Table:
         for first, group in groupby(places, key=lambda place: place[0].split("\n")[0]):
             members = list(group)
             if len(members) == 1 or not all("\n" in text for text, _ in members):
-                upper += [Heading(text.replace("\n", " "), label, rows=2) for text, label in members]
+                upper += [Heading(text, label, rows=2) for text, label in members]
             else:
                 upper.append(Heading(first, columns=len(members)))
-                lower += [
-                    Heading(text.partition("\n")[2].replace("\n", " "), label) for text, label in members
-                ]
+                lower += [Heading(text.partition("\n")[2], label) for text, label in members]
         if lower:
             return tuple(upper), tuple(lower)
         return (tuple(replace(heading, rows=1) for heading in upper),)

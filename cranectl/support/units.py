@@ -28,7 +28,7 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
     else:
         number = f"{factor * value:.0f}" if 1e3 <= size < math.inf else f"{factor * value:#.{digits}g}"
     space = "" if unit in ("°", "") else " "
-    return f"{number.rstrip('.')}{space}{prefixed}".replace(" ", "\N{NO-BREAK SPACE}")
+    return f"{number.rstrip('.')}{space}{prefixed}"
 
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -162,7 +162,7 @@ def test_failures_name_signal_time_size_limit_and_log(repository: Path) -> None:
         assert line in said["test_limits"]
     analytic, mujoco = log("test_agree").values()
     apart = np.linalg.norm(analytic.load_position - mujoco.load_position, axis=1)
-    place = f"by {quantity(apart.max(), 'm')} at {analytic.time[apart.argmax()]:g} s, limit 1.00\xa0µm"
+    place = f"by {quantity(apart.max(), 'm')} at {analytic.time[apart.argmax()]:g} s, limit 1.00 µm"
     assert f"analytic and mujoco differ in load position {place}" in said["test_agree"]
     assert "differ in state.beta by " in said["test_agree"]
     golden = read_log(repository / "golden/test_failing/test_golden.mcap")["mujoco"]

@@ -348,8 +348,9 @@ def test_violations_on_the_low_side_count_too(synthetic: Run) -> None:
 
 
 def test_the_table_of_a_run(synthetic: Run) -> None:
-    table = metrics_table({"one": measured(synthetic), "none": None})
-    assert table.headings == ("metric", "unit", "one", "none")
+    run, none = (RunSummary.of(each, Path()) for each in (synthetic, cut(synthetic, 0)))
+    table = metrics_table({"one": [run, replace(run, plant="twin")], "none": [none]})
+    assert table.headings == ("metric", "unit", f"one\n{run.plant}, twin", f"none\n{run.plant}")
     texts = {row[0].text: (row[1].text, row[2].text) for row in table.rows}
     assert len(texts) == len(table.rows) == sum(bool(metric.row.label) for metric in all_metrics())
     assert list(texts)[:3] == ["tracking error, RMS", "tracking error, max", "tracking error, final"]
@@ -358,10 +359,27 @@ def test_the_table_of_a_run(synthetic: Run) -> None:
     assert texts["peak of ẍ_c ÿ_c l̈"] == ("m/s²", "0.500 0.300 -0.200")
     assert texts["time outside x_c y_c l"] == ("s", "0.000 1.414 0.000")
     assert {row[3].text for row in table.rows} == {"-"}
-    stopped = metrics_table({"one": measured(replace(synthetic, status=RunStatus.SLACK_ROPE))})
+    assert "best" not in {cell.mark for row in table.rows for cell in row}, "there is nothing to compare"
+    stopped = metrics_table({"": [RunSummary.of(replace(synthetic, status=RunStatus.SLACK_ROPE), Path())]})
     assert [row[2].text for row in stopped.rows if row[0].text == "settling time"] == ["-"]
     page = log_page({"log": {"analytic": cut(synthetic, 0)}}, "cranectl report")  # without figures
-    assert metrics_table({"log, analytic": None}) in page.sections[1].tables
+    assert metrics_table({"log": [replace(none, plant="analytic")]}) in page.sections[1].tables
+
+
+def test_the_best_of_the_runs_that_did_not_stop_is_marked(synthetic: Run) -> None:
+    run = RunSummary.of(synthetic, Path())
+
+    def with_values(**values: float) -> RunSummary:
+        assert run.metrics is not None
+        return replace(run, metrics=replace(run.metrics, values={**run.metrics.values, **values}))
+
+    slack = with_values(max_error_m=0.01, min_rope_tension_n=0.0)
+    stopped = replace(with_values(max_error_m=0.0), status=RunStatus.SLACK_ROPE)
+    table = metrics_table({"a": [run], "b": [slack], "c": [stopped]})
+    marks = {row[0].text: [cell.mark for cell in row[2:]] for row in table.rows}
+    assert marks["tracking error, max"] == ["", "best", ""]
+    assert marks["rope tension, min"] == ["best", "", ""]
+    assert marks["sway, max"] == ["", "", ""], "the same everywhere"
 
 
 def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:

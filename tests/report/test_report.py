@@ -146,12 +146,14 @@ def test_sentences_say_what_the_run_did() -> None:
     run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
     final = np.linalg.norm(run.reference[-1, :3] - run.load_position[-1])
     plain = caption(FAMILIES["error"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
-    assert plain == f"Load off its reference at the end: {final:.3f} m."
+    assert plain == f"Load off its reference at the end: {1e3 * final:.0f} mm."
     assert "past the end of the rig, from 15.75 s on" in caption(FAMILIES["trolley"], {"PP": run})
     largest = np.abs(run.block("input")[:, :3]).max(axis=0)
     inputs = caption(FAMILIES["input"], {"any": run}).replace("\N{NO-BREAK SPACE}", " ")
     assert run.block("input")[:, 2].min() == -largest[2], "a size, whatever its sign"
-    assert f"trolley: {largest[:2].max():.3f} m/s²; of the rope: {largest[2]:.4f} m/s²" in inputs
+    assert (
+        f"trolley: {1e3 * largest[:2].max():.0f} mm/s²; of the rope: {1e3 * largest[2]:.1f} mm/s²" in inputs
+    )
     good = closed_loop("settled-trajectory", "lqr", "mujoco")
     assert caption(FAMILIES["trolley"], {"LQR": good}) == "All stay within the rig."
     both = caption(FAMILIES["angles"], {"PP": run, "LQR": good})
@@ -177,8 +179,8 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
         arguments = ["run", "fixed-position", *SHORT, "--drive", drive, "--out", f"{drive}/run.mcap"]
         assert main(arguments) == 0
     assert main(["report", "ideal/run.mcap"]) == 0
-    assert "report: run.html" in capsys.readouterr().out
-    one = read_page(Path("run.html").read_text())
+    assert f"report: {Path('ideal/run.html')}" in capsys.readouterr().out
+    one = read_page(Path("ideal/run.html").read_text())
     assert one.tags["figure"] == len(FAMILIES) + 2
     assert (one.tags["svg"], one.tags["img"]) == (len(FAMILIES) + 1, 1)
     assert "The load is farthest from its reference at" in one.text

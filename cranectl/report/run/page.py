@@ -1,7 +1,7 @@
 """Any runs as one page: what they were, how they ended, every figure with a sentence, every difference."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from PIL.Image import Image
 
 from cranectl.cases.case import RunSummary
 from cranectl.compare.agreement import Agreement, Limits, Predict, against_reference, judge, limits_for
-from cranectl.compare.runs import Comparison, compare_runs
+from cranectl.compare.runs import compare_runs
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
@@ -25,8 +25,10 @@ from cranectl.report.run.figures import (
 )
 from cranectl.report.run.settings import SAME, Logs, what_differs, what_was_run
 from cranectl.report.run.tables import comparison_table, limits_table, metrics_table, run_table
+from cranectl.report.table import Table
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
+from cranectl.support.units import quantity
 
 Runs = Mapping[str, Run]  # by label
 DASHES = ("-", (0, (2, 1)), (0, (1, 1)))  # of plants beside the reference plant
@@ -57,11 +59,10 @@ def log_page(
     summaries = {
         label: [RunSummary.of(run, Path(label)) for run in log.values()] for label, log in logs.items()
     }
-    metrics = {f"{label}, {run.plant}": run.metrics for label, log in summaries.items() for run in log}
     judged = limits_table([run for log in summaries.values() for run in log])
     run_tables = (
         run_table(summaries, _verdicts(agreements)),
-        metrics_table(metrics),
+        metrics_table(summaries),
         *((judged,) if judged is not None else ()),
     )
     asked, differing = what_was_run(logs, versions or {}), what_differs(logs)
@@ -82,9 +83,8 @@ def log_page(
         )
         sections.append(Section("worst", "Worst moment", figures=moments))
     sections.append(Section("figures", "Figures", figures=_figures(logs, agreements)))
-    compared = tuple(comparison_table(label, comparison) for label, comparison in _comparisons(logs))
-    if compared:
-        sections.append(Section("differences", "Differences", tables=compared))
+    if differences := _differences(logs, agreements):
+        sections.append(Section("differences", "Differences", tables=differences))
     return Page(", ".join(scenarios), title, tuple(sections), remade_by)
 
 
@@ -92,11 +92,12 @@ def _verdicts(agreements: Mapping[str, Agreement]) -> str:
     """Whether the plants of each log agree."""
     sentences = []
     for label, judged in agreements.items():
-        known = judged.limit_m is not None and judged.limit_rad is not None
-        limits = f"limits {judged.limit_m:g} m and {judged.limit_rad:g} rad" if known else judged.limits
+        limits = judged.limits
+        if judged.limit_m is not None and judged.limit_rad is not None:
+            limits = f"limits {quantity(judged.limit_m, 'm')} and {quantity(judged.limit_rad, 'rad')}"
         sentences.append(
-            f"{label}: plants at most {judged.max_load_error_m:.1e} m and "
-            f"{judged.max_angle_error_rad:.1e} rad apart, {limits}: {judged.verdict}."
+            f"{label}: plants at most {quantity(judged.max_load_error_m, 'm')} and "
+            f"{quantity(judged.max_angle_error_rad, 'rad')} apart, {limits}: {judged.verdict}."
         )
     return " ".join(sentences)
 
@@ -151,18 +152,26 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
     return tuple(figures)
 
 
-def _comparisons(logs: Logs) -> list[tuple[str, Comparison]]:
-    """The plants of each log, and each plant of the first log with that of every other."""
-    comparisons = [
-        (f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b)) for label, (a, b) in _pairs(logs).items()
+def _differences(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Table, ...]:
+    """The plants of each log, folded if they agree, and those of the first log with those of every other."""
+    tables = [
+        comparison_table(
+            f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b), folded=bool(agreements[label].passed)
+        )
+        for label, (a, b) in _pairs(logs).items()
     ]
     (first_label, first), *others = logs.items()
     for label, log in others:
+        plants: dict[Table, list[str]] = {}  # those whose tables say the same have one
         for plant in first:
             if plant in log and len(first[plant].time_ns) and len(log[plant].time_ns):
-                name = f"{plant}: {label} minus {first_label}"
-                comparisons.append((name, compare_runs(first[plant], log[plant])))
-    return comparisons
+                table = comparison_table("", compare_runs(first[plant], log[plant]))
+                plants.setdefault(table, []).append(plant)
+        tables += [
+            replace(table, title=f"{', '.join(names)}: {label} minus {first_label}")
+            for table, names in plants.items()
+        ]
+    return tuple(tables)
 
 
 def caption(family: Family, runs: Runs) -> str:
@@ -176,7 +185,7 @@ def caption(family: Family, runs: Runs) -> str:
 def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> str:
     """How far the curves of the pairs are apart at most, after the phrase `what`."""
     largest = max(largest_difference(family, *pair) for pair in pairs)
-    return f"{what} {_quantity(largest, family.unit)}"
+    return f"{what} {_kept(largest, family.unit)}"
 
 
 def _outside(runs: Runs) -> str:
@@ -229,23 +238,10 @@ _CAPTIONS: dict[str, tuple[tuple[str, Callable[[Run], float], str], ...]] = {
 def _each(runs: Runs, figure: Callable[[Run], float], unit: str) -> str:
     """The figure of every run, with labels where there are several."""
     if len(runs) == 1:
-        return _quantity(figure(next(iter(runs.values()))), unit)
-    return ", ".join(f"{_quantity(figure(run), unit)} ({label})" for label, run in runs.items())
+        return _kept(figure(next(iter(runs.values()))), unit)
+    return ", ".join(f"{_kept(figure(run), unit)} ({label})" for label, run in runs.items())
 
 
-def _quantity(value: float, unit: str) -> str:
-    """Three digits, small numbers with powers of ten, kept on one line with their unit.
-
-    A run that stopped may have done so because a number was none.
-    """
-    if not math.isfinite(value):
-        number = f"{value}"
-    elif value == 0.0 or value >= 1e-3:
-        number = f"{value:#.3g}".rstrip(".")
-    else:
-        mantissa, _, exponent = f"{value:.1e}".partition("e")
-        number = f"{mantissa} · 10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
-    return f"{number}{'' if unit == '°' else ' '}{unit}".replace(" ", "\N{NO-BREAK SPACE}")
-
-
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+def _kept(value: float, unit: str) -> str:
+    """On one line with its unit."""
+    return quantity(value, unit).replace(" ", "\N{NO-BREAK SPACE}")

@@ -6,11 +6,13 @@ from math import degrees
 from cranectl.cases.case import CaseResult, RunSummary
 from cranectl.compare.agreement import Agreement, Limits
 from cranectl.compare.golden import RegressionVerdict, SignalVerdict
-from cranectl.compare.runs import Comparison, SignalDifference
+from cranectl.compare.runs import Comparison
 from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells
+from cranectl.support.units import quantity
 
+MISSING = "-"
 Drives = dict[str, tuple[Agreement, str]]  # by name; with what else is wrong with the case
 
 
@@ -42,19 +44,50 @@ def _outcome(run: RunSummary) -> tuple[Cell, ...]:
     return cells(*ended, f"{run.metrics.max_error_m:.4f}", outside)
 
 
-def metrics_table(runs: Mapping[str, RunMetrics | None]) -> Table:
-    """One row a metric, one column a run, by its label."""
+def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
+    """One row a metric, a column a run; one for all runs of a log that print the same.
+
+    Of several logs the best value of a metric is marked, if not all are the same.
+    """
     shown = sorted((metric for metric in all_metrics() if metric.row.label), key=lambda m: m.row.place)
+    columns: dict[tuple[str, tuple[str, ...]], list[RunSummary]] = {}
+    for label, runs in logs.items():
+        for run in runs:
+            texts = tuple(_text(metric, run.metrics) for metric in shown)
+            columns.setdefault((label, texts), []).append(run)
+    headings = [
+        "\n".join(filter(None, (label, ", ".join(run.plant for run in runs))))
+        for (label, _), runs in columns.items()
+    ]
+    whole = [not runs[0].status.stopped and len(logs) > 1 for runs in columns.values()]
     rows = tuple(
         cells(
             metric.row.label,
             "°" if metric.unit == "rad" else metric.unit,
-            *(_text(metric, metrics) for metrics in runs.values()),
+            *_best_marked(metric, texts, whole),
         )
-        for metric in shown
+        for metric, *texts in zip(shown, *(texts for _, texts in columns), strict=True)
     )
     note = "Settling, overshoot and what is residual count from when the reference has come to rest."
-    return Table("Metrics", ("metric", "unit", *runs), rows, labels=2, note=note)
+    if len(logs) > 1:
+        note += " ★ is the best of the runs that did not stop."
+    return Table("Metrics", ("metric", "unit", *headings), rows, labels=2, note=note)
+
+
+def _best_marked(metric: Metric, texts: Sequence[str], whole: Sequence[bool]) -> list[Cell]:
+    """The cells of a row; the best of the columns that are `whole` is marked, where they are not the same."""
+    values = {
+        text: float(text)
+        for text, counts in zip(texts, whole, strict=True)
+        if counts and metric.better and not metric.parts and text != MISSING
+    }
+    best = max(
+        values, key=lambda text: values[text] if metric.better == "higher" else -values[text], default=""
+    )
+    return [
+        Cell(text, "best" if len(values) > 1 and text == best and counts else "")
+        for text, counts in zip(texts, whole, strict=True)
+    ]
 
 
 def _text(metric: Metric, metrics: RunMetrics | None) -> str:
@@ -62,7 +95,7 @@ def _text(metric: Metric, metrics: RunMetrics | None) -> str:
     value = None if metrics is None else metrics.values[metric.name]
     scale = degrees(1.0) if metric.unit == "rad" else 1.0
     numbers = value if isinstance(value, tuple) else (value,)
-    return " ".join("-" if n is None else f"{scale * n:.{metric.row.digits}f}" for n in numbers)
+    return " ".join(MISSING if n is None else f"{scale * n:.{metric.row.digits}f}" for n in numbers)
 
 
 def limits_table(runs: Sequence[RunSummary], *, broken_only: bool = False) -> Table | None:
@@ -86,10 +119,19 @@ def limits_table(runs: Sequence[RunSummary], *, broken_only: bool = False) -> Ta
     return Table("Limits", headings, tuple(rows), labels=2 + several, note=note)
 
 
-def comparison_table(title: str, comparison: Comparison) -> Table:
+def comparison_table(title: str, comparison: Comparison, *, folded: bool = False) -> Table:
     """How far two runs are apart, one row a signal."""
-    rows = tuple(cells(*_largest(row), f"{row.rms:.1e}", f"{row.final:+.1e}") for row in comparison.signals)
-    return Table(title, ("signal", "unit", "max |diff|", "at [s]", "RMS", "final"), rows, labels=2)
+    rows = tuple(
+        cells(
+            row.signal,
+            quantity(row.max_abs, row.unit),
+            f"{row.at_s:.3f}",
+            quantity(row.rms, row.unit),
+            quantity(row.final, row.unit),
+        )
+        for row in comparison.signals
+    )
+    return Table(title, ("signal", "max |diff|", "at [s]", "RMS", "final"), rows, folded=folded)
 
 
 def distances_table(comparisons: Mapping[str, Comparison]) -> Table:
@@ -106,7 +148,17 @@ def distances_table(comparisons: Mapping[str, Comparison]) -> Table:
 
 def regression_table(verdict: RegressionVerdict) -> Table:
     """A run beside its golden one: one row a signal, then how they ended."""
-    rows = [cells(*_largest(row), f"{row.limit:.1e}", VERDICTS[row.passed]) for row in verdict.signals]
+    rows = [
+        cells(
+            row.signal,
+            row.unit,
+            f"{row.max_abs:.1e}",
+            f"{row.at_s:.3f}",
+            f"{row.limit:.1e}",
+            VERDICTS[row.passed],
+        )
+        for row in verdict.signals
+    ]
     difference, limit = f"{verdict.end_difference_s:.1e}", f"{verdict.end_difference_limit_s:.1e}"
     rows.append(cells("ends", "s", difference, "", limit, VERDICTS[verdict.ends_passed]))
     status = f"{verdict.status}, was {verdict.golden_status}"
@@ -115,11 +167,6 @@ def regression_table(verdict: RegressionVerdict) -> Table:
     headings = ("signal", "unit", "max |diff|", "at [s]", "limit", "verdict")
     title = f"{verdict.plant}, {verdict.samples} samples: new minus golden"
     return Table(title, headings, tuple(rows), labels=2)
-
-
-def _largest(row: SignalDifference | SignalVerdict) -> tuple[str, str, str, str]:
-    """Signal, unit, largest difference and when."""
-    return row.signal, row.unit, f"{row.max_abs:.1e}", f"{row.at_s:.3f}"
 
 
 def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str]) -> Table:
