@@ -54,12 +54,15 @@ bench: .venv/extra-bench ## measure, and write docs/proofs/performance.md
 mutations: setup ## change every term of the physics and see a test fail; write docs/proofs/mutations.md
 	$(call limit,7200) $(BIN)/python validation/mutations.py --write docs/proofs/mutations.md
 
-package: setup ## build the wheel, install it into an empty environment, validate from there
+package: setup ## build the wheel, install it into an empty environment, validate and test the example from there
 	rm -rf build/package && mkdir -p build/package/work
 	$(BIN)/python -m hatchling build -t wheel -d build/package
 	$(PYTHON) -m venv build/package/venv
 	build/package/venv/bin/python $(PIP_INSTALL) build/package/*.whl
 	cd build/package/work && $(call limit,300) ../venv/bin/cranectl validate fixed-position slack-rope
+	cp -r examples/harbour-crane build/package/example
+	cd build/package/example && PATH="$(CURDIR)/build/package/venv/bin:$$PATH" PIP_CONSTRAINT=$(CURDIR)/constraints.txt \
+		$(call limit,300) sh -exc "$$(sed -n 's/^ *- run: //p' .github/workflows/test.yml)"
 
 clean: ## remove the environment and everything generated
 	rm -rf .venv viewer/node_modules viewer/failures logs build dist .mypy_cache .ruff_cache .pytest_cache

@@ -1,0 +1,40 @@
+"""The cascade on our crane, proven by two models of it that share no equation."""
+
+import pytest
+
+from cranectl import assert_agree, assert_limits
+
+SCENARIO = "../scenarios/ship-to-quay.toml"
+
+
+@pytest.fixture(scope="module")
+def runs(closed_loop):
+    """With velocity drives, as the crane has them."""
+    return closed_loop(SCENARIO, "cascade", drive="velocity")
+
+
+def test_the_models_can_be_relied_on(closed_loop):
+    """With ideal drives they realise the same motion: all that is left is rounding."""
+    assert_agree(closed_loop(SCENARIO, "cascade", drive="ideal"))
+
+
+def test_the_load_pulls_the_drives_no_more_than_we_know(runs):
+    """It moves the servos of one model and not those of the other: some 0.02 m with lags of 0.1 s."""
+    assert_agree(runs, load_m=0.03, angle_rad=0.001)
+
+
+def test_the_terminal_gets_what_it_asked_for(runs):
+    """By [limits] of the scenario."""
+    assert_limits(runs)
+
+
+@pytest.mark.parametrize("load_mass", [2e3, 40e3])
+def test_an_empty_spreader_and_a_heavy_container(closed_loop, load_mass):
+    """A heavy one pulls the drives more."""
+    runs = closed_loop(SCENARIO, "cascade", drive="velocity", overrides=[f"rig.load_mass={load_mass}"])
+    assert_limits(runs)
+
+
+def test_nothing_changes_unnoticed(runs, assert_golden):
+    """Against tests/golden/, which `pytest --cranectl-update` writes."""
+    assert_golden(runs)
