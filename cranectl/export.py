@@ -1,12 +1,14 @@
 """Runs as one table for other tools: CSV, Parquet, MATLAB and what packages add. Everything as recorded.
 
-One row a sample time, one column a signal, named PLANT.GROUP.SIGNAL, and the reference's, which both plants
-share, as reference.SIGNAL. SI units and radians, time in seconds.
+One row a sample time, one column a signal, named PLANT.GROUP.SIGNAL, and the reference's, which all plants
+share, as reference.SIGNAL; of an overlay LABEL.GROUP.SIGNAL and LABEL.reference.SIGNAL. SI units and radians,
+time in seconds.
 """
 
 import csv
 import functools
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,8 @@ from cranectl.support.patterns import matching, unmatched
 
 # In place of scipy's, which has the date: the same run gives the same bytes. 116 bytes by the format.
 MAT_HEADER = b"MATLAB 5.0 MAT-file, written by cranectl".ljust(116)
+
+SHORT_NAME = 31  # letters
 
 
 @dataclass(frozen=True)
@@ -63,14 +67,22 @@ class Exporter:
         return Kind(self.title, self.begins)
 
 
-def export_table(runs: Sequence[Run], patterns: Sequence[str] = ()) -> ExportTable:
+def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> ExportTable:
     """The signals that any of `patterns` matches, all by default, at every time that any run has.
+
+    `runs`: by plant of a log, which share their reference, or by label of an overlay.
 
     Where a run has no sample, after its end above all, its signals are missing. Raises InputError for a
     pattern that matches nothing.
     """
-    time_ns = np.unique(np.concatenate([run.time_ns for run in runs]))
-    columns = {column.name: column for column in (*_recorded(runs, time_ns), *_reference(runs, time_ns))}
+    time_ns = np.unique(np.concatenate([run.time_ns for run in runs.values()]))
+    found = list(_recorded(runs, time_ns))
+    if _by_label(runs):
+        for label, run in runs.items():
+            found += _reference(f"{label}.reference", [run], time_ns)
+    else:
+        found += _reference("reference", [*runs.values()], time_ns)
+    columns = {column.name: column for column in found}
     chosen: set[str] = set()
     for pattern in patterns or ("*",):
         matched = matching(pattern, columns)
@@ -114,22 +126,27 @@ def write_table(table: ExportTable, path: Path, exporter: Exporter) -> None:
         exporter.write(table, part)
 
 
-def _recorded(runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
-    for run in runs:
+def _by_label(runs: Mapping[str, Run]) -> bool:
+    return any(name != run.plant for name, run in runs.items())
+
+
+def _recorded(runs: Mapping[str, Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
+    for name, run in runs.items():
         rows = np.searchsorted(time_ns, run.time_ns)
-        signals = [(f"{run.plant}.{group.name}", s) for group in run.groups for s in group.signals]
+        signals = [(f"{name}.{group.name}", s) for group in run.groups for s in group.signals]
         for (prefix, signal), values in zip(signals, run.table.T, strict=True):
             yield _column(prefix, signal, len(time_ns), rows, values)
 
 
-def _reference(runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
+def _reference(prefix: str, runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
+    """That which the runs share."""
     times = np.concatenate([run.time_ns for run in runs])
     values = np.concatenate([run.reference for run in runs])
     # A log may lack the reference of the last sample of the run that stopped first: read as NaN.
     known = np.flatnonzero(~np.isnan(values).any(axis=1))
     rows, first = np.unique(np.searchsorted(time_ns, times[known]), return_index=True)
     for signal, column in zip(REFERENCE.signals, values[known[first]].T, strict=True):
-        yield _column("reference", signal, len(time_ns), rows, column)
+        yield _column(prefix, signal, len(time_ns), rows, column)
 
 
 def _column(prefix: str, signal: Signal, length: int, rows: NDArray[np.intp], values: Array) -> Column:
@@ -138,16 +155,13 @@ def _column(prefix: str, signal: Signal, length: int, rows: NDArray[np.intp], va
     return Column(f"{prefix}.{signal.name}", signal.unit, signal.description, on_grid, missing)
 
 
-def _info(runs: Sequence[Run]) -> dict[str, str | float]:
-    first = runs[0]
-    info: dict[str, str | float] = {
-        "scenario": first.scenario.name,
-        "controller": first.design.name,
-        "drive": first.drive,
-    }
-    for run in runs:
-        info[f"{run.plant}_status"] = run.status.label
-        info[f"{run.plant}_end_s"] = run.end_s
+def _info(runs: Mapping[str, Run]) -> dict[str, str | float]:
+    info: dict[str, str | float] = {}
+    for name, run in runs.items():
+        about = {"scenario": run.scenario.name, "controller": run.design.name, "drive": run.drive}
+        info |= {f"{name}_{key}": text for key, text in about.items()} if _by_label(runs) else about
+        info[f"{name}_status"] = run.status.label
+        info[f"{name}_end_s"] = run.end_s
     return info
 
 
@@ -191,13 +205,21 @@ def _write_mat(table: ExportTable, path: Path) -> None:
         _put(variables, column.name, column.values)
         _put(units, column.name, column.unit)
     with path.open("w+b") as stream:
-        savemat(stream, {**variables, "units": units, "info": table.info}, oned_as="column")
+        info = {_matlab_name(name): value for name, value in table.info.items()}
+        long = any(len(name) > SHORT_NAME for name in info)  # which only later versions of MATLAB read
+        content = {**variables, "units": units, "info": info}
+        savemat(stream, content, oned_as="column", long_field_names=long)
         stream.seek(0)
         stream.write(MAT_HEADER)
 
 
+def _matlab_name(name: str) -> str:
+    """With letters, digits and underscores only, and no digit first."""
+    return re.sub(r"^(?=\d)", "x", re.sub(r"\W", "_", name))
+
+
 def _put(tree: dict[str, Any], name: str, value: Any) -> None:
-    *branches, leaf = name.split(".")
+    *branches, leaf = map(_matlab_name, name.split("."))
     for branch in branches:
         tree = tree.setdefault(branch, {})
     tree[leaf] = value

@@ -16,6 +16,7 @@ from scipy.io import loadmat
 from cranectl.cli.main import main
 from cranectl.export import Exporter, chosen_exporter, export_table, exporters, write_table
 from cranectl.log import read_log, write_log
+from cranectl.log.overlay import Layer, write_overlay
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, flat_groups, recorded_groups
@@ -42,6 +43,10 @@ def runs(short: Scenario) -> list[Run]:
 @pytest.fixture
 def log(runs: list[Run]) -> Path:
     return write_log("pair.mcap", runs)
+
+
+def by_plant(runs: list[Run]) -> dict[str, Run]:
+    return {run.plant: run for run in runs}
 
 
 def until(run: Run, samples: int) -> Run:
@@ -106,7 +111,7 @@ def test_read_back_bit_for_bit(log: Path, file_format: str) -> None:
 def test_the_same_bytes_on_another_day(
     runs: list[Run], file_format: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    table = export_table(runs)
+    table = export_table(by_plant(runs))
     write_table(table, Path("a"), exporters()[file_format])
     asked = []
     monkeypatch.setattr("time.asctime", lambda *_: asked.append(1) or "Sat Jan  1 00:00:00 2000")
@@ -142,11 +147,31 @@ def test_mat_has_units_and_info_and_names_that_matlab_takes(log: Path, runs: lis
         assert re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name), name
 
 
+def test_runs_of_an_overlay_have_their_labels(runs: list[Run]) -> None:
+    write_overlay(
+        Path("o.mcap"), {f"{k}+b": Layer(run.every(4), 4, {"numpy": "3"}) for k, run in enumerate(runs)}
+    )
+    for name in READERS:
+        assert main(["log", "export", "o.mcap", "--out", f"a.{name}"]) == 0
+    expected = {
+        f"{k}+b.{name.removeprefix(f'{run.plant}.')}": values  # of the reference too
+        for k, run in enumerate(runs)
+        for name, values in expected_columns([run.every(4)]).items()
+        if name != "time"
+    }
+    for read in (read_csv(Path("a.csv")), read_parquet(Path("a.parquet"))):
+        assert len(read) == len(expected) + 1
+        assert all(np.array_equal(read[name], values) for name, values in expected.items())
+    content = loadmat("a.mat", simplify_cells=True)
+    assert np.array_equal(content["x1_b"]["state"]["alpha"], expected["1+b.state.alpha"])
+    assert content["info"]["x1_b_controller"] == "lqr+hinf"
+
+
 @pytest.mark.parametrize("file_format", READERS)
 def test_a_plant_that_stopped_has_no_values_afterwards(runs: list[Run], file_format: str) -> None:
     pair = [until(runs[0], 201).every(4), until(runs[1], 302).every(4)]
     path = Path("a")
-    write_table(export_table(pair), path, exporters()[file_format])
+    write_table(export_table(by_plant(pair)), path, exporters()[file_format])
     found = READERS[file_format](path)
     assert np.array_equal(found["time"], pair[1].time)
     alpha = found["analytic.state.alpha"]
@@ -159,7 +184,7 @@ def test_a_plant_that_stopped_has_no_values_afterwards(runs: list[Run], file_for
 
 def test_a_last_sample_between_the_others_has_a_row_of_its_own(runs: list[Run]) -> None:
     pair = [until(runs[0], 203).every(4), runs[1].every(4)]
-    table = export_table(pair)
+    table = export_table(by_plant(pair))
     row = int(np.searchsorted(table.time, 0.202))
     assert table.time[row] == 0.202
     columns = {column.name: column for column in table.columns}
@@ -173,7 +198,9 @@ def test_a_reference_that_the_log_lacks_is_missing(runs: list[Run]) -> None:
     pair = [until(runs[0], 203).every(4), runs[1].every(4)]
     lacking = pair[0].reference.copy()
     lacking[[10, -1]] = np.nan
-    (column,) = export_table([replace(pair[0], reference=lacking), pair[1]], ["reference.load_y"]).columns
+    (column,) = export_table(
+        by_plant([replace(pair[0], reference=lacking), pair[1]]), ["reference.load_y"]
+    ).columns
     assert np.flatnonzero(column.missing).tolist() == [51], "the other run has the other"
     assert column.values[10] == runs[1].reference[40, 1]
 
@@ -182,7 +209,7 @@ def test_missing_is_told_from_not_a_number(runs: list[Run]) -> None:
     table = runs[0].table[:2].copy()
     table[1, 6] = np.nan
     pair = [replace(until(runs[0], 2), table=table), until(runs[1], 3)]
-    exported = export_table(pair, ["analytic.state.alpha"])
+    exported = export_table(by_plant(pair), ["analytic.state.alpha"])
     write_table(exported, Path("a.csv"), exporters()["csv"])
     assert [line.split(",")[1] for line in Path("a.csv").read_text().splitlines()[2:]] == ["nan", ""]
     write_table(exported, Path("a.parquet"), exporters()["parquet"])
@@ -192,7 +219,7 @@ def test_missing_is_told_from_not_a_number(runs: list[Run]) -> None:
 
 def test_a_run_without_samples_leaves_the_names(runs: list[Run]) -> None:
     for name in READERS:
-        write_table(export_table([cut(runs[0], 0)]), Path(f"a.{name}"), exporters()[name])
+        write_table(export_table(by_plant([cut(runs[0], 0)])), Path(f"a.{name}"), exporters()[name])
     assert len(Path("a.csv").read_text().splitlines()) == 1
     assert pyarrow.parquet.read_table("a.parquet").num_rows == 0
     assert loadmat("a.mat")["time"].size == 0
@@ -272,7 +299,7 @@ def test_a_full_disk_leaves_what_was_there(runs: list[Run]) -> None:
 
     Path("a.csv").write_text("old")
     with pytest.raises(InputError, match=r"cannot write a.csv: No space left"):
-        write_table(export_table(runs), Path("a.csv"), Exporter("csv", "", b"", full))
+        write_table(export_table(by_plant(runs)), Path("a.csv"), Exporter("csv", "", b"", full))
     assert [path.name for path in Path().iterdir()] == ["a.csv"]
     assert Path("a.csv").read_text() == "old"
 

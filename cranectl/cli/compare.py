@@ -46,7 +46,7 @@ def compare_command(
     """Compare the plants of one LOG, or the same plants of two LOGs.
 
     The plants of one LOG are judged as by the run that wrote it, exit code 1 if they do not agree, break a
-    limit of their scenario, or did not end as it expects.
+    limit of their scenario, or did not end as it expects. Runs of an overlay are compared with the first one.
     The difference is second minus first, but NEW minus GOLDEN with --tolerances, which judges every plant
     that both have; of two directories the logs of the same relative path. docs/explanation/validation.md says
     what a file of tolerances holds. Logs made by other sources or versions are compared all the same, and
@@ -81,13 +81,19 @@ def compare_command(
         judge = _judge_directories if directories else _judge
         return judge(logs[0], logs[1], tolerances, json_file)
     if one:
-        return _compare_plants(logs[0], json_file, predict=predict)
+        from cranectl.log.overlay import is_overlay, read_layers
+
+        layers = read_layers(logs[0])
+        runs = {name: layer.run for name, layer in layers.items()}
+        if is_overlay(layers):
+            return _compare_labelled(runs, json_file)
+        return _compare_plants(logs[0], runs, json_file, predict=predict)
     from cranectl.cases.regression import software_differences
     from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import compare_runs, differing_fields
 
     if merge is None:
-        pairs, software = _pairs(logs), software_differences(logs[0], logs[1])
+        pairs, software = _pairs(*logs), software_differences(logs[0], logs[1])
     else:
         pairs, software = [_merged(logs[0], logs[1], merge, despite_differences)], []
     differing = differing_fields(*pairs[0])
@@ -111,7 +117,7 @@ def compare_command(
 def _print(screen: "Screen", comparison: "Comparison") -> None:
     """Every signal, then the largest distances."""
     from cranectl.cli.output import styled
-    from cranectl.report.run.tables import comparison_table
+    from cranectl.report.run.comparison_tables import comparison_table
 
     screen.print(comparison_table(f"{comparison.b} minus {comparison.a}", comparison))
     screen.print(
@@ -123,15 +129,41 @@ def _print(screen: "Screen", comparison: "Comparison") -> None:
         screen.print(styled("the runs did not end at the same time", "yellow"))
 
 
-def _compare_plants(log: Path, json_file: str | None, *, predict: "Predict | None") -> int:
+def _compare_labelled(runs: dict[str, "Run"], json_file: str | None) -> int:
+    """Every run of an overlay with the first."""
+    from cranectl.cli.output import console, write_json
+    from cranectl.compare.runs import against_first
+    from cranectl.report.run.comparison_tables import distances_table
+
+    comparisons = against_first(runs)
+    console(json_file).print(distances_table(comparisons))
+    write_json(json_file, {"comparisons": [comparison.to_json() for comparison in comparisons.values()]})
+    return exit_codes.GOOD
+
+
+def _compare_plants(
+    log: Path, held: dict[str, "Run"], json_file: str | None, *, predict: "Predict | None"
+) -> int:
     """The plants of one log, judged as by the run that wrote it."""
     from cranectl.cases.case import RunSummary
     from cranectl.cli.output import console, write_json
-    from cranectl.compare.agreement import ended_as_expected, judge, least_good, limits_for
+    from cranectl.compare.agreement import (
+        against_reference,
+        ended_as_expected,
+        judge,
+        least_good,
+        limits_for,
+    )
     from cranectl.compare.runs import compare_runs
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
 
-    pairs = _pairs((log,))
+    if len(held) < 2:
+        raise InputError(
+            f"{log} holds the run of one plant only",
+            allowed="a log of both plants, or two logs",
+            remedy="run with --plant both, or name a second log",
+        )
+    pairs = against_reference(list(held.values()))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
     first, plants = runs[0], [run.plant for run in runs]
     limits = limits_for(first.scenario, first.design, first.drive, plants, predict=predict)
@@ -175,7 +207,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
     from cranectl.cases.regression import regression_of
     from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.compare.golden import load_tolerances
-    from cranectl.report.run.tables import regression_table
+    from cranectl.report.run.comparison_tables import regression_table
 
     found = regression_of(new_log, golden_log, load_tolerances(tolerances))
     screen = console(json_file)
@@ -197,7 +229,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, json_file: str 
     from cranectl.cases.regression import Regression, regression_of
     from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.compare.golden import load_tolerances
-    from cranectl.report.run.tables import regressions_table
+    from cranectl.report.run.comparison_tables import regressions_table
 
     limits = load_tolerances(tolerances)
     held = [{path.relative_to(place) for path in place.rglob("*.mcap")} for place in (new, golden)]
@@ -262,24 +294,14 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     return pair
 
 
-def _pairs(logs: tuple[Path, ...]) -> list[tuple["Run", "Run"]]:
-    """The runs to compare: the plants of one log, or each plant that two logs share."""
+def _pairs(a_log: Path, b_log: Path) -> list[tuple["Run", "Run"]]:
+    """The runs of each plant that two logs share, or the only ones that they hold."""
     from cranectl.cases.regression import nothing_shared
-    from cranectl.compare.agreement import against_reference
     from cranectl.log import read_log
 
-    runs = [read_log(log) for log in logs]
-    if len(runs) == 1:
-        if len(runs[0]) < 2:
-            raise InputError(
-                f"{logs[0]} holds the run of one plant only",
-                allowed="a log of both plants, or two logs",
-                remedy="run with --plant both, or name a second log",
-            )
-        return against_reference(list(runs[0].values()))
-    shared = [plant for plant in runs[0] if plant in runs[1]]
-    if shared:
-        return [(runs[0][plant], runs[1][plant]) for plant in shared]
-    if len(runs[0]) == len(runs[1]) == 1:
-        return [(next(iter(runs[0].values())), next(iter(runs[1].values())))]
+    a, b = read_log(a_log), read_log(b_log)
+    if shared := [plant for plant in a if plant in b]:
+        return [(a[plant], b[plant]) for plant in shared]
+    if len(a) == len(b) == 1:
+        return [(next(iter(a.values())), next(iter(b.values())))]
     raise nothing_shared()

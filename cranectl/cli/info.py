@@ -1,6 +1,6 @@
 """`cranectl info`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ from cranectl.cli.command import Command, json_option, predict_option
 if TYPE_CHECKING:
     from cranectl.compare.agreement import Agreement, Predict
     from cranectl.log import LogDescription
+    from cranectl.log.overlay import Layer
     from cranectl.simulate import Run
 
 
@@ -29,12 +30,17 @@ def info_command(log: Path, predict: "Predict | None", json_file: str | None) ->
     """
     from cranectl.cli.output import console, write_json
     from cranectl.compare.agreement import against_reference, judge, least_good, limits_for
-    from cranectl.log import describe_log, read_log
+    from cranectl.log import describe_log
+    from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.report.run.tables import topic_table
     from cranectl.support.provenance import provenance, provenance_differences
 
-    runs = read_log(log)
+    layers = read_layers(log)
+    runs = {name: layer.run for name, layer in layers.items()}
     description = describe_log(log)
+    if is_overlay(layers):
+        _print_overlay(description, layers, json_file)
+        return
     held = list(runs.values())
     pairs = against_reference([run for run in held if len(run.time_ns)], runs)
     first = held[0]
@@ -51,21 +57,55 @@ def info_command(log: Path, predict: "Predict | None", json_file: str | None) ->
             **description.to_json(),
             "scenario": held[0].scenario.model_dump(mode="json"),
             "design": held[0].design.to_json(),
-            "runs": [
-                {
-                    "plant": run.plant,
-                    "drive": run.drive,
-                    "status": run.status.label,
-                    "end_s": run.end_s,
-                    "samples": len(run.time_ns),
-                }
-                for run in held
-            ],
+            "runs": [_outcome(run) for run in held],
             "agreement": least_good(agreements).to_json() if agreements else None,
             "agreements": [agreement.to_json() for agreement in agreements],
             "software_differences": software,
         },
     )
+
+
+WIDEST = 4  # runs whose settings are told beside each other
+
+
+def _print_overlay(
+    description: "LogDescription", layers: Mapping[str, "Layer"], json_file: str | None
+) -> None:
+    from cranectl.cases.case import RunSummary
+    from cranectl.cli.output import console, write_json
+    from cranectl.report.run.settings import what_differs
+    from cranectl.report.run.tables import run_table, topic_table
+    from cranectl.support.provenance import provenance, provenance_differences
+
+    screen = console(json_file)
+    facts = [
+        ("file", description.path),
+        ("overlay of", ", ".join(layers)),
+        *(
+            ("differs", f"{label}: {difference}")
+            for label, layer in layers.items()
+            for difference in provenance_differences(layer.versions, provenance())
+        ),
+        _integrity(description),
+    ]
+    for name, text in facts:
+        screen.print(f"{name:12} {text}")
+    summaries = {name: [RunSummary.of(layer.run, Path(name))] for name, layer in layers.items()}
+    screen.print(run_table(summaries))
+    if len(layers) <= WIDEST:
+        differing = what_differs({name: {layer.run.plant: layer.run} for name, layer in layers.items()})
+        screen.print(differing or "The runs were asked for with the same settings.")
+    screen.print(topic_table(description))
+    runs = [
+        {
+            "label": name,
+            **_outcome(layer.run),
+            "scenario": layer.run.scenario.model_dump(mode="json"),
+            "design": layer.run.design.to_json(),
+        }
+        for name, layer in layers.items()
+    ]
+    write_json(json_file, {**description.to_json(), "runs": runs})
 
 
 def _lines(
@@ -97,11 +137,25 @@ def _lines(
         why = f": {agreement.limits}" if agreement.passed is None else ""
         who = "plants" if len(agreements) == 1 else f"{agreement.plant} and {agreement.reference}"
         facts.append(("verdict", f"{who} at most {apart} apart: {agreement.verdict}{why}"))
-    size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
     facts += [
         ("versions", ", ".join(f"{name} {version}" for name, version in description.versions.items())),
         *(("differs", difference) for difference in software),
         ("attachments", ", ".join(description.attachments)),
-        ("integrity", f"format {description.format}, {size}; checksums and counts are right"),
+        _integrity(description),
     ]
     return [f"{name:12} {text}" for name, text in facts]
+
+
+def _integrity(description: "LogDescription") -> tuple[str, str]:
+    size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
+    return "integrity", f"format {description.format}, {size}; checksums and counts are right"
+
+
+def _outcome(run: "Run") -> dict[str, str | float]:
+    return {
+        "plant": run.plant,
+        "drive": run.drive,
+        "status": run.status.label,
+        "end_s": run.end_s,
+        "samples": len(run.time_ns),
+    }

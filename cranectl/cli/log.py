@@ -41,8 +41,9 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     """Write the signals of LOG as a table for pandas, MATLAB or Excel.
 
     One row a logged sample. Columns: time [s], PLANT.GROUP.SIGNAL (mujoco.state.alpha) and reference.SIGNAL
-    (reference.load_x); empty, in MATLAB NaN, where a plant has no sample. All in SI units and radians;
-    parquet and mat hold each signal's unit. The values are the log's to the last bit.
+    (reference.load_x), of an overlay LABEL.GROUP.SIGNAL and LABEL.reference.SIGNAL; empty, in MATLAB NaN,
+    where a run has no sample. All in SI units and radians; parquet and mat hold each signal's unit. The
+    values are the log's to the last bit.
 
     \b
     cranectl log export logs/fixed-position/lqr-ideal.mcap
@@ -50,13 +51,13 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     """
     from cranectl.cli.output import console
     from cranectl.export import chosen_exporter, export_table, write_table
-    from cranectl.log import read_log
+    from cranectl.log.overlay import read_layers
     from cranectl.support.files import check_place
 
     exporter = chosen_exporter(format_name, out)
     path = out or Path(f"{log.stem}.{exporter.name}")
     check_place(path, exporter.kind, inputs=[log], option="--out")
-    table = export_table(list(read_log(log).values()), patterns)
+    table = export_table({name: layer.run for name, layer in read_layers(log).items()}, patterns)
     write_table(table, path, exporter)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
     console(None).print(f"export: {path}, {size}")

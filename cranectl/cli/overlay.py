@@ -35,7 +35,7 @@ def overlay_command(
     from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import against_first
     from cranectl.log.overlay import gathered, write_overlay
-    from cranectl.report.run.tables import distances_table
+    from cranectl.report.run.comparison_tables import distances_table
     from cranectl.support.files import check_place
 
     layers = gathered(logs, labels=labels, plants=plants)

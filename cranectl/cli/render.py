@@ -5,12 +5,12 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile
+from cranectl.cli.command import Command, OutputFile, label_option
 from cranectl.support.files import VIDEOS
 
 
 @click.command("render", cls=Command)
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.argument("out", metavar="OUT.mp4|.gif|.png", type=OutputFile(endings=VIDEOS))
 @click.option(
     "--time",
@@ -29,8 +29,9 @@ from cranectl.support.files import VIDEOS
     "--camera", default="overview", show_default=True, metavar="NAME", help="overview, side or top."
 )
 @click.option("--plots", is_flag=True, help="Error, angles, tension and distance of the plants beside it.")
+@label_option
 def render_command(
-    log: Path,
+    logs: tuple[Path, ...],
     out: Path,
     time: float | None,
     size: str | None,
@@ -38,23 +39,27 @@ def render_command(
     speed: float | None,
     camera: str,
     plots: bool,
+    labels: tuple[str, ...],
 ) -> int:
     """Draw LOG as a video, or one moment of it as a picture.
 
     Needs no screen. Of a log of both plants, MuJoCo's crane is solid and the analytic one a blue ghost around
-    it. The rope is orange-red while it pulls with less than 15 % of the load's weight.
+    it. Of several LOGs, or an overlay, the first run is solid, the others are ghosts, by label. The rope is
+    orange-red while it pulls with less than 15 % of the load's weight.
 
     \b
     cranectl render logs/fixed-position/lqr-ideal.mcap run.mp4 --plots
     cranectl render logs/fixed-position/lqr-ideal.mcap run.gif --speed 5
     cranectl render logs/fixed-position/lqr-ideal.mcap run.png --time 7 --camera top --size 1600x1200
+    cranectl render lqr.mcap pid.mcap both.mp4 --plots
     """
     from cranectl.cli.output import console, progress_bar
-    from cranectl.log import read_log
+    from cranectl.log.overlay import gathered, read_layers
     from cranectl.render.draw import draw_runs, render_settings
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
-    runs = read_log(log)
+    layers = gathered(logs, labels=labels) if labels or len(logs) > 1 else read_layers(logs[0])
+    runs = {name: layer.run for name, layer in layers.items()}
     with progress_bar(max(run.end_s for run in runs.values()), done="drawn") as (advance, describe):
         describe(out.name)
         shown = draw_runs(runs, settings, progress=advance)

@@ -7,12 +7,14 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, output_option, predict_option
+from cranectl.support.errors import InputError
 from cranectl.support.files import HTML
 
 MAX_LOGS = 4  # as many as there are colours
 
 if TYPE_CHECKING:
     from cranectl.compare.agreement import Predict
+    from cranectl.simulate import Run
 
 
 @click.command("report", cls=Command)
@@ -22,9 +24,9 @@ if TYPE_CHECKING:
 def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict | None") -> int:
     """Write runs, or the thesis, as one HTML page of figures and tables.
 
-    To be read in any browser, without a network. Of up to four LOGs: how the runs went, every figure with
-    both plants overlaid, every difference. Without a LOG: the whole of chapter 5
-    of the thesis, run again; exit code 1 if a printed number is out of tolerance.
+    To be read in any browser, without a network. Of up to four LOGs, or runs of overlays: how they went, all
+    figures with both plants overlaid, every difference. Without a LOG: the whole of chapter 5 of the thesis,
+    run again; exit code 1 if a printed number is out of tolerance.
 
     \b
     cranectl report logs/fixed-position/lqr-ideal.mcap
@@ -42,22 +44,29 @@ def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict |
 
 def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None") -> None:
     from cranectl.cli.output import console
-    from cranectl.log import describe_log, read_log
+    from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.render.draw import draw_worst_moment
     from cranectl.report.page import write_page
     from cranectl.report.run.page import log_page
-    from cranectl.support.errors import InputError
     from cranectl.support.files import check_place
     from cranectl.support.provenance import provenance, provenance_differences
 
-    if len(logs) > MAX_LOGS:
-        raise InputError(f"{len(logs)} logs", allowed=f"up to {MAX_LOGS}", remedy="report on fewer at a time")
+    _check_number(len(logs))
     check_place(out, HTML, inputs=logs, option="--out")
-    runs = [read_log(log) for log in logs]
-    labels = _labels(logs)
-    versions = {label: describe_log(log).versions for label, log in zip(labels, logs, strict=True)}
+    of_logs: dict[str, dict[str, Run]] = {}
+    versions = {}
+    for label, log in zip(_labels(logs), logs, strict=True):
+        layers = read_layers(log)
+        if not is_overlay(layers):
+            of_logs[label] = {plant: layer.run for plant, layer in layers.items()}
+            versions[label] = next(iter(layers.values())).versions
+            continue
+        for name, layer in layers.items():
+            of_run = name if len(logs) == 1 else f"{label}: {name}"
+            of_logs[of_run], versions[of_run] = {layer.run.plant: layer.run}, layer.versions
+    _check_number(len(of_logs))
     others: dict[str, list[str]] = {}
-    for label in labels:
+    for label in of_logs:
         for difference in provenance_differences(versions[label], provenance()):
             others.setdefault(difference, []).append(label)
     notes = [
@@ -66,17 +75,25 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
         for difference, of in others.items()
     ]
     command = f"cranectl report {' '.join(map(str, logs))}"
-    of_logs = dict(zip(labels, runs, strict=True))
     worst = {}
     try:
-        for label, log in of_logs.items():
-            worst[label] = draw_worst_moment(log)
+        for label, held in of_logs.items():
+            worst[label] = draw_worst_moment(held)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
     write_page(log_page(of_logs, command, notes, versions=versions, predict=predict, worst=worst), out)
     for note in notes:
         console(None).print(note)
     console(None).print(f"report: {out}")
+
+
+def _check_number(logs: int) -> None:
+    if logs > MAX_LOGS:
+        raise InputError(
+            f"{logs} logs, or runs of overlays",
+            allowed=f"up to {MAX_LOGS}",
+            remedy="report on fewer at a time; of the levels of a ladder: cranectl ladder --report FILE",
+        )
 
 
 def _labels(logs: tuple[Path, ...]) -> list[str]:

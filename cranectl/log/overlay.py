@@ -35,7 +35,7 @@ FORMAT = "1"
 STEP = "step"  # how far a run is from the one before it
 TARGET = "reference"  # of a run, in place of the one that the runs of other logs share
 MOST = len(VIEWER_SERIES)  # as many as there are colours
-LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]*")
+LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,49}")
 
 T = TypeVar("T")
 
@@ -129,18 +129,19 @@ def is_overlay(layers: Mapping[str, Layer]) -> bool:
 
 def check_labels(labels: Sequence[str]) -> None:
     """Raise InputError unless runs can be told apart by these in a log."""
-    for label in labels:
-        if not LABEL.fullmatch(label) or label in PLANTS or labels.count(label) > 1:
+    told = [re.sub(r"\W", "_", label) for label in labels]  # where no other signs can be
+    for label, name in zip(labels, told, strict=True):
+        if not LABEL.fullmatch(label) or label in PLANTS or told.count(name) > 1:
             raise InputError(
                 f"the label '{label}'",
-                allowed="letters, digits, '_', '+' and '-', each label once, and no name of a plant",
+                allowed="up to 50 letters, digits, '_', '+' and '-', each label once, and no name of a plant",
                 remedy="choose other labels with --label",
             )
     if not 1 < len(labels) <= MOST:
         raise InputError(
-            f"{len(labels)} runs on top of each other",
+            f"an overlay of {len(labels)} runs",
             allowed=f"2 to {MOST}, as many as there are colours",
-            remedy="name more or fewer logs, or choose with --plants",
+            remedy="name more or fewer logs, or plants with --plants",
         )
 
 

@@ -52,7 +52,7 @@ class Caption:
         left, run = self._px(24), self._timeline.main.run
         for y, text, role, letters in (
             (18, run.scenario.name, "ink", font(self._px(24), bold=True)),
-            (52, f"{run.design.name}, {run.drive} drives", "muted", font(self._px(15))),
+            (52, _subtitle(self._timeline), "muted", font(self._px(15))),
         ):
             pen.text((left, self._px(y)), _shortened(text, letters, 0.62 * width), LIGHT[role], letters)
         rows = legend(self._timeline)
@@ -79,12 +79,25 @@ def _shortened(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
     return text[:kept] + "…"
 
 
+def _subtitle(timeline: Timeline) -> str:
+    """Controllers, then drives."""
+    runs = [track.run for track in timeline.tracks]
+    controllers = ", ".join(dict.fromkeys(run.design.name for run in runs))
+    return f"{controllers}, {' and '.join(dict.fromkeys(run.drive for run in runs))} drives"
+
+
 def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     """What is read off at `time` [s]: a line of text each, and the role of its colour."""
     off = timeline.main.error[timeline.main.row(time)]
-    lines = [(f"load off by {off:.3f} m", "muted")]
+    main = timeline.main.label if timeline.by_label else "load"
+    lines = [(f"{main} off by {off:.3f} m", "muted")]
     if (distance := timeline.distance(time)) is not None:
-        lines.append((f"plants apart by {distance:.2g} m", "muted"))
+        apart = (
+            f"others up to {distance:.2g} m away"
+            if timeline.by_label
+            else f"plants apart by {distance:.2g} m"
+        )
+        lines.append((apart, "muted"))
     stops = {track.label: track.run.status.label for track in timeline.tracks if track.stopped(time)}
     if len(stops) == len(timeline.tracks) and len(set(stops.values())) == 1:
         return [*lines, (f"stopped: {next(iter(stops.values()))}", "limit")]
@@ -98,7 +111,8 @@ def legend(timeline: Timeline) -> list[tuple[Sign, str]]:
     for track in timeline.tracks:
         colour, width = (track.colour + "66", 9) if track.ghost else (track.colour, 3)
         role = alone if len(timeline.tracks) == 1 else ": ghost" if track.ghost else ": solid"
-        signs.append((partial(_line, colour, width), f"{track.label} plant{role}"))
+        name = track.label if timeline.by_label else f"{track.label} plant"
+        signs.append((partial(_line, colour, width), f"{name}{role}"))
     signs.append((partial(_ball, LIGHT["series-3"]), "where the load should be"))
     if len(timeline.path_dashes):
         signs.append((partial(_dashed, LIGHT["ink"]), "its whole path"))

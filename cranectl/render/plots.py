@@ -119,15 +119,21 @@ def _panels(timeline: Timeline) -> list[Panel]:
         Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight),
     ]
     if timeline.distances:
-        curves = [Curve(LIGHT["ink"], time, far.clip(LEAST_DISTANCE)) for time, far in timeline.distances]
-        panels.append(Panel("plants apart [m]", curves, (LEAST_DISTANCE, 1e-6), logarithmic=True))
+        ghosts = [track for track in timeline.tracks if track.ghost]
+        curves = [
+            Curve(ghost.colour if timeline.by_label else LIGHT["ink"], time, far.clip(LEAST_DISTANCE))
+            for ghost, (time, far) in zip(ghosts, timeline.distances, strict=True)
+        ]
+        title = f"distance from {timeline.main.label} [m]" if timeline.by_label else "plants apart [m]"
+        panels.append(Panel(title, curves, (LEAST_DISTANCE, 1e-6), logarithmic=True))
     return panels
 
 
 def _curves(timeline: Timeline, values: Callable[[Track], Array], *, dashed: bool = False) -> list[Curve]:
-    """One curve of each plant, the ghost's first."""
+    """One curve of each run, those of ghosts first; wide where two should be the same."""
     tracks = sorted(timeline.tracks, key=lambda track: not track.ghost)
-    return [Curve(each.colour, each.run.time, values(each), each.ghost, dashed) for each in tracks]
+    wide = not timeline.by_label
+    return [Curve(each.colour, each.run.time, values(each), wide and each.ghost, dashed) for each in tracks]
 
 
 def _draw(axes: Axes, panel: Panel) -> None:

@@ -12,7 +12,7 @@ from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from cranectl.support.colours import LIGHT
+from cranectl.support.colours import LIGHT, VIEWER_SERIES
 from cranectl.support.errors import InputError
 
 TRAIL_POINTS = 60
@@ -23,20 +23,12 @@ FARTHEST = 1e6  # [m or rad] that is drawn
 
 @dataclass(frozen=True)
 class Track:
-    """One plant of a log. Where several are drawn, all but the reference plant are ghosts."""
+    """One run. Where several are drawn, all but the reference plant's, or the first by label, are ghosts."""
 
     run: Run
     ghost: bool
-
-    @property
-    def label(self) -> str:
-        """The plant's name, for people."""
-        return plant_entry(self.run.plant).label
-
-    @property
-    def colour(self) -> str:
-        """`#rrggbb` of the plant."""
-        return LIGHT[plant_entry(self.run.plant).colour]
+    label: str  # for people
+    colour: str  # `#rrggbb`
 
     @cached_property
     def error(self) -> Array:
@@ -70,14 +62,15 @@ class Track:
 
 @dataclass(frozen=True)
 class Timeline:
-    """The plants of a log, and for how long they are drawn."""
+    """The plants of a log or the runs of an overlay, and for how long they are drawn."""
 
     tracks: tuple[Track, ...]
     duration: float  # [s] simulated
+    by_label: bool = False  # whether they are runs of an overlay
 
     @property
     def main(self) -> Track:
-        """The plant drawn solid."""
+        """The run drawn solid."""
         return next(track for track in self.tracks if not track.ghost)
 
     @cached_property
@@ -121,17 +114,24 @@ class Timeline:
 
 
 def timeline_of(runs: Mapping[str, Run]) -> Timeline:
-    """The timeline of a log's runs; raises InputError if none has a sample."""
-    drawn = [run for run in map(_drawable, runs.values()) if len(run.time_ns)]
+    """The timeline of runs by plant, or by label; raises InputError if none has a sample."""
+    drawn = {name: run for name, run in ((n, _drawable(r)) for n, r in runs.items()) if len(run.time_ns)}
     if not drawn:
         raise InputError(
             "the log holds no sample: its runs stopped before their first",
             allowed="logs of runs that began",
             remedy="cranectl info says why a run stopped",
         )
-    solid = reference_plant(run.plant for run in drawn)
-    tracks = tuple(Track(run, ghost=run.plant != solid) for run in drawn)
-    return Timeline(tracks, max(float(run.time[-1]) for run in drawn))
+    by_label = any(name != run.plant for name, run in runs.items())
+    if by_label:
+        solid = next(iter(drawn))
+        colours = dict(zip(runs, VIEWER_SERIES, strict=False))
+        tracks = [Track(run, name != solid, name, colours[name]) for name, run in drawn.items()]
+    else:
+        solid = reference_plant(drawn)
+        entries = [(run, plant_entry(run.plant)) for run in drawn.values()]
+        tracks = [Track(run, run.plant != solid, e.label, LIGHT[e.colour]) for run, e in entries]
+    return Timeline(tuple(tracks), max(float(run.time[-1]) for run in drawn.values()), by_label)
 
 
 def _drawable(run: Run) -> Run:

@@ -79,10 +79,10 @@ def test_labels_are_as_short_as_they_differ() -> None:
 
 
 @pytest.mark.parametrize(
-    "labels", [["a", "a"], ["a", "b/c"], ["a", "mujoco"], ["a", "b.c"], ["a"], list("abcdefghijklm")]
+    "labels", [["a-b", "a_b"], ["a", "b/c"], ["a", "mujoco"], ["a", "b.c"], ["a"], list("abcdefghijklm")]
 )
 def test_labels_that_cannot_be(labels: list[str]) -> None:
-    with pytest.raises(InputError, match=r"label|runs on top"):
+    with pytest.raises(InputError, match=r"the label|an overlay of"):
         check_labels(labels)
 
 

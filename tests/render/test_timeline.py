@@ -101,6 +101,19 @@ def test_words_say_how_far_off_and_apart_and_why_it_stopped() -> None:
     assert len(readings(timeline_of({"mujoco": solid}), 14.0)) == 1
 
 
+def test_runs_of_an_overlay_are_told_by_their_labels() -> None:
+    first, other = moving_run("mujoco"), replace(moved(moving_run("mujoco"), 0.25), drive="velocity")
+    timeline = timeline_of({"soft": first, "stiff": other})
+    assert [(track.label, track.ghost) for track in timeline.tracks] == [("soft", False), ("stiff", True)]
+    assert len({track.colour for track in timeline.tracks}) == 2
+    off = timeline.main.error[timeline.main.row(5.0)]
+    told = [text for text, _ in readings(timeline, 5.0)]
+    assert told == [f"soft off by {off:.3f} m", "others up to 0.25 m away"]
+    texts = [text for _, text in legend(timeline)]
+    assert {"soft: solid", "stiff: ghost"} <= {*texts}
+    assert not any("plant" in text for text in texts)
+
+
 def test_the_legend_names_what_is_there_and_nothing_else() -> None:
     run = moving_run("mujoco")
     table = run.table.copy()

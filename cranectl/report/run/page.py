@@ -14,6 +14,7 @@ from cranectl.compare.runs import compare_runs
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
+from cranectl.report.run.comparison_tables import comparison_table
 from cranectl.report.run.figures import (
     DEGREES,
     FAMILIES,
@@ -24,7 +25,7 @@ from cranectl.report.run.figures import (
     largest_difference,
 )
 from cranectl.report.run.settings import SAME, Logs, what_differs, what_was_run
-from cranectl.report.run.tables import comparison_table, limits_table, metrics_table, run_table
+from cranectl.report.run.tables import limits_table, metrics_table, run_table
 from cranectl.report.table import Table
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run

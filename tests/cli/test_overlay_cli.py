@@ -1,0 +1,59 @@
+"""Every command reads an overlay, or says in a sentence what it is and what to do."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.compare.runs import compare_runs
+from cranectl.log import read_log
+
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+
+SHORT = ["--set", "duration=0.5", "--set", "disturbances=[]", "--set", "initial.load_offset=[0.1,0,0]"]
+NAMES = ("lqr", "pid", "pole-placement")
+
+
+@pytest.fixture
+def overlay(tmp_path: Path) -> Path:
+    for name in NAMES:
+        assert main(["run", "fixed-position", "--controller", name, *SHORT, "--out", f"{name}.mcap"]) == 0
+    path = tmp_path / "all.mcap"
+    assert main(["overlay", *(f"{name}.mcap" for name in NAMES), "--out", str(path)]) == 0
+    return path
+
+
+def test_what_reads_an_overlay(overlay: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert main(["info", str(overlay), "--json", "info.json"]) == 0
+    assert main(["compare", str(overlay), "--json", "compare.json"]) == 0
+    shown = capsys.readouterr().out
+    assert "overlay of   lqr, pid, pole-placement" in shown
+    assert "Farthest from lqr" in shown
+    runs = json.loads(Path("info.json").read_text())["runs"]
+    assert [(run["label"], run["plant"], run["design"]["name"]) for run in runs] == [
+        (name, "mujoco", name) for name in NAMES
+    ]
+    first, *others = (read_log(f"{name}.mcap")["mujoco"] for name in NAMES)
+    comparisons = json.loads(Path("compare.json").read_text())["comparisons"]
+    assert [(each["a"], each["b"]) for each in comparisons] == [("lqr", "pid"), ("lqr", "pole-placement")]
+    for told, run in zip(comparisons, others, strict=True):
+        assert told["max_load_error_m"] == compare_runs(first, run).max_load_error_m > 1e-4
+    assert main(["report", str(overlay), "lqr.mcap", "--out", "page.html"]) == 0
+    page = Path("page.html").read_text()
+    assert "all: pole-placement" in page
+    assert "mujoco: lqr minus all: lqr" in page
+
+
+def test_what_reads_no_overlay_says_so(overlay: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for line in (
+        ["compare", str(overlay), "lqr.mcap"],
+        ["compare", str(overlay), "lqr.mcap", "--tolerances", "exact"],
+        ["log", "recover", str(overlay), "--out", "new.mcap"],
+        ["report", str(overlay), "lqr.mcap", "pid.mcap", "--out", "page.html"],
+    ):
+        assert main(line) == 2
+        told = capsys.readouterr().err
+        assert "overlay" in told
+        assert "remedy" in told
