@@ -144,6 +144,14 @@ DISTURBANCE = SignalGroup(
 )
 
 
+LOAD_FORCE = SignalGroup(
+    "load_force",
+    "LoadForce",
+    "force on the load by disturbances",
+    tuple(Signal(f"load_force_{a}", f"f_{a}", "N", f"force on the load along {a}") for a in AXES),
+)
+
+
 def controller_group(robustifier_order: int) -> SignalGroup:
     """The controller's own states: the dynamic extension, then each axis's robustifier states."""
     extension = (
@@ -219,13 +227,16 @@ def law_groups(name: str, logged: tuple[Signal, ...]) -> tuple[SignalGroup, ...]
 
 
 @functools.cache
-def recorded_groups(law: tuple[SignalGroup, ...], *, staged: str = "") -> tuple[SignalGroup, ...]:
+def recorded_groups(
+    law: tuple[SignalGroup, ...], *, staged: str = "", forced: bool = False
+) -> tuple[SignalGroup, ...]:
     """Everything a run records at every sample, in column order: what is common, then what its `law` adds.
 
-    `staged`: the drive of a run with a signal path between plant and controller, which is recorded too.
+    `staged`: the drive of a run with a signal path between plant and controller, which is recorded too; so
+    are the forces of a run whose load is `forced`.
     """
     path = (MEASUREMENT, command_group(staged)) if staged else ()
-    return (*COMMON, *law, *path)
+    return (*COMMON, *law, *path, *((LOAD_FORCE,) if forced else ()))
 
 
 # First column of each group; the compiled loops write blocks at these offsets.

@@ -18,7 +18,7 @@ from cranectl.simulate import Run, simulate_run
 ROOT = Path(__file__).parent.parent
 ALL_SCENARIOS = scenario_names()
 ALL_CONTROLLERS = CONTROLLERS
-STILL = np.zeros(3)  # air
+STILL = np.zeros(6)  # air, and no force on the load
 
 
 def random_states(n: int, seed: int = 0) -> np.ndarray:

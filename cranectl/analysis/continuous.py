@@ -15,7 +15,7 @@ from cranectl.controllers.flat import RUNNING, regularity
 from cranectl.design import Design
 from cranectl.model.dynamics import angular_accelerations
 from cranectl.model.flatness import flat_output, linearising_input
-from cranectl.plants.analytic import AnalyticPlant, observe_load
+from cranectl.plants.analytic import AnalyticPlant, observe_load, passive_accelerations
 from cranectl.plants.dop853 import STAGES, A, B
 from cranectl.reference import Trajectory, build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -44,6 +44,7 @@ from cranectl.signals import (
 )
 from cranectl.simulate import Plan, Run, plan_scenario
 from cranectl.simulate.run import record_width
+from cranectl.simulate.signal_path import whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
@@ -112,7 +113,7 @@ def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outp
 
 
 @jit
-def record_row(loop, rig, state, reference, disturbance, row, rate, flat, outputs):
+def record_row(loop, rig, state, reference, disturbance, wind, row, rate, flat, outputs):
     """Write record `row` at this state; returns (whether written, RUNNING or why the run ends here)."""
     status = regularity(state[:10], state[EXTENSION], loop.gravity)
     if status != RUNNING:
@@ -131,12 +132,12 @@ def record_row(loop, rig, state, reference, disturbance, row, rate, flat, output
         for i in range(n):
             row[CONTROLLER_COLUMN + 2 + axis * width + i] = state[ROBUSTIFIER + axis * n + i]
     load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
-    observe_load(rig, state[:10], outputs[:3], np.zeros(3), load)
+    observe_load(rig, state[:10], outputs[:3], wind, load)
     return True, SLACK_ROPE if load[6] <= 0.0 else RUNNING
 
 
 @jit
-def advance_steps(loop, rig, state, steps, reference, disturbance, row_of, row_reference, record):
+def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of, row_reference, record):
     """Steps of lengths `steps` (n,); `reference` (n, stages, 15), `row_of` (n,): row recorded first, or -1.
 
     Returns (complete rows, status); no rows are counted while running.
@@ -148,7 +149,7 @@ def advance_steps(loop, rig, state, steps, reference, disturbance, row_of, row_r
         if row_of[k] >= 0:
             row = record[row_of[k]]
             written, status = record_row(
-                loop, rig, state, row_reference[k], disturbance[k], row, rates[0], flat, outputs
+                loop, rig, state, row_reference[k], disturbance[k], wind[k], row, rates[0], flat, outputs
             )
             if status != RUNNING:
                 return row_of[k] + (1 if written else 0), status
@@ -161,6 +162,9 @@ def advance_steps(loop, rig, state, steps, reference, disturbance, row_of, row_r
             closed_loop_derivative(
                 loop, stage_state, reference[k, s], disturbance[k], rates[s], flat, outputs
             )
+            passive = passive_accelerations(rig.passive, rig.load_mass, stage_state, wind[k])
+            rates[s, ALPHA_RATE] += passive[0]
+            rates[s, BETA_RATE] += passive[1]
         for i in range(size):
             increment = 0.0
             for s in range(STAGES):
@@ -178,7 +182,10 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     plan, r = plan_scenario(scenario), design.robustifier
     gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)
-    rig = AnalyticPlant(scenario.rig, drive="ideal", step=STEP, substeps=1).rig
+    ideal = scenario.model_copy(update={"effects": NO_EFFECTS})
+    rig = AnalyticPlant(
+        scenario.rig, drive="ideal", step=STEP, substeps=1, effects=ideal.effects_on_plant
+    ).rig
     state = np.concatenate(
         [plan.initial_state, plan.reference[0, [ACCELERATION + Z, JERK + Z]], np.zeros(3 * r.order)]
     )
@@ -189,13 +196,13 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     trajectory = build_trajectory(scenario.reference)
     rows, status = _advance_all(loop, rig, state, trajectory, plan, period * np.arange(parts) / parts, record)
     return Run(
-        scenario=scenario.model_copy(update={"effects": NO_EFFECTS}),
+        scenario=ideal,
         design=design,
         plant="analytic",
         drive="ideal",
         model="plant and tracker in continuous time, fixed-step DOP853",
         time_ns=plan.time_ns[:rows],
-        table=record[:rows],
+        table=whole_record(ideal, record, None, plan.wind)[:rows],
         reference=plan.reference[:rows],
         status=RunStatus(status),
         end_ns=int(plan.time_ns[min(rows, len(plan.time_ns)) - 1]),
@@ -227,7 +234,7 @@ def _advance_all(
     for first in range(0, len(left), CHUNK):
         part = slice(first, first + CHUNK)
         reference = trajectory.sample(times[part].ravel()).reshape(-1, STAGES, 15)
-        disturbance, row_reference = plan.disturbance[sample[part]], plan.reference[sample[part]]
+        disturbance, wind = plan.disturbance[sample[part]], plan.wind[sample[part]]
         rows, status = advance_steps(
             loop,
             rig,
@@ -235,8 +242,9 @@ def _advance_all(
             (right - left)[part],
             reference,
             disturbance,
+            wind,
             row_of[part],
-            row_reference,
+            plan.reference[sample[part]],
             record,
         )
         if status != RUNNING:

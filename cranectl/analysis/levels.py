@@ -2,24 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import (
-    ALL_EFFECTS,
-    Body,
-    Delay,
-    DriveLimits,
-    EffectSettings,
-    Frame,
-    Friction,
-    Installation,
-    Rope,
-    Sensing,
-    Wind,
-)
+from cranectl.scenario.effects import Delay, EffectNumbers, EffectSettings
 from cranectl.scenario.settings import parse_settings
+from cranectl.scenario.similarity import check_size
 
 
 @dataclass(frozen=True)
@@ -52,36 +40,19 @@ EFFECTS = tuple(name for name in EffectSettings.model_fields if name != "install
 BASE = "servos"  # what an effect alone is added to
 
 
-class AssumedEffects(NamedTuple):
-    """Settings of every effect."""
-
-    limits: DriveLimits
-    sensing: Sensing
-    delay: Delay
-    friction: Friction
-    rope: Rope
-    body: Body
-    wind: Wind
-    frame: Frame
-    installation: Installation
-
-    def only(self, *names: str) -> EffectSettings:
-        """The effects of these names and no others."""
-        return EffectSettings(**{name: getattr(self, name) for name in names})
-
-
-def assumed_effects(scenario: Scenario) -> AssumedEffects:
-    """The scenario's own settings of each effect, else the defaults; delay in whole control periods."""
-    names = AssumedEffects._fields
-    effects = AssumedEffects(*(getattr(scenario.effects, n) or getattr(ALL_EFFECTS, n) for n in names))
-    if scenario.effects.delay:
-        return effects
-    periods = -(-round(effects.delay.seconds * NANOSECONDS) // scenario.period_ns)
-    return effects._replace(delay=Delay(seconds=periods * scenario.period_ns / NANOSECONDS))
+def assumed_effects(scenario: Scenario) -> EffectNumbers:
+    """The scenario's own settings of each effect, else its rig's; delay in whole control periods."""
+    effects, numbers = scenario.effects, scenario.rig.effects
+    if not effects.delay:
+        periods = -(-round(numbers.delay.seconds * NANOSECONDS) // scenario.period_ns)
+        delay = Delay(seconds=periods * scenario.period_ns / NANOSECONDS)
+        numbers = numbers.model_copy(update={"delay": delay})
+    return numbers.model_copy(update={name: getattr(effects, name) for name in effects.names})
 
 
 def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
     """`scenario` with exactly these effects; raises InputError where its other settings forbid them."""
+    check_size(scenario.rig, effects)
     table = {
         **scenario.model_dump(mode="json"),
         "effects": {name: getattr(effects, name).model_dump(mode="json") for name in effects.names},

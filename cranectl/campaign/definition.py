@@ -133,7 +133,7 @@ def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
 
 def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parameter, ...]:
     """The uncertain parameters in the order of the campaign; raises InputError for what `nominal` lacks."""
-    values = dict(leaves(nominal.model_dump()))
+    values = _leaves_of(nominal)
     step = _common_period(settings.uncertain.get(PERIOD), nominal)
     return tuple(
         _parameter(name, distribution, values, step) for name, distribution in settings.uncertain.items()
@@ -142,7 +142,12 @@ def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parame
 
 def numbers_of(scenario: Scenario) -> dict[str, float]:
     """Every number of a scenario by its dotted name."""
-    return {name: value for name, value in leaves(scenario.model_dump()) if _is_number(value)}
+    return {name: value for name, value in _leaves_of(scenario).items() if _is_number(value)}
+
+
+def _leaves_of(scenario: Scenario) -> dict[str, Any]:
+    """By dotted names, but for what a rig would be like under effects: the effects themselves say it."""
+    return dict(leaves(scenario.model_dump(exclude={"rig": {"effects", "rated_load"}})))
 
 
 def _is_number(value: Any) -> bool:

@@ -13,6 +13,7 @@ from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
 from cranectl.plants.registry import plant_sources
 from cranectl.scenario import MetricSettings, Scenario
+from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.settings import parse_settings
 from cranectl.support import documents
 from cranectl.support.documents import Table
@@ -22,6 +23,7 @@ from cranectl.support.provenance import HARMLESS, provenance
 FORMAT = 2
 RULE = 1  # of identities; parts of all formats have it
 DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
+DEFAULT_RIG = RigParameters().model_dump(mode="json")
 NOT_DECISIVE = ("title", "limits", "scenario", "set")  # of a campaign: the scenario itself is recorded
 
 
@@ -96,11 +98,16 @@ def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str
 
 def _decisive(manifest: Mapping[str, Any]) -> Table:
     campaign = {key: value for key, value in manifest["campaign"].items() if key not in NOT_DECISIVE}
-    scenario = {
-        key: value for key, value in manifest["scenario"].items() if key != "limits"
-    }  # of single runs
-    if scenario.get("metrics") == DEFAULT_METRICS:  # as in results that did not know them
+    scenario = {key: value for key, value in manifest["scenario"].items() if key != "limits"}  # of one run
+    # As in results that did not know them.
+    if scenario.get("metrics") == DEFAULT_METRICS:
         del scenario["metrics"]
+    unsaid = {"rated_load": DEFAULT_RIG["rated_load"], "effects": DEFAULT_RIG["effects"]}
+    scenario["rig"] = {k: v for k, v in scenario["rig"].items() if k not in unsaid or v != unsaid[k]}
+    scenario["disturbances"] = [
+        {key: value for key, value in step.items() if key != "force" or value is not None}
+        for step in scenario["disturbances"]
+    ]
     return {"campaign": campaign, "runs": manifest["runs"], "scenario": scenario}
 
 

@@ -153,7 +153,7 @@ class Worker:
         plant = self._plants.get((name, scenario.substeps))
         if plant is not None:
             check_effects(scenario.effects, plant=name, drive=drive)
-            if plant.retune(scenario.rig, scenario.effects):
+            if plant.retune(scenario.rig, scenario.effects_on_plant):
                 return plant
         self._plants[name, scenario.substeps] = made = make_plant(name, scenario, drive)
         return made

@@ -77,26 +77,32 @@ def limits_for(
         return OTHER_PAIR
     if not isinstance(design, Design):
         return OTHER_LAW
-    if is_shipped(scenario):
-        return agreement_limits(drive)
+    name = shipped_name(scenario)
+    if name is not None:
+        return agreement_limits(drive, name)
     return predict(scenario, design) if predict is not None else NOT_SHIPPED
 
 
 @functools.cache
-def agreement_limits(drive: str) -> Limits:
-    """What two plants with these drives may differ in closed loop, in a shipped scenario."""
-    plants = VELOCITY_PAIR if drive == "velocity" else ()
-    return Limits(**read_toml(resources.TOLERANCE_FILE)["closed-loop"][drive], plants=plants)
+def agreement_limits(drive: str, scenario: str = "") -> Limits:
+    """What two plants with these drives may differ in closed loop, in a shipped scenario.
+
+    With velocity drives a scenario on a rig of its own has limits of its own.
+    """
+    limits = read_toml(resources.TOLERANCE_FILE)["closed-loop"][drive]
+    own = limits.pop("scenarios", {}).get(scenario, {})
+    return Limits(**{**limits, **own}, plants=VELOCITY_PAIR if drive == "velocity" else ())
 
 
-def is_shipped(scenario: Scenario) -> bool:
-    """Whether `scenario` moves the plants as one of those that come with cranectl, with the same rig."""
-    return _motion(scenario) in _shipped_motions()
+def shipped_name(scenario: Scenario) -> str | None:
+    """The scenario that comes with cranectl and moves the plants as `scenario` does, on the same rig."""
+    motion = _motion(scenario)
+    return next((name for name, shipped in _shipped_motions().items() if shipped == motion), None)
 
 
 @functools.cache
-def _shipped_motions() -> list[dict[str, Any]]:
-    return [_motion(load_scenario(name)) for name in scenario_names()]
+def _shipped_motions() -> dict[str, dict[str, Any]]:
+    return {name: _motion(load_scenario(name)) for name in scenario_names()}
 
 
 def _motion(scenario: Scenario) -> dict[str, Any]:

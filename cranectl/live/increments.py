@@ -19,6 +19,7 @@ from cranectl.log.events import (
     Saturated,
     StatusChange,
     condition_events,
+    disturbed,
     end_event,
     phases,
     saturation,
@@ -35,10 +36,8 @@ from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.provenance import provenance
 
-JOINTS = ("alpha", "beta")
-
 # Before anything is shown, so that whatever comes is a change.
-NO_STATUS, NO_DISTURBANCE = np.full((1, 4), -1), np.full((1, 2), np.nan)
+NO_STATUS, NO_DISTURBANCE = np.full((1, 4), -1), np.full((1, 5), np.nan)
 
 
 @dataclass
@@ -159,7 +158,7 @@ class Increments:
     def _changes(self, run: Run, origin_ns: int) -> list[Stream]:
         """The status of a run and what disturbs its load, where they change."""
         shown = self._shown[run.plant]
-        statuses, disturbance = self._statuses(run, origin_ns), run.block("disturbance")
+        statuses, disturbance = self._statuses(run, origin_ns), _disturbances(run)
         times = run.time_ns.tolist()
         changes = [
             self._status(times[k], RunStatus.RUNNING, statuses[k]) for k in _changed(shown.status, statuses)
@@ -171,10 +170,9 @@ class Increments:
             changes.append(self._status(run.end_ns, run.status, np.maximum(shown.status[0], 0)))
         streams = [status(run.plant, changes)] if changes else []
         if edges:
-            acting = [
-                [(j, a) for j, a in zip(JOINTS, disturbance[k].tolist(), strict=True) if a] for k in edges
-            ]
-            streams.append(scene.arrows(run.plant, [times[k] for k in edges], acting, scale=self._scale))
+            rows, mass = disturbance[edges], run.scenario.rig.load_mass
+            edge_times = [times[k] for k in edges]
+            streams.append(scene.arrows(run.plant, edge_times, rows, mass=mass, scale=self._scale))
         return streams
 
     def _statuses(self, run: Run, origin_ns: int) -> NDArray[np.int64]:
@@ -182,13 +180,12 @@ class Increments:
         inside = workspace_excess(run).max(axis=1) <= 0.0
         starts = [start for start, _ in self._phases]
         segment = np.searchsorted(starts, run.time_ns - origin_ns, side="right") - 1
-        disturbed = (run.block("disturbance") != 0.0) @ np.array([1, 2])
-        return np.column_stack([inside, segment, disturbed, saturation(run)])
+        return np.column_stack([inside, segment, disturbed(_disturbances(run)), saturation(run)])
 
     def _status(self, time_ns: int, status: RunStatus, row: NDArray[np.int64]) -> StatusChange:
-        inside, segment, disturbed, limited = row.tolist()
+        inside, segment, acting, limited = row.tolist()
         phase = self._phases[segment][1]
-        return StatusChange(time_ns, status, bool(inside), phase, Disturbed(disturbed), Saturated(limited))
+        return StatusChange(time_ns, status, bool(inside), phase, Disturbed(acting), Saturated(limited))
 
     def _scene(self, logged: Sequence[Run], origin_ns: int) -> list[Stream]:
         """Poses, ropes and trails."""
@@ -205,6 +202,11 @@ class Increments:
             streams.append(scene.trail(run.plant, run.time_ns[dots], trail, scale=self._scale))
             shown.trail = trail[-scene.TRAIL_POINTS :]
         return streams
+
+
+def _disturbances(run: Run) -> Array:
+    """What was recorded of them, (N, 5) as `simulate.disturbances_at` has it."""
+    return np.hstack([run.block("disturbance"), run.load_force])
 
 
 def _chosen(run: Run, rows: NDArray[np.intp]) -> Run:

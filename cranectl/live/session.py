@@ -162,7 +162,7 @@ class Session:
             drive=self.drive,
             model=state.plant.description,
             time_ns=time_ns[:rows],
-            table=whole_record(record, path)[:rows],
+            table=whole_record(self.scenario, record, path, wind)[:rows],
             reference=reference[:rows],
             status=state.status,
             end_ns=state.end_ns,

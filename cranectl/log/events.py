@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from cranectl.metrics import workspace_excess
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import WORKSPACE_SIGNALS
-from cranectl.simulate import Run
+from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,11 @@ class Event:
 # drives' limits act, the sum of 1 for the bridge, 2 for the trolley and 4 for the rope. Protobuf wants names
 # that no other enumeration of a message has.
 Phase = IntEnum("Phase", "HOLD LINE ARC ADDED", start=0)
-Disturbed = IntEnum("Disturbed", "NONE ALPHA BETA ALPHA_AND_BETA", start=0)
+Disturbed = IntEnum(
+    "Disturbed",
+    "NONE ALPHA BETA ALPHA_AND_BETA FORCE ALPHA_AND_FORCE BETA_AND_FORCE ALPHA_BETA_AND_FORCE",
+    start=0,
+)
 Saturated = IntEnum(
     "Saturated",
     "UNSATURATED BRIDGE TROLLEY BRIDGE_AND_TROLLEY ROPE BRIDGE_AND_ROPE TROLLEY_AND_ROPE ALL",
@@ -75,10 +80,9 @@ def status_changes(run: Run) -> list[StatusChange]:
     def at(time_ns: int, status: RunStatus) -> StatusChange:
         row = min(int(np.searchsorted(run.time_ns, time_ns)), len(inside) - 1)
         phase = [phase for start, phase in phases(run.scenario) if start <= time_ns][-1]
-        joints = {joint for joint, _ in acting_disturbances(run.scenario, time_ns)}
-        disturbed = Disturbed(("alpha" in joints) + 2 * ("beta" in joints))
+        acting = Disturbed(int(disturbed(disturbances_at(run.scenario, np.array([time_ns])))[0]))
         within, saturated = (bool(inside[row]), int(limited[row])) if len(inside) else (False, 0)
-        return StatusChange(time_ns, status, within, phase, disturbed, Saturated(saturated))
+        return StatusChange(time_ns, status, within, phase, acting, Saturated(saturated))
 
     before_end = [at(time, RunStatus.RUNNING) for time in sorted(times) if time < run.end_ns]
     return [*before_end, at(run.end_ns, run.status)]
@@ -99,15 +103,13 @@ def disturbance_times(scenario: Scenario) -> set[int]:
     return {round(time * NANOSECONDS) for time in times if time is not None}
 
 
-def acting_disturbances(scenario: Scenario, time_ns: int) -> list[tuple[str, float]]:
-    """Joint and magnitude [rad/s²] of each disturbance that acts."""
-    return [
-        (step.joint, step.magnitude)
-        for step in scenario.disturbances
-        if step.magnitude
-        and round(step.start * NANOSECONDS) <= time_ns
-        and (step.end is None or time_ns < round(step.end * NANOSECONDS))
-    ]
+def disturbed(disturbances: Array) -> NDArray[np.int64]:
+    """`Disturbed` of disturbances (N, 5) as `simulate.disturbances_at` has them, shape (N,)."""
+    acting = disturbances != 0.0
+    parts: NDArray[np.int64] = np.column_stack([acting[:, :2], acting[:, 2:].any(axis=1)]) @ np.array(
+        [1, 2, 4]
+    )
+    return parts
 
 
 def events(run: Run) -> list[Event]:
@@ -136,10 +138,9 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
         for time_ns, phase in phases(scenario):
             planned.append(Event(time_ns, plant, f"reference: {phase.name.lower()}"))
     for step in scenario.disturbances:
-        name = f"disturbance of {step.magnitude:g} rad/s² on {step.joint}"
         for time, verb in ((step.start, "begins"), (step.end, "ends")):
             if time is not None:
-                planned.append(Event(round(time * NANOSECONDS), plant, f"{name} {verb}"))
+                planned.append(Event(round(time * NANOSECONDS), plant, f"{step} {verb}"))
     return planned
 
 

@@ -25,7 +25,7 @@ from foxglove.messages import (
 from numpy.typing import NDArray
 
 from cranectl.log import topics
-from cranectl.log.events import acting_disturbances, disturbance_times
+from cranectl.log.events import disturbance_times
 from cranectl.log.primitives import (
     ORIGIN,
     colour_of,
@@ -44,7 +44,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, TROLLEY
-from cranectl.simulate import Run
+from cranectl.simulate import Run, disturbances_at
 from cranectl.support.arrays import Array
 from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
 
@@ -86,7 +86,8 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
             arrows(
                 run.plant,
                 times,
-                [acting_disturbances(run.scenario, time) for time in times],
+                disturbances_at(run.scenario, np.array(times)),
+                mass=run.scenario.rig.load_mass,
                 scale=drawn_scale(run.scenario.rig),
             ),
         ]
@@ -203,34 +204,33 @@ def trail(
     return _scene(topics.plant_topic(plant, "trail"), time_ns.tolist(), updates)
 
 
-def arrows(
-    plant: str, times: Sequence[int], acting: Sequence[Sequence[tuple[str, float]]], *, scale: float
-) -> Stream:
-    """Arrows for what acts, by joint and magnitude [rad/s²]: each message deletes what was shown before."""
+def arrows(plant: str, times: Sequence[int], disturbances: Array, *, mass: float, scale: float) -> Stream:
+    """Arrows for what acts on a load of `mass`, disturbances (N, 5) as `simulate.disturbances_at` has them.
+
+    Each message deletes what was shown before. Alpha pushes the load along y, beta along x; a force is drawn
+    as what it accelerates the load [m/s²], as is an angle's acceleration on a rope in `scale`.
+    """
     everything = SceneEntityDeletion(type=SceneEntityDeletionType.All, timestamp=timestamp_of(0))
-    updates = [
-        SceneUpdate(
-            deletions=[everything],
-            entities=[
-                entity_of(f"{plant}/load", "disturbance", time, arrows=[_arrow(*one, scale) for one in now])
-            ],
-        )
-        if now
-        else SceneUpdate(deletions=[everything])
-        for time, now in zip(times, acting, strict=True)
-    ]
+    updates = []
+    for time, row in zip(times, disturbances, strict=True):
+        pushes = np.array([(0.0, scale * row[0], 0.0), (scale * row[1], 0.0, 0.0), row[2:] / mass])
+        shown = [_arrow(push, scale) for push in pushes if push.any()]
+        entities = [entity_of(f"{plant}/load", "disturbance", time, arrows=shown)] if shown else []
+        updates.append(SceneUpdate(deletions=[everything], entities=entities))
     return _scene(topics.plant_topic(plant, topics.ARROW), times, updates)
 
 
-def _arrow(joint: str, magnitude: float, scale: float) -> ArrowPrimitive:
-    """At the load: alpha pushes it along y, beta along x."""
-    # Half the angle about z from the arrow's x axis.
-    half = (0.25 * np.pi if joint == "alpha" else 0.0) + (0.5 * np.pi if magnitude < 0.0 else 0.0)
-    length = scale * float(np.clip(ARROW_LENGTH * scale * abs(magnitude), SHORTEST_ARROW, LONGEST_ARROW))
+def _arrow(push: Array, scale: float) -> ArrowPrimitive:
+    """At the load."""
+    size = float(np.linalg.norm(push))
+    x, y, z = push / size
+    # The shortest turn of the arrow's x axis.
+    turn = np.array([0.0, -z, y, 1.0 + x]) if x > -1.0 else np.array([0.0, 0.0, 1.0, 0.0])
+    length = scale * float(np.clip(ARROW_LENGTH * size, SHORTEST_ARROW, LONGEST_ARROW))
     return ArrowPrimitive(
         pose=Pose(
             position=vector_of([0.0] * 3),
-            orientation=quaternion_of([0.0, 0.0, float(np.sin(half)), float(np.cos(half))]),
+            orientation=quaternion_of((turn / np.linalg.norm(turn)).tolist()),
         ),
         shaft_length=0.75 * length,
         shaft_diameter=SHAFT * scale,

@@ -16,7 +16,7 @@ from cranectl.model.dynamics import (
 )
 from cranectl.plants.dop853 import STAGES, A, B
 from cranectl.plants.plant import Drive, Kernels
-from cranectl.plants.surroundings import STICTION_RATE, air_drag, gravity_in_rig
+from cranectl.plants.surroundings import FORCE, STICTION_RATE, air_drag, gravity_in_rig
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import (
@@ -41,7 +41,7 @@ from cranectl.support.jit import jit
 
 
 class PassiveForces(NamedTuple):
-    """Drag on the load, what gravity pulls it aside on sloping rails, and friction of its joint.
+    """Drag and forces on the load, what gravity pulls it aside on sloping rails, and friction of its joint.
 
     A rig without them has None, for which there is no code: a branch at run time would make every stage of
     the integrator count references to the arrays it reads, and a run take half as long again.
@@ -88,7 +88,7 @@ def drive_accelerations(rig, state, command):
 
 @jit
 def outer_force(passive, state, wind):
-    """Force of the air and of sloping rails on the load (x, y, z) [N]; `wind` (3,) is the air's velocity."""
+    """Force of the air, of sloping rails and of disturbances on the load (x, y, z) [N]; `wind` (6,)."""
     if passive is None:
         return 0.0, 0.0, 0.0
     n = rope_direction(state[ALPHA], state[BETA])
@@ -98,7 +98,11 @@ def outer_force(passive, state, wind):
     v_z = wind[2] - state[ROPE_RATE] * n[2] - state[ROPE] * n_dot[2]
     factor = passive.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
     tilt = passive.tilt
-    return factor * v_x + tilt[0], factor * v_y + tilt[1], factor * v_z + tilt[2]
+    return (
+        factor * v_x + tilt[0] + wind[FORCE],
+        factor * v_y + tilt[1] + wind[FORCE + 1],
+        factor * v_z + tilt[2] + wind[FORCE + 2],
+    )
 
 
 @jit
@@ -309,4 +313,4 @@ def _passive_forces(rig: RigParameters, effects: EffectSettings) -> PassiveForce
         pivot_coulomb=friction.pivot_coulomb if friction else 0.0,
         tilt=(rig.load_mass * along_x, rig.load_mass * along_y, rig.load_mass * (along_z + rig.gravity)),
     )
-    return forces if any((*forces[:3], *forces.tilt)) else None
+    return forces if effects.wind or any((*forces[:3], *forces.tilt)) else None

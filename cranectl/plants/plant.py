@@ -25,8 +25,8 @@ class Plant(Protocol):
 
     The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives, a velocity set-point [m/s]
     with velocity drives, a force [N] with force drives, that of the winch positive when it pays out. It is
-    held over the period, and so are the disturbance [rad/s²] and the wind, the velocity of the air (x, y, z)
-    [m/s].
+    held over the period, and so are the disturbance [rad/s²] and the wind: the velocity of the air (x, y, z)
+    [m/s] and a force on the load besides (x, y, z) [N]. Where that is not zero, `effects` has a wind.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Plant(Protocol):
         """Write the joint positions and velocities (10,) into `state`."""
 
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
-        """Advance by one control period under `command` (3,), `disturbance` (2,) and `wind` (3,).
+        """Advance by one control period under `command` (3,), `disturbance` (2,) and `wind` (6,).
 
         Writes what the plant says of its load at the start of the period, with the new command acting, into
         `load` (7,): world position, velocity, rope tension.

@@ -7,6 +7,7 @@ import numpy as np
 from cranectl.scenario.effects import EffectSettings, Wind
 from cranectl.support.arrays import Array
 
+FORCE = 3  # first column of the force on the load, behind the velocity of the air
 STICTION_RATE = 0.01  # [rad/s], below which a model without a constraint solver smooths Coulomb's friction
 
 

@@ -116,7 +116,7 @@ def legend(timeline: Timeline) -> list[tuple[Sign, str]]:
     signs.append((partial(_ball, LIGHT["series-3"]), "where the load should be"))
     if len(timeline.path_dashes):
         signs.append((partial(_dashed, LIGHT["ink"]), "its whole path"))
-    if any(track.run.block("disturbance").any() for track in timeline.tracks):
+    if any(track.run.scenario.forced or track.run.block("disturbance").any() for track in timeline.tracks):
         signs.append((partial(_arrow, LIGHT["series-4"]), "disturbance"))
     if any(track.nearly_slack.any() for track in timeline.tracks):
         signs.append((partial(_line, SLACK_ROPE, 3), "rope nearly slack"))

@@ -160,7 +160,7 @@ def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
             axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **line)
         if named:
             axes.annotate(
-                {"alpha": "push on α", "beta": "push on β"}[disturbance.joint],
+                {"alpha": "push on α", "beta": "push on β"}.get(disturbance.joint or "", "force on load"),
                 (disturbance.start, 1.0),
                 xycoords=axes.get_xaxis_transform(),
                 xytext=(3.0, -9.0),

@@ -120,10 +120,15 @@ class Renderer:
             if magnitude:
                 hinge = self._model.joint(joint).id
                 push = np.cross(data.xaxis[hinge], load - data.xanchor[hinge])
-                length = ARROW_LENGTH * self._scale * magnitude
-                length = self._scale * np.clip(length, -LONGEST_ARROW, LONGEST_ARROW)
-                end = load + push * length / np.linalg.norm(push)
-                self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*rgb(LIGHT["series-4"]), 1.0))
+                self._add_arrow(load, push * (self._scale * magnitude / np.linalg.norm(push)))
+        self._add_arrow(load, track.run.load_force[row] / track.run.scenario.rig.load_mass)
+
+    def _add_arrow(self, load: Array, push: Array) -> None:
+        """A push that accelerates the load so [m/s²]."""
+        size = float(np.linalg.norm(push))
+        if size > 0.0:
+            end = load + push / size * self._scale * min(ARROW_LENGTH * size, LONGEST_ARROW)
+            self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*rgb(LIGHT["series-4"]), 1.0))
 
     def _add_reference(self, track: Track, row: int) -> None:
         load, target = track.run.load_position[row], track.run.reference[row, :3]

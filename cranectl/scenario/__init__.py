@@ -1,15 +1,19 @@
 """What is asked: scenario, rig, effects, and how they are read from TOML."""
 
 from cranectl.scenario.design import DesignSettings, HinfSettings, LoopShapingSettings
+from cranectl.scenario.disturbances import NANOSECONDS, nanoseconds
+from cranectl.scenario.load import (
+    changed_from_default,
+    default_scenario,
+    load_rig,
+    load_scenario,
+    rig_names,
+    scenario_names,
+)
 from cranectl.scenario.scenario import (
-    NANOSECONDS,
     MetricSettings,
     ReferenceSettings,
     Scenario,
-    changed_from_default,
-    default_scenario,
-    load_scenario,
-    scenario_names,
 )
 from cranectl.scenario.segments import AddedSegment, Hold, Line, Segment
 
@@ -27,6 +31,9 @@ __all__ = [
     "Segment",
     "changed_from_default",
     "default_scenario",
+    "load_rig",
     "load_scenario",
+    "nanoseconds",
+    "rig_names",
     "scenario_names",
 ]

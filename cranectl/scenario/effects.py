@@ -1,7 +1,8 @@
 """The effects that a run can add, a table each under [effects] in a scenario; an absent table is no effect.
 
 The thesis gives none of these numbers. Every default is an assumption about a small laboratory rig, with its
-reason in the description; an empty table takes them all.
+reason in the description; an empty table takes them all. A rig in a file of its own has numbers of its own,
+under `[effects]` there or scaled (`scenario.similarity`), which an empty table then takes.
 """
 
 from typing import Annotated, Literal
@@ -79,7 +80,7 @@ class Friction(Settings):
 class Rope(Settings):
     """A rope that has mass, gives, and can go slack."""
 
-    stiffness: Annotated[float, Field(ge=1e2, le=1e9)] = Field(
+    stiffness: Annotated[float, Field(ge=1e2, le=1e12)] = Field(
         5e4, description="E A, tension over strain [N]; assumed: 2 mm polyethylene cord"
     )
     damping_ratio: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
@@ -99,7 +100,7 @@ class Body(Settings):
     hook_offset: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
         0.06, description="rope end above the centre of mass [m]; assumed: the ball's radius and a shackle"
     )
-    inertia: Annotated[float, Field(ge=1e-9, le=1e6)] = Field(
+    inertia: Annotated[float, Field(ge=1e-9, le=1e9)] = Field(
         1e-3, description="about each axis through the centre of mass [kg m²]; a ball of 1 kg, 50 mm radius"
     )
     swing_damping: Size = Field(1e-3, description="of the hook [N m s/rad]; assumed: an eye in a shackle")
@@ -150,6 +151,24 @@ class Installation(Settings):
     )
 
 
+class EffectNumbers(Settings):
+    """The numbers that each effect has on a crane when a run adds it."""
+
+    limits: DriveLimits = DriveLimits()
+    sensing: Sensing = Sensing()
+    delay: Delay = Delay()
+    friction: Friction = Friction()
+    rope: Rope = Rope()
+    body: Body = Body()
+    wind: Wind = Wind()
+    frame: Frame = Frame()
+    installation: Installation = Installation()
+
+    def only(self, *names: str) -> "EffectSettings":
+        """The effects of these names and no others."""
+        return EffectSettings(**{name: getattr(self, name) for name in names})
+
+
 class EffectSettings(Settings):
     """All effects of a run; none by default."""
 
@@ -175,4 +194,4 @@ class EffectSettings(Settings):
 
 
 NO_EFFECTS = EffectSettings()
-ALL_EFFECTS = EffectSettings.model_validate({name: {} for name in EffectSettings.model_fields})
+ALL_EFFECTS = EffectNumbers().only(*EffectNumbers.model_fields)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from cranectl.scenario.effects import EffectNumbers
 from cranectl.scenario.settings import Settings
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -47,6 +48,9 @@ class RigParameters(Settings):
         0.4, description="winch rotor referred to the rope, J/r² [kg]; assumed: J=1.6e-4, r=0.02"
     )
     load_mass: Mass = Field(1.0, description="load [kg]; assumed; the tracker does not depend on it")
+    rated_load: Mass = Field(
+        1.0, description="largest load that the crane is built for [kg]; assumed; of a rig file its load_mass"
+    )
     bridge_time_constant: Lag = Field(
         0.02, description="lag of the bridge's velocity drive [s]; assumed: a small servo drive"
     )
@@ -55,6 +59,9 @@ class RigParameters(Settings):
     )
     winch_time_constant: Lag = Field(
         0.02, description="lag of the winch's velocity drive [s]; assumed: a small servo drive"
+    )
+    effects: EffectNumbers = Field(
+        EffectNumbers(), description="numbers of the effects on this crane, for a run that has them"
     )
 
     @model_validator(mode="after")

@@ -1,21 +1,17 @@
 """Scenario files: what is run. Checked here for form; for meaning where all parts are known."""
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
 
 from cranectl.scenario.design import DesignSettings
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
+from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Wind
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.segments import MAX_DURATION, Duration, Point3, Segment
-from cranectl.scenario.settings import Settings, override, parse_settings
-from cranectl.support import resources
-from cranectl.support.documents import Table, differences, leaves, merged, read_toml
-from cranectl.support.errors import InputError
+from cranectl.scenario.segments import Duration, Point3, Segment
+from cranectl.scenario.settings import Settings
 
-NANOSECONDS = 1_000_000_000
+STILL = Wind(gust=0.0, drag_area=0.0)
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 
 
@@ -37,21 +33,6 @@ class InitialSettings(Settings):
     load_offset: Point3 = Field((0.0, 0.0, 0.0), description="of the load (x, y, z) [m]")
     alpha_offset: Angle = Field(0.0, description="of alpha, under the offset trolley [rad]")
     beta_offset: Angle = Field(0.0, description="of beta, under the offset trolley [rad]")
-
-
-class Disturbance(Settings):
-    """A constant angular acceleration added to one cardan angle from `start` on."""
-
-    joint: Literal["alpha", "beta"]
-    start: Annotated[float, Field(ge=0.0, le=MAX_DURATION)] = Field(description="[s]")
-    end: Duration | None = Field(None, description="[s]; the end of the run when absent")
-    magnitude: Annotated[float, Field(ge=-1e4, le=1e4)] = Field(description="[rad/s²]")
-
-    @model_validator(mode="after")
-    def _ends_after_start(self) -> "Disturbance":
-        if self.end is not None and self.end <= self.start:
-            raise ValueError("a disturbance must end after its start")
-        return self
 
 
 class ControlSettings(Settings):
@@ -82,7 +63,7 @@ class ControllerSettings(Settings):
         return {"name": self.name, **self.parameters} if self.parameters else self.name
 
 
-def _controller_table(value: object) -> object:
+def controller_table(value: object) -> object:
     """`controller = "lqr"` for a table of no more than a name."""
     return {"name": value} if isinstance(value, str) else value
 
@@ -134,7 +115,7 @@ class Scenario(Settings):
     )
     title: str = Field("", description="one line for people")
     duration: Duration = Field(description="[s]")
-    controller: Annotated[ControllerSettings, BeforeValidator(_controller_table)] = Field(
+    controller: Annotated[ControllerSettings, BeforeValidator(controller_table)] = Field(
         ControllerSettings(), description="its name, or a table of name and parameters"
     )
     expected: Literal["completed", "slack-rope", "angle-singular", "length-singular", "workspace-left"] = (
@@ -157,7 +138,7 @@ class Scenario(Settings):
         period = self.period_ns
         if abs(self.control.period * NANOSECONDS - period) > 1e-3 or period < 1000:
             raise ValueError("control.period must be a whole number of nanoseconds, at least 1000")
-        if _nanoseconds(self.control.physics_step) < 1000:
+        if nanoseconds(self.control.physics_step) < 1000:
             raise ValueError("control.physics_step must be at least 1000 nanoseconds")
         if not _divides(self.control.physics_step, self.control.period):
             raise ValueError("control.physics_step must divide control.period")
@@ -180,9 +161,21 @@ class Scenario(Settings):
         return self
 
     @property
+    def effects_on_plant(self) -> EffectSettings:
+        """What a plant is made for: where forces act on the load, which come with the wind, it has air."""
+        if not self.forced or self.effects.wind:
+            return self.effects
+        return self.effects.model_copy(update={"wind": STILL})
+
+    @property
+    def forced(self) -> bool:
+        """Whether a disturbance is a force on the load."""
+        return any(step.force is not None for step in self.disturbances)
+
+    @property
     def period_ns(self) -> int:
         """Control period in nanoseconds, the exact time base of records and logs."""
-        return _nanoseconds(self.control.period)
+        return nanoseconds(self.control.period)
 
     @property
     def delay_samples(self) -> int:
@@ -193,78 +186,14 @@ class Scenario(Settings):
     @property
     def steps(self) -> int:
         """Number of control periods in the run; it has one sample more than that."""
-        return _nanoseconds(self.duration) // self.period_ns
+        return nanoseconds(self.duration) // self.period_ns
 
     @property
     def substeps(self) -> int:
         """Physics steps per control period."""
-        return self.period_ns // _nanoseconds(self.control.physics_step)
-
-
-def _nanoseconds(seconds: float) -> int:
-    return round(seconds * NANOSECONDS)
+        return self.period_ns // nanoseconds(self.control.physics_step)
 
 
 def _divides(step: float, time: float) -> bool:
     """Whether `time` is a whole multiple of `step`, on the nanosecond grid."""
-    return _nanoseconds(time) % _nanoseconds(step) == 0
-
-
-OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "initial", "controller"}
-
-
-def changed_from_default(scenario: Scenario) -> dict[str, Any]:
-    """By dotted name, what but OWN, of which every scenario has its own, is not the default."""
-    default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
-    usual, asked = (each.model_dump(mode="json", exclude=OWN) for each in (default, scenario))
-    changed = {name: new for name, _, new in differences(usual, asked, absent=None)}
-    return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
-
-
-def scenario_names() -> list[str]:
-    """Names of the scenarios that come with cranectl."""
-    return resources.toml_names(resources.SCENARIO_DIRECTORY)
-
-
-def load_scenario(
-    name_or_path: str | Path, *, rig: Path | None = None, overrides: Sequence[str] = ()
-) -> Scenario:
-    """Load a scenario by name or from a TOML file.
-
-    Rig parameters: defaults, then the scenario's `[rig]`, or the rig file that it names, then the file `rig`,
-    then `overrides` (`"rig.load_mass=2.5"`). Raises InputError for anything wrong, naming all wrong fields.
-    """
-    path = resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
-    table = read_toml(path)
-    if isinstance(table.get("rig"), str):
-        table = {**table, "rig": _rig_table(path.parent / table["rig"])}
-    return _scenario(table, path.name, rig, overrides)
-
-
-def _rig_table(path: Path, above: tuple[Path, ...] = ()) -> Table:
-    """The rig in a TOML file, on top of the file that it `extends`; paths are relative to the file."""
-    table = read_toml(path)
-    if path.resolve() in above:
-        raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
-    below = table.pop("extends", None)
-    parse_settings(RigParameters, table, str(path))
-    if below is None:
-        return table
-    if not isinstance(below, str):
-        raise InputError(f"{path}: extends = {below!r}", allowed="the path of another rig file")
-    whole: Table = merged(_rig_table(path.parent / below, (*above, path.resolve())), table)
-    return whole
-
-
-def default_scenario(*, rig: Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
-    """A scenario of defaults: the load hangs in the middle of the rig for a second."""
-    table = {"name": "default", "duration": 1.0, "reference": {"start": [1.0, 0.77, -0.7]}}
-    return _scenario(table, "default scenario", rig, overrides)
-
-
-def _scenario(table: Table, source: str, rig: Path | None, overrides: Sequence[str]) -> Scenario:
-    if rig is not None:
-        table = merged(table, {"rig": _rig_table(rig)})
-    if "controller" in table:
-        table = {**table, "controller": _controller_table(table["controller"])}
-    return parse_settings(Scenario, override(table, overrides), source)
+    return nanoseconds(time) % nanoseconds(step) == 0

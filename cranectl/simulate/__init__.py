@@ -1,6 +1,13 @@
 """Simulate scenarios on plants and keep everything that happened."""
 
-from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run, plan_scenario
+from cranectl.simulate.plan import (
+    Plan,
+    PlannedReference,
+    disturbances_at,
+    plan_reference,
+    plan_run,
+    plan_scenario,
+)
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.runner import (
     checked_drive,
@@ -16,6 +23,7 @@ __all__ = [
     "PlannedReference",
     "Run",
     "checked_drive",
+    "disturbances_at",
     "groups_of",
     "law_of",
     "linearised_law",

@@ -30,7 +30,7 @@ class Plan(PlannedReference):
 
     initial_state: Array  # (10,) where the crane starts, on its reference unless the scenario says otherwise
     disturbance: Array  # (N, 2) [rad/s²]
-    wind: Array  # (N, 3) velocity of the air [m/s]
+    wind: Array  # (N, 6) velocity of the air [m/s], force on the load besides [N]
 
     @property
     def shortest_rope(self) -> float:
@@ -63,11 +63,13 @@ def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
     Raises InputError where it would start outside of its workspace.
     """
     time_ns = planned.time_ns
+    disturbances = disturbances_at(scenario, time_ns)
+    air = air_velocity(scenario.effects.wind, len(time_ns), scenario.period_ns / NANOSECONDS)
     return Plan(
         **vars(planned),
         initial_state=_initial_state(scenario, planned),
-        disturbance=_disturbances(scenario, time_ns),
-        wind=air_velocity(scenario.effects.wind, len(time_ns), scenario.period_ns / NANOSECONDS),
+        disturbance=np.ascontiguousarray(disturbances[:, :2]),
+        wind=np.hstack([air, disturbances[:, 2:]]),
     )
 
 
@@ -90,13 +92,11 @@ def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
     return state
 
 
-def _disturbances(scenario: Scenario, time_ns: NDArray[np.int64]) -> Array:
-    columns = np.zeros((len(time_ns), 2))
+def disturbances_at(scenario: Scenario, time_ns: NDArray[np.int64]) -> Array:
+    """Accelerations of alpha and beta [rad/s²], force on the load (x, y, z) [N], shape (N, 5)."""
+    columns = np.zeros((len(time_ns), 5))
     for step in scenario.disturbances:
-        active = time_ns >= round(step.start * NANOSECONDS)
-        if step.end is not None:
-            active &= time_ns < round(step.end * NANOSECONDS)
-        columns[active, ("alpha", "beta").index(step.joint)] += step.magnitude
+        columns[step.acts(time_ns)] += (*step.acceleration, *(step.force or (0.0, 0.0, 0.0)))
     return columns
 
 

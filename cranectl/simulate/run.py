@@ -18,7 +18,7 @@ from cranectl.support.arrays import Array
 def groups_of(scenario: Scenario, design: Design | LawDesign, drive: Drive) -> tuple[SignalGroup, ...]:
     """What a run records, in column order."""
     staged = drive if has_signal_path(scenario.effects, drive) else ""
-    return recorded_groups(design.groups, staged=staged)
+    return recorded_groups(design.groups, staged=staged, forced=scenario.forced)
 
 
 def record_width(design: Design | LawDesign) -> int:
@@ -56,6 +56,11 @@ class Run:
     def load_position(self) -> Array:
         """Of the load in the world (x, y, z) [m], shape (N, 3). A view, as the others."""
         return self.block("load")[:, :3]
+
+    @property
+    def load_force(self) -> Array:
+        """On the load by disturbances (x, y, z) [N], shape (N, 3)."""
+        return self.block("load_force") if self.scenario.forced else np.zeros((len(self.time_ns), 3))
 
     @property
     def tension(self) -> Array:

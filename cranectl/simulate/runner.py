@@ -76,7 +76,7 @@ def simulate_run(
         drive=crane.drive,
         model=crane.description,
         time_ns=plan.time_ns[:rows],
-        table=whole_record(record, run.path)[:rows],
+        table=whole_record(scenario, record, run.path, plan.wind)[:rows],
         reference=plan.reference[:rows],
         status=status,
         end_ns=int(plan.time_ns[last]),
@@ -182,7 +182,7 @@ def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
         drive=drive,
         step=scenario.period_ns / NANOSECONDS / scenario.substeps,
         substeps=scenario.substeps,
-        effects=scenario.effects,
+        effects=scenario.effects_on_plant,
     )
 
 

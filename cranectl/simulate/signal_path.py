@@ -23,6 +23,7 @@ from cranectl.controllers.observer import (
     make_observer,
     predict,
 )
+from cranectl.plants.surroundings import FORCE
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Installation, Sensing
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
@@ -159,9 +160,10 @@ def make_signal_path(
     )
 
 
-def whole_record(record: Array, path: SignalPath | None) -> Array:
-    """The record of a run with the part of its signal path, if it has one."""
-    return record if path is None else np.hstack([record, path.record])
+def whole_record(scenario: Scenario, record: Array, path: SignalPath | None, wind: Array) -> Array:
+    """The record of a run with the part of its signal path and the forces on its load, if it has them."""
+    parts = [record] if path is None else [record, path.record]
+    return np.hstack([*parts, wind[:, FORCE:]]) if scenario.forced else np.hstack(parts)
 
 
 @jit

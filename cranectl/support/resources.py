@@ -10,6 +10,7 @@ _ROOT = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent
 
 MODEL_FILE = _ROOT / "models" / "crane.xml"
 SCENARIO_DIRECTORY = _ROOT / "validation" / "scenarios"
+RIG_DIRECTORY = _ROOT / "validation" / "rigs"
 TOLERANCE_FILE = _ROOT / "validation" / "tolerances.toml"
 THESIS_DIRECTORY = _ROOT / "validation" / "thesis"
 CAMPAIGN_DIRECTORY = _ROOT / "validation" / "campaigns"

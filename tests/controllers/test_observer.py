@@ -130,7 +130,7 @@ def test_what_moves_the_trolley_is_not_taken_for_a_disturbance_of_the_angles(obs
             correct(observer, joint, state[2 * joint], memory)
         left = memory.copy()
         predict(observer, commanded, memory)
-        plant.advance(commanded + unknown, np.zeros(2), np.zeros(3), load)
+        plant.advance(commanded + unknown, np.zeros(2), np.zeros(6), load)
     assert_allclose(left[DISTURBANCE : DISTURBANCE + 3], unknown, atol=1e-5)
     assert_allclose(left[DISTURBANCE + 3 :], 0.0, atol=1e-3)
     assert_allclose(left[VELOCITY:DISTURBANCE], state[1::2], atol=3e-5)

@@ -138,7 +138,7 @@ def pair(scenario: str, controller: str, overrides: list[str]) -> list[Run]:
     "overrides",
     [
         ["rig.load_mass=0.001"],
-        ["rig.load_mass=10000"],
+        ["rig.load_mass=10000", "rig.rated_load=10000"],
         ["control.period=0.002"],
         ["rig.load_mass=0.001", "rig.bridge_mass=1e5"],
         ["rig.load_mass=0.001", "rig.trolley_mass=1e6", "rig.bridge_mass=1e6"],

@@ -82,7 +82,7 @@ def test_a_pushed_crane_moves_as_the_equations_say() -> None:
 def test_nothing_of_a_disturbance_is_left_when_it_ends(effects: EffectSettings) -> None:
     plant = MujocoPlant(RIG, drive="ideal", step=1e-3, substeps=1, effects=effects)
     plant.reset(START)
-    plant.advance(np.zeros(3), PUSH, np.array([3.0, 1.0, 0.0]), np.zeros(7))
+    plant.advance(np.zeros(3), PUSH, np.array([3.0, 1.0, 0.0, 0.0, 2.0, 0.0]), np.zeros(7))
     assert not plant.rig.applied.any()
     assert not plant.rig.reaction.any()
     assert plant.rig.wrench[:3].tolist() == plant.rig.air.tolist()

@@ -12,6 +12,7 @@ from cranectl.simulate import Run, simulate_run
 
 STILL_AIR = "effects.wind.gust=0.0"
 BREEZE = ["effects.wind.mean=[2.0,-1.0,0.3]", "effects.wind.gust=0.5", "effects.wind.drag_area=0.03"]
+FORCES = ["disturbances=[{force=[0.3,-0.2,0.5],start=2.0,end=4.0},{force=[0.0,0.4,-0.3],start=3.0}]"]
 GREASE = [
     "effects.friction.coulomb=[0.0,0.0,0.0]",
     "effects.friction.viscous=[0.0,0.0,0.0]",
@@ -26,7 +27,9 @@ def run(plant: str, *overrides: str) -> Run:
 
 
 @pytest.mark.parametrize(
-    ("overrides", "apart"), [(BREEZE, 1e-3), (GREASE, 1e-4)], ids=["wind", "viscous joint"]
+    ("overrides", "apart"),
+    [(BREEZE, 1e-3), (GREASE, 1e-4), (FORCES, 1e-9), ([*FORCES, "effects.wind={}"], 1e-3)],
+    ids=["wind", "viscous joint", "forces", "forces and gusts"],
 )
 def test_both_plants_say_the_same(overrides: list[str], apart: float) -> None:
     """Up to a part of the effect; the engine's drag is that of 1.5 ms before, held over a step."""

@@ -63,11 +63,12 @@ def test_drives_feel_air_joint_and_slope_as_generalised_forces() -> None:
     gravity = np.array(gravity_in_rig(RIG.gravity, effects))
     rng, rate = np.random.default_rng(4), np.zeros(10)
     for state in random_states(50, seed=4):
-        command, disturbance, wind = 20.0 * rng.normal(size=3), rng.normal(size=2), rng.normal(size=3)
+        command, disturbance, wind = 20.0 * rng.normal(size=3), rng.normal(size=2), rng.normal(size=6)
         q, qd = split(state)
         mass, jacobian = dynamics.mass_matrix(q, RIG), dynamics.load_jacobian(q)
-        through_air = wind - dynamics.load_velocity(q, qd)
-        on_load = 0.5 * 1.3 * 0.4 * np.linalg.norm(through_air) * through_air + RIG.load_mass * gravity
+        through_air = wind[:3] - dynamics.load_velocity(q, qd)
+        on_load = 0.5 * 1.3 * 0.4 * np.linalg.norm(through_air) * through_air + wind[3:]
+        on_load += RIG.load_mass * gravity
         rates = state[[7, 9]]
         torque = -0.03 * rates - 0.02 * np.tanh(rates / STICTION_RATE)
         torque += RIG.load_mass * q[2] ** 2 * np.array([np.cos(q[4]) ** 2, 1.0]) * disturbance

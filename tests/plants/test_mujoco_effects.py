@@ -229,7 +229,9 @@ def test_a_load_without_extent_is_a_point() -> None:
     def load(body: Body | None) -> np.ndarray:
         effects = EffectSettings(body=body, wind=Wind(mean=(3.0, 0.0, 0.0)))
         plant = make(effects, drive="velocity", step=5e-4, substeps=4, start=SWINGING)
-        return simulate(plant, 500, (0.1, -0.05, 0.05), (0.7, -0.4), np.array([3.0, 0.0, 0.0]))[1][:, :3]
+        return simulate(
+            plant, 500, (0.1, -0.05, 0.05), (0.7, -0.4), np.array([3.0, 0.0, 0.0, 0.3, 0.2, 0.1])
+        )[1][:, :3]
 
     point = load(None)
     errors = [

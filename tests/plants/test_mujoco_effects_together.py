@@ -76,7 +76,11 @@ def test_compiled_steps_and_steps_through_the_binding_are_the_same(drive: str) -
 
     loads, states = np.zeros((2, 200, 7)), np.zeros((2, 10))
     plants = [make(ALL.model_copy(update={"wind": Wind()}), drive=drive, start=SWINGING) for _ in range(2)]
-    command, disturbance, wind = np.array([0.2, -0.1, 0.3]), np.array([0.3, -0.2]), np.array([1.0, 0.5, 0])
+    command, disturbance, wind = (
+        np.array([0.2, -0.1, 0.3]),
+        np.array([0.3, -0.2]),
+        np.array([1.0, 0.5, 0, 0.3, 2, 1]),
+    )
     for k in range(200):
         plants[0].advance(command, disturbance, wind, loads[0, k])
         advance(plants[1].rig, command, disturbance, wind, loads[1, k])
@@ -116,9 +120,9 @@ def test_extreme_settings_run_or_are_refused(effects: EffectSettings, load_mass:
 
 def test_a_reset_undoes_everything() -> None:
     plant = make(ALL, drive="velocity", start=SWINGING)
-    first = simulate(plant, 100, (0.3, -0.2, 0.2), (1.0, 0.5), np.ones(3))
+    first = simulate(plant, 100, (0.3, -0.2, 0.2), (1.0, 0.5), np.ones(6))
     plant.reset(SWINGING)
-    second = simulate(plant, 100, (0.3, -0.2, 0.2), (1.0, 0.5), np.ones(3))
+    second = simulate(plant, 100, (0.3, -0.2, 0.2), (1.0, 0.5), np.ones(6))
     assert np.array_equal(first[0], second[0])
     assert np.array_equal(first[1], second[1])
 

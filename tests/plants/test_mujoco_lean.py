@@ -33,7 +33,7 @@ def course(drive: Drive, effects: EffectSettings) -> np.ndarray:
     for k, row in enumerate(rows):
         command = np.array([0.2, -0.15, 0.1]) * np.sin(0.1 * k)
         plant.measure(row[:10])
-        plant.advance(command, np.array([1.0, -2.0]), np.array([3.0, 1.0, 0.0]), row[10:])
+        plant.advance(command, np.array([1.0, -2.0]), np.array([3.0, 1.0, 0.0, 0.3, 0.2, 0.1]), row[10:])
     return rows
 
 

@@ -156,7 +156,7 @@ def test_derivative_of_the_analytic_plant_is_made_of_its_parts(drive: str) -> No
         assert rate[7::2] == pytest.approx(np.array(cardan) + disturbance, rel=1e-13)
 
 
-def test_drag_and_friction_of_the_joint_enter_as_generalised_forces() -> None:
+def test_drag_forces_and_friction_of_the_joint_enter_as_generalised_forces() -> None:
     """Q = J' F and the pivot's torques, over the inertias m l² cos² beta and m l²; the tension takes F n."""
     friction = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3, pivot_coulomb=0.02, pivot_viscous=0.03)
     effects = EffectSettings(wind=Wind(drag_area=0.4, density=1.3), friction=friction)
@@ -165,13 +165,13 @@ def test_drag_and_friction_of_the_joint_enter_as_generalised_forces() -> None:
     plant = AnalyticPlant(heavy, drive="ideal", step=1e-3, substeps=1, effects=effects)
     rng = np.random.default_rng(8)
     for state in random_states(30, seed=2):
-        command, wind = rng.normal(size=3), rng.normal(size=3)
+        command, wind = rng.normal(size=3), rng.normal(size=6)
         q, qd = split(state)
-        through_air = wind - dynamics.load_velocity(q, qd)
-        drag = 0.5 * 1.3 * 0.4 * np.linalg.norm(through_air) * through_air
+        through_air = wind[:3] - dynamics.load_velocity(q, qd)
+        on_load = 0.5 * 1.3 * 0.4 * np.linalg.norm(through_air) * through_air + wind[3:]
         rates = state[[7, 9]]
         torque = -0.03 * rates - 0.02 * np.tanh(rates / STICTION_RATE)
-        force = dynamics.load_jacobian(q).T[3:] @ drag + torque
+        force = dynamics.load_jacobian(q).T[3:] @ on_load + torque
         inertia = 1.7 * q[2] ** 2 * np.array([np.cos(q[4]) ** 2, 1.0])
         found, without, load, load_without = np.zeros(10), np.zeros(10), np.zeros(7), np.zeros(7)
         derivative(plant.rig, state, command, np.zeros(2), wind, found)
@@ -179,7 +179,7 @@ def test_drag_and_friction_of_the_joint_enter_as_generalised_forces() -> None:
         assert (found - without)[[7, 9]] == pytest.approx(force / inertia, rel=1e-9)
         observe_load(plant.rig, state, command, wind, load)
         observe_load(bare.rig, state, command, wind, load_without)
-        along = drag @ np.array(dynamics.rope_direction(q[3], q[4]))
+        along = on_load @ np.array(dynamics.rope_direction(q[3], q[4]))
         assert load[6] - load_without[6] == pytest.approx(along, rel=1e-9)
 
 

@@ -43,7 +43,7 @@ OTHER_RIG = RigParameters(
 
 def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
     """Every parameter of rig and effects changed by itself, then all of them."""
-    for name in RigParameters.model_fields:
+    for name in set(RigParameters.model_fields) - {"rated_load", "effects"}:  # what no plant is made of
         value = getattr(OTHER_RIG, name)
         assert value != getattr(RigParameters(), name)
         yield RigParameters().model_copy(update={name: value}), ALL_EFFECTS
@@ -64,7 +64,7 @@ def test_a_model_changed_in_place_is_the_one_compiled_anew(drive: Drive) -> None
     state = np.array([1.0, 0.1, 0.7, 0.0, 0.6, 0.2, 0.1, 0.0, 0.1, 0.0])
     for rig, effects in changes():
         plant.reset(state)  # a rope changes the model as it moves
-        plant.advance(np.zeros(3), np.ones(2), np.ones(3), np.zeros(7))
+        plant.advance(np.zeros(3), np.ones(2), np.ones(6), np.zeros(7))
         assert plant.retune(rig, effects)
         physical = effects.model_copy(update=dict.fromkeys(("sensing", "delay", "wind")))
         new = compiled_model(rig, drive, 5e-4, physical)

@@ -11,7 +11,7 @@ from cranectl.scenario.rig import RigParameters
 RIG = RigParameters(load_mass=1.7)
 SLOPING = EffectSettings(installation=Installation(tilt=(0.12, -0.07)))
 PULL = np.array(gravity_in_rig(RIG.gravity, SLOPING))
-STILL = np.zeros(3)
+STILL = np.zeros(6)
 
 
 def plant() -> AnalyticPlant:

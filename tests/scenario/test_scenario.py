@@ -35,7 +35,7 @@ def test_a_scenario_may_be_a_file(tmp_path: Path) -> None:
 
 
 def test_rig_parameters_override_in_order(tmp_path: Path) -> None:
-    """Defaults, scenario, rig file, --set: each wins over those before."""
+    """Defaults, scenario, or in its place a rig file, which is a whole crane; then --set."""
     scenario = tmp_path / "mine.toml"
     scenario.write_text(
         'name = "mine"\nduration = 2\nreference.start = [1, 0.7, -0.5]\n'
@@ -43,8 +43,10 @@ def test_rig_parameters_override_in_order(tmp_path: Path) -> None:
     )
     rig = tmp_path / "rig.toml"
     rig.write_text("load_mass = 5.0\ntrolley_mass = 6.0\n")
-    loaded = load_scenario(scenario, rig=rig, overrides=["rig.load_mass=7"]).rig
-    assert (loaded.load_mass, loaded.trolley_mass, loaded.bridge_mass, loaded.winch_mass) == (7, 6, 4, 0.4)
+    for file, expected in ((None, (7.0, 3.0, 4.0, 0.4, 1.0)), (rig, (7.0, 6.0, 30.0, 2.0, 5.0))):
+        found = load_scenario(scenario, rig=file, overrides=["rig.load_mass=7"]).rig
+        masses = found.load_mass, found.trolley_mass, found.bridge_mass, found.winch_mass, found.rated_load
+        assert masses == expected
 
 
 def test_an_error_in_a_rig_file_names_the_file(tmp_path: Path) -> None:
@@ -70,8 +72,9 @@ def test_a_scenario_names_the_file_of_its_rig(tmp_path: Path) -> None:
         ('extends = "heavy.toml"', "extends itself"),
         ("extends = 3", "extends = 3"),
         ('extends = "absent.toml"', "absent.toml"),
-        ('extends = "\\u0000"', "null"),
-        (f'extends = "{"a" * 999}"', "name too long"),
+        ('extends = "\\u0000.toml"', "null"),
+        (f'extends = "{"a" * 999}.toml"', "name too long"),
+        ('extends = "harbor-crane"', "harbour-crane"),
         ("load_mas = 3.0", "did you mean 'load_mass'"),
     ):
         (tmp_path / "rigs" / "heavy.toml").write_text(text)

@@ -22,7 +22,7 @@ def test_motion_is_independent_of_the_load_mass_and_tension_proportional_to_it(p
             plant=plant,
             controller="lqr",
         )
-        for mass in (0.01, 100.0)
+        for mass in (0.001, 10.0)
     ]
     light, heavy = runs
     assert light.block("state") == pytest.approx(heavy.block("state"), abs=1e-9)

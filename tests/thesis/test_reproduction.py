@@ -235,7 +235,7 @@ def test_figures_show_the_runs_of_their_caption() -> None:
     assert "0.168 m past the end" in figures["5.42"].caption
     assert figures["5.43"].caption.startswith("All stay within the rig.")
     offset = np.linalg.norm([1.1523 - 1.0, 0.9212 - 0.77, 0.7 - 0.6658])
-    assert f"{offset:.3f}\N{NO-BREAK SPACE}m (feedback alone)" in figures["5.12"].caption
+    assert f"{1e3 * offset:.0f}\N{NO-BREAK SPACE}mm (feedback alone)" in figures["5.12"].caption
 
 
 def test_the_reading_of_the_settled_trajectory_is_the_best_of_its_neighbours() -> None:

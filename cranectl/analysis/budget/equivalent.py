@@ -101,7 +101,7 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
     states, inputs, disturbances = (
         np.ascontiguousarray(run.block(name)) for name in ("state", "input", "disturbance")
     )
-    runge_kutta_defect(analytic_rig(run), states, inputs[:, :3], disturbances, ports.local)
+    runge_kutta_defect(analytic_rig(run), states, inputs[:, :3], disturbances, loop.winds, ports.local)
     load, joints = run.block("load")[:-1, 6:7], states[:-1]
     alpha, beta = joints[:, ALPHA], joints[:, BETA]
     direction = np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), np.ones(len(joints))])
@@ -110,9 +110,9 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
 
 
 @jit
-def runge_kutta_defect(rig, states, commands, disturbances, defect):
+def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
     """The classical fourth-order step from each of `states` less the next, into `defect` (N - 1, >= 10)."""
-    rates, work, state, still = np.zeros((4, 10)), np.zeros(10), np.zeros(10), np.zeros(3)
+    rates, work, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10)
     step = rig.step
     for k in range(len(defect)):
         state[:] = states[k]
@@ -121,7 +121,7 @@ def runge_kutta_defect(rig, states, commands, disturbances, defect):
                 reach = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
                 for i in range(10):
                     work[i] = state[i] + (reach * step * rates[stage - 1, i] if stage else 0.0)
-                derivative(rig, work, commands[k], disturbances[k], still, rates[stage])
+                derivative(rig, work, commands[k], disturbances[k], winds[k], rates[stage])
             for i in range(10):
                 increment = rates[0, i] + 2.0 * rates[1, i] + 2.0 * rates[2, i] + rates[3, i]
                 state[i] += step / 6.0 * increment

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.surroundings import air_drag
+from cranectl.plants.surroundings import FORCE, air_drag
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import EffectSettings
 from cranectl.signals import ROPE
@@ -218,7 +218,7 @@ def set_velocities(work, reach, offset):
 
 @jit
 def derivative(crane, state, setpoint, disturbance, wind, work, rate):
-    """Rates (20,) of `state` under set-points (3,) [m/s], the thesis's disturbances (2,) and wind (3,)."""
+    """Rates (20,) of `state` under set-points (3,) [m/s], the thesis's disturbances (2,) and wind (6,)."""
     paid_out = state[4] - crane.offset
     reach, reach_rate = paid_out + state[10], state[5] + state[11]
     n, b, matrix, force = work.ropes, work.body, work.matrix, work.force
@@ -251,8 +251,7 @@ def derivative(crane, state, setpoint, disturbance, wind, work, rate):
         add_turning(work, ALPHA, rod * paid_out * paid_out / 12.0, n)
 
     set_velocities(work, reach, crane.offset)
-    if crane.drag > 0.0:
-        drag_on_load(crane, state, reach_rate, reach, wind, work)
+    push_load(crane, state, reach_rate, reach, wind, work)
     for axis in range(3):
         work.bias[axis] = 2.0 * reach_rate * n[3, axis] + reach * n[4, axis] + crane.offset * b[4, axis]
     add_mass(work, crane.load_mass, crane.gravity)
@@ -272,8 +271,8 @@ def derivative(crane, state, setpoint, disturbance, wind, work, rate):
 
 
 @jit
-def drag_on_load(crane, state, reach_rate, reach, wind, work):
-    """Drag [N] into `work.outer`."""
+def push_load(crane, state, reach_rate, reach, wind, work):
+    """Drag and disturbing force [N] into `work.outer`."""
     n, b = work.ropes, work.body
     square = 0.0
     for axis in range(3):
@@ -283,7 +282,7 @@ def drag_on_load(crane, state, reach_rate, reach, wind, work):
         work.outer[axis] = wind[axis] - speed
         square += work.outer[axis] * work.outer[axis]
     for axis in range(3):
-        work.outer[axis] *= crane.drag * sqrt(square)
+        work.outer[axis] = work.outer[axis] * (crane.drag * sqrt(square)) + wind[FORCE + axis]
 
 
 @jit

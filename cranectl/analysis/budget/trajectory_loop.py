@@ -27,7 +27,7 @@ from cranectl.analysis.budget.real_crane import (
     make_work,
     nominal_states,
 )
-from cranectl.analysis.levels import AssumedEffects, assumed_effects, replace_effects
+from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers.flat import Tracker
 from cranectl.controllers.registry import flat_design, only_flat
 from cranectl.design import Design
@@ -37,9 +37,9 @@ from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.scenario.effects import NO_EFFECTS, EffectNumbers
 from cranectl.signals import ROPE
-from cranectl.simulate import Run, plan_scenario, simulate_run, tracker_of
+from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run, tracker_of
 from cranectl.simulate.actuation import make_actuation
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
@@ -68,7 +68,7 @@ class TrajectoryLoop(NamedTuple):
     states: Array  # (N, 10 or 20) nominal
     commands: Array  # (N - 1, 3) nominal: accelerations for ideal drives, else velocities
     disturbances: Array  # (N - 1, 2) nominal
-    winds: Array  # (N, 3)
+    winds: Array  # (N, 6) as in `simulate.Plan`
     stride: int  # samples that share the next three
     by_state: Array  # (M, p, p) of the next plant state by the present one
     by_command: Array  # (M, p, 3)
@@ -155,7 +155,7 @@ def linearise_run(
 ) -> TrajectoryLoop:
     """Linearise the loop along `run`, one of the analytic plant with ideal drives.
 
-    The loop's plant: `crane` in the moving air `winds` (N, 3), or the analytic one with `drive`.
+    The loop's plant: `crane` in the air `winds` (N, 6), or the analytic one with `drive`.
     """
     tracker, period = tracker_of(run.scenario, only_flat(run.design)), run.scenario.period_ns / NANOSECONDS
     samples, velocity = len(run.time_ns), crane is not None or drive == "velocity"
@@ -174,7 +174,7 @@ def linearise_run(
         stages=np.zeros((STAGES, 10)),
         stage_state=np.zeros(10),
     )
-    winds = np.zeros((samples, 3)) if winds is None else winds
+    winds = np.hstack([np.zeros((samples, 3)), run.load_force]) if winds is None else winds
     by_state, by_command, by_d = (np.zeros((-(-rows // stride), p, m)) for m in (p, 3, 2))
     linearise_plant(plant, kept, states, commands, disturbances, winds, stride, by_state, by_command, by_d)
     defect = np.zeros((rows, p))
@@ -214,11 +214,8 @@ def _load_derivatives(
 
 def analytic_rig(run: Run, drive: Drive = "ideal") -> AnalyticRig:
     """Constants of the analytic plant of a run."""
-    scenario = run.scenario
-    step = scenario.period_ns / NANOSECONDS / scenario.substeps
-    plant = AnalyticPlant(
-        scenario.rig, drive=drive, step=step, substeps=scenario.substeps, effects=scenario.effects
-    )
+    plant = make_plant("analytic", run.scenario, drive)
+    assert isinstance(plant, AnalyticPlant)
     return plant.rig
 
 
@@ -290,7 +287,7 @@ class Nominal:
 
     run: Run
     loop: TrajectoryLoop  # of the run's own plant
-    effects: AssumedEffects
+    effects: EffectNumbers
     _driven: dict[tuple[str, ...], TrajectoryLoop] = field(default_factory=dict)
 
     def driven(self, *effects: str) -> TrajectoryLoop:
@@ -316,5 +313,5 @@ def ideal_run(scenario: Scenario, design: Design) -> Run:
 
 
 def linearised(ideal: Run, scenario: Scenario) -> Nominal:
-    """The ideal run of `scenario` with its loop and the effects that the scenario has."""
+    """The ideal run of `scenario` with its loop and effects."""
     return Nominal(ideal, linearise_run(ideal), assumed_effects(scenario))

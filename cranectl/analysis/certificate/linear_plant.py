@@ -130,7 +130,7 @@ def linear_plant(
     plant = plant or run_plant(scenario, drive)
     tracker = tracker_of(scenario, design_controller("pole-placement"))  # only its inner law is used
     wind = scenario.effects.wind
-    air = np.array(wind.mean) if wind else np.zeros(3)
+    air = np.array([*(wind.mean if wind else (0.0, 0.0, 0.0)), 0.0, 0.0, 0.0])
     anchor, command, held = equilibrium(plant, point, drive, air, tracker.gravity)
     crane_matrix = _crane_matrix(plant, anchor, command, np.array(point.tilt), air)
     sensing = scenario.effects.sensing

@@ -31,7 +31,7 @@ from cranectl.plants.mujoco.rope import (
 from cranectl.plants.mujoco.stability import check_step
 from cranectl.plants.mujoco.step import mj_step
 from cranectl.plants.plant import Drive, Kernels
-from cranectl.plants.surroundings import air_drag
+from cranectl.plants.surroundings import FORCE, air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
@@ -56,11 +56,12 @@ class MujocoRig(NamedTuple):
     load_sensors: NDArray[np.int64]  # (7,)
     warnings: NDArray[np.int32]  # counts of the engine's numerical warnings
     load_mass: float
-    air: Array  # (3,) drag on the load [N]
+    air: Array  # (3,) drag and other forces on the load [N]
     wrench: Array  # (6,) xfrc_applied of the load: force, torque
     reaction: Array  # (6,) of the trolley
     swings: bool  # whether the load is a body that swings under its hook
     rope: ElasticRope
+    in_air: bool  # whether there are any
     drag: float  # force over the square of the load's speed through the air [kg/m]
     work: StageWork
     substeps: int
@@ -77,14 +78,16 @@ def measure_joints(rig, state):
 
 @jit
 def apply_drag(rig, wind):
-    """Drag on the load in air that moves with `wind` (3,); held over the step."""
-    if rig.drag == 0.0 and not rig.swings:
+    """Drag on the load in air that moves, and the force on it, of `wind` (6,); held over the step."""
+    if not rig.in_air and not rig.swings:
         return
     v_x = wind[0] - rig.sensors[rig.load_sensors[3]]
     v_y = wind[1] - rig.sensors[rig.load_sensors[4]]
     v_z = wind[2] - rig.sensors[rig.load_sensors[5]]
     factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
-    rig.air[0], rig.air[1], rig.air[2] = factor * v_x, factor * v_y, factor * v_z
+    rig.air[0] = factor * v_x + wind[FORCE]
+    rig.air[1] = factor * v_y + wind[FORCE + 1]
+    rig.air[2] = factor * v_z + wind[FORCE + 2]
     for i in range(3):
         rig.wrench[i] = rig.air[i]
 
@@ -175,6 +178,7 @@ class MujocoPlant:
             reaction=self.data.xfrc_applied[self.model.body("trolley").id],
             swings=effects.body is not None,
             rope=elastic_rope(self.model, effects),
+            in_air=effects.wind is not None,
             drag=air_drag(effects),
             work=stage_work(self.model, self.data, swings=effects.body is not None),
             substeps=substeps,
@@ -195,7 +199,10 @@ class MujocoPlant:
         write_views(views_of(self.model, entries), entries)
         derive_constants(self.model, self.data)
         self.rig = self.rig._replace(
-            load_mass=rig.load_mass, rope=elastic_rope(self.model, effects), drag=air_drag(effects)
+            load_mass=rig.load_mass,
+            rope=elastic_rope(self.model, effects),
+            in_air=effects.wind is not None,
+            drag=air_drag(effects),
         )
         return True
 

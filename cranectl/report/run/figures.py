@@ -193,7 +193,7 @@ def _mark_disturbances(axes: Axes, run: Run, *, named: bool) -> None:
                 axes.axvline(time, color=STAND_IN["muted"], linewidth=0.7, linestyle=(0, (2, 2)))
         if named:
             axes.annotate(
-                f"{symbols[step.joint]} = {step.magnitude:g} rad/s²",
+                f"{symbols[step.joint]} = {step.magnitude:g} rad/s²" if step.joint else str(step),
                 (step.start, 1.0),
                 xycoords=("data", "axes fraction"),
                 xytext=(3, 2),

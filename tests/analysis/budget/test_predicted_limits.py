@@ -39,9 +39,9 @@ RIGS = {
     "heavy-load": ["rig.load_mass=8.0"],
     "slow-drives": [f"rig.{axis}_time_constant={lag}" for axis, lag in LAGS.items()],
     "crane-of-45-m": [
-        "rig={load_mass=2e4, bridge_mass=6e5, trolley_mass=4e4, winch_mass=2e4, bridge_range=[0,80], "
-        "trolley_range=[0,20], rope_range=[1,45], bridge_time_constant=0.3, trolley_time_constant=0.3, "
-        "winch_time_constant=0.2}",
+        "rig={rated_load=2e4, load_mass=2e4, bridge_mass=6e5, trolley_mass=4e4, winch_mass=2e4, "
+        "bridge_range=[0,80], trolley_range=[0,20], rope_range=[1,45], bridge_time_constant=0.3, "
+        "trolley_time_constant=0.3, winch_time_constant=0.2}",
         "reference={start=[10,5,-40], segments=[{kind='line', to=[11,6,-39.5], duration=4.0}]}",
     ],
 }

@@ -17,7 +17,7 @@ from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import EffectSettings
 
 START = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.1, 0.0, -0.15, 0.0])
-WIND = np.array([1.5, -0.9, 0.3])
+WIND = np.array([1.5, -0.9, 0.3, 0.0, 0.0, 0.0])
 SCENARIO = load_scenario("fast-diagonal")
 
 # Largest differences of angles [rad] and load [m] over 0.8 s of motion in all axes. The engine holds a

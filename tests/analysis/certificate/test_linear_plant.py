@@ -48,7 +48,7 @@ CASES = [("velocity", name) for name in EFFECTS] + [("ideal", name) for name in 
 
 
 def air_of(scenario: Scenario) -> np.ndarray:
-    return np.array(scenario.effects.wind.mean) if scenario.effects.wind else STILL
+    return np.array([*scenario.effects.wind.mean, 0.0, 0.0, 0.0]) if scenario.effects.wind else STILL
 
 
 def nonlinear_loop(

@@ -1,0 +1,56 @@
+"""What disturbs the load: the thesis's accelerations of a cardan angle, and forces."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from cranectl.scenario.segments import MAX_DURATION, Duration
+from cranectl.scenario.settings import Settings
+
+NANOSECONDS = 1_000_000_000
+Newtons = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+
+class Disturbance(Settings):
+    """From `start` on, a constant acceleration added to one cardan angle, or a constant force on the load."""
+
+    joint: Literal["alpha", "beta"] | None = Field(None, description="the angle that is accelerated")
+    start: Annotated[float, Field(ge=0.0, le=MAX_DURATION)] = Field(description="[s]")
+    end: Duration | None = Field(None, description="[s]; the end of the run when absent")
+    magnitude: Annotated[float, Field(ge=-1e4, le=1e4)] | None = Field(
+        None, description="acceleration of the joint [rad/s²]"
+    )
+    force: Annotated[tuple[Newtons, Newtons, Newtons], Field(strict=False)] | None = Field(
+        None, description="instead of joint and magnitude: on the load, along x, y, z [N]"
+    )
+
+    @model_validator(mode="after")
+    def _is_one_thing(self) -> "Disturbance":
+        if self.end is not None and self.end <= self.start:
+            raise ValueError("a disturbance must end after its start")
+        if (self.joint is None) != (self.magnitude is None) or (self.joint is None) == (self.force is None):
+            raise ValueError("a disturbance has either joint and magnitude [rad/s²] or force [N]")
+        return self
+
+    def __str__(self) -> str:
+        if self.force is not None:
+            return f"force of {', '.join(f'{part:g}' for part in self.force)} N on the load"
+        return f"disturbance of {self.magnitude:g} rad/s² on {self.joint}"
+
+    @property
+    def acceleration(self) -> tuple[float, float]:
+        """Added to alpha'', beta'' [rad/s²]."""
+        size = self.magnitude or 0.0
+        return (size, 0.0) if self.joint == "alpha" else (0.0, size)
+
+    def acts(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether it does at each of the times [ns]."""
+        begun: NDArray[np.bool_] = time_ns >= nanoseconds(self.start)
+        return begun if self.end is None else begun & (time_ns < nanoseconds(self.end))
+
+
+def nanoseconds(seconds: float) -> int:
+    """Times as they are counted in records and logs."""
+    return round(seconds * NANOSECONDS)

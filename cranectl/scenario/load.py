@@ -1,0 +1,115 @@
+"""Scenarios and rigs from files: which file a name means, what comes on top of what."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.scenario import ReferenceSettings, Scenario, controller_table
+from cranectl.scenario.settings import override, parse_settings
+from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
+from cranectl.support import resources
+from cranectl.support.documents import Table, differences, leaves, merged, read_toml
+from cranectl.support.errors import InputError
+
+OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "initial", "controller"}
+
+
+def changed_from_default(scenario: Scenario) -> dict[str, Any]:
+    """By dotted name, what but OWN, of which every scenario has its own, is not the default."""
+    default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
+    usual, asked = (each.model_dump(mode="json", exclude=OWN) for each in (default, scenario))
+    changed = {name: new for name, _, new in differences(usual, asked, absent=None)}
+    return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that come with cranectl."""
+    return resources.toml_names(resources.SCENARIO_DIRECTORY)
+
+
+def load_scenario(
+    name_or_path: str | Path, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
+) -> Scenario:
+    """Load a scenario by name or from a TOML file.
+
+    Rig parameters: defaults, then the scenario's `[rig]`, or the rig that it names, then those of `rig`, a
+    file or the name of one that comes with cranectl, then `overrides` (`"rig.load_mass=2.5"`). Raises
+    InputError for anything wrong, naming all wrong fields.
+    """
+    path = resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
+    table = read_toml(path)
+    if rig is None and isinstance(table.get("rig"), str):
+        rig = path.parent / table["rig"] if table["rig"] not in rig_names() else table["rig"]
+    return _scenario(table, path.name, rig, overrides)
+
+
+def load_rig(name_or_path: str | Path) -> RigParameters:
+    """A rig that comes with cranectl, by its name, or from a TOML file."""
+    return RigParameters.model_validate(rig_table(name_or_path))
+
+
+def rig_names() -> list[str]:
+    """Names of the rigs that come with cranectl."""
+    return resources.toml_names(resources.RIG_DIRECTORY)
+
+
+def rig_table(name_or_path: str | Path) -> Table:
+    """All parameters of a rig by its name or path; raises InputError.
+
+    What neither its file nor one that it extends says is scaled from the laboratory rig.
+    """
+    return completed_rig(_given(str(name_or_path), Path()))
+
+
+def _given(name_or_path: str, directory: Path, above: tuple[Path, ...] = ()) -> Table:
+    """What the file of a rig says, on top of the one that it `extends`, by a path from its own place."""
+    path = directory / resources.toml_file("rig", name_or_path, resources.RIG_DIRECTORY)
+    table = read_toml(path)
+    if path.resolve() in above:
+        raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
+    below = table.pop("extends", None)
+    parse_settings(RigParameters, table, str(path))
+    if below is None:
+        return {"rated_load": table["load_mass"], **table} if "load_mass" in table else table
+    if not isinstance(below, str):
+        raise InputError(f"{path}: extends = {below!r}", allowed="the name of a rig or the path of its file")
+    whole: Table = merged(_given(below, path.parent, (*above, path.resolve())), table)
+    return whole
+
+
+def default_scenario(*, rig: str | Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
+    """A scenario of defaults: the load hangs in the middle of the rig for a second."""
+    table = {"name": "default", "duration": 1.0, "reference": {"start": [0.0, 0.0, -1.0]}}
+    scenario = _scenario(table, "default scenario", rig, overrides)
+    (left, right), (back, front), (shortest, longest) = scenario.rig.workspace.tolist()
+    middle = 0.5 * (left + right), 0.5 * (back + front), -max(shortest, 0.5 * longest)
+    return scenario.model_copy(update={"reference": ReferenceSettings(start=middle)})
+
+
+def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequence[str]) -> Scenario:
+    if rig is not None:
+        table = completed_scenario(table, rig_table(rig))
+    if "controller" in table:
+        table = {**table, "controller": controller_table(table["controller"])}
+    table = override(table, overrides)
+    if isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]:  # another crane, as in a file
+        parse_settings(RigParameters, table["rig"], f"{source}: rig")
+        table = completed_scenario(table, completed_rig(table["rig"]))
+    scenario = parse_settings(Scenario, _with_numbers(table), source)
+    check_size(scenario.rig, scenario.effects)
+    return scenario
+
+
+def _with_numbers(table: Table) -> Table:
+    """The table of a scenario whose effects have, where they say nothing, the numbers of its rig."""
+    rig, effects = table.get("rig"), table.get("effects")
+    numbers = rig.get("effects") if isinstance(rig, dict) else None
+    if not isinstance(numbers, dict) or not isinstance(effects, dict):
+        return table
+    whole = {
+        name: merged(numbers.get(name, {}), effect)
+        for name, effect in effects.items()
+        if isinstance(effect, dict)
+    }
+    return {**table, "effects": {**effects, **whole}}

@@ -1,0 +1,123 @@
+"""Cranes of other sizes: what is not said of them is the laboratory's, scaled so that they move alike."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.scenario import load_rig, load_scenario, rig_names
+from cranectl.scenario.rig import RigParameters
+from cranectl.simulate import simulate_run
+from cranectl.support.errors import InputError
+
+EFFECTS = [
+    f"effects.{name}={{}}" for name in ("limits", "sensing", "friction", "rope", "body", "wind", "frame")
+]
+LENGTH, MASS = 4.0, 100.0  # powers of 2 and 10: what is scaled is exact to three digits
+MOTION = """
+name = "move"
+duration = {duration}
+controller = "pole-placement"
+{rig}
+[reference]
+start = {start}
+[[reference.segments]]
+kind = "line"
+to = {to}
+duration = {segment}
+[[disturbances]]
+force = {force}
+start = {push}
+[control]
+period = {period}
+physics_step = {step}
+"""
+
+
+def motion(path: Path, *, length: float, mass: float, rig: str = "") -> Path:
+    """The same motion on a rig of another size: lengths by `length`, times by its root, forces by `mass`."""
+    time = length**0.5
+    text = MOTION.format(
+        rig=rig, duration=4.0 * time, segment=3.0 * time, push=1.0 * time, period=1e-3 * time,
+        step=2.5e-4 * time,
+        start=[length * x for x in (0.5, 0.4, -1.1)], to=[length * x for x in (1.3, 1.0, -0.7)],
+        force=[mass * x for x in (0.3, -0.2, 0.1)],
+    )  # fmt: skip
+    path.write_text(text)
+    return path
+
+
+def test_a_larger_crane_moves_as_the_laboratory_s_slower(tmp_path: Path) -> None:
+    """Every scaled number acts here: with one power wrong the loads part by more than 1e-6 m."""
+    (tmp_path / "large.toml").write_text(
+        f"load_mass = {MASS}\nrope_range = [{0.05 * LENGTH}, {1.4 * LENGTH}]\n"
+    )
+    small = motion(tmp_path / "small.toml", length=1.0, mass=1.0)
+    large = motion(tmp_path / "move.toml", length=LENGTH, mass=MASS, rig='rig = "large.toml"')
+    for effects in ([], EFFECTS):
+        runs = [
+            simulate_run(load_scenario(path, overrides=effects), plant="mujoco", drive="velocity")
+            for path in (small, large)
+        ]
+        loads = [run.load_position for run in runs]
+        assert runs[0].status == runs[1].status
+        assert len(loads[0]) == len(loads[1]) == 4001
+        assert np.abs(loads[1] / LENGTH - loads[0]).max() < 1e-9
+        assert runs[1].tension == pytest.approx(MASS * runs[0].tension, rel=1e-7)
+
+
+def test_every_power_is_of_something_that_there_is() -> None:
+    from cranectl.scenario.design import DesignSettings
+    from cranectl.scenario.scenario import MetricSettings
+    from cranectl.scenario.similarity import POWERS
+    from cranectl.support.documents import leaves
+
+    usual = RigParameters().model_dump(mode="json")
+    usual |= {"design": DesignSettings().model_dump(mode="json"), "metrics": MetricSettings().model_dump()}
+    names = {name for name, _ in leaves(usual)}
+    assert all(power in names or f"{power}.0" in names for power in POWERS)
+
+
+def test_the_rig_of_the_laboratory_is_the_default() -> None:
+    assert load_rig("lab-rig") == RigParameters()
+    assert {"lab-rig", "bridge-crane", "harbour-crane"} <= set(rig_names())
+
+
+@pytest.mark.parametrize("name", ["bridge-crane", "harbour-crane"])
+def test_shipped_cranes_hold_their_load_with_what_they_have(name: str) -> None:
+    """All effects, with their own numbers: a winch that lifts, a rope that a rigger would accept."""
+    rig = load_rig(name)
+    assert 1.3 * rig.weight < rig.effects.limits.force[2] < 4.0 * rig.weight
+    assert rig.weight / rig.effects.rope.stiffness < 0.005
+    assert rig.rated_load == rig.load_mass
+
+
+@pytest.mark.parametrize(
+    ("overrides", "found"),
+    [
+        (["rig.load_mass=20000"], "rig.load_mass = 20000 kg"),
+        (["rig.load_mass=5", "effects.limits={}"], "lets the winch pull 30 N"),
+        (["rig.load_mass=6", "effects.rope.stiffness=100.0"], "stretches by 59"),
+    ],
+)
+def test_numbers_of_another_size_are_refused(overrides: list[str], found: str) -> None:
+    with pytest.raises(InputError, match=found) as caught:
+        load_scenario("fixed-position", overrides=overrides)
+    assert caught.value.allowed
+    assert "rated_load" in caught.value.remedy
+
+
+def test_a_rig_that_says_its_rated_load_is_scaled_wherever_it_is_said() -> None:
+    rig = load_scenario("fixed-position", overrides=["rig.load_mass=2000", "rig.rated_load=2000"]).rig
+    assert (rig.bridge_mass, rig.effects.limits.force[2], rig.bridge_time_constant) == (12000.0, 6e4, 0.02)
+
+
+def test_effects_take_the_numbers_of_their_rig() -> None:
+    """What the scenario says of them goes before."""
+    said = ["effects.rope={damping_ratio=0.3}", "effects.frame={}"]
+    effects = load_scenario("fixed-position", rig="harbour-crane", overrides=[
+        "reference.start=[10.0,10.0,-20.0]", *said]).effects  # fmt: skip
+    assert effects.rope is not None
+    assert (effects.rope.stiffness, effects.rope.damping_ratio) == (1.5e8, 0.3)
+    assert effects.frame == load_rig("harbour-crane").effects.frame
+    assert effects.wind is None
