@@ -16,7 +16,7 @@ from cranectl.compare.agreement import (
     judge_steps,
     limits_for,
 )
-from cranectl.compare.golden import judge_regression, load_tolerances
+from cranectl.compare.golden import SignalVerdict, judge_regression, load_tolerances
 from cranectl.compare.runs import compare_runs, differing_fields
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.metrics import run_metrics
@@ -28,7 +28,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance, provenance_differences
 from cranectl.support.units import quantity
 
-SHOWN = 10  # faults of a failure
+SHOWN = 3  # signals of a run that is not the golden one
 GOLDEN_SAMPLES = 50  # at least: where deterministic runs differ, they do so from then on
 
 Arguments = ParamSpec("Arguments")
@@ -146,11 +146,13 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         if not (verdict.same_status and verdict.ends_passed):
             ends = [f"{run.status.label} at {run.end_s:g} s" for run in (new, old)]
             faults.append(f"{plant} ends with {ends[0]}, golden with {ends[1]}")
+        failed = sorted((s for s in verdict.signals if not s.passed), key=_within_limit)
         faults += [
             f"{plant} differs from golden in {_difference(s.signal, s.unit, s.max_abs, s.at_s, s.limit)}"
-            for s in verdict.signals
-            if not s.passed
+            for s in failed[:SHOWN]
         ]
+        if len(failed) > SHOWN:
+            faults.append(f"and in {len(failed) - SHOWN} more signals")
         differing = [f"golden and new differ in {field}" for field in differing_fields(old, new)]
     if faults:
         versions = provenance_differences(describe_log(golden_log).versions, provenance(), word="new")
@@ -199,8 +201,12 @@ def _difference(signal: str, unit: str, size: float, at_s: float, limit: float) 
     return f"{signal} by {quantity(size, unit)} at {at_s:g} s, limit {quantity(limit, unit)}"
 
 
+def _within_limit(verdict: SignalVerdict) -> float:
+    """The part that a limit is of the difference, 0 of one that nothing keeps."""
+    return verdict.limit / verdict.max_abs if verdict.max_abs > 0.0 else 0.0
+
+
 def _fail_for(faults: Sequence[str], hints: Sequence[str] = ()) -> None:
     """Raise AssertionError if there are faults."""
     if faults:
-        more = [f"and {len(faults) - SHOWN} more"] if len(faults) > SHOWN else []
-        raise AssertionError("\n".join([*faults[:SHOWN], *more, *hints]))
+        raise AssertionError("\n".join([*faults, *hints]))

@@ -15,6 +15,7 @@ from cranectl.model.flatness import flat_output
 from cranectl.signals import INPUT_COLUMN, LAW_ERROR_COLUMN, LAW_LOAD_COLUMN, LAW_SIGNALS_COLUMN
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
 from cranectl.support.jit import address_of, jit
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
@@ -50,7 +51,7 @@ def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
     reference = nominal.reference
     after = np.repeat(reference[-1:], controller.preview, axis=0)
     law = AddressedLaw(
-        address=address_of(controller.step),
+        address=_compiled(controller),
         parameters=_numbers(parameters),
         reference=np.concatenate([reference, after]),
         samples=len(reference),
@@ -66,6 +67,22 @@ def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
     if any(place >= len(law.start) for place in law.places):
         raise ValueError(f"{controller.name} logs places that its memory does not have")
     return law
+
+
+def _compiled(controller: Controller) -> int:
+    """The address of its step; raises InputError for what Numba cannot compile, with what it says of it."""
+    try:
+        return address_of(controller.step)
+    except Exception as error:  # of many classes, some of no family
+        lines = str(error).splitlines() or [type(error).__name__]
+        said = next((line for line in lines if not line.startswith("Failed in nopython mode")), lines[0])
+        loc = getattr(error, "loc", None)
+        where = f"{loc.filename}:{loc.line}" if loc else controller.step.__code__.co_filename
+        raise InputError(
+            f"the step of {controller.name} cannot be compiled: {said}",
+            allowed="Python that Numba compiles: numbers, items of the five arrays, functions of math",
+            remedy=f"correct {where}",
+        ) from error
 
 
 def at_start(law: AddressedLaw) -> AddressedLaw:

@@ -92,7 +92,11 @@ def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tup
 
 
 def broken_since(run: Run, verdict: LimitVerdict) -> float | None:
-    """From when on [s] `run` does not keep a limit, wherever it ends; None if it keeps it at its end."""
-    kept = np.flatnonzero(within(verdict.metric, metric_course(run, verdict.metric), verdict.limit))
-    first = int(kept[-1]) + 1 if len(kept) else 0
+    """From when on [s] `run` breaks a limit, wherever it ends; None if it does not at its end.
+
+    A value that is absent, as of a metric of rest while the reference moves, breaks nothing here.
+    """
+    course = metric_course(run, verdict.metric)
+    unbroken = np.flatnonzero(within(verdict.metric, course, verdict.limit) | np.isnan(course))
+    first = int(unbroken[-1]) + 1 if len(unbroken) else 0
     return float(run.time[first]) if first < len(run.time) else None

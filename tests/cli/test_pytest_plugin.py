@@ -12,7 +12,7 @@ import pytest
 
 from cranectl import Run, RunStatus, load_scenario, read_log
 from cranectl.cases import case as cases
-from cranectl.cases.assertions import CaseRuns
+from cranectl.cases.assertions import CaseRuns, assert_agree
 from cranectl.support.units import quantity
 from tests.conftest import closed_loop
 from tests.packages import PLUGIN, run_pytest
@@ -83,6 +83,7 @@ def test_wrong_questions(runs, closed_loop):
 """
 FAILING = """
 import law
+import pytest
 from cranectl import assert_agree, assert_limits
 
 def test_limits(closed_loop):
@@ -92,15 +93,26 @@ def test_limits(closed_loop):
 def test_agree(closed_loop):
     assert_agree(closed_loop("hop.toml", "servo", drive="velocity"), load_m=1e-6, angle_rad=1e-5)
 
-def test_golden(closed_loop, assert_golden, request):
-    mass = 3.0 if request.config.getoption("cranectl_update") else 3.001
-    assert_golden(closed_loop("hop.toml", "lqr", drive="velocity", overrides=[f"rig.load_mass={mass}"]))
+CHANGES = {"mass": {"overrides": ["rig.load_mass=3.001"]}, "end": {"overrides": ["duration=3.5"]}}
+CHANGES["plants"] = {"plants": ["mujoco"]}
+
+@pytest.mark.parametrize("changed", CHANGES)
+def test_golden(closed_loop, assert_golden, request, changed):
+    change = {} if request.config.getoption("cranectl_update") else CHANGES[changed]
+    assert_golden(closed_loop("hop.toml", "lqr", drive="velocity", **change))
 
 def test_no_golden(closed_loop, assert_golden):
     assert_golden(closed_loop("hop.toml", "lqr"))
 
-def test_stopped(closed_loop):
-    assert_agree(closed_loop("slack-rope", "lqr", overrides=["expected='completed'"]))
+@pytest.fixture
+def stopped(closed_loop):
+    return closed_loop("slack-rope", "lqr", overrides=["expected='completed'"])
+
+def test_stopped_alike(stopped):
+    assert_agree(stopped)
+
+def test_stopped_within_limits(stopped):
+    assert_limits(stopped, max_error_m=10.0)
 
 def test_steps(closed_loop):
     steps = ["control.period=0.02", "control.physics_step=0.02"]
@@ -129,7 +141,7 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("pytest.ini", "[pytest]\npythonpath = .\nfilterwarnings = error\n"),
     ):  # fmt: skip
         (made / name).write_text(text)
-    assert "2 passed" in run_pytest(made, "--cranectl-update", "-k", "test_golden")
+    assert "4 passed" in run_pytest(made, "--cranectl-update", "-k", "test_golden")
     options = ["-p", "xdist.plugin", "-n", "2", "--dist", "loadfile", "--junitxml", "junit.xml"]
     run_pytest(made, *options, "--cranectl-logs", "kept", "--basetemp", str(made / "base"))
     return made
@@ -137,12 +149,11 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_holds_passes_and_leaves_golden_runs_only(repository: Path) -> None:
     failed = {name for name, message in messages(repository).items() if message}
-    assert failed == {line.split("(")[0][4:] for line in FAILING.splitlines() if line.startswith("def")}
+    assert {name.partition("[")[0] for name in failed} == set(re.findall(r"def (test_\w+)", FAILING))
     left = {str(path.relative_to(repository)) for path in repository.rglob("*.mcap")}
-    kept = {f"kept/test_failing.py-{name}.mcap" for name in failed}
-    golden = {"sub/golden/test_passing/test_golden_twice.mcap"}
-    golden |= {"sub/golden/test_passing/test_golden_twice-2.mcap"}
-    golden |= {"golden/test_failing/test_golden.mcap"}
+    kept = {f"kept/test_failing.py-{name.replace('[', '-').rstrip(']')}.mcap" for name in failed}
+    golden = {f"sub/golden/test_passing/test_golden_twice{k}.mcap" for k in ("", "-2")}
+    golden |= {f"golden/test_failing/test_golden-{changed}.mcap" for changed in ("mass", "end", "plants")}
     assert left == kept | golden | {"kept/test_failing.py-test_limits-2.mcap"}
     assert all((repository / path).stat().st_size < 250_000 for path in golden)
 
@@ -151,7 +162,7 @@ def test_failures_name_signal_time_size_limit_and_log(repository: Path) -> None:
     said = messages(repository)
 
     def log(test: str, k: str = "") -> dict[str, Run]:
-        path = repository / "kept" / f"test_failing.py-{test}{k}.mcap"
+        path = repository / "kept" / f"test_failing.py-{test.replace('[', '-').rstrip(']')}{k}.mcap"
         assert re.search(rf"^log of hop, .*: {re.escape(str(path))}$", said[test], re.MULTILINE)
         return read_log(path)
 
@@ -165,22 +176,26 @@ def test_failures_name_signal_time_size_limit_and_log(repository: Path) -> None:
     place = f"by {quantity(apart.max(), 'm')} at {analytic.time[apart.argmax()]:g} s, limit 1.00 µm"
     assert f"analytic and mujoco differ in load position {place}" in said["test_agree"]
     assert "differ in state.beta by " in said["test_agree"]
-    golden = read_log(repository / "golden/test_failing/test_golden.mcap")["mujoco"]
-    new = log("test_golden")["mujoco"]
+    kept = repository / "golden/test_failing/test_golden-mass.mcap"
+    golden, new = (runs["mujoco"] for runs in (read_log(kept), log("test_golden[mass]")))
     _, rows, _ = np.intersect1d(new.time_ns, golden.time_ns, return_indices=True)
     change = np.abs(new.signal("load.rope_tension")[rows] - golden.signal("load.rope_tension"))
     place = f"by {quantity(change.max(), 'N')} at {golden.time[change.argmax()]:g} s, limit "
-    assert f"mujoco differs from golden in load.rope_tension {place}" in said["test_golden"]
-    assert "golden and new differ in rig.load_mass: 3.0 and 3.001" in said["test_golden"]
-    assert f"golden: {repository}/golden/test_failing/test_golden.mcap" in said["test_golden"]
+    assert f"mujoco differs from golden in load.rope_tension {place}" in said["test_golden[mass]"]
+    assert "golden and new differ in rig.load_mass: 3.0 and 3.001" in said["test_golden[mass]"]
+    assert f"golden: {kept}" in said["test_golden[mass]"]
+    ends = "mujoco ends with completed at 3.5 s, golden with completed at 3 s"
+    assert ends in said["test_golden[end]"]
+    assert "only golden or only new: analytic" in said["test_golden[plants]"]
     assert "pytest --cranectl-update" in said["test_no_golden"]
-    assert "mujoco ends with slack-rope at 0.255 s, expected completed" in said["test_stopped"]
+    for test in ("test_stopped_alike", "test_stopped_within_limits"):
+        assert "mujoco ends with slack-rope at 0.255 s, expected completed" in said[test]
     assert "they agree with control.physics_step = 0.01" in said["test_steps"]
     assert log("test_anything_else").keys() == {"analytic", "mujoco"}
 
 
 def test_failures_point_at_the_line_of_the_test(repository: Path) -> None:
-    chosen = ["test_failing.py", "-k", "test_stopped or test_no_golden"]
+    chosen = ["test_failing.py", "-k", "alike or test_no_golden"]
     shown = run_pytest(repository, *chosen, "--cranectl-logs", "law.py")
     assert "2 failed" in shown
     assert "no log of hop, lqr, ideal drives: cannot write" in shown
@@ -208,3 +223,13 @@ def test_an_interrupt_ends_the_session_not_the_run(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(cases, "simulate_run", lambda *_, **__: run)
     with pytest.raises(KeyboardInterrupt):
         CaseRuns(cases.make_case(load_scenario("fixed-position")))
+
+
+def test_runs_that_end_apart_do_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = {"analytic": 18_000_000_000, "mujoco": 18_021_000_000}  # apart by more than the drives' lag
+    run = closed_loop("fixed-position", "lqr", "analytic")
+    monkeypatch.setattr(
+        cases, "simulate_run", lambda *_, plant, **__: replace(run, plant=plant, end_ns=ended[plant])
+    )
+    with pytest.raises(AssertionError, match=r"^analytic ends at 18 s, mujoco at 18\.021 s$"):
+        assert_agree(CaseRuns(cases.make_case(load_scenario("fixed-position"))), load_m=1.0)

@@ -1,5 +1,8 @@
 """Laws that the loop calls by address: what they are given, and what becomes of what they command."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,7 @@ from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, loops, simulate_run
 from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
 from tests.controllers.laws import FOLLOWING, PUSHING, giving_up, known, noting
 
 SENSED = ("effects.sensing.angle_resolution=0.001", "effects.delay.seconds=0.004")
@@ -133,6 +137,17 @@ def test_a_law_that_fails_ends_the_run(controller: object, status: RunStatus) ->
     run = run_of(controller, path())
     assert (run.status, len(run.time_ns)) == (status, 10)
     assert np.isfinite(run.table).all()
+
+
+def slip(_parameters, measured, _reference, _memory, command):  # type: ignore[no-untyped-def]
+    command[0] = stifness * measured[0]  # type: ignore[name-defined] # noqa: F821
+    return 0
+
+
+def test_a_step_that_cannot_be_compiled_is_told_with_its_line() -> None:
+    with pytest.raises(InputError, match=r"cannot be compiled: .*'stifness' is not defined") as told:
+        run_of(replace(FOLLOWING, step=slip), path())
+    assert f"{Path(__file__).name}:{slip.__code__.co_firstlineno + 1}" in told.value.remedy
 
 
 @pytest.mark.parametrize(

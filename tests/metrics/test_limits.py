@@ -98,4 +98,7 @@ def test_a_limit_is_broken_since_it_was_kept_last() -> None:
     assert (
         since("final_error_m", 0.9 * error[-1]) == run.time[np.flatnonzero(error <= 0.9 * error[-1])[-1] + 1]
     )
+    metrics = run_metrics(run)
+    assert metrics is not None
+    assert since("residual_sway_rad", 0.0) == run.time[run.time > metrics.rest_s][0], "of its second sample"
     assert since("max_error_m", 10.0) is None
