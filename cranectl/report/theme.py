@@ -30,6 +30,7 @@ _STYLE: dict[Any, Any] = {
     "axes.facecolor": "none",
     "axes.grid": True,
     "axes.labelcolor": STAND_IN["ink"],
+    "axes.labelpad": 7.0,  # and wide legends: small pages have larger letters
     "axes.linewidth": 0.6,
     "axes.prop_cycle": cycler(color=[STAND_IN[role] for role in SERIES]),
     "axes.spines.right": False,
@@ -39,6 +40,7 @@ _STYLE: dict[Any, Any] = {
     "font.size": 8.5,
     "grid.color": STAND_IN["grid"],
     "grid.linewidth": 0.5,
+    "legend.columnspacing": 3.0,
     "legend.fontsize": 8.5,
     "legend.frameon": False,
     "lines.linewidth": 1.2,

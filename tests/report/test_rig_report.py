@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -15,6 +16,7 @@ from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 from cranectl.cli.output import FILE_WIDTH, screen_table
+from cranectl.report.rig.page import deviation_dots
 from cranectl.report.rig.tables import (
     budget_table,
     controllers_table,
@@ -70,6 +72,17 @@ def test_the_page_of_a_rig(capsys: pytest.CaptureFixture[str]) -> None:
     assert page.count("<svg") == 4
     assert len(anchors(page)) == len(set(anchors(page)))
     assert not re.search(r'(?:src|href)="https?:', page), "it needs no network"
+
+
+def test_deviations_are_dots_in_millimetres() -> None:
+    axes = deviation_dots(
+        "abc", {"one": [2e-3, 0.0, np.nan], "other": [1.0, 1.0, 1.0]}, [np.inf, 5e-3, 0.0]
+    ).axes[0]
+    one, _, bound = (line.get_xdata() for line in axes.lines)
+    assert np.array_equal(one, [2.0, 1e-3, np.nan], equal_nan=True), (
+        "nothing is at the edge, none is not there"
+    )
+    assert list(bound) == [5.0]
 
 
 def test_a_place_that_cannot_be_written_is_found_first(

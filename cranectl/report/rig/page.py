@@ -1,6 +1,7 @@
 """The pages of a rig: the fidelity ladder alone, or advice, certificate, ladder and error budget."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,7 +29,8 @@ from cranectl.scenario import Scenario
 from cranectl.support.colours import LIGHT
 
 WIDTH = 6.4  # [in]
-LEAST = 1e-9  # [m] that is drawn
+LEAST = 1e-6  # [m] that is drawn
+EDGE = "At the left edge: 1 µm or less."
 LOWEST = 1e-2  # [rad/s]
 STYLES = ("-", "--", ":", "-.")
 MARKS = {"gap": "o", "by frequency": "s", "refused": "x"}
@@ -75,16 +77,16 @@ def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
     shown = [result for result in results if result.cumulative]
     pair = {
         "on top of the levels before": [each.cumulative.max if each.cumulative else 0.0 for each in shown],
-        f"alone, on {BASE}": [each.alone.max if each.alone else 0.0 for each in shown],
+        f"alone, on {BASE}": [each.alone.max if each.alone else np.nan for each in shown],
     }
     names = [each.level.name for each in shown]
     largest = ""
     if shown:
         most, name = max((each.cumulative.max, each.level.name) for each in shown if each.cumulative)
-        largest = f"The largest step is {name}: the load moves by up to {1e3 * most:.3g} mm."
+        largest = f"The largest step is {name}: the load moves by up to {1e3 * most:.3g} mm. {EDGE}"
     distance = f"distance of the load from that of {results[0].level.name}"
     figures = (
-        Figure.drawn("what each level adds", largest, deviation_bars, names, pair),
+        Figure.drawn("what each level adds", largest, deviation_dots, names, pair),
         Figure.drawn(distance, "", level_distances, results),
     )
     return (
@@ -101,27 +103,27 @@ def _budget_figure(budget: Budget) -> Figure:
     }
     names, bounds = [entry.level for entry in entries], [entry.bound for entry in entries]
     rough = [entry.level for entry in entries if entry.rough]
-    sentence = f"Estimates without a bound, which may be far off: {', '.join(rough)}." if rough else ""
-    return Figure.drawn("predicted, measured, bounded", sentence, deviation_bars, names, pair, bounds)
+    sentence = f"Estimates without a bound, which may be far off: {', '.join(rough)}. " if rough else ""
+    return Figure.drawn("predicted, measured, bounded", sentence + EDGE, deviation_dots, names, pair, bounds)
 
 
-def deviation_bars(
+def deviation_dots(
     names: Sequence[str], pair: Mapping[str, Sequence[float]], bounds: Sequence[float] = ()
 ) -> Drawing:
-    """Two bars a name, from label to values [m], and a mark where a bound is finite."""
+    """Two dots a name, from label to values [m], those below LEAST at the edge; a mark for a finite bound."""
     drawing = Drawing(figsize=(WIDTH, 0.9 + 0.3 * len(names)), layout="constrained")
     axes, place = drawing.subplots(), np.arange(len(names))
-    for offset, role, (label, values) in zip((-0.2, 0.2), SERIES[:2], pair.items(), strict=True):
-        lengths = np.maximum(values, LEAST)
-        axes.barh(place + offset, lengths, height=0.36, color=STAND_IN[role], label=label)
-    bounded = [(bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
+    for offset, role, marker, (label, values) in zip((-0.1, 0.1), SERIES, "oD", pair.items(), strict=False):
+        style: dict[str, Any] = {"color": STAND_IN[role], "markersize": 5, "clip_on": False, "zorder": 3}
+        axes.plot(1e3 * np.maximum(values, LEAST), place + offset, marker, label=label, **style)
+    bounded = [(1e3 * bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
     if bounded:
         axes.plot(*zip(*bounded, strict=True), "|", color=STAND_IN["limit"], markersize=14, label="bound")
     axes.set_xscale("log")
-    axes.set(xlim=(LEAST, None), xlabel="largest deviation of the load [m]")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set(xlim=(1e3 * LEAST, None), xlabel="largest deviation of the load [mm]")
     axes.set_yticks(place, names)
-    axes.invert_yaxis()
-    axes.grid(visible=False, axis="y")
+    axes.set_ylim(len(names) - 0.5, -0.5)
     drawing.legend(loc="outside upper center", ncols=3)
     return drawing
 
@@ -131,10 +133,11 @@ def level_distances(results: Sequence[LevelResult]) -> Drawing:
     drawing = Drawing(figsize=(WIDTH, 3.4), layout="constrained")
     axes, first = drawing.subplots(), results[0].run
     for k, result in enumerate(results[1:]):
-        away = np.linalg.norm(load_difference(result.run, first), axis=1).clip(min=LEAST)
+        away = 1e3 * np.linalg.norm(load_difference(result.run, first), axis=1).clip(min=0.1 * LEAST)
         style, colour = STYLES[k // len(SERIES) % 3], STAND_IN[SERIES[k % len(SERIES)]]
         axes.semilogy(first.time[: len(away)], away, style, color=colour, label=result.level.name)
-    axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(LEAST, None))
+    axes.set(xlabel="time [s]", ylabel="distance [mm]", ylim=(1e3 * LEAST, None))
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.margins(x=0.0)
     drawing.legend(loc="outside upper center", ncols=6)
     return drawing

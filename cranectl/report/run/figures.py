@@ -234,7 +234,7 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
     handles = [
         handle for pair in zip_longest(colours, lines, fillvalue=nothing) for handle in pair
     ]  # a legend fills column by column
-    figure.legend(handles=handles, loc="outside upper center", ncols=columns, columnspacing=1.6)
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns)
 
 
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> Panel:
