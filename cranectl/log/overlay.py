@@ -32,6 +32,7 @@ from cranectl.support.colours import VIEWER_SERIES
 from cranectl.support.errors import InputError, LogError
 
 FORMAT = "1"
+LEAST = 1e-15  # [m, rad] that is told of distances, so that effects without effect have a logarithm too
 STEP = "step"  # how far a run is from the one before it
 TARGET = "reference"  # of a run, in place of the one that the runs of other logs share
 MOST = len(VIEWER_SERIES)  # as many as there are colours
@@ -221,7 +222,7 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
     for before, run in pairwise(runs):
         for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
             if np.intersect1d(run.time_ns, other.time_ns).size:
-                yield distances(topics.plant_topic(run.plant, kind), run, other)
+                yield distances(topics.plant_topic(run.plant, kind), run, other, least=LEAST)
     drawn = {run.plant: run for run in runs if len(run.time_ns)}
     if not drawn:
         return
