@@ -10,6 +10,7 @@ from mcap.writer import Writer
 KINDS = {
     "one-plant": "run fixed-position --plant mujoco --out {one-plant}",
     "comparison": "run fixed-position --plant both --every 20 --out {comparison}",
+    "harbour": "run ship-to-shore --plant both --every 20 --out {harbour}",
     "robustified": "run settled-trajectory --plant mujoco --controller lqr+hinf --drive velocity --every 20"
     " --out {robustified}",
     "law": "run fast-diagonal --plant both --controller pid --drive velocity --every 20 --out {law}",

@@ -47,6 +47,11 @@ def load(picture: Picture) -> Mask:
     return hue(picture, -12.0, 12.0)
 
 
+def blue(picture: Picture) -> Mask:
+    """Ghosts of the analytic plant, and the trolley of a solid crane."""
+    return hue(picture, 195.0, 235.0)
+
+
 def centre(mask: Mask) -> NDArray[np.float64]:
     """Mean place (x right, y down) of what the mask shows [pixels]."""
     y, x = np.nonzero(mask)

@@ -16,7 +16,6 @@ from viewer.panels import Layout
 from viewer.studio import Studio, at_rest, eventually
 
 COMMAND = "-m cranectl live settled-trajectory --plant mujoco --port 0 --record"
-PARAMETERS = "Parameters!1"
 # 1.48 expects the schemas of services where the protocol of its time had them.
 SERVICES = r'could not find datatype "cranectl\.\w+_Request"'
 
@@ -46,16 +45,14 @@ def live(tmp_path: Path) -> Iterator[Live]:
 
 @pytest.fixture
 def layout(files: Path) -> Layout:
-    """The shipped layout for one run with a panel of parameters below."""
-    shipped = panels.with_values(panels.shipped("single", files))
-    configurations = {**shipped["configById"], PARAMETERS: {"title": "Parameters"}}
-    split = {"direction": "column", "first": shipped["layout"], "second": PARAMETERS, "splitPercentage": 75}
-    return {**shipped, "configById": configurations, "layout": split}
+    """The shipped one; of its panels the viewer of 1.48 lacks the buttons for services."""
+    return panels.with_values(panels.shipped("live", files, "--plant", "mujoco"))
 
 
 def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
     studio.open_live(live.url, layout)
     (scene,) = panels.of_type(layout, "3D")
+    (steering,) = panels.of_type(layout, "Parameters")
     picture = eventually(lambda: studio.picture(scene), lambda seen: pictures.bridge(seen).sum() > 300)
     # A viewer takes a step back as a seek and throws away what it has not shown yet.
     assert studio.clock == sorted(studio.clock)
@@ -67,17 +64,17 @@ def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
         assert all(values), layout["configById"][name]["foxglovePanelTitle"]
 
     # Steering: a stop, another controller with other messages on the same topic, and on again.
-    before = eventually(lambda: studio.parameters(PARAMETERS), bool)
+    before = eventually(lambda: studio.parameters(steering), bool)
     assert before["pause"] == "false"
-    studio.set_parameter(PARAMETERS, "pause", "true")
-    assert eventually(lambda: studio.parameters(PARAMETERS)["pause"], lambda seen: seen == "true") == "true"
-    studio.set_parameter(PARAMETERS, "controller", '"lqr+hinf"')
-    after = eventually(lambda: studio.parameters(PARAMETERS), lambda seen: seen["k0"] != before["k0"])
+    studio.set_parameter(steering, "pause", "true")
+    assert eventually(lambda: studio.parameters(steering)["pause"], lambda seen: seen == "true") == "true"
+    studio.set_parameter(steering, "controller", '"lqr+hinf"')
+    after = eventually(lambda: studio.parameters(steering), lambda seen: seen["k0"] != before["k0"])
     assert after["controller"] == '"lqr+hinf"'
     assert after["k0"] != before["k0"]
     stopped = at_rest(studio.duration)  # what was on its way has been shown by now
     assert at_rest(studio.duration) == stopped, "paused, whatever is set meanwhile"
-    studio.set_parameter(PARAMETERS, "pause", "false")
+    studio.set_parameter(steering, "pause", "false")
     assert eventually(studio.duration, lambda seconds: seconds > stopped + 2.0) > stopped + 2.0
     assert studio.problems() == []
     assert [text for text in studio.exceptions if not re.search(SERVICES, text)] == []

@@ -127,12 +127,36 @@ def test_without_transforms_the_panel_says_so(
 def test_the_analytic_crane_is_a_ghost(
     studio: Studio, files: Path, logs: dict[str, Path], plain: Layout
 ) -> None:
-    """Without the solid crane in the same place there is a paler one."""
-    brightness = {}
+    """Blue and pale where it is alone; inside the solid crane, which it does not dye, where both agree."""
+    shown = {}
     for log in (
         logs["comparison"],
         rewrite(logs["comparison"], files / "ghost.mcap", keep=lambda topic: topic != "/mujoco/model"),
     ):
-        picture = crane(studio, open_scene(studio, log, plain))
-        brightness[log.stem] = picture[pictures.bridge(picture)].max(axis=1).mean()
-    assert brightness["ghost"] < 0.6 * brightness["comparison"]
+        name = open_scene(studio, log, plain)
+        shown[log.stem] = eventually(
+            lambda name=name: studio.picture(name), lambda seen: pictures.foreground(seen) > 5000
+        )
+    both, ghost = (pictures.blue(shown[name]) for name in ("comparison", "ghost"))
+    assert ghost.sum() > 3 * both.sum(), "of the solid crane only the trolley is blue"
+    assert not pictures.bridge(shown["ghost"]).any()
+    assert pictures.bridge(shown["comparison"]).sum() > 1000
+    assert shown["ghost"][ghost].max(axis=1).mean() < 160.0
+
+
+@pytest.mark.parametrize("name", ["single", "comparison"])
+def test_a_crane_of_another_size_is_seen_whole(
+    name: str, studio: Studio, files: Path, logs: dict[str, Path]
+) -> None:
+    """By the layout for its log, as large as the laboratory's by that for any."""
+    seen = []
+    for kind in ("comparison", "harbour"):
+        layout = panels.shipped(name, files, "--log", str(logs[kind]))
+        (panel,) = panels.of_type(layout, "3D")
+        picture = crane(studio, open_scene(studio, logs[kind], panels.alone(layout, panel)))
+        rows, columns = np.nonzero(pictures.bridge(picture))
+        height, width = picture.shape[:2]
+        assert 0.02 * width < columns.min() < columns.max() < 0.98 * width
+        assert rows.min() > 0.02 * height
+        seen.append(np.ptp(columns) / width)
+    assert seen[1] > 0.5 * seen[0]

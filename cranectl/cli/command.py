@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cranectl.compare.agreement import Limits, NoLimits
     from cranectl.design import Design
     from cranectl.scenario import Scenario
+    from cranectl.scenario.rig import RigParameters
 
 try:
     import resource
@@ -199,14 +200,17 @@ label_option = click.option(
 )
 
 
-def layout_for(plants: Sequence[str]) -> str:
+def layout_for(plants: Sequence[str], rig: "RigParameters", log: Path) -> str:
     """What `cranectl log layout` is given to show a log of `plants`."""
     from cranectl.plants.registry import PLANTS
+    from cranectl.scenario.drawn_size import drawn_as_filed
 
-    if len(plants) == 1:
-        return f"single view.json --plant {plants[0]}"
-    chosen = "" if len(plants) == len(PLANTS) else f" --plants {','.join(plants)}"
-    return f"comparison view.json{chosen}"
+    name = "single" if len(plants) == 1 else "comparison"
+    if not drawn_as_filed(rig):
+        return f"{name} view.json --log {log}"
+    return (
+        f"{name} view.json" if len(plants) == len(PLANTS) else f"{name} view.json --plants {','.join(plants)}"
+    )
 
 
 def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:

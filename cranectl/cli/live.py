@@ -13,13 +13,12 @@ from cranectl.cli.command import (
     Command,
     controller_option,
     drive_option,
-    layout_for,
     output_option,
     plants_option,
     scenario_options,
 )
 from cranectl.support.errors import printable
-from cranectl.support.files import MCAP
+from cranectl.support.files import JSON, MCAP, write_text, writing
 from cranectl.support.interrupts import heed_interrupts, interrupt
 
 HERE = ("127.0.0.1", "localhost", "::1")
@@ -39,6 +38,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
     MCAP,
     "Log of the session, a new file. Default: logs/SCENARIO/CONTROLLER-DRIVE-live.mcap or …-2.mcap",
 )
+@output_option("--layout", JSON, "Write a layout of this session for its viewer: its rig, what steers it.")
 @scenario_options
 def live_command(
     scenario: str,
@@ -50,6 +50,7 @@ def live_command(
     port: int,
     origins: tuple[str, ...],
     record: Path | None,
+    layout: Path | None,
     rig: Path | None,
     overrides: tuple[str, ...],
 ) -> int:
@@ -61,6 +62,7 @@ def live_command(
     \b
     cranectl live settled-trajectory
     cranectl live fixed-position --controller lqr+hinf --plants mujoco --drive velocity
+    cranectl live settled-trajectory --layout view.json
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases.case import LOG_DIRECTORY, default_log
@@ -79,6 +81,11 @@ def live_command(
     design = controller_design(controller or loaded.controller.name, loaded)
     controls = Controls(loaded, design, drive=drive, speed=speed)
     plants = in_order(plants or PLANTS)
+    if layout:
+        from cranectl.report.viewer_layouts import layout_json
+
+        with writing(layout):
+            write_text(layout, layout_json("live", plants=plants, rig=loaded.rig))
     session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
@@ -93,7 +100,7 @@ def live_command(
         machine = f"[{host}]" if ":" in host else host
         _say(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
         _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
-        _say(f"layout: cranectl log layout {layout_for(plants)}, to be imported there")
+        _say(f"layout: {layout or 'start with --layout FILE'}, to be imported there")
         _say("steer: panels Parameters and Service Call")
         _say(f"log: {place}; Ctrl-C ends the session and closes it")
         server.serve(stop)

@@ -74,27 +74,46 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     callback=names_given,
     help="Of the runs of an overlay, as `cranectl overlay` says them.",
 )
-def write_layout(name: str, out: Path, plants: tuple[str, ...], labels: tuple[str, ...]) -> None:
+@click.option(
+    "--log",
+    metavar="LOG",
+    type=click.Path(path_type=Path),
+    help="What is to be shown: its plants or labels, and a camera that sees the whole of its rig. Default: "
+    "a log of the laboratory's rig.",
+)
+def write_layout(
+    name: str, out: Path, plants: tuple[str, ...], labels: tuple[str, ...], log: Path | None
+) -> None:
     """Write the layout NAME for Foxglove or Lichtblick to OUT.
 
     \b
     single        one run: crane, load, error, angles, inputs, tension
     comparison    several plants: the crane and its ghosts, the same signals, what parts them
     controller    what the controller thought
+    live          a live session, and what steers it
     overlay       the runs of `cranectl overlay` on top of each other
     ladder        all levels of `cranectl ladder` on top of each other
 
     \b
     cranectl log layout comparison comparison.json
     cranectl log layout single single.json --plant analytic
+    cranectl log layout comparison view.json --log logs/harbour/lqr-ideal.mcap
     cranectl log layout overlay view.json --labels lqr,pole-placement
     """
     from cranectl.cli.output import console
+    from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.plants.registry import PLANTS
     from cranectl.report.viewer_layouts import layout_json
+    from cranectl.scenario.drawn_size import LABORATORY
     from cranectl.support.files import write_text, writing
 
-    content = layout_json(name, plants=plants or PLANTS, labels=labels)
+    layers = read_layers(log) if log else {}
+    rigs = [layer.run.scenario.rig for layer in layers.values()]
+    if is_overlay(layers):
+        labels = labels or tuple(layers)
+    elif layers:
+        plants = plants or tuple(layers)
+    content = layout_json(name, plants=plants or PLANTS, labels=labels, rig=rigs[0] if rigs else LABORATORY)
     with writing(out):
         write_text(out, content)
     console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")

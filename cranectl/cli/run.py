@@ -94,8 +94,9 @@ def run_command(
         for note in limit_notes(result.agreements):
             screen.print(f"  {note}")
     screen.print(f"log: {case.log}")
+    layout = layout_for(case.plants, case.scenario.rig, case.log)
     screen.print(
-        f"view: cranectl log layout {layout_for(case.plants)}; open the log in Foxglove or Lichtblick and "
+        f"view: cranectl log layout {layout}; open the log in Foxglove or Lichtblick and "
         f"import the layout, or: rerun {case.log}"
     )
     write_json(

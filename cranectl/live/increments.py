@@ -198,8 +198,9 @@ class Increments:
             rows = self._rows(run, origin_ns, self._pose)
             shown, dots = self._shown[run.plant], self._rows(run, origin_ns, self._dot)
             trail = np.vstack([shown.trail, run.load_position[dots]])
-            streams.append(scene.rope(run, self._opacities[run.plant], rows))
-            streams.append(scene.trail(run.plant, run.time_ns[dots], trail, scale=self._scale))
+            opacity = self._opacities[run.plant]
+            streams.append(scene.rope(run, opacity, rows))
+            streams.append(scene.trail(run.plant, run.time_ns[dots], trail, ghost=opacity < 1.0))
             shown.trail = trail[-scene.TRAIL_POINTS :]
         return streams
 

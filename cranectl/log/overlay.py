@@ -233,7 +233,7 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
     yield scene.workspace(drawn[solid])
     for run, colour in zip(runs, VIEWER_SERIES, strict=False):
         if run.plant in drawn:
-            opacity, tint = (1.0, None) if run.plant == solid else (scene.GHOST, colour)
-            yield scene.model(run.plant, run.scenario.rig, opacity, tint=tint)
+            opacity = 1.0 if run.plant == solid else scene.GHOST
+            yield scene.model(run.plant, run.scenario.rig, opacity, colour=colour)
             yield scene.rope(run, opacity, scene.rows_apart(run, 1.0 / scene.RATE))
-            yield scene.whole_trail(run, colour=colour)
+            yield scene.whole_trail(run, ghost=opacity < 1.0, colour=colour)

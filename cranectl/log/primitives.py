@@ -50,10 +50,10 @@ def transform_of(
     )
 
 
-def line_of(points: list[Point3], thickness: float, **more: Any) -> LinePrimitive:
-    """A connected line, or what `more` says of it: in one colour, or in one for each point."""
-    kind = {"type": LinePrimitiveLineType.LineStrip, "scale_invariant": False, **more}
-    return LinePrimitive(pose=ORIGIN, points=points, thickness=thickness, **kind)
+def line_of(points: list[Point3], pixels: float, **more: Any) -> LinePrimitive:
+    """A line as wide from near as from far, connected or as `more` says, of one colour or one a point."""
+    kind = {"type": LinePrimitiveLineType.LineStrip, "scale_invariant": True, **more}
+    return LinePrimitive(pose=ORIGIN, points=points, thickness=pixels, **kind)
 
 
 def timestamp_of(time_ns: int) -> Timestamp:

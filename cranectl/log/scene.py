@@ -52,9 +52,11 @@ Rows = list[list[float]]
 
 RATE = 50  # [Hz] of poses and ropes
 TRAIL_POINTS = 50  # of a trail before the newest
-GHOST = 0.3  # opacity
+ROPE_WIDTH, PATH_WIDTH = 3.0, 1.5  # of lines [pixels]
+TRAIL_WIDTH, GHOST_TRAIL_WIDTH = 3.0, 8.0  # [pixels]; of a ghost's there is a rim where both agree
+GHOST = 0.4  # opacity
 # Lengths of the laboratory's rig, to be multiplied by a rig's scale.
-ROPE_THICKNESS = 0.008  # [m]
+WITHIN = 0.001  # [m] by which a ghost lies inside the solid crane where both agree, which it would dye
 ARROW_LENGTH = 0.25  # [m] for 1 rad/s² of a rope in scale
 SHORTEST_ARROW, LONGEST_ARROW = 0.1, 0.75  # [m]
 SHAFT, HEAD = 0.018, 0.05  # [m], diameters
@@ -82,7 +84,7 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
         result += [
             model(run.plant, run.scenario.rig, shown[run.plant]),
             rope(run, shown[run.plant], rows_apart(run, 1.0 / RATE)),
-            whole_trail(run),
+            whole_trail(run, ghost=shown[run.plant] < 1.0),
             arrows(
                 run.plant,
                 times,
@@ -132,13 +134,16 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
     return trolley.tolist(), load.tolist(), np.column_stack([sa * cb, -ca * sb, -sa * sb, ca * cb]).tolist()
 
 
-def model(plant: str, rig: RigParameters, opacity: float, *, tint: str | None = None) -> Stream:
-    """The rig's solids, once, of their own colours or of one; a ghost needs no second frame."""
+def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None = None) -> Stream:
+    """The rig's solids, once; a ghost has the colour of its run or plant and needs no second frame."""
     from cranectl.plants.mujoco.geometry import rig_solids  # MuJoCo, which reading a log does not need
 
+    ghost = opacity < 1.0
+    tint = rgb(colour or VIEWER[plant_entry(plant).colour]) if ghost else None
+    less = 2.0 * WITHIN * drawn_scale(rig) if ghost else 0.0
     entities: dict[str, dict[str, list[object]]] = {}
     for solid in rig_solids(rig):
-        if opacity < 1.0 and solid.body == "frame":
+        if ghost and solid.body == "frame":
             continue
         name, primitive, more = PRIMITIVES[solid.kind]
         shape = primitive(
@@ -146,8 +151,8 @@ def model(plant: str, rig: RigParameters, opacity: float, *, tint: str | None = 
                 position=vector_of(solid.position),
                 orientation=quaternion_of(solid.orientation),
             ),
-            size=vector_of(solid.size),
-            color=colour_of(rgb(tint) if tint else solid.colour[:3], solid.colour[3] * opacity),
+            size=vector_of(extent - less for extent in solid.size),
+            color=colour_of(tint or solid.colour[:3], solid.colour[3] * opacity),
             **more,
         )
         entities.setdefault(solid.body, {}).setdefault(name, []).append(shape)
@@ -163,22 +168,20 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     state, load = run.block("state")[rows], run.block("load")[rows]
     slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
     colours = np.outer(1.0 - slackness, rgb(VIEWER["rope"])) + np.outer(slackness, rgb(SLACK_ROPE))
-    thickness = ROPE_THICKNESS * drawn_scale(run.scenario.rig)
     ends = np.column_stack([state[:, [BRIDGE, TROLLEY]], np.zeros(len(rows)), load[:, :3]]).tolist()
     updates = []
     for time_ns, (*trolley, x, y, z), colour in zip(
         run.time_ns[rows].tolist(), ends, colours.tolist(), strict=True
     ):
-        line = line_of(points_of([trolley, [x, y, z]]), thickness, color=colour_of(colour, opacity))
+        line = line_of(points_of([trolley, [x, y, z]]), ROPE_WIDTH, color=colour_of(colour, opacity))
         updates.append(SceneUpdate(entities=[entity_of("world", "rope", time_ns, lines=[line])]))
     return _scene(topics.plant_topic(run.plant, topics.ROPE), run.time_ns[rows].tolist(), updates)
 
 
-def whole_trail(run: Run, *, colour: str | None = None) -> Stream:
+def whole_trail(run: Run, *, ghost: bool, colour: str | None = None) -> Stream:
     """The trail of a whole run."""
-    rig = run.scenario.rig
-    rows = rows_apart(run, trail_step(rig))
-    return trail(run.plant, run.time_ns[rows], run.load_position[rows], scale=drawn_scale(rig), colour=colour)
+    rows = rows_apart(run, trail_step(run.scenario.rig))
+    return trail(run.plant, run.time_ns[rows], run.load_position[rows], ghost=ghost, colour=colour)
 
 
 def trail_step(rig: RigParameters) -> float:
@@ -187,7 +190,7 @@ def trail_step(rig: RigParameters) -> float:
 
 
 def trail(
-    plant: str, time_ns: NDArray[np.int64], load: Array, *, scale: float, colour: str | None = None
+    plant: str, time_ns: NDArray[np.int64], load: Array, *, ghost: bool, colour: str | None = None
 ) -> Stream:
     """Where the load has been, fading: a message for each time.
 
@@ -195,11 +198,12 @@ def trail(
     """
     points = points_of(load.tolist())
     shade = rgb(colour or VIEWER[plant_entry(plant).colour])
-    fading = [colour_of(shade, k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
+    opacity, width = (GHOST, GHOST_TRAIL_WIDTH) if ghost else (1.0, TRAIL_WIDTH)
+    fading = [colour_of(shade, opacity * k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     updates = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):
         first = max(k - TRAIL_POINTS, 0)
-        line = line_of(points[first : k + 1], 1.2 * ROPE_THICKNESS * scale, colors=fading[first - k - 1 :])
+        line = line_of(points[first : k + 1], width, colors=fading[first - k - 1 :])
         updates.append(SceneUpdate(entities=[entity_of("world", "trail", time, lines=[line])]))
     return _scene(topics.plant_topic(plant, "trail"), time_ns.tolist(), updates)
 
@@ -245,7 +249,7 @@ def path(run: Run) -> Stream:
     shade = rgb(VIEWER["reference"])
     rig = run.scenario.rig
     points = points_of(run.reference[rows_apart(run, trail_step(rig)), :3].tolist())
-    line = line_of(points, 0.8 * ROPE_THICKNESS * drawn_scale(rig), color=colour_of(shade, 0.9))
+    line = line_of(points, PATH_WIDTH, color=colour_of(shade, 0.9))
     size = vector_of([TARGET * drawn_scale(rig)] * 3)
     ball = SpherePrimitive(pose=ORIGIN, size=size, color=colour_of(shade, 0.6))
     entities = [
@@ -262,7 +266,7 @@ def workspace(run: Run) -> Stream:
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
     points = points_of(corners[k].tolist() for edge in edges for k in edge)
     shade = colour_of(rgb(VIEWER["reference"]), 0.5)
-    line = line_of(points, 1.5, scale_invariant=True, type=LinePrimitiveLineType.LineList, color=shade)
+    line = line_of(points, 1.5, type=LinePrimitiveLineType.LineList, color=shade)
     entity = entity_of("world", "workspace", 0, lines=[line])
     return _scene(topics.WORKSPACE, [0], [SceneUpdate(entities=[entity])])
 

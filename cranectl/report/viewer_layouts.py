@@ -12,34 +12,55 @@ from cranectl.analysis.levels import NAMES
 from cranectl.log import topics
 from cranectl.log.overlay import STEP, TARGET, check_labels
 from cranectl.plants.registry import PLANTS, in_order, reference_plant
+from cranectl.report.viewer_panels import (
+    Panel,
+    events,
+    field_of,
+    panel,
+    plot,
+    scene_panel,
+    service,
+    show_rig,
+    standings,
+    without_legend,
+)
+from cranectl.scenario.drawn_size import LABORATORY
+from cranectl.scenario.rig import RigParameters
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
 from cranectl.support.errors import unknown_name
 
-Panel = tuple[str, dict[str, Any]]  # its kind and configuration
 Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side
 
 SIGNALS: dict[tuple[str, str], Signal] = {
     (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
 }
-CAMERA = {  # looks at the middle of the rig from outside a corner
-    "perspective": True, "phi": 68.0, "thetaOffset": 28.0, "fovy": 40.0, "near": 0.05, "far": 100.0,
-    "target": [0.0, 0.0, 0.0], "targetOffset": [1.0, 0.77, -0.62], "targetOrientation": [0.0, 0.0, 0.0, 1.0],
-}  # fmt: skip
-
 LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
+ROUNDING = -14.0  # power of ten of what two plants may differ by, computing in other orders [m, rad]
+FOLLOWED = 30.0  # [s] that a live session's plots show
 
 
-def layout_json(name: str, *, plants: Iterable[str] = PLANTS, labels: Sequence[str] = ()) -> str:
+def layout_json(
+    name: str,
+    *,
+    plants: Iterable[str] = PLANTS,
+    labels: Sequence[str] = (),
+    rig: RigParameters = LABORATORY,
+) -> str:
     """The layout `name` as a file's content, for a log of `plants`; of one run, the reference plant's.
 
-    `labels`: of the runs of an overlay. Raises InputError for an unknown name, and for such labels.
+    `labels`: of the runs of an overlay. The camera sees the whole `rig`. Raises InputError for an unknown
+    name, and for such labels.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
+    layout = _numbered(LAYOUTS[name](labels if name == "overlay" else in_order(plants)), panels)
+    for configuration in panels.values():
+        if "cameraState" in configuration:
+            show_rig(configuration, rig)
     content = {
-        "layout": _numbered(LAYOUTS[name](labels if name == "overlay" else in_order(plants)), panels),
+        "layout": layout,
         "configById": panels,
         "globalVariables": {},
         "userNodes": {},
@@ -63,30 +84,28 @@ def _single(plants: Sequence[str]) -> Layout:
     plant = reference_plant(plants)
     load = [(_path(plant, "load", f"load_{axis}", k), _reference(axis)) for k, axis in enumerate("xyz")]
     plots = [
-        _plot("load", [line for pair in load for line in pair]),
+        plot("load", [line for pair in load for line in pair]),
         _axes_plot(plant, "error", "error", "tracking error"),
         _joint_plot(plant, "state", ("alpha", "beta"), "cardan angles"),
         _drive_plot(plant),
-        _plot("rope tension", [_path(plant, "load", "rope_tension")]),
+        plot("rope tension", [_path(plant, "load", "rope_tension")]),
     ]
-    left = _column([_scene(_cranes([plant])), _timeline([plant])], (72, 28))
-    return _row([left, _column(plots)], (54, 46))
+    scene = scene_panel(_cranes([plant]), distance=4.2)
+    left = _column([scene, standings([plant]), events()], (48, 36, 16))
+    return _row([left, _column(plots, (25, 19, 19, 19, 18))], (54, 46))
 
 
 def _comparison(plants: Sequence[str]) -> Layout:
     """Several plants: the crane and its ghosts, the same signals of all, what parts them."""
     plants = plants if len(plants) > 1 else [*PLANTS]
-    load = [
-        _plot(f"load {axis}", [*_of_each(plants, "load", f"load_{axis}"), _reference(axis)]) for axis in "xyz"
-    ]
-    angles = [_plot(name, _of_each(plants, "state", name)) for name in ("alpha", "beta")]
-    differences = [
-        _plot(f"log₁₀ of {signal.description}", _distances(plants, signal, k), minYValue=-13.0)
-        for k, signal in enumerate(topics.DISTANCE.signals)
-    ]
-    left = _column([_scene(_cranes(plants)), _timeline(plants)], (62, 38))
-    right = _row([_column([*load]), _column([*angles, *differences])])
-    return _row([left, right], (42, 58))
+    x, *load = (
+        plot(f"load {axis}", [*_of_each(plants, "load", f"load_{axis}"), _reference(axis)]) for axis in "xyz"
+    )
+    angles = (plot(name, _of_each(plants, "state", name)) for name in ("alpha", "beta"))
+    y, z, alpha, beta = map(without_legend, [*load, *angles])
+    plots = _row([_column([x, y, z]), _column([alpha, beta, *_distance_plots(plants)])])
+    left = _column([scene_panel(_cranes(plants)), standings(plants)], (55, 45))
+    return _row([left, _column([plots, events()], (84, 16))], (42, 58))
 
 
 def _controller(plants: Sequence[str]) -> Layout:
@@ -97,13 +116,31 @@ def _controller(plants: Sequence[str]) -> Layout:
         _axes_plot(plant, "error", "error", "its rate", "_dot"),
         _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
         _axes_plot(plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
-        _plot("dynamic extension", [_path(plant, "controller", "zeta")]),
+        plot("dynamic extension", [_path(plant, "controller", "zeta")]),
         _drive_plot(plant),
         _axes_plot(plant, "flat_output", "load", "acceleration of the load", "_ddot"),
         _joint_plot(plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
-    left = _column([_scene(_cranes([plant]), distance=6.2), _timeline([plant])], (66, 34))
-    return _row([left, _row([_column(plots[:4]), _column(plots[4:])])], (34, 66))
+    left = _column([scene_panel(_cranes([plant]), distance=6.2), standings([plant])], (62, 38))
+    right = _column([_row([_column(plots[:4]), _column(plots[4:])]), events()], (85, 15))
+    return _row([left, right], (34, 66))
+
+
+def _live(plants: Sequence[str]) -> Layout:
+    """A live session: the cranes, the last half minute, and what steers them."""
+    plant = reference_plant(plants)
+    plots = [
+        _axes_plot(plant, "error", "error", "tracking error"),
+        _joint_plot(plant, "state", ("alpha", "beta"), "cardan angles"),
+        _drive_plot(plant),
+        *(_distance_plots(plants)[:1] if len(plants) > 1 else ()),
+    ]
+    for _, configuration in plots:
+        configuration["followingViewWidth"] = FOLLOWED
+    left = _column([scene_panel(_cranes(plants), distance=5.4), standings(plants)], (55, 45))
+    services = _row([service("pulse"), service("reset")])
+    steering = _column([panel("Parameters", "steering"), services, events()], (52, 26, 22))
+    return _row([left, _column(plots), steering], (40, 31, 29))
 
 
 def _overlay(labels: Sequence[str]) -> Layout:
@@ -115,12 +152,12 @@ def _overlay(labels: Sequence[str]) -> Layout:
     paths = [_of_labels(labels, key[0], SIGNALS[key]) for key in titles]
     for k, axis in enumerate("xyz"):
         paths[k].append(_reference(axis, target))
-    x, *rest = map(_plot, titles.values(), paths)
-    y, z, alpha, beta = map(_without_legend, rest)
+    x, *rest = map(plot, titles.values(), paths)
+    y, z, alpha, beta = map(without_legend, rest)
     load = topics.DISTANCE.signals[0]
-    far = _without_legend(_plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, load)))
+    far = without_legend(plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, load)))
     shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]
-    left = _column([_scene(shown), _timeline(labels)], (66, 34))
+    left = _column([scene_panel(shown), _timeline(labels)], (66, 34))
     return _row([left, _column([x, _row([y, z]), _row([alpha, beta]), far])], (42, 58))
 
 
@@ -128,19 +165,19 @@ def _ladder(_: Sequence[str]) -> Layout:
     """What each fidelity level adds, how far it is from theory; the crane of theory, the last one's ghost."""
     distance = topics.DISTANCE.signals[0]
     added, orders = (
-        _plot(
+        plot(
             f"log₁₀ of distance from {where}",
             _of_labels(NAMES, group, distance, ".@log10"),
             minYValue=LEAST_ORDER,
         )
         for where, group in (("the level before", STEP), (NAMES[0], topics.DISTANCE.name))
     )
-    metres = _plot(f"distance from {NAMES[0]}", _of_labels(NAMES, topics.DISTANCE.name, distance))
+    metres = plot(f"distance from {NAMES[0]}", _of_labels(NAMES, topics.DISTANCE.name, distance))
     shown = [topics.plant_topic(label, "trail") for label in NAMES]
     for label in (NAMES[0], NAMES[-1]):
         shown += [topics.plant_topic(label, kind) for kind in ("model", topics.ROPE)]
-    left = _column([_scene(shown), _timeline([NAMES[-1]])], (66, 34))
-    right = _column([added, _without_legend(orders), _without_legend(metres)], (46, 27, 27))
+    left = _column([scene_panel(shown), _timeline([NAMES[-1]])], (66, 34))
+    right = _column([added, without_legend(orders), without_legend(metres)], (46, 27, 27))
     return _row([left, right], (42, 58))
 
 
@@ -148,6 +185,7 @@ LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
     "single": _single,
     "comparison": _comparison,
     "controller": _controller,
+    "live": _live,
     "overlay": _overlay,
     "ladder": _ladder,
 }
@@ -165,7 +203,7 @@ def _drive_plot(plant: str) -> Panel:
 
 def _joint_plot(plant: str, group: str, names: Sequence[str], title: str) -> Panel:
     """Some signals of one group."""
-    return _plot(title, [_path(plant, group, name, k) for k, name in enumerate(names)])
+    return plot(title, [_path(plant, group, name, k) for k, name in enumerate(names)])
 
 
 def _of_each(plants: Sequence[str], group: str, name: str) -> list[dict[str, Any]]:
@@ -181,20 +219,23 @@ def _of_labels(labels: Sequence[str], group: str, signal: Signal, modifier: str 
     lines = []
     for k, label in enumerate(labels):
         if k or group not in (topics.DISTANCE.name, STEP):
-            value = f"{_field(topics.plant_topic(label, group), signal.name)}{modifier}"
+            value = f"{field_of(topics.plant_topic(label, group), signal.name)}{modifier}"
             lines.append(_line(value, signal, label, VIEWER_SERIES[k]))
     return lines
-
-
-def _field(topic: str, name: str) -> str:
-    """A field as viewers name it, who want topics with other signs than letters in quotes."""
-    return f'"{topic}".{name}' if "+" in topic else f"{topic}.{name}"
 
 
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
     """One line of a plot."""
     signal = SIGNALS[group, name]
     return _line(f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, VIEWER_SERIES[k])
+
+
+def _distance_plots(plants: Sequence[str]) -> list[Panel]:
+    """How far the plants are apart, in powers of ten down to what rounding leaves."""
+    return [
+        plot(f"log₁₀ {signal.symbol}", _distances(plants, signal, k), minYValue=ROUNDING)
+        for k, signal in enumerate(topics.DISTANCE.signals)
+    ]
 
 
 def _distances(plants: Sequence[str], signal: Signal, k: int) -> list[dict[str, Any]]:
@@ -211,38 +252,12 @@ def _distances(plants: Sequence[str], signal: Signal, k: int) -> list[dict[str, 
 
 def _reference(axis: str, topic: str = topics.REFERENCE_LOAD) -> dict[str, Any]:
     (signal,) = (signal for signal in REFERENCE.signals if signal.name == f"load_{axis}")
-    return _line(_field(topic, signal.name), signal, signal.symbol, VIEWER["reference"])
+    return _line(field_of(topic, signal.name), signal, signal.symbol, VIEWER["reference"])
 
 
 def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]:
     shown = {"value": value, "label": label, "color": colour, "unit": signal.unit}
     return {**shown, "enabled": True, "timestampMethod": "receiveTime"}
-
-
-def _plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
-    """A plot over time; its title carries the unit, since viewers have no place for it."""
-    (unit,) = {path["unit"] for path in paths}
-    lines = [{key: value for key, value in path.items() if key != "unit"} for path in paths]
-    return _panel(
-        "Plot",
-        f"{title} [{unit}]",
-        paths=lines,
-        showXAxisLabels=True,
-        showYAxisLabels=True,
-        showLegend=True,
-        legendDisplay="left",
-        showPlotValuesInLegend=False,
-        isSynced=True,
-        xAxisVal="timestamp",
-        sidebarDimension=40 + 8 * max(4, *(len(path["label"]) for path in paths)),
-        **limits,
-    )
-
-
-def _without_legend(plot: Panel) -> Panel:
-    """A plot whose lines are those of another, which tells them apart."""
-    kind, configuration = plot
-    return kind, {**configuration, "showLegend": False}
 
 
 def _cranes(plants: Sequence[str]) -> list[str]:
@@ -251,52 +266,9 @@ def _cranes(plants: Sequence[str]) -> list[str]:
     return [topics.plant_topic(plant, name) for plant in plants for name in kinds]
 
 
-def _scene(drawn: Sequence[str], *, distance: float = 5.0) -> Panel:
-    """What is `drawn` in space, seen from `distance` [m]: from further away in a narrow panel."""
-    shown = [topics.REFERENCE_PATH, topics.WORKSPACE, *drawn]
-    grid = {
-        "layerId": "foxglove.Grid", "instanceId": "floor", "label": "floor", "visible": True,
-        "frameId": "world", "size": 4.0, "divisions": 16, "lineWidth": 1, "color": "#8f99a5a0",
-        "position": [1.0, 0.77, -1.4], "rotation": [0.0, 0.0, 0.0], "order": 1,
-    }  # fmt: skip
-    return _panel(
-        "3D",
-        "crane",
-        cameraState={**CAMERA, "distance": distance},
-        followMode="follow-none",
-        followTf="world",
-        # Without axes of the frames, which would cover the crane.
-        scene={"transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
-        transforms={},
-        topics={topic: {"visible": True} for topic in shown},
-        layers={"floor": grid},
-        publish={"type": "point"},
-        imageMode={},
-    )
-
-
 def _timeline(plants: Sequence[str]) -> Layout:
-    """How the runs stand, and the events in words; reference and disturbances are the same for both."""
-    names = {name: plant.label for name, plant in PLANTS.items()}  # the crane of a ladder has none
-    standings: dict[str, tuple[str, ...]] = dict.fromkeys(plants, ("status",))
-    standings[plants[-1]] = ("status", "phase", "disturbed", "saturated")
-    paths = [
-        {
-            "value": _field(topics.plant_topic(plant, "status"), field),
-            "label": f"{names.get(plant, plant)} {field.replace('_', ' ')}",
-            "timestampMethod": "receiveTime",
-        }
-        for plant, fields in standings.items()
-        for field in fields
-    ]
-    states = _panel("StateTransitions", "phase and status", paths=paths, isSynced=True)
-    events = _panel("RosOut", "events", searchTerms=[], minLogLevel=1, topicToRender=topics.LOG)
-    return _row([states, events], (55, 45))
-
-
-def _panel(kind: str, title: str, **configuration: Any) -> Panel:
-    """Both open viewers have their own key for the title."""
-    return kind, {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
+    """How the runs stand, and beside it the events in words."""
+    return _row([standings(plants), events()], (55, 45))
 
 
 def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:

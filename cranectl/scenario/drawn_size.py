@@ -21,6 +21,11 @@ def drawn_ends(rig: RigParameters) -> Array:
     return np.array([rig.bridge_range, rig.trolley_range, (-rig.rope_range[1], 0.0)])
 
 
+def drawn_as_filed(rig: RigParameters) -> bool:
+    """Whether the rig has the laboratory's ranges, so that nothing is to be stretched."""
+    return bool((drawn_ends(rig) == drawn_ends(LABORATORY)).all())
+
+
 def _extents(rig: RigParameters) -> Array:
     """Of each range, over the laboratory's, shape (3,)."""
     ratios: Array = np.ptp(drawn_ends(rig), axis=1) / np.ptp(drawn_ends(LABORATORY), axis=1)

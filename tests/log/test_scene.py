@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from cranectl.analysis.levels import NAMES
 from cranectl.log import read_log, write_log
 from cranectl.log.overlay import Layer, write_overlay
+from cranectl.log.scene import GHOST
 from cranectl.plants.mujoco.geometry import rig_solids
 from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import layout_json
@@ -141,6 +142,8 @@ def test_the_model_is_that_of_the_mjcf_and_the_analytic_crane_its_ghost(scene: M
     assert set(ghost) == {"bridge", "trolley", "load"}, "one frame is enough"
     assert {shape.color.a for shapes in solid.values() for shape in shapes} == {1.0}
     assert all(0.0 < shape.color.a < 0.5 for shapes in ghost.values() for shape in shapes)
+    tint = colours.rgb(colours.VIEWER[PLANTS["analytic"].colour])
+    assert {rgb(shape.color) for shapes in ghost.values() for shape in shapes} == {tint}
     (ball,) = (shape for shape in solid["load"] if vector(shape.size) == pytest.approx([0.1] * 3))
     assert vector(ball.pose.position) == pytest.approx(np.zeros(3), abs=1e-12)
     assert (ball.color.r, ball.color.g, ball.color.b) == pytest.approx((0.72, 0.13, 0.12))
@@ -198,7 +201,7 @@ def test_trails_end_at_the_load_and_fade_with_age(scene: Messages, runs: dict[st
             assert vector(line.points[-1]) == pytest.approx(run.load_position[k])
             assert len(line.points) == len(line.colors) <= 52
             assert np.all(np.diff([colour.a for colour in line.colors]) > 0.0)
-            assert line.colors[-1].a == 1.0
+            assert line.colors[-1].a == (1.0 if plant == "mujoco" else pytest.approx(GHOST))
         assert len(trail[-1][1].entities[0].lines[0].points) > 45, "four seconds"
 
 

@@ -1,10 +1,12 @@
 """Layouts: every panel shows something that logs have, titled with its unit."""
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 
@@ -15,9 +17,11 @@ from cranectl.log.overlay import Layer, write_overlay
 from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario import load_scenario
+from cranectl.scenario.drawn_size import LABORATORY
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 from tests.conftest import ROOT
+from tests.scenario.test_drawn_size import similar
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -61,7 +65,8 @@ def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dic
     panels = layout["configById"]
     assert sorted(leaves(layout["layout"])) == sorted(panels)
     kinds = {panel.partition("!")[0] for panel in panels}
-    assert kinds == {"3D", "Plot", "StateTransitions", "RosOut"}
+    steering = {"Parameters", "CallService"} if name == "live" else set()
+    assert kinds == {"3D", "Plot", "StateTransitions", "RosOut", *steering}
     for panel, configuration in panels.items():
         title = configuration["foxglovePanelTitle"]
         assert configuration["lichtblickPanelTitle"] == title
@@ -105,6 +110,35 @@ def test_the_lines_of_a_plot_differ_in_colour(name: str) -> None:
         if panel.startswith("Plot"):
             lines = [line["color"] for line in configuration["paths"] if "reference" not in line["value"]]
             assert len(lines) == len(set(lines)), configuration["foxglovePanelTitle"]
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_larger_rig_is_seen_from_as_much_farther(name: str) -> None:
+    rigs = (LABORATORY, similar(20.0))
+    filed, large = (camera_and_floor(layout_json(name, rig=rig, labels=["a", "b"])) for rig in rigs)
+    for key in ("distance", "targetOffset", "near", "far"):
+        assert np.array(large[0][key]) == pytest.approx(20.0 * np.array(filed[0][key])), key
+    assert large[1]["size"] == 20.0 * filed[1]["size"]
+    assert large[1]["position"] == pytest.approx([20.0, 15.4, -28.0])
+
+
+def test_a_log_says_itself_what_it_is_shown_with(capsys: pytest.CaptureFixture[str]) -> None:
+    wide = "rig.bridge_range=[0,40]"
+    assert main(["run", "fixed-position", "--plant", "analytic", "--set", wide, "--out", "wide.mcap"]) == 0
+    (command,) = re.findall(r"cranectl (log layout .*?);", capsys.readouterr().out)
+    assert main(command.split()) == 0
+    written = Path("view.json").read_text()
+    assert "/analytic/load" in written
+    assert "/mujoco/" not in written
+    camera, _ = camera_and_floor(written)
+    assert 10.0 < camera["targetOffset"][0] < 25.0
+    assert camera["distance"] > 30.0
+
+
+def camera_and_floor(layout: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Of the 3-D panel."""
+    (scene,) = (p for name, p in json.loads(layout)["configById"].items() if name.startswith("3D"))
+    return scene["cameraState"], scene["layers"]["floor"]
 
 
 def test_unknown_names() -> None:

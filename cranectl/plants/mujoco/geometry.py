@@ -8,9 +8,8 @@ import numpy as np
 
 from cranectl.scenario.drawn_size import (
     FILED_RADIUS,
-    LABORATORY,
+    drawn_as_filed,
     drawn_box,
-    drawn_ends,
     drawn_eye,
     drawn_load_radius,
     drawn_place,
@@ -63,7 +62,7 @@ def draw_to_scale(spec: mujoco.MjSpec, rig: RigParameters) -> None:
     for geom in spec.body("load").geoms:
         factor = drawn_load_radius(rig) / FILED_RADIUS
         geom.size, geom.fromto = factor * geom.size, factor * geom.fromto
-    if (drawn_ends(rig) == drawn_ends(LABORATORY)).all():
+    if drawn_as_filed(rig):
         return  # as filed, to the last bit
     for body, carried in CARRIED.items():
         for geom in spec.body(body).geoms:

@@ -1,0 +1,125 @@
+"""Panels of layouts for viewers: of each kind what it shows, in the configuration that viewers read."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cranectl.log import topics
+from cranectl.plants.registry import PLANTS
+from cranectl.scenario.drawn_size import drawn_as_filed, drawn_box, drawn_eye, drawn_reach
+from cranectl.scenario.rig import RigParameters
+
+Panel = tuple[str, dict[str, Any]]  # its kind and configuration
+
+CAMERA = {  # looks at the middle of the rig from outside a corner
+    "perspective": True, "phi": 68.0, "thetaOffset": 28.0, "fovy": 40.0, "near": 0.05, "far": 100.0,
+    "target": [0.0, 0.0, 0.0], "targetOffset": [1.0, 0.77, -0.62], "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+}  # fmt: skip
+
+
+def scene_panel(drawn: Sequence[str], *, distance: float = 5.0) -> Panel:
+    """What is `drawn` in space, seen from `distance` [m]: from further away in a narrow panel."""
+    shown = [topics.REFERENCE_PATH, topics.WORKSPACE, *drawn]
+    grid = {
+        "layerId": "foxglove.Grid", "instanceId": "floor", "label": "floor", "visible": True,
+        "frameId": "world", "size": 4.0, "divisions": 16, "lineWidth": 1, "color": "#8f99a5a0",
+        "position": [1.0, 0.77, -1.4], "rotation": [0.0, 0.0, 0.0], "order": 1,
+    }  # fmt: skip
+    return panel(
+        "3D",
+        "crane",
+        cameraState={**CAMERA, "distance": distance},
+        followMode="follow-none",
+        followTf="world",
+        # Without axes of the frames, which would cover the crane.
+        scene={"transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
+        transforms={},
+        topics={topic: {"visible": True} for topic in shown},
+        layers={"floor": grid},
+        publish={"type": "point"},
+        imageMode={},
+    )
+
+
+def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
+    """Stretch a view of the laboratory's rig to another: camera and floor."""
+    if drawn_as_filed(rig):
+        return
+    camera, floor = configuration["cameraState"], configuration["layers"]["floor"]
+    across, down = np.radians((camera["thetaOffset"], camera["phi"]))
+    c, s = np.cos((across, down)), np.sin((across, down))
+    right, up, back = (c[0], -s[0], 0.0), (s[0] * c[1], c[0] * c[1], s[1]), (-s[0] * s[1], -c[0] * s[1], c[1])
+    axes, tangent = np.array([right, up, back]), np.tan(np.radians(camera["fovy"] / 2.0))
+    target, distance = np.array(camera["targetOffset"]), camera["distance"]
+    eye, farther = drawn_eye(target + distance * axes[2], axes, np.full(2, tangent), rig)
+    camera["distance"] = round(farther * distance, 3)
+    camera["targetOffset"] = (eye - farther * distance * axes[2]).round(3).tolist()
+    camera["near"], camera["far"] = (round(drawn_reach(rig) * camera[key], 4) for key in ("near", "far"))
+    low, high = drawn_box(rig)
+    floor["size"] = round(drawn_reach(rig) * floor["size"], 3)
+    floor["position"] = [*((low + high)[:2] / 2.0).round(3).tolist(), -rig.rope_range[1]]
+
+
+def field_of(topic: str, name: str) -> str:
+    """A field as viewers name it, who want topics with other signs than letters in quotes."""
+    return f'"{topic}".{name}' if "+" in topic else f"{topic}.{name}"
+
+
+def plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
+    """A plot over time; its title carries the unit, since viewers have no place for it."""
+    (unit,) = {path["unit"] for path in paths}
+    lines = [{key: value for key, value in path.items() if key != "unit"} for path in paths]
+    return panel(
+        "Plot",
+        f"{title} [{unit}]",
+        paths=lines,
+        showXAxisLabels=True,
+        showYAxisLabels=True,
+        showLegend=len(paths) > 1,
+        legendDisplay="left",
+        showPlotValuesInLegend=False,
+        isSynced=True,
+        xAxisVal="timestamp",
+        sidebarDimension=round(38 + 6.5 * max(4, *(len(path["label"]) for path in paths))),
+        **limits,
+    )
+
+
+def without_legend(drawn: Panel) -> Panel:
+    """A plot whose lines are those of another, which tells them apart."""
+    kind, configuration = drawn
+    return kind, {**configuration, "showLegend": False}
+
+
+def events() -> Panel:
+    """What happens, in words."""
+    return panel("RosOut", "events", searchTerms=[], minLogLevel=1, topicToRender=topics.LOG)
+
+
+def service(name: str) -> Panel:
+    """A button of a live session."""
+    shown = {"buttonText": name, "layout": "vertical", "editingMode": False, "timeoutSeconds": 10}
+    return panel("CallService", name, serviceName=f"/{name}", requestPayload="{}", **shown)
+
+
+def standings(plants: Sequence[str]) -> Panel:
+    """How the runs stand; reference and disturbances are the same for all."""
+    names = {name: plant.label for name, plant in PLANTS.items()}  # the crane of a ladder has none
+    told: dict[str, tuple[str, ...]] = dict.fromkeys(plants, ("status",))
+    told[plants[-1]] = ("status", "phase", "disturbed", "saturated")
+    paths = [
+        {
+            "value": field_of(topics.plant_topic(plant, "status"), field),
+            "label": f"{names.get(plant, plant)} {field.replace('_', ' ')}",
+            "timestampMethod": "receiveTime",
+        }
+        for plant, fields in told.items()
+        for field in fields
+    ]
+    return panel("StateTransitions", "phase and status", paths=paths, isSynced=True)
+
+
+def panel(kind: str, title: str, **configuration: Any) -> Panel:
+    """Both open viewers have their own key for the title."""
+    return kind, {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
