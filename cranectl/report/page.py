@@ -13,7 +13,7 @@ from matplotlib.figure import Figure as Drawing
 from PIL.Image import Image
 
 from cranectl.report.table import Table
-from cranectl.report.theme import css_variables, inline_svg, styled
+from cranectl.report.theme import SUBSCRIPT, css_variables, inline_svg, styled
 from cranectl.support.files import write_text, writing
 
 
@@ -80,9 +80,15 @@ def render(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["typeset"] = typeset
     template = environment.get_template("page.html.jinja")
     light, dark = (Markup(css_variables(dark=dark)) for dark in (False, True))
     return template.render(page=page, light=light, dark=dark)
+
+
+def typeset(text: str) -> Markup:
+    """Text with the subscripts of its symbols."""
+    return Markup(SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(text))))
 
 
 def write_page(page: Page, path: Path) -> None:

@@ -82,7 +82,7 @@ def inline_svg(figure: Figure) -> str:
     text = re.sub(
         r"font-size: ([\d.]+)px; font-family: [^;\"]*", r"font-size: calc(\1px * var(--text))", text
     )
-    text = re.sub(r"<text.*?</text>", lambda words: _SUBSCRIPT.sub(_LOWERED, words[0]), text)
+    text = re.sub(r"<text.*?</text>", lambda words: SUBSCRIPT.sub(_LOWERED, words[0]), text)
     plots, width = told(figure), f"--wide: {72.0 * figure.get_figwidth():g}"
     data = f' data-plots="{escape(plots, quote=True)}"' if plots else ""
     text = text.replace("<svg", f'<svg style="{width}"{data}', 1)
@@ -91,7 +91,7 @@ def inline_svg(figure: Figure) -> str:
     return text.strip()
 
 
-_SUBSCRIPT = re.compile(r"\b(\w)_(\w{1,3})\b")  # of a symbol: x_c
+SUBSCRIPT = re.compile(r"\b([^\W\d_])_([^\W\d_]{1,2}\d?)\b")  # of a symbol: x_c
 _LOWERED = r'\1<tspan dy=".25em" font-size="75%">\2</tspan><tspan dy="-.19em">&#8203;</tspan>'
 
 

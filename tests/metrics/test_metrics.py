@@ -380,6 +380,9 @@ def test_the_best_of_the_runs_that_did_not_stop_is_marked(synthetic: Run) -> Non
     assert marks["tracking error, max"] == ["", "best", ""]
     assert marks["rope tension, min"] == ["best", "", ""]
     assert marks["sway, max"] == ["", "", ""], "the same everywhere"
+    heavy = metrics_table({"": [with_values(min_rope_tension_n=193741.96)]})
+    (row,) = (row for row in heavy.rows if row[0].text == "rope tension, min")
+    assert [cell.text for cell in row[1:]] == ["kN", "193.742"]
 
 
 def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:

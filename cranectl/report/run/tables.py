@@ -8,6 +8,7 @@ from cranectl.compare.agreement import Agreement, Limits
 from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
+from cranectl.support.units import scaled
 
 MISSING = "-"
 Drives = dict[str, tuple[Agreement, str]]  # by name; with what else is wrong with the case
@@ -47,10 +48,13 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
     Of several logs the best value of a metric is marked, if not all are the same.
     """
     shown = sorted((metric for metric in all_metrics() if metric.row.label), key=lambda m: m.row.place)
+    told = [_told(metric, [run.metrics for runs in logs.values() for run in runs]) for metric in shown]
     columns: dict[tuple[str, tuple[str, ...]], list[RunSummary]] = {}
     for label, runs in logs.items():
         for run in runs:
-            texts = tuple(_text(metric, run.metrics) for metric in shown)
+            texts = tuple(
+                _text(metric, run.metrics, factor) for metric, (factor, _) in zip(shown, told, strict=True)
+            )
             columns.setdefault((label, texts), []).append(run)
     headings = [
         "\n".join(filter(None, (label, ", ".join(run.plant for run in runs))))
@@ -60,10 +64,10 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
     rows = tuple(
         cells(
             metric.row.label,
-            "°" if metric.unit == "rad" else metric.unit,
+            unit,
             *_best_marked(metric, texts, whole),
         )
-        for metric, *texts in zip(shown, *(texts for _, texts in columns), strict=True)
+        for metric, (_, unit), *texts in zip(shown, told, *(texts for _, texts in columns), strict=True)
     )
     note = "Settling, overshoot and what is residual count from when the reference has come to rest."
     if len(logs) > 1:
@@ -87,12 +91,24 @@ def _best_marked(metric: Metric, texts: Sequence[str], whole: Sequence[bool]) ->
     ]
 
 
-def _text(metric: Metric, metrics: RunMetrics | None) -> str:
-    """A dash for what is not there."""
+def _numbers_of(metric: Metric, metrics: RunMetrics | None) -> tuple[float | None, ...]:
     value = None if metrics is None else metrics.values[metric.name]
-    scale = degrees(1.0) if metric.unit == "rad" else 1.0
-    numbers = value if isinstance(value, tuple) else (value,)
-    return " ".join(MISSING if n is None else f"{scale * n:.{metric.row.digits}f}" for n in numbers)
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _told(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str]:
+    """The factor to the unit in which a metric is told, and that unit: degrees, kN for thousands."""
+    if metric.unit == "rad":
+        return degrees(1.0), "°"
+    largest = max((abs(n) for run in runs for n in _numbers_of(metric, run) if n is not None), default=0.0)
+    factor, unit = scaled(metric.unit, largest)
+    return (factor, unit) if factor < 1.0 else (1.0, metric.unit)
+
+
+def _text(metric: Metric, metrics: RunMetrics | None, factor: float) -> str:
+    """A dash for what is not there."""
+    numbers = _numbers_of(metric, metrics)
+    return " ".join(MISSING if n is None else f"{factor * n:.{metric.row.digits}f}" for n in numbers)
 
 
 def limits_table(runs: Sequence[RunSummary], *, broken_only: bool = False) -> Table | None:
