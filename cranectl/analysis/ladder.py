@@ -11,8 +11,9 @@ from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, Level, with_e
 from cranectl.controllers.registry import controller_design, only_flat
 from cranectl.design import Design
 from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.plants.plant import StepError
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run
+from cranectl.simulate import Run, make_plant, plan_reference, plan_scenario, simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import unknown_name
 
@@ -104,10 +105,20 @@ def evaluate_levels(
 
 
 def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
-    """Raise InputError where the physics step is too long for `variants`, which have other effects only."""
-    shortest = plan_scenario(scenario).shortest_rope
+    """Raise InputError where the physics step is too long for `variants`, which have other effects only.
+
+    It names a step that will do for all of them. Also where a limit of theirs is below what the reference
+    asks.
+    """
+    shortest, errors = plan_scenario(scenario).shortest_rope, []
     for variant in variants:
-        make_plant("mujoco", variant, "velocity").check_length(shortest)
+        plan_reference(variant)
+        try:
+            make_plant("mujoco", variant, "velocity").check_length(shortest)
+        except StepError as error:
+            errors.append(error)
+    if errors:
+        raise min(errors, key=lambda error: error.step)
 
 
 def simulated_seconds(scenario: Scenario, top: str) -> float:

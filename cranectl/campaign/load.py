@@ -124,12 +124,11 @@ def make_campaign(settings: CampaignSettings) -> Campaign:
 
 def _nominal_scenario(settings: CampaignSettings) -> Scenario:
     """What the controller assumes: the campaign's scenario, with every uncertain effect switched on."""
-    scenario = load_scenario(settings.scenario, overrides=settings.set)
+    scenario = load_scenario(settings.scenario, rig=settings.rig, overrides=settings.set)
     named = {name.split(".")[1] for name in settings.uncertain if name.startswith("effects.")}
     off = [effect for effect, given in scenario.effects if given is None and effect in named]
-    return load_scenario(
-        settings.scenario, overrides=[*settings.set, *(f"effects.{effect}={{}}" for effect in off)]
-    )
+    added = [f"effects.{effect}={{}}" for effect in off]
+    return load_scenario(settings.scenario, rig=settings.rig, overrides=[*settings.set, *added])
 
 
 def _runs(settings: CampaignSettings, parameters: Sequence[Parameter]) -> int:

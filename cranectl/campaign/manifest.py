@@ -24,7 +24,7 @@ FORMAT = 2
 RULE = 1  # of identities; parts of all formats have it
 DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
 DEFAULT_RIG = RigParameters().model_dump(mode="json")
-NOT_DECISIVE = ("title", "limits", "scenario", "set")  # of a campaign: the scenario itself is recorded
+NOT_DECISIVE = ("title", "limits", "scenario", "rig", "set")  # of a campaign: the scenario itself is recorded
 
 
 class Origin(NamedTuple):

@@ -14,6 +14,7 @@ from cranectl.controllers.registry import checked_controller
 from cranectl.metrics.limits import Limits
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
+from cranectl.scenario import rig_place
 from cranectl.scenario.settings import Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import leaves, read_toml
@@ -46,6 +47,9 @@ class CampaignSettings(Settings):
     )
     title: str = Field("", description="one line for people")
     scenario: str = Field(description="name or path of the scenario")
+    rig: str | None = Field(
+        None, description="name of a rig or path of its file from the campaign's; default: the scenario's"
+    )
     controllers: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = Field(
         description="names of controllers"
     )
@@ -90,7 +94,10 @@ def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
     Raises InputError for what is wrong in itself; `load_campaign` checks it against the scenario.
     """
     path = resources.toml_file("campaign", str(name_or_path), resources.CAMPAIGN_DIRECTORY)
-    return parse_campaign(override(read_toml(path), overrides), path.name)
+    table = read_toml(path)
+    if isinstance(table.get("rig"), str):
+        table["rig"] = str(rig_place(table["rig"], path.parent))
+    return parse_campaign(override(table, overrides), path.name)
 
 
 def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from cranectl.compare.agreement import Agreement, Predict, against_reference, judge_steps, limits_for
 from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.controller import LawDesign
@@ -58,6 +60,7 @@ class RunSummary:
     log: Path | None  # None: it is not kept
     metrics: RunMetrics | None
     limits: tuple[LimitVerdict, ...] = ()  # that its scenario asks of it
+    beyond_drives: str = ""  # what its drives could not do, had they limits
 
     @property
     def limits_kept(self) -> bool | None:
@@ -78,6 +81,7 @@ class RunSummary:
             log=log,
             metrics=metrics,
             limits=judge_limits(metrics, limits_of(run.scenario, [run.plant])[run.plant]),
+            beyond_drives=_beyond_drives(run),
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -92,7 +96,25 @@ class RunSummary:
             "log": None if self.log is None else str(self.log),
             "metrics": self.metrics.to_json() if self.metrics is not None else None,
             "limits": [verdict.to_json() for verdict in self.limits],
+            "beyond_drives": self.beyond_drives,
         }
+
+
+def _beyond_drives(run: Run) -> str:
+    """What is commanded most beyond what the drives can do, where the run does not limit it; else nothing."""
+    if run.scenario.effects.limits is not None or run.status.stopped:
+        return ""
+    able = run.scenario.rig.effects.limits
+    asked = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
+    ratios = asked / np.array([*able.acceleration, *able.velocity])
+    worst = int(np.argmax(ratios))
+    if ratios[worst] <= 1.0:
+        return ""
+    axis, unit = ("bridge", "trolley", "winch")[worst % 3], ("m/s²", "m/s")[worst // 3]
+    return (
+        f"asks {asked[worst]:.3g} {unit} of the {axis}, {ratios[worst]:.3g} times what its drive can do: "
+        "see what comes of it with --drive velocity --plants mujoco --set effects.limits={}"
+    )
 
 
 @dataclass(frozen=True)

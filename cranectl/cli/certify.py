@@ -7,6 +7,7 @@ import click
 from cranectl.cli.command import Command, drive_option, json_option, output_option, scenario_options
 from cranectl.support.files import PLOTS
 
+# Of the laboratory rig, and on another one scaled by similarity.
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
 TILTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
 HOISTING_SPEEDS = (-0.3, 0.0, 0.3)
@@ -94,6 +95,7 @@ def certify_command(
     from cranectl.design import Design
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import default_scenario, load_scenario
+    from cranectl.scenario.rig import RigParameters
     from cranectl.simulate import checked_drive
 
     overrides += tuple(
@@ -107,11 +109,16 @@ def certify_command(
     checked = checked_drive(drive)
     design = controller_design(controller, loaded)
     flat = isinstance(design, Design)
+    shortest, longest = loaded.rig.rope_range
+    size = longest / RigParameters().rope_range[1]
+    scaled_lengths = {max(_rounded(size * length), shortest): None for length in ROPE_LENGTHS}
+    scaled_tilts = [(_rounded(alpha / size), _rounded(beta / size)) for alpha, beta in TILTS]
+    scaled_speeds = [_rounded(size**0.5 * speed) for speed in HOISTING_SPEEDS]
     points = grid_of(
         loaded,
-        rope_lengths=rope_lengths or ROPE_LENGTHS,
-        tilts=tilts or (TILTS if flat else TILTS[:1]),
-        hoisting_speeds=hoisting_speeds or (HOISTING_SPEEDS if flat else (0.0,)),
+        rope_lengths=rope_lengths or list(scaled_lengths),
+        tilts=tilts or (scaled_tilts if flat else scaled_tilts[:1]),
+        hoisting_speeds=hoisting_speeds or (scaled_speeds if flat else (0.0,)),
     )
     nominal_loops = make_nominal_loops(loaded, design, points, open_at)
     with progress_bar(len(points), done="points") as (advance, describe):
@@ -149,3 +156,7 @@ def certify_command(
         data["limits"] = [found_limits.to_json() for found_limits in limit_list]
     write_json(json_file, data)
     return exit_codes.GOOD if found.certified else exit_codes.LIMIT_EXCEEDED
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")

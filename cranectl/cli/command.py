@@ -147,7 +147,7 @@ def scenario_options(function: F) -> F:
         "--rig",
         metavar="FILE",
         type=click.Path(path_type=Path),
-        help="TOML file of rig parameters; overrides those of the scenario.",
+        help="Name or TOML file of a rig, in place of the scenario's.",
     )
     assign = click.option(
         "--set",

@@ -6,10 +6,19 @@ from typing import Any, Literal, NamedTuple, Protocol
 from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
 
 Drive = Literal["ideal", "velocity", "force"]
 
 DRIVES: tuple[Drive, ...] = ("ideal", "velocity", "force")
+
+
+class StepError(InputError):
+    """Steps of the integrator that are too long."""
+
+    def __init__(self, found: str, *, allowed: str = "", remedy: str = "", step: float = 0.0) -> None:
+        super().__init__(found, allowed=allowed, remedy=remedy)
+        self.step = step  # that would do [s]
 
 
 class Kernels(NamedTuple):

@@ -8,6 +8,7 @@ from cranectl.scenario.load import (
     load_rig,
     load_scenario,
     rig_names,
+    rig_place,
     scenario_names,
 )
 from cranectl.scenario.scenario import (
@@ -35,5 +36,6 @@ __all__ = [
     "load_scenario",
     "nanoseconds",
     "rig_names",
+    "rig_place",
     "scenario_names",
 ]

@@ -40,8 +40,13 @@ def load_scenario(
     path = resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
     table = read_toml(path)
     if rig is None and isinstance(table.get("rig"), str):
-        rig = path.parent / table["rig"] if table["rig"] not in rig_names() else table["rig"]
+        rig = rig_place(table["rig"], path.parent)
     return _scenario(table, path.name, rig, overrides)
+
+
+def rig_place(name_or_path: str, directory: Path) -> Path:
+    """A rig that a file in `directory` names, as `load_rig` takes it."""
+    return Path(name_or_path) if name_or_path in rig_names() else directory / name_or_path
 
 
 def load_rig(name_or_path: str | Path) -> RigParameters:
@@ -64,7 +69,7 @@ def rig_table(name_or_path: str | Path) -> Table:
 
 def _given(name_or_path: str, directory: Path, above: tuple[Path, ...] = ()) -> Table:
     """What the file of a rig says, on top of the one that it `extends`, by a path from its own place."""
-    path = directory / resources.toml_file("rig", name_or_path, resources.RIG_DIRECTORY)
+    path = resources.toml_file("rig", str(rig_place(name_or_path, directory)), resources.RIG_DIRECTORY)
     table = read_toml(path)
     if path.resolve() in above:
         raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")

@@ -54,6 +54,7 @@ def plan_reference(scenario: Scenario) -> PlannedReference:
     _check_taut(scenario, time_ns, reference)
     states, _ = states_and_inputs(reference, scenario.rig.gravity)
     _check_workspace(scenario, time_ns, states)
+    _check_speed(scenario, time_ns, states)
     return PlannedReference(time_ns, reference, states, scenario.rig.gravity)
 
 
@@ -117,6 +118,20 @@ def _check_taut(scenario: Scenario, time_ns: NDArray[np.int64], reference: Array
             f"{time_ns[highest] / NANOSECONDS:g} s",
             allowed="z below 0, the height of the trolley",
             remedy="lower the path",
+        )
+
+
+def _check_speed(scenario: Scenario, time_ns: NDArray[np.int64], states: Array) -> None:
+    if scenario.effects.limits is None:
+        return
+    speed, limits = np.abs(states[:, 1:6:2]), scenario.effects.limits.velocity
+    worst, axis = np.unravel_index(int(np.argmax(speed / limits)), speed.shape)
+    if speed[worst, axis] > limits[axis]:
+        raise InputError(
+            f"the reference moves faster than the drive of {WORKSPACE_SIGNALS[axis]} can: "
+            f"{speed[worst, axis]:.3g} m/s at {time_ns[worst] / NANOSECONDS:g} s",
+            allowed=f"up to effects.limits.velocity = {limits[axis]:g} m/s",
+            remedy="give the segment more time, or correct the limit",
         )
 
 

@@ -9,10 +9,11 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from cranectl.analysis.budget.error_budget import error_budget
-from cranectl.analysis.ladder import deviation, evaluate_levels
+from cranectl.analysis.ladder import check_steps, deviation, evaluate_levels
 from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, with_effects
 from cranectl.cli.main import main
 from cranectl.log.overlay import read_layers
+from cranectl.plants.plant import StepError
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
@@ -42,6 +43,24 @@ def test_levels_add_one_effect_each_and_are_the_runs_that_a_person_would_make(sh
     assert_array_equal(last.run.table, run("limits", "sensing", "delay").table)
     assert last.alone == deviation(run("delay"), run())
     assert last.alone.max > 1e-6
+
+
+def test_the_step_that_is_named_does_for_all_levels(short: Scenario) -> None:
+    """Not only for the first level for which they are too long."""
+    effects = {"frame": {"frequency": [400.0, 9.0]}, "rope": {"stiffness": 3e8}}
+    table = short.model_dump(mode="json", exclude_none=True) | {"effects": effects}
+    scenario = parse_settings(Scenario, table, "stiff")
+    steps = []
+    for name in effects:
+        with pytest.raises(StepError) as caught:
+            check_steps(scenario, [with_effects(scenario, [name])])
+        steps.append(caught.value.step)
+    with pytest.raises(StepError) as caught:
+        list(evaluate_levels(scenario, "lqr"))
+    assert 0.5 * min(steps) <= caught.value.step <= min(steps) < max(steps)
+    table["control"] = {"physics_step": caught.value.step}
+    finer = parse_settings(Scenario, table, "finer")
+    check_steps(finer, [with_effects(finer, EFFECTS), *(with_effects(finer, [name]) for name in effects)])
 
 
 def test_the_scenario_s_own_settings_are_taken(short: Scenario) -> None:

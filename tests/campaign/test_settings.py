@@ -184,6 +184,19 @@ def test_files_names_and_overrides(tmp_path: Path) -> None:
             load_campaign(wrong)
 
 
+def test_a_campaign_names_its_rig_from_where_it_lies(tmp_path: Path) -> None:
+    (tmp_path / "rigs").mkdir()
+    (tmp_path / "rigs" / "heavy.toml").write_text("load_mass = 4.0\n")
+    path = tmp_path / "mine.toml"
+    path.write_text('rig = "rigs/heavy.toml"\n' + GOOD)
+    nominal = load_campaign(path, overrides=['set=["rig.winch_mass=0.7"]']).nominal
+    assert (nominal.rig.rated_load, nominal.rig.bridge_mass, nominal.rig.winch_mass) == (4.0, 24.0, 0.7)
+    assert load_campaign(path, overrides=["rig=lab-rig"]).nominal.rig.load_mass == 1.0
+    path.write_text('rig = "lab-rgi"\n' + GOOD)
+    with pytest.raises(InputError, match="cannot read"):
+        load_campaign(path)
+
+
 def test_settings_survive_json_and_names_may_be_quoted() -> None:
     settings = read_campaign("lab-rig")
     assert parse_campaign(json.loads(settings.model_dump_json()), "again") == settings

@@ -26,7 +26,7 @@ MOVING = [
     'disturbances=[{joint="alpha",start=0.1,end=0.5,magnitude=1.0},{joint="beta",start=0.2,magnitude=1.0}]',
 ]  # fmt: skip
 TIGHT = [
-    "effects.limits.velocity=[0.4,0.4,0.3]", "effects.limits.acceleration=[2.0,2.0,2.0]",
+    "effects.limits.velocity=[1.25,1.25,0.62]", "effects.limits.acceleration=[2.0,2.0,2.0]",
     "effects.wind.mean=[1.0,1.0,1.0]", "effects.wind.drag_area=0.1",
 ]  # fmt: skip
 FORCES = ["effects.limits.force=[8.0,4.0,11.0]"]
@@ -40,6 +40,7 @@ OTHER = {
     "rig.bridge_range.0": 0.66, "rig.bridge_range.1": 0.7, "rig.trolley_range.0": 0.5,
     "rig.trolley_range.1": 0.55, "rig.rope_range.0": 0.58, "rig.rope_range.1": 0.61,
     "effects.delay.seconds": 0.01, PERIOD: 0.002,
+    **{f"effects.limits.velocity.{axis}": 0.1 for axis in range(3)},  # below what the reference asks
 }  # fmt: skip
 
 

@@ -80,5 +80,15 @@ def test_reference_that_needs_a_slack_rope_is_refused() -> None:
     assert "below g = 5" in error.allowed
 
 
+def test_reference_beyond_the_drives_speed_is_refused_where_they_have_limits() -> None:
+    """Of the bridge, which goes ahead of the load."""
+    fast = ([0.2, 0.77, -0.7], 1.5)
+    plan_scenario(scenario(*fast))
+    error = refused(*fast, "effects.limits={}")
+    assert "bridge_position can: 1.05 m/s at 0.307 s" in error.found
+    assert error.allowed == "up to effects.limits.velocity = 1 m/s"
+    plan_scenario(scenario(*fast, "effects.limits.velocity=[1.1,1.0,0.6]"))
+
+
 def test_reference_above_the_trolley_is_refused() -> None:
     assert "lifts the load" in refused([1.0, 0.77, 0.1], 5.0).found

@@ -33,6 +33,7 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     @controllers_option("Default: the campaign's; repeatable, or names with commas.")
     @plants_option("Default: the campaign's.")
     @click.option("--drive", metavar="NAME", help="ideal, velocity or force. Default: the campaign's.")
+    @click.option("--rig", metavar="NAME", help="Name or TOML file of a rig. Default: the campaign's.")
     @click.option("--seed", type=int, metavar="N", help="Other samples. Default: the campaign's.")
     @click.option(
         "--set",
@@ -49,9 +50,14 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
 
         to_toml = functools.partial(json.dumps, ensure_ascii=False)  # the same for strings, numbers, lists
         fields = CampaignSettings.model_fields
-        own = [text for text in overrides if text.partition("=")[0].split(".")[0] in fields]
+        roots = [text.partition("=")[0].split(".") for text in overrides]
+        own = [
+            text
+            for text, root in zip(overrides, roots, strict=True)
+            if root[0] in fields and (root[0] != "rig" or len(root) == 1)  # rig.load_mass is the scenario's
+        ]
         shared = [text for text in overrides if text not in own]
-        replaced = {key: given.pop(key) for key in ("runs", "controllers", "plants", "drive", "seed")}
+        replaced = {key: given.pop(key) for key in ("runs", "controllers", "plants", "drive", "rig", "seed")}
         own += [f"{key}={to_toml(value)}" for key, value in replaced.items() if value not in (None, ())]
         if shared:
             own.append(f"set={to_toml([*read_campaign(campaign, overrides=own).set, *shared])}")

@@ -229,9 +229,8 @@ class MujocoPlant:
         trial, state = mujoco.MjData(self.model), np.zeros(10)
         state[4] = length
         self._place(trial, state)
-        check_step(
-            self.model, trial, f"a crane with {', '.join(self.effects.names)} and {length:g} m of rope"
-        )
+        what = f"a crane with {', '.join(self.effects.names)} and {length:g} m of rope"
+        check_step(self.model, trial, what, period=self.rig.step * self.rig.substeps)
 
     def _set_state(self, state: Array) -> None:
         mujoco.mj_resetData(self.model, self.data)

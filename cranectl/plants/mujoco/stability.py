@@ -1,12 +1,14 @@
 """Whether the physics step is short enough for the fastest motion of a model."""
 
 import copy
+import math
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.support.errors import InputError
+from cranectl.plants.plant import StepError
+from cranectl.scenario import NANOSECONDS
 
 # RK4 is stable for |rate · step| below 2.6 in all directions of decay (Hairer, Wanner: Solving Ordinary
 # Differential Equations II, figure IV.2.1); at 2 it still damps a vibration within a few periods.
@@ -14,15 +16,20 @@ LARGEST = 2.0
 SMALL = 1e-9  # [m, rad, m/s, rad/s], below the stretch of a stiff rope
 
 
-def check_step(model: mujoco.MjModel, data: mujoco.MjData, what: str) -> None:
-    """Raise InputError where the integrator would be unstable at the state in `data`."""
+def check_step(model: mujoco.MjModel, data: mujoco.MjData, what: str, *, period: float) -> None:
+    """Raise StepError where the integrator would be unstable at the state in `data`.
+
+    With the longest step that would do and divides the control period `period` [s].
+    """
     rate, step = fastest_rate(model, data), float(model.opt.timestep)
     if rate * step > LARGEST:
-        raise InputError(
+        enough = _step(period, LARGEST / rate)
+        raise StepError(
             f"{what}: something vibrates or decays with {rate:.3g} 1/s, too fast for steps of {step:g} s",
             allowed=f"rates up to {LARGEST / step:.3g} 1/s at this step",
-            remedy=f"set control.physics_step to {_rounded(LARGEST / rate):g} or less; or choose a softer "
+            remedy=f"set control.physics_step to {enough:g} or less; or choose a softer "
             "rope or frame, a heavier winch, or a body with more inertia",
+            step=enough,
         )
 
 
@@ -60,7 +67,8 @@ def fastest_rate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     return float(np.abs(np.linalg.eigvals(system)).max())
 
 
-def _rounded(seconds: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten within `seconds`."""
-    power = 10.0 ** np.floor(np.log10(seconds))
-    return float(power * max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= seconds * (1 + 1e-12)))
+def _step(period: float, longest: float) -> float:
+    """The longest step [s] that divides `period` and is no longer than `longest`, in whole nanoseconds."""
+    whole = round(period * NANOSECONDS)
+    parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
+    return whole // next((n for n in parts if whole % n == 0), whole) / NANOSECONDS
