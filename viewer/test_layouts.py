@@ -19,7 +19,6 @@ CASES = [
     ("ladder", "ladder"),
     ("overlay", "overlay"),
 ]
-LABELS = ("--labels", "one,lqr+hinf")  # of the runs in an overlay
 CURVE = 100  # pixels at least of a curve that crosses a plot
 BAR = 6.0  # pixels of a bar's ten that must be seen: a low panel cuts the last one off
 EVENT = "[ INFO]"
@@ -38,7 +37,7 @@ class Shown:
 def shown(request: pytest.FixtureRequest, studio: Studio, files: Path, logs: dict[str, Path]) -> Shown:
     """Each shipped layout in turn."""
     name, kind = request.param
-    layout = panels.with_values(panels.shipped(name, files, *LABELS))
+    layout = panels.with_values(panels.shipped(name, files, "--log", str(logs[kind])))
     studio.open_log(f"/files/{logs[kind].name}", layout)
     studio.seek(0.5)
     return Shown(studio, logs[kind], layout)

@@ -136,7 +136,7 @@ def _compare_labelled(runs: dict[str, "Run"], json_file: str | None) -> int:
     from cranectl.report.run.comparison_tables import distances_table
 
     comparisons = against_first(runs)
-    console(json_file).print(distances_table(comparisons))
+    console(json_file).print(distances_table(next(iter(runs)), comparisons))
     write_json(json_file, {"comparisons": [comparison.to_json() for comparison in comparisons.values()]})
     return exit_codes.GOOD
 

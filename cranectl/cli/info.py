@@ -75,16 +75,16 @@ def _print_overlay(
     from cranectl.cli.output import console, write_json
     from cranectl.report.run.settings import what_differs
     from cranectl.report.run.tables import run_table, topic_table
-    from cranectl.support.provenance import provenance, provenance_differences
+    from cranectl.support.provenance import other_software
 
     screen = console(json_file)
+    made_by = {label: layer.versions for label, layer in layers.items()}
     facts = [
         ("file", description.path),
         ("overlay of", ", ".join(layers)),
         *(
-            ("differs", f"{label}: {difference}")
-            for label, layer in layers.items()
-            for difference in provenance_differences(layer.versions, provenance())
+            ("differs", f"{', '.join(of)}: {difference}")
+            for difference, of in other_software(made_by).items()
         ),
         _integrity(description),
     ]

@@ -75,7 +75,7 @@ def ladder_command(
     screen = console(json_file)
     screen.print(ladder_table(results))
     screen.print(f"log: {log}")
-    screen.print("view: cranectl log layout ladder view.json")
+    screen.print(f"view: cranectl log layout ladder view.json --log {log}")
     if report is not None:
         from cranectl.report.page import write_page
         from cranectl.report.rig.page import ladder_page

@@ -9,7 +9,6 @@ from cranectl.cli.command import (
     Group,
     OutputFile,
     json_option,
-    names_given,
     output_option,
     plants_option,
 )
@@ -68,22 +67,13 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
 @click.argument("out", type=OutputFile(JSON))
 @plants_option("Whose runs the log holds. Default: all; what shows one run then shows mujoco's.")
 @click.option(
-    "--labels",
-    metavar="A,B",
-    multiple=True,
-    callback=names_given,
-    help="Of the runs of an overlay, as `cranectl overlay` says them.",
-)
-@click.option(
     "--log",
     metavar="LOG",
     type=click.Path(path_type=Path),
     help="What is to be shown: its plants or labels, and a camera that sees the whole of its rig. Default: "
     "a log of the laboratory's rig.",
 )
-def write_layout(
-    name: str, out: Path, plants: tuple[str, ...], labels: tuple[str, ...], log: Path | None
-) -> None:
+def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None) -> None:
     """Write the layout NAME for Foxglove or Lichtblick to OUT.
 
     \b
@@ -98,7 +88,7 @@ def write_layout(
     cranectl log layout comparison comparison.json
     cranectl log layout single single.json --plant analytic
     cranectl log layout comparison view.json --log logs/harbour/lqr-ideal.mcap
-    cranectl log layout overlay view.json --labels lqr,pole-placement
+    cranectl log layout overlay view.json --log logs/fixed-position/overlay.mcap
     """
     from cranectl.cli.output import console
     from cranectl.log.overlay import is_overlay, read_layers
@@ -109,9 +99,8 @@ def write_layout(
 
     layers = read_layers(log) if log else {}
     rigs = [layer.run.scenario.rig for layer in layers.values()]
-    if is_overlay(layers):
-        labels = labels or tuple(layers)
-    elif layers:
+    labels = tuple(layers) if is_overlay(layers) else ()
+    if layers and not labels:
         plants = plants or tuple(layers)
     content = layout_json(name, plants=plants or PLANTS, labels=labels, rig=rigs[0] if rigs else LABORATORY)
     with writing(out):

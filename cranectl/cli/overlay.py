@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli.command import Command, json_option, label_option, output_option, plants_option
+from cranectl.support.errors import InputError
 from cranectl.support.files import MCAP
 
 
@@ -40,14 +41,20 @@ def overlay_command(
 
     layers = gathered(logs, labels=labels, plants=plants)
     runs = {label: layer.run for label, layer in layers.items()}
+    if len(runs) < 2:
+        raise InputError(
+            f"{logs[0]} alone, of which one run is taken",
+            allowed="two runs or more",
+            remedy="name another log, or the plants of this one with --plants all",
+        )
     path = out or LOG_DIRECTORY / next(iter(runs.values())).scenario.name / "overlay.mcap"
     check_place(path, MCAP, inputs=logs, option="--out")
     comparisons = against_first(runs)
     write_overlay(path, layers)
     screen = console(json_file)
-    screen.print(distances_table(comparisons))
+    screen.print(distances_table(next(iter(runs)), comparisons))
     screen.print(f"log: {path}")
-    screen.print(f"view: cranectl log layout overlay view.json --labels {','.join(runs)}")
+    screen.print(f"view: cranectl log layout overlay view.json --log {path}")
     write_json(
         json_file,
         {

@@ -49,7 +49,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
     from cranectl.report.page import write_page
     from cranectl.report.run.page import log_page
     from cranectl.support.files import check_place
-    from cranectl.support.provenance import provenance, provenance_differences
+    from cranectl.support.provenance import other_software
 
     _check_number(len(logs))
     check_place(out, HTML, inputs=logs, option="--out")
@@ -65,14 +65,10 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
             of_run = name if len(logs) == 1 else f"{label}: {name}"
             of_logs[of_run], versions[of_run] = {layer.run.plant: layer.run}, layer.versions
     _check_number(len(of_logs))
-    others: dict[str, list[str]] = {}
-    for label in of_logs:
-        for difference in provenance_differences(versions[label], provenance()):
-            others.setdefault(difference, []).append(label)
     notes = [
         f"{', '.join(of)} {'was' if len(of) == 1 else 'were'} made by other software than is installed: "
         f"{difference}"
-        for difference, of in others.items()
+        for difference, of in other_software(versions).items()
     ]
     command = f"cranectl report {' '.join(map(str, logs))}"
     worst = {}

@@ -36,7 +36,8 @@ LEAST = 1e-15  # [m, rad] that is told of distances, so that effects without eff
 STEP = "step"  # how far a run is from the one before it
 TARGET = "reference"  # of a run, in place of the one that the runs of other logs share
 MOST = len(VIEWER_SERIES)  # as many as there are colours
-LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,49}")
+LONGEST = 40  # letters of a label, which begins names in tables
+LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{LONGEST - 1}}}")
 
 T = TypeVar("T")
 
@@ -135,14 +136,14 @@ def check_labels(labels: Sequence[str]) -> None:
         if not LABEL.fullmatch(label) or label in PLANTS or told.count(name) > 1:
             raise InputError(
                 f"the label '{label}'",
-                allowed="up to 50 letters, digits, '_', '+' and '-', each label once, and no name of a plant",
+                allowed=f"up to {LONGEST} letters, digits, '_', '+', '-', each once, and no name of a plant",
                 remedy="choose other labels with --label",
             )
-    if not 1 < len(labels) <= MOST:
+    if not 0 < len(labels) <= MOST:
         raise InputError(
             f"an overlay of {len(labels)} runs",
-            allowed=f"2 to {MOST}, as many as there are colours",
-            remedy="name more or fewer logs, or plants with --plants",
+            allowed=f"1 to {MOST}, as many as there are colours",
+            remedy="name more or fewer runs",
         )
 
 
@@ -183,10 +184,14 @@ def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
     parts = [kept for size in (1, 2, 3) for kept in combinations(range(3), size)]
     choices = [["-".join(name[k] for k in kept) for name in names] for kept in parts]
     for choice in (*choices, stems):
-        labels = [re.sub(r"[^A-Za-z0-9_+]+", "-", label).strip("-_+") for label in choice]
+        labels = [_fitting(label) for label in choice]
         if len({*labels} - {*PLANTS, ""}) == len(runs):
             return labels
-    return [f"{run.design.name}-{k}" for k, run in enumerate(runs, 1)]
+    return [f"{_fitting(run.design.name)[: LONGEST - 3]}-{k}" for k, run in enumerate(runs, 1)]
+
+
+def _fitting(label: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_+]+", "-", label)[:LONGEST].strip("-_+")
 
 
 def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
@@ -230,7 +235,7 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
     solid = next(iter(drawn))
     rows = scene.rows_apart(longest, 1.0 / scene.RATE)
     yield from (scene.transforms([*drawn.values()], longest, rows), scene.path(longest))
-    yield scene.workspace(drawn[solid])
+    yield from (scene.workspace(drawn[solid]), scene.all_arrows(drawn[solid]))
     for run, colour in zip(runs, VIEWER_SERIES, strict=False):
         if run.plant in drawn:
             opacity = 1.0 if run.plant == solid else scene.GHOST

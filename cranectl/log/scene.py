@@ -80,18 +80,11 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
     result = [transforms(drawn, longest, rows_apart(longest, 1.0 / RATE))]
     result += [path(drawn[0]), workspace(drawn[0])]
     for run in drawn:
-        times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
         result += [
             model(run.plant, run.scenario.rig, shown[run.plant]),
             rope(run, shown[run.plant], rows_apart(run, 1.0 / RATE)),
             whole_trail(run, ghost=shown[run.plant] < 1.0),
-            arrows(
-                run.plant,
-                times,
-                disturbances_at(run.scenario, np.array(times)),
-                mass=run.scenario.rig.load_mass,
-                scale=drawn_scale(run.scenario.rig),
-            ),
+            all_arrows(run),
         ]
     return result
 
@@ -206,6 +199,13 @@ def trail(
         line = line_of(points[first : k + 1], width, colors=fading[first - k - 1 :])
         updates.append(SceneUpdate(entities=[entity_of("world", "trail", time, lines=[line])]))
     return _scene(topics.plant_topic(plant, "trail"), time_ns.tolist(), updates)
+
+
+def all_arrows(run: Run) -> Stream:
+    """The arrows of a whole run."""
+    times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
+    acting, rig = disturbances_at(run.scenario, np.array(times)), run.scenario.rig
+    return arrows(run.plant, times, acting, mass=rig.load_mass, scale=drawn_scale(rig))
 
 
 def arrows(plant: str, times: Sequence[int], disturbances: Array, *, mass: float, scale: float) -> Stream:

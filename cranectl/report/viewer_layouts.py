@@ -10,7 +10,7 @@ from typing import Any
 
 from cranectl.analysis.levels import NAMES
 from cranectl.log import topics
-from cranectl.log.overlay import STEP, TARGET, check_labels
+from cranectl.log.overlay import STEP, TARGET
 from cranectl.plants.registry import PLANTS, in_order, reference_plant
 from cranectl.report.viewer_panels import (
     Panel,
@@ -28,7 +28,7 @@ from cranectl.scenario.drawn_size import LABORATORY
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
-from cranectl.support.errors import unknown_name
+from cranectl.support.errors import InputError, unknown_name
 
 Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side
 
@@ -49,13 +49,13 @@ def layout_json(
 ) -> str:
     """The layout `name` as a file's content, for a log of `plants`; of one run, the reference plant's.
 
-    `labels`: of the runs of an overlay. The camera sees the whole `rig`. Raises InputError for an unknown
-    name, and for such labels.
+    `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`. Raises
+    InputError for an unknown name, and for an overlay without labels.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
-    layout = _numbered(LAYOUTS[name](labels if name == "overlay" else in_order(plants)), panels)
+    layout = _numbered(LAYOUTS[name](labels if name in ("overlay", "ladder") else in_order(plants)), panels)
     for configuration in panels.values():
         if "cameraState" in configuration:
             show_rig(configuration, rig)
@@ -145,7 +145,12 @@ def _live(plants: Sequence[str]) -> Layout:
 
 def _overlay(labels: Sequence[str]) -> Layout:
     """Runs by label: the crane of the first and the ghosts of the others, the same signals of all."""
-    check_labels(labels)
+    if not labels:
+        raise InputError(
+            "the layout overlay, of no runs",
+            allowed="the runs of a log that cranectl overlay or cranectl ladder wrote",
+            remedy="name such a log with --log",
+        )
     titles = {("load", f"load_{axis}"): f"load {axis}" for axis in "xyz"}
     titles |= {("state", name): name for name in ("alpha", "beta")}
     target = topics.plant_topic(labels[0], TARGET)
@@ -157,27 +162,29 @@ def _overlay(labels: Sequence[str]) -> Layout:
     load = topics.DISTANCE.signals[0]
     far = without_legend(plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, load)))
     shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]
-    left = _column([scene_panel(shown), _timeline(labels)], (66, 34))
-    return _row([left, _column([x, _row([y, z]), _row([alpha, beta]), far])], (42, 58))
+    shown.append(topics.plant_topic(labels[0], topics.ARROW))
+    left = _column([scene_panel(shown), standings(labels)], (55, 45))
+    right = _column([x, _row([y, z]), _row([alpha, beta]), far, events()], (21, 21, 21, 21, 16))
+    return _row([left, right], (42, 58))
 
 
-def _ladder(_: Sequence[str]) -> Layout:
-    """What each fidelity level adds, how far it is from theory; the crane of theory, the last one's ghost."""
+def _ladder(labels: Sequence[str]) -> Layout:
+    """What each fidelity level adds, how far it is from theory; the crane of theory, the trails of all."""
+    labels = labels or NAMES
     distance = topics.DISTANCE.signals[0]
     added, orders = (
         plot(
             f"log₁₀ of distance from {where}",
-            _of_labels(NAMES, group, distance, ".@log10"),
+            _of_labels(labels, group, distance, ".@log10"),
             minYValue=LEAST_ORDER,
         )
-        for where, group in (("the level before", STEP), (NAMES[0], topics.DISTANCE.name))
+        for where, group in (("the level before", STEP), (labels[0], topics.DISTANCE.name))
     )
-    metres = plot(f"distance from {NAMES[0]}", _of_labels(NAMES, topics.DISTANCE.name, distance))
-    shown = [topics.plant_topic(label, "trail") for label in NAMES]
-    for label in (NAMES[0], NAMES[-1]):
-        shown += [topics.plant_topic(label, kind) for kind in ("model", topics.ROPE)]
-    left = _column([scene_panel(shown), _timeline([NAMES[-1]])], (66, 34))
-    right = _column([added, without_legend(orders), without_legend(metres)], (46, 27, 27))
+    metres = plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, distance))
+    shown = [topics.plant_topic(labels[0], kind) for kind in ("model", topics.ROPE, topics.ARROW)]
+    shown += [topics.plant_topic(label, "trail") for label in labels]
+    left = _column([scene_panel(shown), standings(labels[-1:])], (62, 38))
+    right = _column([added, without_legend(orders), without_legend(metres), events()], (44, 20, 20, 16))
     return _row([left, right], (42, 58))
 
 
@@ -264,11 +271,6 @@ def _cranes(plants: Sequence[str]) -> list[str]:
     """Topics of everything that is drawn of these plants."""
     kinds = ("model", topics.ROPE, "trail", topics.ARROW, *topics.FORMER)
     return [topics.plant_topic(plant, name) for plant in plants for name in kinds]
-
-
-def _timeline(plants: Sequence[str]) -> Layout:
-    """How the runs stand, and beside it the events in words."""
-    return _row([standings(plants), events()], (55, 45))
 
 
 def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:

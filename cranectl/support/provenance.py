@@ -110,3 +110,12 @@ def provenance_differences(
 def _installed() -> dict[str, str]:
     versions = {name: importlib.metadata.version(name) for name in PACKAGES}
     return {"python": platform.python_version(), **versions, "machine": platform.machine()}
+
+
+def other_software(made_by: Mapping[str, Mapping[str, str]]) -> dict[str, list[str]]:
+    """What differs from what is installed, by difference the labels of all in `made_by` of which it is so."""
+    others: dict[str, list[str]] = {}
+    for label, versions in made_by.items():
+        for difference in provenance_differences(versions, provenance()):
+            others.setdefault(difference, []).append(label)
+    return others

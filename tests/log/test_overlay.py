@@ -75,11 +75,12 @@ def test_labels_are_as_short_as_they_differ() -> None:
     assert labels_of([lqr, run("lqr", "velocity", "mujoco")], ["a", "b"]) == ["ideal", "velocity"]
     assert labels_of([lqr, run("lqr", "ideal", "analytic")], ["a", "b"]) == ["lqr-mujoco", "lqr-analytic"]
     assert labels_of([lqr, lqr], ["20 t", "a.b"]) == ["20-t", "a-b"]
-    assert labels_of([lqr, lqr], ["a", "a"]) == ["lqr-1", "lqr-2"]
+    by_hand = replace(lqr, design=replace(lqr.design, name="lqr, gains by hand"))
+    assert labels_of([by_hand, by_hand], ["a", "a"]) == ["lqr-gains-by-hand-1", "lqr-gains-by-hand-2"]
 
 
 @pytest.mark.parametrize(
-    "labels", [["a-b", "a_b"], ["a", "b/c"], ["a", "mujoco"], ["a", "b.c"], ["a"], list("abcdefghijklm")]
+    "labels", [["a-b", "a_b"], ["a", "b/c"], ["a", "mujoco"], ["a", "b.c"], ["a" * 41], list("abcdefghijklm")]
 )
 def test_labels_that_cannot_be(labels: list[str]) -> None:
     with pytest.raises(InputError, match=r"the label|an overlay of"):
@@ -93,7 +94,7 @@ def test_runs_of_several_logs(short: Scenario, capsys: pytest.CaptureFixture[str
             [simulate_run(short, plant=plant, controller=name) for plant in ("analytic", "mujoco")],
         )
     assert main(["overlay", "lqr.mcap", "pole-placement.mcap", "--out", "both.mcap"]) == 0
-    assert "log layout overlay view.json --labels lqr,pole-placement" in capsys.readouterr().out
+    assert "log layout overlay view.json --log both.mcap" in capsys.readouterr().out
     read = read_layers("both.mcap")
     for name, layer in read.items():
         assert_same(layer.run, read_log(f"{name}.mcap")["mujoco"])

@@ -23,8 +23,8 @@ def comparison_table(title: str, comparison: Comparison, *, folded: bool = False
     return Table(title, ("signal", "max |diff|", "at [s]", "RMS", "final"), rows, folded=folded)
 
 
-def distances_table(comparisons: Mapping[str, Comparison]) -> Table:
-    """How far runs are from the first one, by label."""
+def distances_table(first: str, comparisons: Mapping[str, Comparison]) -> Table:
+    """How far runs are from the one labelled `first`, by label."""
     rows = tuple(
         cells(
             label,
@@ -34,7 +34,6 @@ def distances_table(comparisons: Mapping[str, Comparison]) -> Table:
         )
         for label, each in comparisons.items()
     )
-    (first,) = {each.a for each in comparisons.values()}
     return Table(f"Farthest from {first}", ("", "load", "at [s]", "angles"), rows)
 
 
