@@ -61,6 +61,7 @@ def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
         if metric in limits:
             axes.axvline(limits[metric], color=STAND_IN["limit"], linewidth=0.8, linestyle=(0, (1, 2)))
         axes.set(xlabel=METRIC_LABELS[metric], ylim=(0.0, 1.02))
+        axes.xaxis.set_major_locator(MaxNLocator(4))
         if all(np.isnan(group.metrics[metric]).all() for group in groups):
             axes.set_xticks([])
             axes.text(0.5, 0.5, "no run has it", ha="center", transform=axes.transAxes)
