@@ -20,6 +20,8 @@ from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
 from cranectl.support.provenance import provenance
 
+LEAST = 1e-14  # [m, rad] that is told of distances: what rounding leaves, and 0 would have no logarithm
+
 
 def streams(
     runs: Sequence[Run],
@@ -89,12 +91,12 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
     return [*result, distances(topics.difference_topic(topics.DISTANCE.name, name), a, b)]
 
 
-def distances(topic: str, a: Run, b: Run, *, least: float = 0.0) -> Stream:
-    """How far two runs are apart, over their common times, and `least` where they are nearer."""
+def distances(topic: str, a: Run, b: Run) -> Stream:
+    """How far two runs are apart, over their common times; LEAST where they are nearer."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
     angles = np.abs(b.angles[in_b] - a.angles[in_a]).max(axis=1)
-    return signals(topic, topics.DISTANCE, time_ns, np.column_stack([load, angles]).clip(least))
+    return signals(topic, topics.DISTANCE, time_ns, np.column_stack([load, angles]).clip(LEAST))
 
 
 def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, str]:

@@ -32,7 +32,6 @@ from cranectl.support.colours import VIEWER_SERIES
 from cranectl.support.errors import InputError, LogError
 
 FORMAT = "1"
-LEAST = 1e-15  # [m, rad] that is told of distances, so that effects without effect have a logarithm too
 STEP = "step"  # how far a run is from the one before it
 TARGET = "reference"  # of a run, in place of the one that the runs of other logs share
 MOST = len(VIEWER_SERIES)  # as many as there are colours
@@ -227,7 +226,7 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
     for before, run in pairwise(runs):
         for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
             if np.intersect1d(run.time_ns, other.time_ns).size:
-                yield distances(topics.plant_topic(run.plant, kind), run, other, least=LEAST)
+                yield distances(topics.plant_topic(run.plant, kind), run, other)
     drawn = {run.plant: run for run in runs if len(run.time_ns)}
     if not drawn:
         return
@@ -241,4 +240,4 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
             opacity = 1.0 if run.plant == solid else scene.GHOST
             yield scene.model(run.plant, run.scenario.rig, opacity, colour=colour)
             yield scene.rope(run, opacity, scene.rows_apart(run, 1.0 / scene.RATE))
-            yield scene.whole_trail(run, ghost=opacity < 1.0, colour=colour)
+            yield scene.whole_trail(run, ghost=False, colour=colour)

@@ -10,8 +10,10 @@ from PIL import Image, ImageDraw, ImageFont
 from cranectl.render.timeline import Timeline
 from cranectl.scenario.drawn_size import drawn_trail
 from cranectl.support.colours import LIGHT, SLACK_ROPE
+from cranectl.support.units import quantity
 
 SMOOTH = 4
+PLATE = (255, 255, 255, 175)  # under the legend
 _FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 
 Pen = ImageDraw.ImageDraw
@@ -58,14 +60,18 @@ class Caption:
         rows = legend(self._timeline)
         step, sign_width = self._px(23), self._px(30)
         top = height - self._px(14) - step * len(rows)
+        letters, gap = font(self._px(14)), self._px(8)
+        right = left + self._px(40) + max(round(letters.getlength(text)) for _, text in rows)
+        plate = (left - gap, top - gap // 2, right + gap, height - self._px(14) + gap // 2)
+        pen.rounded_rectangle(plate, radius=gap, fill=PLATE)  # the crane may be behind
         # Pillow draws shapes with hard edges: drawn large and made small they are smooth.
         signs = Image.new("RGBA", (sign_width * SMOOTH, step * len(rows) * SMOOTH), (255, 255, 255, 0))
         for k, (sign, text) in enumerate(rows):
             middle = (k + 0.5) * step
             sign(ImageDraw.Draw(signs), middle * SMOOTH, sign_width * SMOOTH, self._unit * SMOOTH)
             place = left + self._px(40), top + middle
-            pen.text(place, text, LIGHT["ink"], font(self._px(14)), anchor="lm")
-        layer.paste(signs.resize((sign_width, step * len(rows)), Image.Resampling.BOX), (left, top))
+            pen.text(place, text, LIGHT["ink"], letters, anchor="lm")
+        layer.alpha_composite(signs.resize((sign_width, step * len(rows)), Image.Resampling.BOX), (left, top))
         return layer
 
     def _px(self, length: float) -> int:
@@ -90,13 +96,10 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     """What is read off at `time` [s]: a line of text each, and the role of its colour."""
     off = timeline.main.error[timeline.main.row(time)]
     main = timeline.main.label if timeline.by_label else "load"
-    lines = [(f"{main} off by {off:.3f} m", "muted")]
+    lines = [(f"{main} off by {quantity(off, 'm')}", "muted")]
     if (distance := timeline.distance(time)) is not None:
-        apart = (
-            f"others up to {distance:.2g} m away"
-            if timeline.by_label
-            else f"plants apart by {distance:.2g} m"
-        )
+        far = quantity(distance, "m")
+        apart = f"others up to {far} away" if timeline.by_label else f"plants apart by {far}"
         lines.append((apart, "muted"))
     stops = {track.label: track.run.status.label for track in timeline.tracks if track.stopped(time)}
     if len(stops) == len(timeline.tracks) and len(set(stops.values())) == 1:

@@ -1,7 +1,7 @@
 """Key plots beside the picture: drawn once by Matplotlib, with a cursor that moves from frame to frame."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from cranectl.metrics import NEARLY_SLACK
 from cranectl.render.timeline import Timeline, Track
 from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT
+from cranectl.support.units import scaled
 
 DPI = 100.0
 USUAL = (480.0, 720.0)  # [px], for which sizes are given; others are scaled
@@ -114,9 +115,11 @@ def _panels(timeline: Timeline) -> list[Panel]:
     beta = _curves(timeline, lambda track: np.degrees(track.run.signal("state.beta")), dashed=True)
     tension = _curves(timeline, lambda track: track.run.signal("load.rope_tension"))
     panels = [
-        Panel("load off its reference [m]", _curves(timeline, lambda track: track.error), (0.0, 1e-3)),
+        _told("load off its reference [{}]", "m", _curves(timeline, lambda track: track.error), (0.0, 1e-3)),
         Panel("rope angles α, β (dashed) [°]", alpha + beta, (-1.0, 1.0)),
-        Panel("rope tension [N], red: nearly slack", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight),
+        _told(
+            "rope tension [{}], red: nearly slack", "N", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight
+        ),
     ]
     if timeline.distances:
         ghosts = [track for track in timeline.tracks if track.ghost]
@@ -127,6 +130,17 @@ def _panels(timeline: Timeline) -> list[Panel]:
         title = f"distance from {timeline.main.label} [m]" if timeline.by_label else "plants apart [m]"
         panels.append(Panel(title, curves, (LEAST_DISTANCE, 1e-6), logarithmic=True))
     return panels
+
+
+def _told(
+    title: str, unit: str, curves: list[Curve], shown: tuple[float, float], limit: float | None = None
+) -> Panel:
+    """A diagram in the unit that suits its largest value."""
+    largest = max(shown[1], *(float(curve.values.max()) for curve in curves))
+    factor, prefixed = scaled(unit, largest)
+    curves = [replace(curve, values=factor * curve.values) for curve in curves]
+    low, high = shown
+    return Panel(title.format(prefixed), curves, (factor * low, factor * high), limit and factor * limit)
 
 
 def _curves(timeline: Timeline, values: Callable[[Track], Array], *, dashed: bool = False) -> list[Curve]:

@@ -36,7 +36,7 @@ SIGNALS: dict[tuple[str, str], Signal] = {
     (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
 }
 LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
-ROUNDING = -14.0  # power of ten of what two plants may differ by, computing in other orders [m, rad]
+ROUNDING = -14.0  # power of ten of the least distance that logs tell
 FOLLOWED = 30.0  # [s] that a live session's plots show
 
 
@@ -137,7 +137,7 @@ def _live(plants: Sequence[str]) -> Layout:
     ]
     for _, configuration in plots:
         configuration["followingViewWidth"] = FOLLOWED
-    left = _column([scene_panel(_cranes(plants), distance=5.4), standings(plants)], (55, 45))
+    left = _column([scene_panel(_cranes(plants)), standings(plants)], (55, 45))
     services = _row([service("pulse"), service("reset")])
     steering = _column([panel("Parameters", "steering"), services, events()], (52, 26, 22))
     return _row([left, _column(plots), steering], (40, 31, 29))

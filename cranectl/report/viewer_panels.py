@@ -18,7 +18,7 @@ CAMERA = {  # looks at the middle of the rig from outside a corner
 }  # fmt: skip
 
 
-def scene_panel(drawn: Sequence[str], *, distance: float = 5.0) -> Panel:
+def scene_panel(drawn: Sequence[str], *, distance: float = 5.4) -> Panel:
     """What is `drawn` in space, seen from `distance` [m]: from further away in a narrow panel."""
     shown = [topics.REFERENCE_PATH, topics.WORKSPACE, *drawn]
     grid = {

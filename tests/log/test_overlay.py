@@ -62,7 +62,7 @@ def test_distances_are_from_the_first_and_from_the_one_before(layers: dict[str, 
         assert [time_ns for time_ns, _ in messages] == common.tolist()
         loads = (run.load_position[np.isin(run.time_ns, common)] for run in (a, b))
         assert [message.load_distance for _, message in messages] == pytest.approx(
-            np.linalg.norm(np.subtract(*loads), axis=1), abs=1e-15
+            np.linalg.norm(np.subtract(*loads), axis=1), abs=1e-14
         )
 
 

@@ -90,10 +90,10 @@ def test_samples_that_are_nowhere_are_not_drawn() -> None:
 def test_words_say_how_far_off_and_apart_and_why_it_stopped() -> None:
     solid, other = moving_run("mujoco"), moved(moving_run("analytic"), 0.25)
     timeline = timeline_of({"analytic": cut(other, 8.0), "mujoco": solid})
-    off = timeline.main.error[timeline.main.row(5.0)]
+    off = f"{1e6 * timeline.main.error[timeline.main.row(5.0)]:.3g} µm"
     assert readings(timeline, 5.0) == [
-        (f"load off by {off:.3f} m", "muted"),
-        ("plants apart by 0.25 m", "muted"),
+        (f"load off by {off}", "muted"),
+        ("plants apart by 250 mm", "muted"),
     ]
     assert readings(timeline, 9.0)[1:] == [("analytic stopped: slack-rope", "limit")]
     both = timeline_of({"analytic": cut(other, 8.0), "mujoco": cut(solid, 8.0)})
@@ -106,9 +106,9 @@ def test_runs_of_an_overlay_are_told_by_their_labels() -> None:
     timeline = timeline_of({"soft": first, "stiff": other})
     assert [(track.label, track.ghost) for track in timeline.tracks] == [("soft", False), ("stiff", True)]
     assert len({track.colour for track in timeline.tracks}) == 2
-    off = timeline.main.error[timeline.main.row(5.0)]
+    off = f"{1e6 * timeline.main.error[timeline.main.row(5.0)]:.3g} µm"
     told = [text for text, _ in readings(timeline, 5.0)]
-    assert told == [f"soft off by {off:.3f} m", "others up to 0.25 m away"]
+    assert told == [f"soft off by {off}", "others up to 250 mm away"]
     texts = [text for _, text in legend(timeline)]
     assert {"soft: solid", "stiff: ghost"} <= {*texts}
     assert not any("plant" in text for text in texts)
