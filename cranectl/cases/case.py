@@ -102,7 +102,7 @@ class RunSummary:
 
 def _beyond_drives(run: Run) -> str:
     """What is commanded most beyond what the drives can do, where the run does not limit it; else nothing."""
-    if run.scenario.effects.limits is not None or run.status.stopped:
+    if run.scenario.effects.limits is not None or run.status.stopped or not len(run.time_ns):
         return ""
     able = run.scenario.rig.effects.limits
     asked = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)

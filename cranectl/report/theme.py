@@ -30,12 +30,13 @@ _STYLE: dict[Any, Any] = {
     "axes.facecolor": "none",
     "axes.grid": True,
     "axes.labelcolor": STAND_IN["ink"],
-    "axes.labelpad": 7.0,  # and wide legends: small pages have larger letters
+    "axes.labelpad": 11.0,  # and wide legends: small pages have larger letters
     "axes.linewidth": 0.6,
     "axes.prop_cycle": cycler(color=[STAND_IN[role] for role in SERIES]),
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlesize": 9,
+    "figure.constrained_layout.w_pad": 0.1,
     "figure.facecolor": "none",
     "font.size": 8.5,
     "grid.color": STAND_IN["grid"],

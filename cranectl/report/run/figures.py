@@ -140,9 +140,10 @@ def _in_space(family: Family, curves: Sequence[Curve]) -> Figure:
     low, high = np.array([x, y, -rope[::-1]]).T  # where the load can be with a hanging rope
     for k, (axis, panel) in enumerate(zip("xyz", family.panels, strict=True)):
         getattr(axes, f"set_{axis}lim")(low[k], high[k])
-        getattr(axes, f"set_{axis}label")(panel.label, labelpad=2.0)
+        getattr(axes, f"set_{axis}label")(panel.label, labelpad=5.0)
         getattr(axes, f"{axis}axis").set_pane_color((0.0, 0.0, 0.0, 0.0))
-    axes.set_box_aspect(high - low, zoom=0.95)
+    axes.locator_params(nbins=4)
+    axes.set_box_aspect(high - low, zoom=0.9)
     axes.view_init(elev=24, azim=-62)
     _draw_paths(axes, family, curves)
     _legend(figure, family, curves)
