@@ -14,9 +14,10 @@ from cranectl import Run, RunStatus, load_scenario, read_log
 from cranectl.cases import case as cases
 from cranectl.cases.assertions import CaseRuns, assert_agree
 from cranectl.support.units import quantity
-from tests.conftest import closed_loop
+from tests.conftest import ROOT, closed_loop
 from tests.packages import PLUGIN, run_pytest
 from tests.test_architecture import HEAVY
+from tests.test_docs import blocks
 
 LAW = """
 import numpy as np
@@ -200,6 +201,15 @@ def test_failures_point_at_the_line_of_the_test(repository: Path) -> None:
     assert "2 failed" in shown
     assert "no log of hop, lqr, ideal drives: cannot write" in shown
     assert set(re.findall(r"^(\S+\.py):\d+: ", shown, re.MULTILINE)) == {"test_failing.py"}, shown
+
+
+def test_the_page_about_it_has_tests_that_pass(tmp_path: Path) -> None:
+    texts = dict(blocks(ROOT / "docs" / "how-to" / "ci.md"))  # the last of each language
+    (tmp_path / "hoist-and-carry.toml").write_text(texts["toml"])
+    (tmp_path / "test_page.py").write_text(texts["python"])
+    for options in (["--cranectl-update"], []):
+        said = run_pytest(tmp_path, *options)
+        assert "3 passed" in said, said
 
 
 def test_whoever_does_not_use_it_does_not_wait_for_it(tmp_path: Path) -> None:
