@@ -56,7 +56,7 @@ def run_command(
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity --predict
     """
     from cranectl.cases.case import make_case, run_case
-    from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.cli.output import console, progress_bar, styled, write_json
     from cranectl.plants.registry import PLANTS
     from cranectl.report.run.tables import (
         agreement_table,
@@ -86,6 +86,8 @@ def run_command(
     screen.print(run_table({case.log.stem: result.runs}))
     for note in run_notes([result]):
         screen.print(f"  {note}")
+    if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
+        screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     screen.print(metrics_table({"": result.runs}))
     if (limits := limits_table(result.runs)) is not None:
         screen.print(limits)

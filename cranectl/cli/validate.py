@@ -237,7 +237,7 @@ def _tell(validation: "Validation", code: int, out: Path, json_file: str | None)
         unjudged = sum(agreement.passed is None for agreement in agreements)
         screen.print(agreement_table(agreements, validation.other_failures))
         if (limits := limits_table(runs, broken_only=True)) is not None:
-            screen.print(limits)
+            screen.print(limits if limits.rows else limits.note)
         for note in (*limit_notes(agreements), *run_notes(finished)):
             screen.print(f"  {note}")
         for case in lost:

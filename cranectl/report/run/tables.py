@@ -254,8 +254,6 @@ def _notes(run: RunSummary, expected: str) -> list[str]:
         notes.append(f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}")
     if run.status.label != expected and expected != "completed":
         notes.append(f"expected to end with {expected}")
-    if run.beyond_drives:
-        notes.append(run.beyond_drives)
     violations = run.metrics.workspace_violations if run.metrics is not None else ()
     return notes + [
         f"{violation.signal} leaves the workspace by up to {violation.max_excess_m:.2f} m"
