@@ -270,7 +270,7 @@ def test_friction_of_the_axes_costs_energy() -> None:
 
 def test_limits_that_act_are_timed() -> None:
     scenario = moved("analytic", "velocity").scenario
-    limits = DriveLimits(velocity=(0.2, 1.0, 0.6), force=(1e9, 1e9, 1e9))
+    limits = DriveLimits(acceleration=(0.5, 4.0, 6.0), force=(1e9, 1e9, 1e9))
     limited = scenario.model_copy(update={"effects": EffectSettings(limits=limits)})
     run = simulate_run(limited, plant="analytic", drive="velocity", controller="lqr+loop-shaping")
     acting = run.block("command")[:, 3:].any(axis=1)
