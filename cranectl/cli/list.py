@@ -10,7 +10,7 @@ from cranectl.cli.command import Command, json_option
 @click.command("list", cls=Command)
 @json_option
 def list_command(json_file: str | None) -> None:
-    """List scenarios, controllers, plants and drives.
+    """List scenarios, rigs, controllers, plants and drives.
 
     \b
     cranectl list
@@ -21,13 +21,14 @@ def list_command(json_file: str | None) -> None:
     from cranectl.plants.plant import DRIVES
     from cranectl.plants.registry import PLANTS
     from cranectl.report.table import Table, cells
-    from cranectl.scenario import load_scenario, scenario_names
+    from cranectl.scenario import load_scenario, rig_names, scenario_names
 
     scenarios = [load_scenario(name) for name in scenario_names()]
     out = console(json_file)
     rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
     out.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
     registries: dict[str, tuple[str, ...]] = {
+        "rigs": tuple(rig_names()),
         "controllers": controller_names(),
         "plants": tuple(PLANTS),
         "drives": DRIVES,

@@ -193,7 +193,7 @@ def test_a_campaign_names_its_rig_from_where_it_lies(tmp_path: Path) -> None:
     assert (nominal.rig.rated_load, nominal.rig.bridge_mass, nominal.rig.winch_mass) == (4.0, 24.0, 0.7)
     assert load_campaign(path, overrides=["rig=lab-rig"]).nominal.rig.load_mass == 1.0
     path.write_text('rig = "lab-rgi"\n' + GOOD)
-    with pytest.raises(InputError, match="cannot read"):
+    with pytest.raises(InputError, match="did you mean 'lab-rig'"):
         load_campaign(path)
 
 
