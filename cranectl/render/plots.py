@@ -22,7 +22,7 @@ USUAL = (480.0, 720.0)  # [px], for which sizes are given; others are scaled
 SMALLEST = 0.8  # scale at which letters are still legible
 PADDING = 0.09  # [in]
 HEADROOM = 0.15  # of a panel's height, for the names of disturbances
-LEAST_DISTANCE = 1e-12  # [m]; less is rounding, and has no logarithm at 0
+LEAST_DISTANCE = 1e-14  # [m]; less is rounding, and has no logarithm at 0
 _STYLE: dict[Any, Any] = {
     "axes.edgecolor": LIGHT["muted"],
     "axes.grid": True,
