@@ -13,12 +13,14 @@ from cranectl.support.documents import Table, differences, leaves, merged, read_
 from cranectl.support.errors import InputError
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "initial", "controller"}
+# And what effects would be on the rig: those that a run has say it themselves.
+NOT_TOLD: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
 
 
 def changed_from_default(scenario: Scenario) -> dict[str, Any]:
     """By dotted name, what but OWN, of which every scenario has its own, is not the default."""
     default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
-    usual, asked = (each.model_dump(mode="json", exclude=OWN) for each in (default, scenario))
+    usual, asked = (each.model_dump(mode="json", exclude=NOT_TOLD) for each in (default, scenario))
     changed = {name: new for name, _, new in differences(usual, asked, absent=None)}
     return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
 
