@@ -147,7 +147,7 @@ def numbers_of(scenario: Scenario) -> dict[str, float]:
 
 def _leaves_of(scenario: Scenario) -> dict[str, Any]:
     """By dotted names, but for what a rig would be like under effects: the effects themselves say it."""
-    return dict(leaves(scenario.model_dump(exclude={"rig": {"effects", "rated_load"}})))
+    return dict(leaves(scenario.model_dump(exclude={"rig": {"effects", "rated_load", "look"}})))
 
 
 def _is_number(value: Any) -> bool:

@@ -102,7 +102,7 @@ def _decisive(manifest: Mapping[str, Any]) -> Table:
     # As in results that did not know them.
     if scenario.get("metrics") == DEFAULT_METRICS:
         del scenario["metrics"]
-    unsaid = {"rated_load": DEFAULT_RIG["rated_load"], "effects": DEFAULT_RIG["effects"]}
+    unsaid = {name: DEFAULT_RIG[name] for name in ("rated_load", "effects", "look")}
     scenario["rig"] = {k: v for k, v in scenario["rig"].items() if k not in unsaid or v != unsaid[k]}
     scenario["disturbances"] = [
         {key: value for key, value in step.items() if key != "force" or value is not None}

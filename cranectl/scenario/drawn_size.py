@@ -46,7 +46,9 @@ def drawn_reach(rig: RigParameters) -> float:
 
 
 def drawn_load_radius(rig: RigParameters) -> float:
-    """Of the ball that is drawn [m]: by the load's mass, within what is seen on its rig."""
+    """Of the ball that is drawn [m]: by the load's mass, within what is seen on its rig, or as it says."""
+    if rig.look.load_radius is not None:
+        return rig.look.load_radius
     low, high = (drawn_scale(rig) * FILED_RADIUS * limit for limit in RADIUS_LIMITS)
     return float(np.clip(FILED_RADIUS * np.cbrt(rig.load_mass), low, high))
 

@@ -22,6 +22,15 @@ Position = Annotated[float, Field(ge=-1e4, le=1e4)]
 Range = Annotated[tuple[Position, Position], Field(strict=False)]
 
 
+class Look(Settings):
+    """How a rig is drawn; no plant knows of it."""
+
+    frame: bool = Field(True, description="posts and beams under the rails; without them none hides the load")
+    load_radius: Annotated[float, Field(ge=1e-3, le=100.0)] | None = Field(
+        None, description="of the ball that is drawn [m]; by default from the load's mass"
+    )
+
+
 class RigParameters(Settings):
     """Physical parameters of the rig, in SI units."""
 
@@ -63,6 +72,7 @@ class RigParameters(Settings):
     effects: EffectNumbers = Field(
         EffectNumbers(), description="numbers of the effects on this crane, for a run that has them"
     )
+    look: Look = Field(Look(), description="how it is drawn")
 
     @model_validator(mode="after")
     def _ranges_increase(self) -> "RigParameters":

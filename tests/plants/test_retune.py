@@ -43,7 +43,11 @@ OTHER_RIG = RigParameters(
 
 def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
     """Every parameter of rig and effects changed by itself, then all of them."""
-    for name in set(RigParameters.model_fields) - {"rated_load", "effects"}:  # what no plant is made of
+    for name in set(RigParameters.model_fields) - {
+        "rated_load",
+        "effects",
+        "look",
+    }:  # what no plant is made of
         value = getattr(OTHER_RIG, name)
         assert value != getattr(RigParameters(), name)
         yield RigParameters().model_copy(update={name: value}), ALL_EFFECTS

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cranectl.plants.mujoco.geometry import rig_solids
 from cranectl.scenario.drawn_size import (
     LABORATORY,
     drawn_box,
@@ -13,7 +14,7 @@ from cranectl.scenario.drawn_size import (
     drawn_scale,
     drawn_trail,
 )
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.rig import Look, RigParameters
 
 HARBOUR = RigParameters(
     bridge_range=(0.0, 40.0), trolley_range=(0.0, 20.0), rope_range=(2.0, 45.0), load_mass=2e4
@@ -89,3 +90,15 @@ def test_every_rig_is_whole_in_a_picture_and_fills_it(rig: RigParameters, axes: 
     eye, _ = drawn_eye(filed, axes, TANGENTS, rig)
     assert fullness(rig, eye) == pytest.approx(fullness(LABORATORY, filed), rel=0.2)
     assert fullness(rig, eye) < 0.95
+
+
+def test_a_rig_says_how_it_is_drawn() -> None:
+    """Rails alone, so that no post hides the load; a ball of its own size."""
+    for rig in (LABORATORY, HARBOUR):
+        look = rig.model_copy(update={"look": Look(frame=False, load_radius=0.3)})
+        whole, shown = ({solid.name: solid for solid in rig_solids(each)} for each in (rig, look))
+        assert {name for name in whole if name not in shown} == {
+            name for name in whole if name.startswith(("post", "top_beam", "foot_beam"))
+        }
+        assert {"rail_0", "rail_1"} <= set(shown)
+        assert shown["load_ball"].size == pytest.approx((0.6, 0.6, 0.6))

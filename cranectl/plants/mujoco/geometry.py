@@ -62,6 +62,9 @@ def draw_to_scale(spec: mujoco.MjSpec, rig: RigParameters) -> None:
     for geom in spec.body("load").geoms:
         factor = drawn_load_radius(rig) / FILED_RADIUS
         geom.size, geom.fromto = factor * geom.size, factor * geom.fromto
+    if not rig.look.frame:
+        for geom in [geom for geom in spec.body("frame").geoms if not geom.name.startswith("rail")]:
+            spec.delete(geom)
     if drawn_as_filed(rig):
         return  # as filed, to the last bit
     for body, carried in CARRIED.items():
