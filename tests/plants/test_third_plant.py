@@ -20,6 +20,7 @@ from cranectl.plants.registry import PLANTS
 from cranectl.render.caption import readings
 from cranectl.render.timeline import timeline_of
 from cranectl.support.provenance import fingerprint
+from cranectl.support.units import quantity
 from tests.packages import install, run_all_beside
 
 SOURCE = """\
@@ -136,7 +137,7 @@ def test_pictures_and_pages_show_all(log: Path) -> None:
         float(np.linalg.norm(a.load_position[-1] - b.load_position[-1]))
         for a, b in against_reference(list(runs.values()))
     )
-    assert (f"plants apart by {farthest:.2g} m", "muted") in readings(timeline, timeline.duration)
+    assert (f"plants apart by {quantity(farthest, 'm')}", "muted") in readings(timeline, timeline.duration)
     assert main(["report", str(log), "--out", "three.html"]) == 0
     page = Path("three.html").read_text()
     for plant in ("analytic", "heavy"):
