@@ -111,10 +111,11 @@ def _beyond_drives(run: Run) -> str:
     if ratios[worst] <= 1.0:
         return ""
     axis, unit = ("bridge", "trolley", "winch")[worst % 3], ("m/s²", "m/s")[worst // 3]
-    return (
-        f"asks {asked[worst]:.3g} {unit} of the {axis}, {ratios[worst]:.3g} times what its drive can do: "
-        "see what comes of it with --drive velocity --plants mujoco --set effects.limits={}"
-    )
+    said = f"asks {asked[worst]:.3g} {unit} of the {axis}, {ratios[worst]:.3g} times what its drive can do: "
+    said += "give the move more time"
+    if (ratios[3:] > 1.0).any():  # with limits it might be refused
+        return said
+    return f"{said}, or see what comes of it with --drive velocity --plants mujoco --set effects.limits={{}}"
 
 
 @dataclass(frozen=True)

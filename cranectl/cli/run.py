@@ -79,6 +79,7 @@ def run_command(
         log=out,
         predict=predict,
     )
+    replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with progress_bar(case.simulated_seconds) as (advance, describe):
         describe(f"{case.scenario.name}, {case.controller}")
         result = run_case(case, progress=advance)
@@ -95,7 +96,7 @@ def run_command(
         screen.print(agreement_table(result.agreements))
         for note in limit_notes(result.agreements):
             screen.print(f"  {note}")
-    screen.print(f"log: {case.log}")
+    screen.print(f"log: {case.log}{replaced}")
     layout = layout_for(case.plants, case.scenario.rig, case.log)
     screen.print(
         f"view: cranectl log layout {layout}; open the log in Foxglove or Lichtblick and "

@@ -68,11 +68,14 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
         return f"'{where}' is missing", f"{where}: {_describe(model, location)}", f"add '{where}'"
     if details["type"] == "value_error":  # a rule across fields; its text names them
         return str(details["ctx"]["error"]), "", ""
-    message = details["msg"]
+    message, remedy = details["msg"], str(details.get("ctx", {}).get("remedy", ""))
+    if details["type"] == "tuple_type":  # of Python
+        message = "Input should be a list"
+        remedy = "put texts in it in quotes, numbers without" if str(value).startswith("[") else ""
     return (
         f"{where} = {printable(repr(value), longest=80)}",
         f"{where}: {message[0].lower()}{message[1:]}",
-        str(details.get("ctx", {}).get("remedy", "")),
+        remedy,
     )
 
 

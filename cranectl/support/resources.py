@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cranectl.support.errors import unknown_name
+from cranectl.support.errors import InputError, unknown_name
 
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "_data"
@@ -29,4 +29,8 @@ def toml_file(kind: str, name_or_path: str, directory: Path) -> Path:
         return directory / f"{name_or_path}.toml"
     if name_or_path.endswith(".toml") or "/" in name_or_path:
         return Path(name_or_path)
+    if Path(name_or_path).is_dir():
+        raise InputError(
+            f"{name_or_path} is a directory", allowed=f"a {kind} by name or the path of its file"
+        )
     raise unknown_name(kind, name_or_path, names)

@@ -34,7 +34,7 @@ def summary_table(groups: Sequence[GroupSummary], title: str) -> Table:
         ends = group.failure_rate_interval
         errors = (group.median_max_error_m, group.q95_max_error_m)
         row = cells(
-            group.controller.replace("+", "\n+"),
+            group.controller,
             str(group.runs),
             str(group.failures),
             percent(group.failure_rate),
