@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from cranectl.plants.plant import Drive
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.effects import Delay, EffectNumbers, EffectSettings
 from cranectl.scenario.settings import parse_settings
 from cranectl.scenario.similarity import check_size
@@ -44,7 +44,7 @@ def assumed_effects(scenario: Scenario) -> EffectNumbers:
     """The scenario's own settings of each effect, else its rig's; delay in whole control periods."""
     effects, numbers = scenario.effects, scenario.rig.effects
     if not effects.delay:
-        periods = -(-round(numbers.delay.seconds * NANOSECONDS) // scenario.period_ns)
+        periods = -(-nanoseconds(numbers.delay.seconds) // scenario.period_ns)
         delay = Delay(seconds=periods * scenario.period_ns / NANOSECONDS)
         numbers = numbers.model_copy(update={"delay": delay})
     return numbers.model_copy(update={name: getattr(effects, name) for name in effects.names})

@@ -15,7 +15,7 @@ import numpy as np
 from cranectl.campaign.distributions import LEAST_MASS, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants.registry import plant_entry
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
 from cranectl.support.arrays import Array
@@ -167,7 +167,7 @@ def _common_period(distribution: Distribution | None, nominal: Scenario) -> floa
             f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]",
         )
     periods = distribution.quantile(distribution.grid(), period)
-    return math.lcm(*(max(1, round(each * NANOSECONDS)) for each in periods)) / NANOSECONDS
+    return math.lcm(*(max(1, nanoseconds(each)) for each in periods)) / NANOSECONDS
 
 
 def _parameter(name: str, distribution: Distribution, values: dict[str, Any], time_step: float) -> Parameter:

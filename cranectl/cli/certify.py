@@ -95,7 +95,7 @@ def certify_command(
     from cranectl.design import Design
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import default_scenario, load_scenario
-    from cranectl.scenario.rig import RigParameters
+    from cranectl.scenario.similarity import length_scale, rounded
     from cranectl.simulate import checked_drive
 
     overrides += tuple(
@@ -110,10 +110,10 @@ def certify_command(
     design = controller_design(controller, loaded)
     flat = isinstance(design, Design)
     shortest, longest = loaded.rig.rope_range
-    size = longest / RigParameters().rope_range[1]
-    scaled_lengths = {max(_rounded(size * length), shortest): None for length in ROPE_LENGTHS}
-    scaled_tilts = [(_rounded(alpha / size), _rounded(beta / size)) for alpha, beta in TILTS]
-    scaled_speeds = [_rounded(size**0.5 * speed) for speed in HOISTING_SPEEDS]
+    size = length_scale(longest)
+    scaled_lengths = {max(rounded(size * length), shortest): None for length in ROPE_LENGTHS}
+    scaled_tilts = [(rounded(alpha / size), rounded(beta / size)) for alpha, beta in TILTS]
+    scaled_speeds = [rounded(size**0.5 * speed) for speed in HOISTING_SPEEDS]
     points = grid_of(
         loaded,
         rope_lengths=rope_lengths or list(scaled_lengths),
@@ -156,7 +156,3 @@ def certify_command(
         data["limits"] = [found_limits.to_json() for found_limits in limit_list]
     write_json(json_file, data)
     return exit_codes.GOOD if found.certified else exit_codes.LIMIT_EXCEEDED
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.3g}")

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from cranectl.compare.runs import COMPARED_GROUPS, compare_runs, compared_signals, named_signals
-from cranectl.scenario import NANOSECONDS
+from cranectl.scenario import NANOSECONDS, nanoseconds
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.simulate import Run
 from cranectl.support import resources
@@ -108,7 +108,7 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
         end_difference_limit_s=tolerances.end_s,
         signals=tuple(verdicts),
         same_status=new.status == golden.status,
-        ends_passed=difference_ns <= round(tolerances.end_s * NANOSECONDS),
+        ends_passed=difference_ns <= nanoseconds(tolerances.end_s),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.metrics import workspace_excess
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import Scenario, nanoseconds
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
@@ -92,15 +92,15 @@ def phases(scenario: Scenario) -> list[tuple[int, Phase]]:
     """Start [ns] and kind of each segment of the reference; the last point is held."""
     starts, start = [], 0.0
     for segment in scenario.reference.segments:
-        starts.append((round(start * NANOSECONDS), Phase.__members__.get(segment.kind.upper(), Phase.ADDED)))
+        starts.append((nanoseconds(start), Phase.__members__.get(segment.kind.upper(), Phase.ADDED)))
         start += segment.duration
-    return [*starts, (round(start * NANOSECONDS), Phase.HOLD)]
+    return [*starts, (nanoseconds(start), Phase.HOLD)]
 
 
 def disturbance_times(scenario: Scenario) -> set[int]:
     """When disturbances begin and end [ns]."""
     times = [time for step in scenario.disturbances for time in (step.start, step.end)]
-    return {round(time * NANOSECONDS) for time in times if time is not None}
+    return {nanoseconds(time) for time in times if time is not None}
 
 
 def disturbed(disturbances: Array) -> NDArray[np.int64]:
@@ -140,7 +140,7 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
     for step in scenario.disturbances:
         for time, verb in ((step.start, "begins"), (step.end, "ends")):
             if time is not None:
-                planned.append(Event(round(time * NANOSECONDS), plant, f"{step} {verb}"))
+                planned.append(Event(nanoseconds(time), plant, f"{step} {verb}"))
     return planned
 
 

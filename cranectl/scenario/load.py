@@ -54,7 +54,7 @@ def rig_place(name_or_path: str, directory: Path) -> Path:
 
 def load_rig(name_or_path: str | Path) -> RigParameters:
     """A rig that comes with cranectl, by its name, or from a TOML file."""
-    return RigParameters.model_validate(rig_table(name_or_path))
+    return parse_settings(RigParameters, rig_table(name_or_path), str(name_or_path))
 
 
 def rig_names() -> list[str]:

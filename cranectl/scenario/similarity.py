@@ -76,16 +76,26 @@ def completed_scenario(table: Table, rig: Table) -> Table:
 def _completed(laboratory: Table, rig: Table, given: Table) -> Table:
     """`given` on top of the numbers of the laboratory, scaled to `rig` to three digits."""
     usual = RigParameters()
-    length = rig.get("rope_range", usual.rope_range)[1] / usual.rope_range[1]
+    length = length_scale(rig.get("rope_range", usual.rope_range)[1])
     mass = rig.get("rated_load", usual.rated_load) / usual.rated_load
     whole: Table = mapped(laboratory)
     for name, value in list(leaves(whole)):
         by_length, by_mass = POWERS.get(name) or POWERS.get(name.rpartition(".")[0], (0.0, 0.0))
         factor = length**by_length * mass**by_mass
         if factor != 1.0:
-            assign(whole, name, float(f"{factor * value:.3g}"), name)
+            assign(whole, name, rounded(factor * value), name)
     completed: Table = merged(whole, given)
     return completed
+
+
+def length_scale(longest: float) -> float:
+    """L of a rig with so long a rope [m]."""
+    return longest / RigParameters().rope_range[1]
+
+
+def rounded(value: float) -> float:
+    """To the three digits that scaled numbers have."""
+    return float(f"{value:.3g}")
 
 
 def check_size(rig: RigParameters, effects: EffectSettings) -> None:

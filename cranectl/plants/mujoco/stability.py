@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.plant import StepError
-from cranectl.scenario import NANOSECONDS
+from cranectl.scenario import NANOSECONDS, nanoseconds
 
 # RK4 is stable for |rate · step| below 2.6 in all directions of decay (Hairer, Wanner: Solving Ordinary
 # Differential Equations II, figure IV.2.1); at 2 it still damps a vibration within a few periods.
@@ -69,6 +69,6 @@ def fastest_rate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
 
 def _step(period: float, longest: float) -> float:
     """The longest step [s] that divides `period` and is no longer than `longest`, in whole nanoseconds."""
-    whole = round(period * NANOSECONDS)
+    whole = nanoseconds(period)
     parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
     return whole // next((n for n in parts if whole % n == 0), whole) / NANOSECONDS

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from cranectl.compare.golden import RegressionVerdict, SignalVerdict
+from cranectl.compare.golden import RegressionVerdict
 from cranectl.compare.runs import Comparison
 from cranectl.report.table import VERDICTS, Table, cells
 from cranectl.support.units import quantity
@@ -78,7 +78,3 @@ def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str])
             )
     headings = ("log", "plant", "worst", "max |diff|", "limit", "verdict")
     return Table("New minus golden", headings, tuple(rows), labels=3)
-
-
-def _excess(signal: SignalVerdict) -> tuple[bool, float]:
-    return not signal.passed, signal.max_abs / signal.limit if signal.limit else signal.max_abs
