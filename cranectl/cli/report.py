@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @click.command("report", cls=Command)
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=click.Path(path_type=Path))
-@output_option("--out", HTML, "Default: beside LOG, LOG-compared.html for several; thesis.html without.")
+@output_option("--out", HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
 @predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict | None") -> int:
     """Write runs, or the thesis, as one HTML page of figures and tables.
@@ -37,8 +37,9 @@ def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict |
         from cranectl.cli.thesis import run_thesis
 
         return run_thesis(None, out or Path("thesis.html"))
-    beside = logs[0].parent / (logs[0].stem + (".html" if len(logs) == 1 else "-compared.html"))
-    _report_logs(logs, out or beside, predict=predict)
+    _check_number(len(logs))
+    name = "-and-".join(label.replace("/", "-") for label in _labels(logs))
+    _report_logs(logs, out or logs[0].parent / f"{name}.html", predict=predict)
     return exit_codes.GOOD
 
 
@@ -51,7 +52,6 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
     from cranectl.support.files import check_place
     from cranectl.support.provenance import other_software
 
-    _check_number(len(logs))
     check_place(out, HTML, inputs=logs, option="--out")
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
@@ -98,4 +98,4 @@ def _labels(logs: tuple[Path, ...]) -> list[str]:
         labels = ["/".join(log.with_suffix("").parts[-depth:]) for log in logs]
         if len(set(labels)) == len(labels):
             return labels
-    return [f"{k}: {log}" for k, log in enumerate(logs, 1)]
+    return [f"{log.stem}-{k}" for k, log in enumerate(logs, 1)]

@@ -52,20 +52,33 @@ def test_what_differs_is_named_and_nothing_else() -> None:
     assert table is not None
     assert table.headings == ("", "a", "b")
     assert rows(table) == {"rig.load_mass": ["1.0", "3.0"], "controller": ["pole-placement", "lqr"]}
-    was = rows(what_was_run(two, {"a": {"cranectl": "1"}, "b": {"cranectl": "2"}}))
-    assert was["rig.load_mass"] == ["default", "3.0"]
-    assert was["workspace.on_exit"] == ["record", "record"], "not the default in either"
-    assert was["made with"] == ["cranectl 1", "cranectl 2"]
+    short, settings = what_was_run(two, {"a": {"cranectl": "1"}, "b": {"cranectl": "2"}})
+    assert rows(short)["made with"] == ["cranectl 1", "cranectl 2"]
+    assert not settings.folded
+    assert rows(settings)["rig.load_mass"] == ["default", "3.0"]
+    assert rows(settings)["workspace.on_exit"] == ["record", "record"], "not the default in either"
     assert what_differs(logs()) is None
     assert what_differs({"a": two["a"]}) is None
+    crane = load_scenario("ship-to-shore", overrides=[*OVERRIDES, "reference.segments=[]"])
+    _, settings = what_was_run({"crane": {"analytic": simulate_run(crane, plant="analytic")}}, {})
+    assert settings.folded, "the many numbers of a rig of its own"
+    assert settings.title == f"Settings that are not the default: {len(settings.rows)}"
 
 
 def test_page_info_and_compare_say_it(capsys: pytest.CaptureFixture[str]) -> None:
     for label, log in logs("rig.load_mass=3").items():
         write_log(Path(f"{label}.mcap"), list(log.values()))
-    assert main(["report", "a.mcap", "b.mcap", "--out", "both.html"]) == 0
-    page = Path("both.html").read_text(encoding="utf-8")
-    assert page.index("What differs") < page.index("rig.load_mass") < page.index("Metrics"), "on top"
+    assert main(["report", "a.mcap", "b.mcap"]) == 0
+    page = Path("a-and-b.html").read_text(encoding="utf-8")
+    order = ["completed", "What differs", "rig.load_mass", "Metrics", "<h2>What was run", "made with"]
+    assert [page.index(text) for text in order] == sorted(page.index(text) for text in order)
+    Path("b.mcap").rename("c.mcap")
+    assert main(["report", "a.mcap", "c.mcap"]) == 0
+    assert main(["report", "a.mcap", "a.mcap"]) == 0
+    assert {path.name for path in Path().glob("*.html")} == {
+        "a-and-b.html", "a-and-c.html", "a-1-and-a-2.html"
+    }  # fmt: skip
+    Path("c.mcap").rename("b.mcap")
     capsys.readouterr()
     assert main(["info", "b.mcap"]) == 0
     assert "rig.load_mass = 3.0" in capsys.readouterr().out

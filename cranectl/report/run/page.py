@@ -61,17 +61,13 @@ def log_page(
         label: [RunSummary.of(run, Path(label)) for run in log.values()] for label, log in logs.items()
     }
     judged = limits_table([run for log in summaries.values() for run in log])
-    run_tables = (
-        run_table(summaries, _verdicts(agreements)),
-        metrics_table(summaries),
-        *((judged,) if judged is not None else ()),
-    )
-    asked, differing = what_was_run(logs, versions or {}), what_differs(logs)
+    differing = what_differs(logs)
     same = (SAME,) if len(logs) > 1 and differing is None else ()
-    tables = tuple(table for table in (differing, asked) if table is not None)
+    outcome = (run_table(summaries, _verdicts(agreements)), judged, differing, metrics_table(summaries))
+    asked = what_was_run(logs, versions or {})
     sections = [
-        Section("asked", "What was run", (*notes, *same), tables),
-        Section("runs", "Runs", (), run_tables),
+        Section("runs", "Runs", (*notes, *same), tuple(table for table in outcome if table is not None)),
+        Section("asked", "What was run", (), tuple(table for table in asked if table.rows)),
     ]
     if worst:
         moments = tuple(

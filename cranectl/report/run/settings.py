@@ -1,7 +1,7 @@
 """What was run, and in what the runs of several logs differ: tables by setting and log."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cranectl.report.table import Table, cells
@@ -11,11 +11,12 @@ from cranectl.support.documents import leaves
 
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 LONGEST = 70  # characters of a value
+MANY = 12  # rows that a page folds
 SAME = "Scenario, controller and drives are the same in all logs."
 
 
-def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> Table:
-    """A column a log; of settings those that are not the default in all of them. `versions`: by label."""
+def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple[Table, Table]:
+    """In short, and the settings that not all logs have at their default. `versions`: by label."""
     first = [next(iter(log.values())) for log in logs.values()]
     changed = [changed_from_default(run.scenario) for run in first]
     facts: dict[str, list[str]] = {
@@ -27,15 +28,15 @@ def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> Table
         "disturbances": [str(len(run.scenario.disturbances) or "none") for run in first],
         "effects": [", ".join(run.scenario.effects.names) or "none" for run in first],
     }
-    for name in dict.fromkeys(name for each in changed for name in each):
-        facts[name] = [_text(each[name]) if name in each else "default" for each in changed]
     if versions:
         facts["made with"] = [
             ", ".join(f"{name} {version}" for name, version in versions[label].items()) for label in logs
         ]
-    rows = tuple(cells(name, *texts) for name, texts in facts.items())
-    note = "All that is not named here has its default."
-    return Table("What was run", ("", *logs), rows, labels=1 + len(logs), note=note)
+    settings = {
+        name: [_text(each[name]) if name in each else "default" for each in changed]
+        for name in dict.fromkeys(name for each in changed for name in each)
+    }
+    return _by_log("", logs, facts), _by_log("Settings that are not the default", logs, settings)
 
 
 def what_differs(logs: Logs) -> Table | None:
@@ -48,11 +49,20 @@ def what_differs(logs: Logs) -> Table | None:
     flat = [dict(leaves(table)) for table in tables]
     names = dict.fromkeys(name for each in flat for name in each)
     differing = [name for name in names if len({_text(each.get(name)) for each in flat}) > 1]
-    rows = tuple(
-        cells(name.removeprefix("scenario."), *(_text(each[name]) if name in each else "–" for each in flat))
+    rows = {
+        name.removeprefix("scenario."): [_text(each[name]) if name in each else "–" for each in flat]
         for name in differing
+    }
+    return _by_log("What differs", logs, rows) if rows else None
+
+
+def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
+    """A row a name; many of them are counted and folded."""
+    many = len(rows) > MANY
+    shown = tuple(cells(name, *texts) for name, texts in rows.items())
+    return Table(
+        f"{title}: {len(rows)}" if many else title, ("", *logs), shown, labels=1 + len(logs), folded=many
     )
-    return Table("What differs", ("", *logs), rows, labels=1 + len(logs)) if rows else None
 
 
 def _text(value: Any) -> str:
