@@ -20,7 +20,7 @@ from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
 from cranectl.support.arrays import Array
 from cranectl.support.documents import assign, leaves, mapped
-from cranectl.support.errors import InputError, is_near, nearest_first
+from cranectl.support.errors import InputError, did_you_mean, nearest_first
 from cranectl.support.patterns import SHOWN
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # of a scenario; the rest is the controller's
@@ -237,5 +237,5 @@ def _unknown(name: str, values: dict[str, Any]) -> InputError:
     return InputError(
         f"unknown parameter '{name}' under [uncertain]",
         allowed=f"numbers of the scenario, the nearest being {', '.join(near)}",
-        remedy=f"did you mean '{near[0]}'?" if is_near(name, near[0]) else "choose a number of the scenario",
+        remedy=did_you_mean(name, near) or "choose a number of the scenario",
     )

@@ -35,10 +35,10 @@ def advise_command(
 ) -> int:
     """Say which controller to take for SCENARIO, what to improve first.
 
-    Guaranteed: the certificate (see `cranectl certify`) holds at every operating point that the scenario
-    visits. Survived: it does not, but the run completed. Cost: distance of the load from where the
-    continuous-time ideal of the same controller has it. Limits, sensing and delay are the scenario's, or the
-    defaults. Exit code 1 if no controller is guaranteed, 3 if none survives.
+    Guaranteed: the certificate (see `cranectl certify`) holds with its required margin at every operating
+    point that the scenario visits. Survived: it does not, but the run completed. Cost: distance of the load
+    from where the continuous-time ideal of the same controller has it. Limits, sensing and delay are the
+    scenario's, or the defaults. Exit code 1 if no controller is guaranteed, 3 if none survives.
 
     \b
     cranectl advise settled-trajectory

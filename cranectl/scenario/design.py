@@ -24,7 +24,7 @@ def _pole(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
     if not isinstance(value, str):
         return check(value)
     try:
-        pole = complex(value)
+        pole = complex(value.replace("i", "j"))
     except ValueError:
         pole = complex("nan")
     if not (-FASTEST <= pole.real <= -SLOWEST and abs(pole.imag) <= FASTEST):
@@ -46,7 +46,7 @@ Pole = Annotated[
     Field(ge=-FASTEST, le=-SLOWEST),
     WrapValidator(_pole),
     PlainSerializer(lambda pole: pole),
-    WithJsonSchema({"anyOf": [_REAL, {"type": "string", "pattern": "^-.*j$"}]}),
+    WithJsonSchema({"anyOf": [_REAL, {"type": "string", "pattern": "^-.*[ij]$"}]}),
 ]
 
 

@@ -48,8 +48,7 @@ def load_scenario(
 
 def rig_place(name_or_path: str, directory: Path) -> Path:
     """A rig that a file in `directory` names, as `load_rig` takes it."""
-    is_path = name_or_path.endswith(".toml") or "/" in name_or_path
-    return directory / name_or_path if is_path else Path(name_or_path)
+    return directory / name_or_path if resources.is_path(name_or_path) else Path(name_or_path)
 
 
 def load_rig(name_or_path: str | Path) -> RigParameters:

@@ -1,5 +1,6 @@
 """Scenario files: what is run. Checked here for form; for meaning where all parts are known."""
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
@@ -12,6 +13,7 @@ from cranectl.scenario.segments import Duration, Point3, Segment
 from cranectl.scenario.settings import Settings
 
 STILL = Wind(gust=0.0, drag_area=0.0)
+MOST_PARTS = 1_000_000  # that are tried to divide a period
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 
 
@@ -135,26 +137,32 @@ class Scenario(Settings):
 
     @model_validator(mode="after")
     def _times_fit(self) -> "Scenario":
-        period = self.period_ns
-        if abs(self.control.period * NANOSECONDS - period) > 1e-3 or period < 1000:
+        period, step = self.control.period, self.control.physics_step
+        if abs(period * NANOSECONDS - self.period_ns) > 1e-3 or self.period_ns < 1000:
             raise ValueError("control.period must be a whole number of nanoseconds, at least 1000")
-        if nanoseconds(self.control.physics_step) < 1000:
+        if nanoseconds(step) < 1000:
             raise ValueError("control.physics_step must be at least 1000 nanoseconds")
-        if not _divides(self.control.physics_step, self.control.period):
-            raise ValueError("control.physics_step must divide control.period")
-        if self.rig.time_constants.min() < self.control.physics_step:
-            raise ValueError("the rig's time constants must be at least control.physics_step")
+        if not _divides(step, period):
+            fits = longest_step(period, step)
+            raise ValueError(
+                f"control.physics_step must divide control.period: {step} s does not divide {period} s, "
+                f"the next shorter that does is {fits:g} s"
+            )
+        if self.rig.time_constants.min() < step:
+            raise ValueError(
+                f"the rig's time constants must be at least control.physics_step, {step} s: "
+                f"the shortest is {self.rig.time_constants.min():g} s"
+            )
         times = {"duration": self.duration}
-        for index, step in enumerate(self.disturbances):
-            times[f"disturbances.{index}.start"] = step.start
-            times[f"disturbances.{index}.end"] = self.duration if step.end is None else step.end
+        for index, each in enumerate(self.disturbances):
+            times[f"disturbances.{index}.start"] = each.start
+            times[f"disturbances.{index}.end"] = self.duration if each.end is None else each.end
         for name, time in times.items():
-            if not _divides(self.control.period, time):
-                raise ValueError(f"{name} must be a multiple of control.period")
+            _check_multiple(name, time, period)
             if time > self.duration or (name.endswith("start") and time >= self.duration):
                 raise ValueError(f"{name} must lie before the end of the run, {self.duration} s")
-        if self.effects.delay and not _divides(self.control.period, self.effects.delay.seconds):
-            raise ValueError("effects.delay.seconds must be a multiple of control.period")
+        if self.effects.delay:
+            _check_multiple("effects.delay.seconds", self.effects.delay.seconds, period)
         length = sum(segment.duration for segment in self.reference.segments)
         if length > self.duration * (1.0 + 1e-12):
             raise ValueError(f"the segments last {length} s, longer than duration {self.duration} s")
@@ -192,6 +200,18 @@ class Scenario(Settings):
     def substeps(self) -> int:
         """Physics steps per control period."""
         return self.period_ns // nanoseconds(self.control.physics_step)
+
+
+def longest_step(period: float, longest: float) -> float:
+    """The longest step [s] that divides `period` and is no longer than `longest`, in whole nanoseconds."""
+    whole = nanoseconds(period)
+    parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
+    return whole // next((n for n in parts[:MOST_PARTS] if whole % n == 0), whole) / NANOSECONDS
+
+
+def _check_multiple(name: str, time: float, period: float) -> None:
+    if not _divides(period, time):
+        raise ValueError(f"{name} must be a multiple of control.period: {time} s is none of {period} s")
 
 
 def _divides(step: float, time: float) -> bool:

@@ -1,5 +1,6 @@
 """Strict settings: TOML in, frozen pydantic models out, every mistake told at once and in full."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar, get_args
 
@@ -7,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from cranectl.support.documents import MAX_DEPTH, Table, assign, mapped, toml_value
-from cranectl.support.errors import InputError, is_near, nearest_first, printable
+from cranectl.support.errors import InputError, did_you_mean, printable
 
 
 class Settings(BaseModel):
@@ -17,6 +18,7 @@ class Settings(BaseModel):
 
 
 MAX_PROBLEMS = 10  # told in one message
+_COMPLEX = re.compile(r"(?<=[\[, ])[-+.\de]+[ij](?=[\], ])")  # a complex number in a list
 
 S = TypeVar("S", bound=Settings)
 
@@ -36,7 +38,10 @@ def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
 
 
 def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
-    """A copy of `table` with `key.sub=value` assignments applied; values are TOML, else strings."""
+    """A copy of `table` with `key.sub=value` assignments applied.
+
+    Values are TOML, where complex numbers in lists need no quotes, else strings.
+    """
     result: Table = mapped(table)
     for assignment in assignments:
         key, separator, text = assignment.partition("=")
@@ -48,7 +53,10 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
             )
         if key.count(".") >= MAX_DEPTH:
             raise InputError(f"--set {assignment}", allowed=f"keys of at most {MAX_DEPTH} parts")
-        value = toml_value(text.strip(), f"--set {printable(assignment, longest=80)}")
+        text = text.strip()
+        if text.startswith("["):
+            text = _COMPLEX.sub(r'"\g<0>"', text)
+        value = toml_value(text, f"--set {printable(assignment, longest=80)}")
         assign(result, key.strip(), value, f"--set {assignment}")
     return result
 
@@ -60,9 +68,8 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
     if details["type"] == "extra_forbidden":
         key = str(location[-1])
         parent = _model_at(model, location[:-1])
-        known = nearest_first(key, parent.model_fields if parent is not None else ())
-        near = bool(known) and is_near(key, known[0])
-        remedy = f"did you mean '{known[0]}'?" if near else f"remove '{where}'"
+        known = list(parent.model_fields if parent is not None else ())
+        remedy = did_you_mean(key, known) or f"remove '{where}'"
         return f"unknown key '{where}'", ", ".join(known), remedy
     if details["type"] == "missing":
         return f"'{where}' is missing", f"{where}: {_describe(model, location)}", f"add '{where}'"

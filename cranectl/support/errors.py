@@ -53,24 +53,24 @@ def printable(text: str, *, longest: int = 500) -> str:
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> InputError:
-    """The error for a name that is not in a registry; lists the known names, nearest first."""
-    names = nearest_first(name, known)
-    guess = f"did you mean '{names[0]}'?" if names and is_near(name, names[0]) else ""
+    """The error for a name that is not in a registry; lists the known names in their order."""
+    names = list(known)
     return InputError(
         f"unknown {kind} '{name}'",
         allowed=", ".join(names),
-        remedy=guess or f"choose one of the {kind}s listed above",
+        remedy=did_you_mean(name, names) or f"choose one of the {kind}s listed above",
     )
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The question after the known name of which `name` looks like a misspelling; nothing without one."""
+    near = nearest_first(name, known)[:1]
+    return f"did you mean '{near[0]}'?" if near and _similarity(name, near[0]) >= 0.6 else ""
 
 
 def nearest_first(name: str, known: Iterable[str]) -> list[str]:
     """The known names, those most similar to `name` first, equals alphabetically."""
     return sorted(known, key=lambda candidate: (-_similarity(name, candidate), candidate))
-
-
-def is_near(name: str, candidate: str) -> bool:
-    """Whether `name` looks like a misspelling of `candidate`."""
-    return _similarity(name, candidate) >= 0.6
 
 
 def _similarity(a: str, b: str) -> float:

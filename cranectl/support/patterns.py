@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 
-from cranectl.support.errors import InputError, is_near, nearest_first
+from cranectl.support.errors import InputError, did_you_mean, nearest_first
 
 SHOWN = 6  # as many near names as fit a line or two
 
@@ -18,9 +18,8 @@ def unmatched(pattern: str, names: Iterable[str]) -> InputError:
     known = list(names)
     groups = {name.rpartition(".")[0] + ".*" for name in known}
     near = nearest_first(pattern, groups if pattern.endswith("*") else {*known, *groups})[:SHOWN]
-    guess = f"did you mean '{near[0]}'?" if near and is_near(pattern, near[0]) else ""
     return InputError(
         f"no signal matches '{pattern}'",
         allowed=f"patterns of signal names, the nearest being {', '.join(near)}" if near else "",
-        remedy=guess or "choose among the signals that docs/reference/logs.md lists",
+        remedy=did_you_mean(pattern, near) or "choose among the signals that docs/reference/logs.md lists",
     )

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, did_you_mean
+from cranectl.support.files import exists
 
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "_data"
@@ -23,14 +24,26 @@ def toml_names(directory: Path) -> list[str]:
 
 
 def toml_file(kind: str, name_or_path: str, directory: Path) -> Path:
-    """The file of a name in `directory`, or any by its path; raises InputError for an unknown name."""
-    names = toml_names(directory)
+    """The file of a name in `directory`, or any by its path; raises InputError if there is none."""
+    names, path = toml_names(directory), Path(name_or_path)
     if name_or_path in names:
         return directory / f"{name_or_path}.toml"
-    if name_or_path.endswith(".toml") or "/" in name_or_path:
-        return Path(name_or_path)
-    if Path(name_or_path).is_dir():
+    if exists(path) and path.is_dir():
         raise InputError(
             f"{name_or_path} is a directory", allowed=f"a {kind} by name or the path of its file"
         )
-    raise unknown_name(kind, name_or_path, names)
+    if exists(path):
+        return path
+    beside = sorted(file.name for file in path.parent.glob("*.toml")) if exists(path.parent) else []
+    raise InputError(
+        f"cannot read {name_or_path}: no such file or directory"
+        if is_path(name_or_path)
+        else f"unknown {kind} '{name_or_path}', which is no file or directory either",
+        allowed=f"the path of a TOML file, or by name {', '.join(names)}",
+        remedy=did_you_mean(path.name, [*names, *beside]) or "choose one of these, or correct the path",
+    )
+
+
+def is_path(name_or_path: str) -> bool:
+    """Whether this is the path of a file, which has a directory or an ending, and no name."""
+    return "/" in name_or_path or Path(name_or_path).suffix != ""

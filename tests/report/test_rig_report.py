@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cranectl.analysis.advice import IMPROVEMENTS, Advice, advise
+from cranectl.analysis.advice import IMPROVEMENTS, Advice, Assessment, advise
 from cranectl.analysis.budget.error_budget import Budget, Entry
 from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
 from cranectl.analysis.levels import NAMES
@@ -138,6 +138,17 @@ def test_controllers(advice: Advice) -> None:
     row = cells(controllers_table(replace(advice, assessments=(stopped,))), "lqr+loop-shaping")
     assert row["grade"] == ("slack-rope", "bad")
     assert row["error RMS [mm]"] == row["cost max [mm]"] == ("–", "")
+    row = cells(controllers_table(replace(advice, assessments=(_refused(found),))), "lqr+loop-shaping")
+    assert (row["grade"], row["certified by"], row["least margin"][0]) == (
+        ("survived", "open"), ("–", ""), "-0.2000",
+    )  # fmt: skip
+
+
+def _refused(assessment: Assessment) -> Assessment:
+    """With one point that has a grade and a margin of those that are refused."""
+    first, *others = assessment.certificate.points
+    points = (replace(first, grade="refused", left=-0.2), *others)
+    return replace(assessment, certificate=replace(assessment.certificate, points=points))
 
 
 def test_improvements(advice: Advice) -> None:
@@ -154,6 +165,11 @@ def test_what_is_recommended(advice: Advice) -> None:
     take, improve, *_ = recommendation(advice)
     assert take.startswith("Take lqr+loop-shaping: guaranteed")
     assert improve.startswith(f"Improve first: {advice.improvements[0].name}")
+    assert (
+        f"certified by gap (least margin {advice.best.least_margin:+.4f}, more than 0.01 is required)" in take
+    )
+    refused = replace(advice, assessments=(_refused(advice.best),))
+    assert "survived, not certified (least margin -0.2000, more" in recommendation(refused)[0]
     worse = tuple(replace(row, gain=-0.1) for row in advice.improvements)
     assert not any("Improve" in line for line in recommendation(replace(advice, improvements=worse)))
     failed = tuple(replace(row, status=RunStatus.SLACK_ROPE) for row in advice.assessments)

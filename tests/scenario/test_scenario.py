@@ -20,11 +20,27 @@ def test_every_scenario_loads_under_its_file_name_with_a_title(name: str) -> Non
     assert scenario.title
 
 
-def test_unnominal_scenario_lists_the_known_nearest_first() -> None:
+@pytest.mark.parametrize(
+    ("name", "found", "near"),
+    [
+        ("setled-trajectory", "unknown scenario 'setled-trajectory'", "settled-trajectory"),
+        ("fast", "unknown scenario 'fast', which is no file or directory either", "fast.toml"),
+        ("fast.tml", "cannot read fast.tml: no such file or directory", "fast.toml"),
+        ("../here/fats.toml", "cannot read ../here/fats.toml: no such file or directory", "fast.toml"),
+    ],
+)
+def test_an_unknown_scenario_may_be_a_known_name_or_a_file_beside_it(
+    name: str, found: str, near: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    (here / "fast.toml").touch()
+    monkeypatch.chdir(here)
     with pytest.raises(InputError) as caught:
-        load_scenario("setled-trajectory")
-    assert caught.value.allowed.startswith("settled-trajectory")
-    assert "did you mean" in caught.value.remedy
+        load_scenario(name)
+    assert caught.value.found.startswith(found)
+    assert caught.value.allowed.endswith(f"by name {', '.join(scenario_names())}")
+    assert caught.value.remedy == f"did you mean '{near}'?"
 
 
 def test_a_scenario_may_be_a_file(tmp_path: Path) -> None:
@@ -71,9 +87,9 @@ def test_a_scenario_names_the_file_of_its_rig(tmp_path: Path) -> None:
     for text, found in (
         ('extends = "heavy.toml"', "extends itself"),
         ("extends = 3", "extends = 3"),
-        ('extends = "absent.toml"', "absent.toml"),
-        ('extends = "\\u0000.toml"', "null"),
-        (f'extends = "{"a" * 999}.toml"', "name too long"),
+        ('extends = "bse.toml"', r"rigs/bse\.toml: no such file[^$]*did you mean 'base\.toml'"),
+        ('extends = "\\u0000.toml"', "no such file"),
+        (f'extends = "{"a" * 999}.toml"', "no such file"),
         ('extends = "harbor-crane"', "harbour-crane"),
         ("load_mas = 3.0", "did you mean 'load_mass'"),
     ):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cranectl import signals
+from cranectl.controllers.registry import controller_names
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
@@ -222,13 +223,17 @@ def test_ctrl_c_keeps_what_was_run(plant: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("keyword", "value", "nearest"),
-    [("plant", "mujocco", "mujoco"), ("drive", "ideel", "ideal"), ("controller", "lqrr", "lqr")],
+    ("keyword", "value", "known"),
+    [
+        ("plant", "mujocco", "analytic, mujoco"),
+        ("drive", "ideel", "ideal, velocity, force"),
+        ("controller", "lqrr", ", ".join(controller_names())),
+    ],
 )
-def test_unknown_names_list_the_known(short: Scenario, keyword: str, value: str, nearest: str) -> None:
+def test_unknown_names_list_the_known(short: Scenario, keyword: str, value: str, known: str) -> None:
     with pytest.raises(InputError) as caught:
         simulate_run(short, **{keyword: value})
-    assert caught.value.allowed.startswith(nearest)
+    assert caught.value.allowed.startswith(known)
 
 
 def test_a_second_process_compiles_nothing() -> None:

@@ -1,14 +1,13 @@
 """Whether the physics step is short enough for the fastest motion of a model."""
 
 import copy
-import math
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.plant import StepError
-from cranectl.scenario import NANOSECONDS, nanoseconds
+from cranectl.scenario.scenario import longest_step
 
 # RK4 is stable for |rate · step| below 2.6 in all directions of decay (Hairer, Wanner: Solving Ordinary
 # Differential Equations II, figure IV.2.1); at 2 it still damps a vibration within a few periods.
@@ -23,7 +22,7 @@ def check_step(model: mujoco.MjModel, data: mujoco.MjData, what: str, *, period:
     """
     rate, step = fastest_rate(model, data), float(model.opt.timestep)
     if rate * step > LARGEST:
-        enough = _step(period, LARGEST / rate)
+        enough = longest_step(period, LARGEST / rate)
         raise StepError(
             f"{what}: something vibrates or decays with {rate:.3g} 1/s, too fast for steps of {step:g} s",
             allowed=f"rates up to {LARGEST / step:.3g} 1/s at this step",
@@ -65,10 +64,3 @@ def fastest_rate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
         system[n:, n + k] = (acceleration() - rest) / SMALL
         trial.qvel[:] = qvel
     return float(np.abs(np.linalg.eigvals(system)).max())
-
-
-def _step(period: float, longest: float) -> float:
-    """The longest step [s] that divides `period` and is no longer than `longest`, in whole nanoseconds."""
-    whole = nanoseconds(period)
-    parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
-    return whole // next((n for n in parts if whole % n == 0), whole) / NANOSECONDS

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from cranectl.analysis.advice import Advice, Assessment
 from cranectl.analysis.budget.error_budget import Budget, Entry
-from cranectl.analysis.certificate.certify import Certificate, PointVerdict
+from cranectl.analysis.certificate.certify import CAUTION, Certificate, PointVerdict
 from cranectl.analysis.certificate.conservatism import Limits
 from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
@@ -36,21 +36,23 @@ def three(what: str) -> tuple[str, ...]:
 
 def controllers_table(advice: Advice) -> Table:
     """One row a controller."""
-    headings = ("controller", "grade", "by", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
+    headings = ("controller", "grade", "certified\nby", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
                 "cost RMS\n[mm]", "cost max\n[mm]")  # fmt: skip
     rows = tuple(
         cells(
             row.controller,
             Cell(row.grade if row.survived else row.status.label, MARKS[row.grade]),
-            row.judged_by,
-            f"{row.least_margin:+.3f}",
+            row.judged_by if row.guaranteed else MISSING,
+            f"{row.least_margin:+.4f}",
             *_errors_and_costs(row),
         )
         for row in advice.assessments
     )
     note = (
-        "By: whether the nu-gap alone leaves a margin at every point, or the loop was compared frequency by "
-        "frequency. Cost: distance of the load from where the same controller's continuous-time ideal has it."
+        f"Guaranteed: more margin than {CAUTION:g} is left at every operating point, by the nu-gap alone "
+        "or, which asks less, frequency by frequency; the linear loop frozen there is stable. Survived: not "
+        "certified, but the run completed. Cost: distance of the load from where the same controller's "
+        "continuous-time ideal has it."
     )
     title = f"{advice.scenario.name}: controllers, the best first"
     return Table(title, headings, rows, labels=3, note=note)
@@ -73,7 +75,7 @@ def improvements_table(advice: Advice) -> Table:
             row.change,
             millimetres(row.assessment.cost.rms) if row.assessment.cost else MISSING,
             f"{100 * row.gain:+.0f} %" if row.assessment.survived else MISSING,
-            f"{row.assessment.least_margin:+.3f}",
+            f"{row.assessment.least_margin:+.4f}",
             Cell(row.assessment.grade, MARKS[row.assessment.grade]),
         )
         for row in advice.improvements
@@ -86,8 +88,10 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
     best = advice.best
     if best is None:
         return ("No controller survives: improve drives, delay or sensors, or ask for less.",)
-    how = f"least margin {best.least_margin:+.3f} by {best.judged_by}" if best.guaranteed else "not certified"
-    words = [f"Take {best.controller}: {best.grade}, {how}; worst with the {best.certificate.worst.point}."]
+    how = f"certified by {best.judged_by}" if best.guaranteed else "not certified"
+    least = f"least margin {best.least_margin:+.4f}, more than {CAUTION:g} is required"
+    worst = f"worst with the {best.certificate.worst.point}"
+    words = [f"Take {best.controller}: {best.grade}, {how} ({least}); {worst}."]
     if advice.improvements and advice.improvements[0].gain > 0.0:
         first = advice.improvements[0]
         words.append(
@@ -123,7 +127,7 @@ def summary_lines(certificate: Certificate) -> list[str]:
     return [
         f"loop opened at {certificate.opening.name}; b(G, K) = {certificate.margin:.4f} at "
         f"{worst.margin_frequency:.3g} rad/s; delay {certificate.delay:g} s",
-        f"least margin {certificate.least_margin:+.4f}: gap {worst.gap:.4f} at "
+        f"least margin by the gap {certificate.least_margin:+.4f}: gap {worst.gap:.4f} at "
         f"{worst.frequency:.3g} rad/s, {worst.point}",
         f"of {len(grades)} points certified: {grades.count('gap')} by the gap, "
         f"{grades.count('by frequency')} frequency by frequency (f); refused (r): {grades.count('refused')}; "
