@@ -1,6 +1,12 @@
-"""SI prefixes: values as people tell them, 0.0123 m as 12.3 mm, and one unit for a column or an axis."""
+"""Values as people tell them: with SI prefixes, 0.0123 m as 12.3 mm, one unit for a column or an axis.
 
+And settings without the tails of their type: 600000.0 as 600000, 1000000000.0 as 1e9.
+"""
+
+import json
 import math
+import re
+from typing import Any
 
 PREFIXES = {6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}  # by power of ten
 FORCES = ("N", "Nm", "J", "W")  # of which thousands are told as k; a path of 1200 m is not 1.2 km
@@ -26,9 +32,20 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
         mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
         number, prefixed = f"{mantissa} · 10{str(int(exponent)).translate(_SUPERSCRIPTS)}", unit
     else:
-        number = f"{factor * value:.0f}" if 1e3 <= size < math.inf else f"{factor * value:#.{digits}g}"
+        number = f"{factor * value:.0f}" if 1e3 <= size < math.inf else f"{factor * value:z#.{digits}g}"
     space = "" if unit in ("°", "") else " "
     return f"{number.rstrip('.')}{space}{prefixed}"
+
+
+def plain(setting: Any) -> str:
+    """A value from TOML or JSON, its numbers with as many digits as they have; a text is as it is."""
+    if isinstance(setting, list | tuple):
+        return f"[{', '.join(map(plain, setting))}]"
+    if not isinstance(setting, float):
+        return setting if isinstance(setting, str) else json.dumps(setting, ensure_ascii=False)
+    texts = (f"{setting:z.{digits}g}" for digits in range(6, 18))
+    shortest = next(text for text in texts if float(text) == setting or setting != setting)
+    return re.sub(r"e\+?(-?)0*", r"e\1", shortest)
 
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

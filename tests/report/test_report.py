@@ -142,6 +142,19 @@ def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) ->
     assert "end of the rig" in family_svg(FAMILIES["trolley"], curves(far))
 
 
+@pytest.mark.parametrize("name", [name for name in FAMILIES if name != "space"])
+def test_rounding_is_a_flat_line_and_a_nanometre_is_not(name: str, runs: dict[str, Run]) -> None:
+    """Whatever the plants differ in can be seen; what only rounding moves has the axis of a constant."""
+    family, run = FAMILIES[name], runs["mujoco"]
+    wave = np.sin(np.arange(run.table.size)).reshape(run.table.shape)
+    for level, size, flat in ((0.0, 1e-13, True), (0.7, 1e-13, True), (0.7, 1e-9, False)):
+        moved = replace(run, table=level + size * wave, reference=level + 0.0 * run.reference)
+        drawn = family.draw(family, curves({"mujoco": moved}))
+        drawn.draw_without_rendering()
+        spans = [high - low for axes in drawn.axes for low, high in (axes.get_xlim(), axes.get_ylim())]
+        assert (min(spans) > 0.03) == flat
+
+
 def test_sentences_say_what_the_run_did() -> None:
     run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
     final = np.linalg.norm(run.reference[-1, :3] - run.load_position[-1])

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from cranectl.support.units import quantity, scaled
+from cranectl.support.units import plain, quantity, scaled
 
 
 @pytest.mark.parametrize(
@@ -21,12 +21,30 @@ from cranectl.support.units import quantity, scaled
         (2e-5, "rad/s²", "20.0 µrad/s²"),
         (2e-5, "°", "2.00 · 10⁻⁵°"),
         (0.0, "m", "0.00 m"),
+        (-0.0, "m", "0.00 m"),
         (math.nan, "m", "nan m"),
         (-math.inf, "N", "-inf N"),
     ],
 )
 def test_a_value_is_told_with_the_prefix_of_its_unit(value: float, unit: str, expected: str) -> None:
     assert quantity(value, unit) == expected
+
+
+@pytest.mark.parametrize(
+    ("setting", "expected"),
+    [
+        (600000.0, "600000"),
+        (1234567.5, "1234567.5"),
+        ([1e9, -4.29e-5, -0.0], "[1e9, -4.29e-5, 0]"),
+        (math.nan, "nan"),
+        (3, "3"),
+        (None, "null"),
+        ({"force": [1.0]}, '{"force": [1.0]}'),
+        ("1.0", "1.0"),
+    ],
+)
+def test_a_setting_is_told_with_the_digits_that_it_has(setting: object, expected: str) -> None:
+    assert plain(setting) == expected
 
 
 def test_a_column_has_the_unit_of_its_largest_value() -> None:

@@ -11,6 +11,7 @@ from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
 from cranectl.analysis.levels import BASE
 from cranectl.report.table import Cell, Table, cells
+from cranectl.support.units import plain
 
 MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
 GRADES = {"gap": (" ", "good"), "by frequency": ("f", "good"), "refused": ("r", "open")}  # letter and mark
@@ -230,7 +231,7 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
         level = result.level
         effect = getattr(result.run.scenario.effects, level.name, None)
         settings = {} if effect is None else effect.model_dump(mode="json")
-        numbers = ", ".join(f"{name} = {value}" for name, value in settings.items())
+        numbers = ", ".join(f"{name} = {plain(value)}" for name, value in settings.items())
         rows.append(cells(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
     return Table("What is added", ("level", "adds", "plant", "settings"), tuple(rows), labels=4)
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cranectl.plants.registry import plant_entry
+from cranectl.report.run.rounding import constant_axis
 from cranectl.report.theme import SERIES, STAND_IN
 from cranectl.signals import flat_groups, recorded_groups
 from cranectl.simulate import Run
@@ -42,6 +43,11 @@ class Panel:
     reference: Values | None = None
     limits: Callable[[Run], Array] | None = None  # (low, high)
 
+    @property
+    def unit(self) -> str:
+        """As its label has it."""
+        return self.label.partition("[")[2].rstrip("]")
+
 
 @dataclass(frozen=True)
 class Family:
@@ -56,7 +62,7 @@ class Family:
     @property
     def unit(self) -> str:
         """Unit of its first panel, for statements about all of them."""
-        return self.panels[0].label.partition("[")[2].rstrip("]")
+        return self.panels[0].unit
 
 
 def families_of(runs: Iterable[Run]) -> list[Family]:
@@ -105,6 +111,8 @@ def _over_time(family: Family, curves: Sequence[Curve]) -> Figure:
             axes.plot(first.time, panel.reference(first), **_REFERENCE)
         axes.set_ylabel(panel.label)
         axes.margins(x=0.0)
+        if (constant := constant_axis(*axes.dataLim.intervaly, panel.unit)) is not None:
+            axes.update_datalim([(0.0, end) for end in constant], updatex=False)
     stack[-1].set_xlabel("time [s]")
     _legend(figure, family, curves)
     return figure
@@ -126,6 +134,10 @@ def _in_the_plane(family: Family, curves: Sequence[Curve]) -> Figure:
             end = x.values(curve.run)[-1:], y.values(curve.run)[-1:]
             axes.plot(*end, color=STAND_IN[curve.colour], marker="o", markersize=4, zorder=5)
     axes.set(xlabel=x.label, ylabel=y.label)
+    across = constant_axis(*axes.dataLim.intervalx, x.unit)
+    along = constant_axis(*axes.dataLim.intervaly, y.unit)
+    if across is not None and along is not None:
+        axes.update_datalim(list(zip(across, along, strict=True)))
     axes.set_aspect("equal", adjustable="datalim")
     _legend(figure, family, curves)
     return figure

@@ -1,6 +1,5 @@
 """What was run, and in what the runs of several logs differ: tables by setting and log."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -8,6 +7,7 @@ from cranectl.report.table import Table, cells
 from cranectl.scenario import changed_from_default
 from cranectl.simulate import Run
 from cranectl.support.documents import leaves
+from cranectl.support.units import plain
 
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 LONGEST = 70  # characters of a value
@@ -66,5 +66,5 @@ def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
 
 
 def _text(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    text = plain(value)
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"

@@ -108,7 +108,7 @@ def _told(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str
 def _text(metric: Metric, metrics: RunMetrics | None, factor: float) -> str:
     """A dash for what is not there."""
     numbers = _numbers_of(metric, metrics)
-    return " ".join(MISSING if n is None else f"{factor * n:.{metric.row.digits}f}" for n in numbers)
+    return " ".join(MISSING if n is None else f"{factor * n:z.{metric.row.digits}f}" for n in numbers)
 
 
 def limits_table(runs: Sequence[RunSummary], *, broken_only: bool = False) -> Table | None:
