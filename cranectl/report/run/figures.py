@@ -111,7 +111,7 @@ def _over_time(family: Family, curves: Sequence[Curve]) -> Figure:
             axes.plot(first.time, panel.reference(first), **_REFERENCE)
         axes.set_ylabel(panel.label)
         axes.margins(x=0.0)
-        if (constant := constant_axis(*axes.dataLim.intervaly, panel.unit)) is not None:
+        if (constant := constant_axis(axes.dataLim.intervaly, panel.unit)) is not None:
             axes.update_datalim([(0.0, end) for end in constant], updatex=False)
     stack[-1].set_xlabel("time [s]")
     _legend(figure, family, curves)
@@ -134,8 +134,8 @@ def _in_the_plane(family: Family, curves: Sequence[Curve]) -> Figure:
             end = x.values(curve.run)[-1:], y.values(curve.run)[-1:]
             axes.plot(*end, color=STAND_IN[curve.colour], marker="o", markersize=4, zorder=5)
     axes.set(xlabel=x.label, ylabel=y.label)
-    across = constant_axis(*axes.dataLim.intervalx, x.unit)
-    along = constant_axis(*axes.dataLim.intervaly, y.unit)
+    across = constant_axis(axes.dataLim.intervalx, x.unit)
+    along = constant_axis(axes.dataLim.intervaly, y.unit)
     if across is not None and along is not None:
         axes.update_datalim(list(zip(across, along, strict=True)))
     axes.set_aspect("equal", adjustable="datalim")
