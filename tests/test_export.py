@@ -96,9 +96,11 @@ def expected_columns(runs: list[Run]) -> dict[str, Array]:
 
 
 @pytest.mark.parametrize("file_format", READERS)
-def test_read_back_bit_for_bit(log: Path, file_format: str) -> None:
+def test_read_back_bit_for_bit(runs: list[Run], file_format: str) -> None:
+    """From a file beside the log, where it lies by default."""
+    log = write_log("logs/pair.mcap", runs)
     assert main(["log", "export", str(log), "--format", file_format]) == 0
-    found = READERS[file_format](Path(f"pair.{file_format}"))
+    found = READERS[file_format](Path(f"logs/pair.{file_format}"))
     expected = expected_columns(list(read_log(log).values()))
     assert list(found) == list(expected)
     assert len(found["time"]) == 126

@@ -129,6 +129,7 @@ def _lines(
     ]
     facts += [
         ("not default", ", ".join(f"{name} = {value}" for name, value in changed.items()) or "nothing"),
+        ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
     ]

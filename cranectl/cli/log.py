@@ -34,7 +34,7 @@ from cranectl.support.files import JSON, MCAP
     "--out",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Default: the log's name with the format's ending, in the working directory.",
+    help="Default: beside LOG, with the format's ending.",
 )
 def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], out: Path | None) -> None:
     """Write the signals of LOG as a table for pandas, MATLAB or Excel.
@@ -54,7 +54,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     from cranectl.support.files import check_place
 
     exporter = chosen_exporter(format_name, out)
-    path = out or Path(f"{log.stem}.{exporter.name}")
+    path = out or log.parent / f"{log.stem}.{exporter.name}"
     check_place(path, exporter.kind, inputs=[log], option="--out")
     table = export_table({name: layer.run for name, layer in read_layers(log).items()}, patterns)
     write_table(table, path, exporter)

@@ -35,9 +35,18 @@ class Disturbance(Settings):
         return self
 
     def __str__(self) -> str:
+        return f"{'disturbance' if self.force is None else 'force'} of {self._size}"
+
+    @property
+    def in_short(self) -> str:
+        """Size and times: 1 rad/s² on alpha from 6 to 7 s."""
+        return f"{self._size} from {self.start:g}{'' if self.end is None else f' to {self.end:g}'} s"
+
+    @property
+    def _size(self) -> str:
         if self.force is not None:
-            return f"force of {', '.join(f'{part:g}' for part in self.force)} N on the load"
-        return f"disturbance of {self.magnitude:g} rad/s² on {self.joint}"
+            return f"{', '.join(f'{part:g}' for part in self.force)} N on the load"
+        return f"{self.magnitude:g} rad/s² on {self.joint}"
 
     @property
     def acceleration(self) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from cranectl.support import resources
 from cranectl.support.documents import Table, differences, leaves, merged, read_toml
 from cranectl.support.errors import InputError
 
-OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "initial", "controller"}
+OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
 # And what effects would be on the rig: those that a run has say it themselves.
 NOT_TOLD: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
 
@@ -100,7 +100,9 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}
     table = override(table, overrides)
-    if isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]:  # another crane, as in a file
+    if (
+        rig is None and isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]
+    ):  # another crane, as in a file
         parse_settings(RigParameters, table["rig"], f"{source}: rig")
         table = completed_scenario(table, completed_rig(table["rig"]))
     scenario = parse_settings(Scenario, _with_numbers(table), source)

@@ -176,6 +176,11 @@ class Scenario(Settings):
         return self.effects.model_copy(update={"wind": STILL})
 
     @property
+    def disturbed_by(self) -> str:
+        """All disturbances in short."""
+        return "; ".join(step.in_short for step in self.disturbances) or "none"
+
+    @property
     def forced(self) -> bool:
         """Whether a disturbance is a force on the load."""
         return any(step.force is not None for step in self.disturbances)

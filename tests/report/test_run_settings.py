@@ -36,9 +36,11 @@ def test_every_setting_that_is_not_the_default_is_named() -> None:
             "design.poles=[-1,-2,-3,-4]",
             "effects.delay={}",
             "control.period=0.002",
+            "initial.load_offset=[0.1,0,0]",
         ]
     )
     assert changed_from_default(changed) == {
+        "initial.load_offset": [0.1, 0.0, 0.0],
         "rig.load_mass": 3.0,
         "control.period": 0.002,
         "design.poles": [-1.0, -2.0, -3.0, -4.0],

@@ -25,7 +25,7 @@ def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple
         "drives": [run.drive for run in first],
         "plants": [", ".join(log) for log in logs.values()],
         "duration": [f"{run.scenario.duration:g} s" for run in first],
-        "disturbances": [str(len(run.scenario.disturbances) or "none") for run in first],
+        "disturbances": [_text(run.scenario.disturbed_by) for run in first],
         "effects": [", ".join(run.scenario.effects.names) or "none" for run in first],
     }
     if versions:
