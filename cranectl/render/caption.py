@@ -17,6 +17,7 @@ PLATE = (255, 255, 255, 175)  # under the legend
 _FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 
 Pen = ImageDraw.ImageDraw
+Placed = tuple[str, tuple[float, float]]  # a text and where it is [px]
 # Draws a sign of the legend: at which height, how wide, at which scale.
 Sign = Callable[[Pen, float, float, float], None]
 
@@ -30,12 +31,12 @@ def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
 class Caption:
     """Draws itself onto pictures of one timeline and size."""
 
-    def __init__(self, timeline: Timeline, width: int, height: int) -> None:
+    def __init__(self, timeline: Timeline, width: int, height: int, scale: Placed) -> None:
         self._timeline = timeline
         self._width = width
         # Letters shrink with the picture, but must stay legible.
         self._unit = max(min(width / 960.0, height / 720.0), 0.62)
-        self._fixed = self._fixed_parts(width, height)
+        self._fixed = self._fixed_parts(width, height, scale)
 
     def draw(self, picture: Image.Image, time: float) -> None:
         """What is fixed, and what belongs to `time` [s]."""
@@ -48,7 +49,7 @@ class Caption:
             pen.text((right, y), text, LIGHT[role], font(self._px(15)), anchor="ra")
             y += self._px(21)
 
-    def _fixed_parts(self, width: int, height: int) -> Image.Image:
+    def _fixed_parts(self, width: int, height: int, scale: Placed) -> Image.Image:
         layer = Image.new("RGBA", (width, height), (255, 255, 255, 0))
         pen = ImageDraw.Draw(layer)
         left, run = self._px(24), self._timeline.main.run
@@ -57,6 +58,8 @@ class Caption:
             (52, _subtitle(self._timeline), "muted", font(self._px(15))),
         ):
             pen.text((left, self._px(y)), _shortened(text, letters, 0.62 * width), LIGHT[role], letters)
+        length, (right, middle) = scale
+        pen.text((right + self._px(8), middle), length, LIGHT["ink"], font(self._px(15)), anchor="lm")
         rows = legend(self._timeline)
         step, sign_width = self._px(23), self._px(30)
         top = height - self._px(14) - step * len(rows)
@@ -94,9 +97,13 @@ def _subtitle(timeline: Timeline) -> str:
 
 def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     """What is read off at `time` [s]: a line of text each, and the role of its colour."""
-    off = timeline.main.error[timeline.main.row(time)]
-    main = timeline.main.label if timeline.by_label else "load"
-    lines = [(f"{main} off by {quantity(off, 'm')}", "muted")]
+    errors = {track.label: track.error[track.row(time)] for track in timeline.tracks}
+    main, worst = timeline.main.label, max(errors, key=errors.__getitem__)
+    told = dict.fromkeys((main, worst)) if timeline.by_label else (main,)
+    lines = [
+        (f"{each if timeline.by_label else 'load'} off by {quantity(errors[each], 'm')}", "muted")
+        for each in told
+    ]
     if (distance := timeline.distance(time)) is not None:
         far = quantity(distance, "m")
         apart = f"others up to {far} away" if timeline.by_label else f"plants apart by {far}"

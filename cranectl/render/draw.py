@@ -155,7 +155,6 @@ def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
 
     strip = settings.width // PLOTS_SHARE if settings.plots else 0
     width, height = settings.width - strip, settings.height
-    caption = Caption(timeline, width, height)
     plots = Plots(timeline, strip, height) if strip else None
 
     def paint(time: float) -> Image.Image:
@@ -169,6 +168,7 @@ def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
         return whole
 
     with renderer(timeline, settings.camera, width, height) as scene:
+        caption = Caption(timeline, width, height, scene.scale_label)
         yield paint
 
 

@@ -12,7 +12,7 @@ from cranectl.plants.mujoco.geometry import ASPECT, drawn_spec
 from cranectl.plants.mujoco.model import state_addresses
 from cranectl.render.opengl import drawing
 from cranectl.render.timeline import Timeline, Track
-from cranectl.scenario.drawn_size import drawn_reach, drawn_scale
+from cranectl.scenario.drawn_size import drawn_box, drawn_reach, drawn_scale
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
@@ -32,6 +32,8 @@ LONGEST_ARROW = 0.6  # [m]
 MARKER = 0.024  # [m], radius of the point where the load should be
 ABOVE_FLOOR = 0.001  # [m]
 DISC = (0.05, 0.0005, 0.0)  # [m], radius and half the height
+NEAR_POST, NEAR_POST_OPACITY = "post_10", 0.35  # between the overview's camera and the load
+BAR_OUTSIDE, BAR_TICK = 0.2, 0.03  # [m] from the rig to the scale bar; half a tick at its ends
 ALONG_Z = np.eye(3).ravel()
 LINE, SPHERE, ARROW, CYLINDER = (
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) for kind in ("LINE", "SPHERE", "ARROW", "CYLINDER")
@@ -41,7 +43,11 @@ LINE, SPHERE, ARROW, CYLINDER = (
 @contextlib.contextmanager
 def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterator["Renderer"]:
     """A renderer ready to draw pictures of this size; raises InputError without OpenGL."""
-    model = _model(timeline.main.run.scenario.rig, width, height)
+    rig = timeline.main.run.scenario.rig
+    model = _model(rig, width, height)
+    if camera == "overview" and rig.look.frame:
+        post = model.geom(NEAR_POST)
+        post.rgba, post.matid = (*model.material("aluminium").rgba[:3], NEAR_POST_OPACITY), -1
     with drawing(model, width, height) as context:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
         yield Renderer(model, context, timeline, camera)
@@ -58,12 +64,18 @@ class Renderer:
         self._line = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
         # The solid crane first: the scene begins with it and with what does not move.
         tracks = sorted(timeline.tracks, key=lambda track: track.ghost)
-        self._tracks = [(track, mujoco.MjData(model)) for track in tracks]
+        rigs = {track.run.scenario.rig for track in tracks} - {rig}
+        models = {rig: model, **{other: _model(other, *self._size) for other in rigs}}
+        self._tracks = [
+            (track, models[track.run.scenario.rig], mujoco.MjData(models[track.run.scenario.rig]))
+            for track in tracks
+        ]
         self._addresses = state_addresses(model)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = model.camera(camera).id
         self._eye = np.array(model.camera(camera).pos)
+        self._bar, self._tick = _scale_bar(rig, top=camera == "top")
         self._scene = mujoco.MjvScene(model, MAX_GEOMS)
         # They would take longer than all the rest, and clutter the floor.
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
@@ -79,19 +91,30 @@ class Renderer:
         mujoco.mjr_readPixels(pixels, None, viewport, self._context)
         return pixels[::-1]
 
+    @property
+    def scale_label(self) -> tuple[str, tuple[float, float]]:
+        """The length of the scale bar, and where pictures have its right end (x right, y down) [px]."""
+        camera = self._camera.fixedcamid
+        x, y, z = self._model.cam_mat0[camera].reshape(3, 3).T @ (self._bar[1] - self._eye)
+        width, height = self._size
+        focal = height / 2.0 / np.tan(np.radians(self._model.cam_fovy[camera]) / 2.0)
+        place = float(width / 2.0 - focal * x / z), float(height / 2.0 + focal * y / z)
+        return f"{np.ptp(self._bar[:, 0]):g} m", place
+
     def _compose(self, time: float) -> None:
-        for track, data in self._tracks:
+        for track, model, data in self._tracks:
             row = track.row(time)
             data.qpos[self._addresses] = track.run.block("state")[row, 0::2]
-            mujoco.mj_forward(self._model, data)
+            mujoco.mj_forward(model, data)
             rope = SLACK_COLOUR if track.nearly_slack[row] else TAUT_COLOUR
             if track.ghost:
-                self._add_ghost(track, data, rope)
+                self._add_ghost(track, model, data, rope)
             else:
                 self._set_solid(data, rope)
                 self._add_disturbance(track, data, row)
                 self._add_reference(track, row)
             self._add_trail(track, row)
+        self._add_scale_bar()
 
     def _set_solid(self, data: Any, rope: Colour) -> None:
         self._model.material("rope").rgba = (*rope, 1.0)
@@ -101,11 +124,11 @@ class Renderer:
             self._model, data, options, perturbation, self._camera, everything, self._scene
         )
 
-    def _add_ghost(self, track: Track, data: Any, rope: Colour) -> None:
+    def _add_ghost(self, track: Track, model: Any, data: Any, rope: Colour) -> None:
         first = self._scene.ngeom
         options, perturbation = mujoco.MjvOption(), mujoco.MjvPerturb()
         moving = mujoco.mjtCatBit.mjCAT_DYNAMIC
-        mujoco.mjv_addGeoms(self._model, data, options, perturbation, moving, self._scene)
+        mujoco.mjv_addGeoms(model, data, options, perturbation, moving, self._scene)
         for geom in self._scene.geoms[first : self._scene.ngeom]:
             is_rope = geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and rope == SLACK_COLOUR
             geom.rgba = (*(rope if is_rope else rgb(track.colour)), GHOST)
@@ -151,6 +174,11 @@ class Renderer:
         ):
             self._connect(LINE, width * self._line, start, end, (*rgb(track.colour), fading * opacity))
 
+    def _add_scale_bar(self) -> None:
+        ticks = np.stack([self._bar - self._tick, self._bar + self._tick], axis=1)
+        for start, end in (self._bar, *ticks):
+            self._connect(LINE, 2.0 * self._line, start, end, (*rgb(LIGHT["ink"]), 1.0))
+
     def _behind(self, point: Array) -> Array:
         sight = point - self._eye
         moved: Array = point + BEHIND * self._scale * sight / np.linalg.norm(sight)
@@ -172,6 +200,21 @@ class Renderer:
         mujoco.mjv_connector(geom, kind, width, np.array(start, float), np.array(end, float))
         if kind == ARROW:  # MuJoCo draws them at half their length
             geom.size = geom.size * (1.0, 1.0, 2.0)
+
+
+def _scale_bar(rig: RigParameters, *, top: bool) -> tuple[Array, Array]:
+    """Ends of a bar along the bridge's travel (2, 3), and half a tick (3,) [m].
+
+    It lies beside the rig, where nothing else is: on the floor, or as high as the rig for the view from the
+    top. It is as long as the largest of 1, 2 and 5 times powers of ten within a third of the travel.
+    """
+    scale, (low, high), (start, end) = drawn_scale(rig), drawn_box(rig), rig.bridge_range
+    most = (end - start) / 3.0
+    power = 10.0 ** np.floor(np.log10(most))
+    length = max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= most)
+    y, z = low[1] - BAR_OUTSIDE * scale, high[2] if top else low[2]
+    tick = np.array([0.0, 1.0, 0.0] if top else [0.0, 0.0, 1.0])
+    return np.array([(end - length, y, z), (end, y, z)]), BAR_TICK * scale * tick
 
 
 def _model(rig: RigParameters, width: int, height: int) -> Any:

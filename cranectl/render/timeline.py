@@ -109,8 +109,9 @@ class Timeline:
 
     @property
     def worst_time(self) -> float:
-        """When the load of the solid crane is farthest from its reference [s]."""
-        return float(self.main.run.time[int(np.argmax(self.main.error))])
+        """When the load of any crane is farthest from its reference [s]."""
+        worst = max(self.tracks, key=lambda track: float(track.error.max()))
+        return float(worst.run.time[int(np.argmax(worst.error))])
 
 
 def timeline_of(runs: Mapping[str, Run]) -> Timeline:
@@ -125,7 +126,9 @@ def timeline_of(runs: Mapping[str, Run]) -> Timeline:
     by_label = any(name != run.plant for name, run in runs.items())
     if by_label:
         solid = next(iter(drawn))
-        colours = dict(zip(runs, VIEWER_SERIES, strict=False))
+        blue, orange, *more = VIEWER_SERIES
+        # The solid crane has an orange bridge, as MuJoCo's beside the analytic plant's.
+        colours = dict(zip(runs, (orange, blue, *more), strict=False))
         tracks = [Track(run, name != solid, name, colours[name]) for name, run in drawn.items()]
     else:
         solid = reference_plant(drawn)

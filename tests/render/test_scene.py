@@ -88,6 +88,24 @@ def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
     assert is_load(pair).sum() == is_load(alone).sum()
 
 
+def test_a_ghost_has_the_shape_of_its_own_rig() -> None:
+    solid, other = moving_run("mujoco"), moved(moving_run("mujoco"), -0.35)
+    heavy = other.scenario.rig.model_copy(update={"load_mass": 8.0})
+    heavier = replace(other, scenario=other.scenario.model_copy(update={"rig": heavy}))
+    empty = draw({"solid": solid}, 5.0)
+    area = [
+        (np.abs(draw({"solid": solid, "ghost": run}, 5.0) - empty).max(axis=2) > 8).sum()
+        for run in (other, heavier)
+    ]
+    assert area[1] > area[0] + 2 * is_load(empty).sum()
+
+
+def test_the_solid_crane_of_an_overlay_has_the_colour_of_its_bridge_in_the_legend() -> None:
+    timeline = timeline_of({"one": moving_run("mujoco"), "two": moving_run("mujoco")})
+    bridge = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE)).material("bridge").rgba[:3]
+    assert [nearness(255.0 * bridge, track.colour) > 0.5 for track in timeline.tracks] == [True, False]
+
+
 def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> None:
     runs = both_runs()
     load = runs["mujoco"].load_position[at(runs["mujoco"], 5.0)]
@@ -162,6 +180,35 @@ def test_narrow_pictures_show_the_whole_rig() -> None:
     assert np.allclose(*shares, atol=0.02)
     assert 0.1 < shares[0][0] < 0.3
     assert wide.shape == (HEIGHT, WIDTH, 3)
+
+
+@pytest.mark.parametrize(("times", "length"), [(1.0, 0.5), (22.5, 10.0), (0.1, 0.05)])
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_a_bar_tells_the_scale(camera: str, times: float, length: float) -> None:
+    """At the place and as long as it says, in a round number."""
+    with renderer(timeline_of({"": enlarged(moving_run("mujoco"), times)}), camera, WIDTH, HEIGHT) as scene:
+        picture, (text, (x, y)) = scene.draw(0.0), scene.scale_label
+    assert text == f"{length:g} m"
+    height = 0.225 if camera == "top" else -1.4
+    ends = [np.array([2.0 - left, -0.345, height]) for left in (length / times, 0.0)]
+    assert np.hypot(*(np.array(pixel(ends[1], camera)) - (y, x))) < 2.0
+
+    def dark(share: float) -> bool:
+        row, column = pixel(ends[0] + share * (ends[1] - ends[0]), camera)
+        return bool(picture[row - 1 : row + 2, column].max(axis=1).min() < 110)
+
+    assert [dark(share) for share in (-0.05, 0.03, 0.35, 0.65, 0.97)] == [False, True, True, True, True]
+
+
+def test_a_load_behind_the_near_post_is_seen() -> None:
+    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    eye, post = model.camera("overview").pos, model.geom("post_10").pos
+    place = eye + (0.77 - eye[1]) / (post[1] - eye[1]) * (post - eye)
+    run = moving_run("mujoco")
+    table = run.table.copy()
+    table[:, :10] = [place[0], 0.0, place[1], 0.0, -place[2], *[0.0] * 5]
+    picture = draw({"mujoco": replace(run, table=table)}, 5.0)
+    assert nearness(patch(picture, place), "#b82120") > 0.4
 
 
 @pytest.mark.parametrize("camera", CAMERAS)

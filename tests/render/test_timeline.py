@@ -12,6 +12,7 @@ from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
+from cranectl.support.units import quantity
 from tests import conftest
 from tests.render.pictures import at, both_runs, moved, moving_run
 
@@ -55,6 +56,9 @@ def test_a_still_shows_the_largest_error() -> None:
     distance = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
     assert timeline.main.error[timeline.main.row(timeline.worst_time)] == distance.max()
     assert distance.max() > 2.0 * np.median(distance)
+    later = replace(run, table=run.table.copy())
+    later.table[at(run, 9.0), LOAD_COLUMN] += 1.0
+    assert timeline_of({"mujoco": run, "analytic": later}).worst_time == pytest.approx(9.0, abs=0.01)
 
 
 def test_the_trail_is_of_the_last_seconds() -> None:
@@ -107,8 +111,9 @@ def test_runs_of_an_overlay_are_told_by_their_labels() -> None:
     assert [(track.label, track.ghost) for track in timeline.tracks] == [("soft", False), ("stiff", True)]
     assert len({track.colour for track in timeline.tracks}) == 2
     off = f"{1e6 * timeline.main.error[timeline.main.row(5.0)]:.3g} µm"
+    far = timeline.tracks[1].error[timeline.tracks[1].row(5.0)]
     told = [text for text, _ in readings(timeline, 5.0)]
-    assert told == [f"soft off by {off}", "others up to 250 mm away"]
+    assert told == [f"soft off by {off}", f"stiff off by {quantity(far, 'm')}", "others up to 250 mm away"]
     texts = [text for _, text in legend(timeline)]
     assert {"soft: solid", "stiff: ghost"} <= {*texts}
     assert not any("plant" in text for text in texts)
