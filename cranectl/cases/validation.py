@@ -1,5 +1,6 @@
 """A validation: many cases and what came of each, as tables, JSON, JUnit XML and pages tell it."""
 
+import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ class Verdict(NamedTuple):
     kind: Kind
     faults: tuple[str, ...]  # a sentence each, none if it passed
     log: str  # empty if there is none
+    overrun: float = math.inf  # how many times a limit its worst value is; inf if it did not end as expected
 
     def command(self, options: Sequence[str]) -> str:
         """What runs it again alone, with `options` of the validation."""
@@ -94,13 +96,14 @@ class Validation:
 
     def _verdict(self, case: Case, result: CaseResult | Failure | None) -> Verdict:
         kind: Kind = "error"
-        log = ""
+        log, overrun = "", math.inf
         if isinstance(result, CaseResult):
+            overrun = _overrun(result)
             kind, log = "passed" if result.passed else "failed", str(result.log or "")
             faults = tuple(_faults(result))
         else:
             faults = (result.reason if result is not None else f"no result: {self.why_lost}",)
-        return Verdict(case.source, case.controller, case.drive, case.plants, kind, faults, log)
+        return Verdict(case.source, case.controller, case.drive, case.plants, kind, faults, log, overrun)
 
     def to_json(self, *, passed: bool) -> dict[str, Any]:
         """Plain data."""
@@ -123,6 +126,21 @@ class Validation:
                 for case in self.lost
             ],
         }
+
+
+def _overrun(result: CaseResult) -> float:
+    """Of all that is judged."""
+    apart = [
+        value / limit if value == value else math.inf
+        for each in result.agreements
+        for value, limit in (
+            (each.max_load_error_m, each.limit_m),
+            (each.max_angle_error_rad, each.limit_rad),
+        )
+        if limit is not None
+    ]
+    asked = [limit.overrun for run in result.runs for limit in run.limits]
+    return max([*apart, *asked], default=0.0) if result.as_expected else math.inf
 
 
 def _faults(result: CaseResult) -> Iterator[str]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cranectl.compare.agreement import Predict
     from cranectl.scenario import Scenario
 
-SHOWN = 10  # failures shown on the screen
+SHOWN = 10  # failures, broken limits and notes shown on the screen
 
 
 @click.command("validate", cls=Command)
@@ -236,10 +236,13 @@ def _tell(validation: "Validation", code: int, out: Path, json_file: str | None)
         agreements, runs = validation.agreements, validation.runs
         unjudged = sum(agreement.passed is None for agreement in agreements)
         screen.print(agreement_table(agreements, validation.other_failures))
-        if (limits := limits_table(runs, broken_only=True)) is not None:
+        if (limits := limits_table(runs, worst=SHOWN)) is not None:
             screen.print(limits if limits.rows else limits.note)
-        for note in (*limit_notes(agreements), *run_notes(finished)):
+        notes = [*limit_notes(agreements), *run_notes(finished)]
+        for note in notes[:SHOWN]:
             screen.print(f"  {note}")
+        if len(notes) > SHOWN:
+            screen.print(f"  and {len(notes) - SHOWN} more notes, in --report FILE")
         for case in lost:
             name = f"{case.source}, {case.controller}, {case.drive}"
             screen.print(" ", styled(f"{name}: no result, {validation.why_lost}", "bold red"))

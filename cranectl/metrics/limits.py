@@ -1,5 +1,6 @@
 """Limits on metrics: asked of a scenario's own runs, or of every run of a campaign."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
@@ -53,6 +54,14 @@ class LimitVerdict:
         """What a run that does not keep it does."""
         value = "no value" if self.value is None else f"{self.value:.4g}"
         return f"breaks the limit {self.limit:g} of {self.metric}: {value}"
+
+    @property
+    def overrun(self) -> float:
+        """How many times the limit the value is, or the other way round where low is bad; inf without one."""
+        if self.value is None or math.isnan(self.value):
+            return math.inf
+        over, under = (self.limit, self.value) if low_is_bad(self.metric) else (self.value, self.limit)
+        return over / under if under else math.inf
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""

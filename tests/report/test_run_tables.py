@@ -8,7 +8,7 @@ import pytest
 from cranectl.cases.case import RunSummary
 from cranectl.compare.agreement import Agreement
 from cranectl.metrics.limits import LimitVerdict
-from cranectl.report.run.tables import agreement_table, limits_table, run_table
+from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_table
 from cranectl.report.table import Cell
 from cranectl.status import RunStatus
 
@@ -89,9 +89,22 @@ def test_limits_are_told_run_by_run() -> None:
         ["analytic", "overshoot_m", "–", "≤ 0.1", "m", "NO"],
     ]
     assert table.note == "1 of 2 limits kept."
-    several = limits_table([judged, replace(judged, controller="pid")], broken_only=True)
-    assert several is not None
-    assert [texts(row)[:3] for row in several.rows] == [
-        [f"fast, {controller}, ideal", "analytic", "overshoot_m"] for controller in ("lqr", "pid")
-    ]
     assert limits_table([RUN]) is None
+
+
+def test_of_many_broken_limits_the_worst_are_told() -> None:
+    values = {"rms_sway_rad": 0.15, "max_sway_rad": 0.3, "min_rope_tension_n": 0.02, "overshoot_m": None}
+    verdicts = [LimitVerdict(name, value, 0.1, kept=False) for name, value in values.items()]
+    kept = LimitVerdict("max_error_m", 0.03, 0.1, kept=True)
+    good = replace(RUN, controller="pid", limits=(kept,))
+    table = limits_table([good, replace(RUN, limits=(kept, *verdicts))], worst=3)
+    assert table is not None
+    assert [row[0].text for row in table.rows] == ["fast, lqr, ideal"] * 3
+    assert [row[2].text for row in table.rows] == ["overshoot_m", "min_rope_tension_n", "max_sway_rad"]
+    assert table.note == "2 of 6 limits kept. Shown are the 3 that are broken most, of 4."
+
+
+def test_of_many_scenarios_without_limits_a_few_are_named() -> None:
+    unjudged = [replace(GOOD, scenario=f"s{k}", passed=None, limits="nobody knows") for k in range(30)]
+    assert limit_notes(unjudged) == ["s0, s1, s2 and 27 more, ideal drives: not judged: nobody knows"]
+    assert limit_notes(unjudged[:3]) == ["s0, s1, s2, ideal drives: not judged: nobody knows"]

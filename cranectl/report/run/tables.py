@@ -111,10 +111,15 @@ def _text(metric: Metric, metrics: RunMetrics | None, factor: float) -> str:
     return " ".join(MISSING if n is None else f"{factor * n:z.{metric.row.digits}f}" for n in numbers)
 
 
-def limits_table(runs: Sequence[RunSummary], *, broken_only: bool = False) -> Table | None:
-    """What scenarios ask of their runs beside what they got, a row a run and metric; None without limits."""
-    verdicts = [(run, verdict) for run in runs for verdict in run.limits]
-    shown = [(run, verdict) for run, verdict in verdicts if not (broken_only and verdict.kept)]
+def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Table | None:
+    """What scenarios ask of their runs beside what they got, a row a run and metric; None without limits.
+
+    `worst`: so many of those that are broken at most, the worst first.
+    """
+    verdicts = shown = [(run, verdict) for run in runs for verdict in run.limits]
+    broken = sorted((each for each in verdicts if not each[1].kept), key=lambda each: -each[1].overrun)
+    if worst is not None:
+        shown = broken[:worst]
     metrics = {metric.name: metric for metric in all_metrics()}
     several = len({(run.scenario, run.controller, run.drive) for run, _ in verdicts}) > 1
     rows = []
@@ -128,7 +133,9 @@ def limits_table(runs: Sequence[RunSummary], *, broken_only: bool = False) -> Ta
     if not verdicts:
         return None
     headings = (*(("case",) if several else ()), "plant", "metric", "value", "limit", "unit", "kept")
-    note = f"{sum(verdict.kept for _, verdict in verdicts)} of {len(verdicts)} limits kept."
+    note = f"{len(verdicts) - len(broken)} of {len(verdicts)} limits kept."
+    if worst is not None and len(broken) > worst:
+        note += f" Shown are the {worst} that are broken most, of {len(broken)}."
     return Table("Limits", headings, tuple(rows), labels=2 + several, note=note)
 
 
@@ -218,9 +225,15 @@ def limit_notes(agreements: Sequence[Agreement]) -> list[str]:
                 agreement.scenario
             ] = None
     return [
-        f"{', '.join(names)}, {drive} drives: {'not judged' if unjudged else 'limits'}: {why}"
+        f"{few(list(names))}, {drive} drives: {'not judged' if unjudged else 'limits'}: {why}"
         for (unjudged, drive, why), names in where.items()
     ]
+
+
+def few(names: Sequence[str], shown: int = 3) -> str:
+    """The first of them, and how many more there are."""
+    more = len(names) - shown
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:shown])} and {more} more"
 
 
 def run_notes(results: Sequence[CaseResult]) -> list[str]:
