@@ -363,7 +363,7 @@ def test_the_table_of_a_run(synthetic: Run) -> None:
     stopped = metrics_table({"": [RunSummary.of(replace(synthetic, status=RunStatus.SLACK_ROPE), Path())]})
     assert [row[2].text for row in stopped.rows if row[0].text == "settling time"] == ["-"]
     page = log_page({"log": {"analytic": cut(synthetic, 0)}}, "cranectl report")  # without figures
-    assert metrics_table({"log": [replace(none, plant="analytic")]}) in page.sections[1].tables
+    assert metrics_table({"log": [replace(none, plant="analytic")]}) in page.sections[0].tables
 
 
 def test_the_best_of_the_runs_that_did_not_stop_is_marked(synthetic: Run) -> None:
