@@ -16,7 +16,7 @@ from cranectl.compare.agreement import (
     judge_steps,
     limits_for,
 )
-from cranectl.compare.golden import SignalVerdict, judge_regression, load_tolerances
+from cranectl.compare.golden import judge_regression, load_tolerances, worst_first
 from cranectl.compare.runs import compare_runs, differing_fields
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.metrics import run_metrics
@@ -146,7 +146,7 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         if not (verdict.same_status and verdict.ends_passed):
             ends = [f"{run.status.label} at {run.end_s:g} s" for run in (new, old)]
             faults.append(f"{plant} ends with {ends[0]}, golden with {ends[1]}")
-        failed = sorted((s for s in verdict.signals if not s.passed), key=_within_limit)
+        failed = worst_first(s for s in verdict.signals if not s.passed)
         faults += [
             f"{plant} differs from golden in {_difference(s.signal, s.unit, s.max_abs, s.at_s, s.limit)}"
             for s in failed[:SHOWN]
@@ -199,11 +199,6 @@ def _endings(runs: CaseRuns) -> list[str]:
 
 def _difference(signal: str, unit: str, size: float, at_s: float, limit: float) -> str:
     return f"{signal} by {quantity(size, unit)} at {at_s:g} s, limit {quantity(limit, unit)}"
-
-
-def _within_limit(verdict: SignalVerdict) -> float:
-    """The part that a limit is of the difference, 0 of one that nothing keeps."""
-    return verdict.limit / verdict.max_abs if verdict.max_abs > 0.0 else 0.0
 
 
 def _fail_for(faults: Sequence[str], hints: Sequence[str] = ()) -> None:

@@ -116,6 +116,7 @@ def _lines(
 ) -> list[str]:
     """What a log is, a line a fact; `software` is what differs from what is installed."""
     from cranectl.scenario import changed_from_default
+    from cranectl.support.units import plain
 
     scenario, design = runs[0].scenario, runs[0].design
     changed = changed_from_default(scenario)
@@ -128,7 +129,10 @@ def _lines(
         (run.plant, f"{run.status.label} at {run.end_s:g} s, {len(run.time_ns)} samples") for run in runs
     ]
     facts += [
-        ("not default", ", ".join(f"{name} = {value}" for name, value in changed.items()) or "nothing"),
+        (
+            "not default",
+            ", ".join(f"{name} = {plain(value)}" for name, value in changed.items()) or "nothing",
+        ),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),

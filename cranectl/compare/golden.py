@@ -1,7 +1,8 @@
 """Judge a run against a golden one by limits kept in a TOML file: replay as a regression test."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
+from math import inf, isnan
 from typing import Annotated, Any
 
 import numpy as np
@@ -49,6 +50,16 @@ class SignalVerdict:
     at_s: float
     limit: float
     passed: bool
+
+
+def worst_first(verdicts: Iterable[SignalVerdict]) -> list[SignalVerdict]:
+    """Those that are the most times their limit; of those that may not differ at all, that differ most."""
+
+    def times_limit(verdict: SignalVerdict) -> tuple[float, float]:
+        size = inf if isnan(verdict.max_abs) else verdict.max_abs
+        return size / verdict.limit if verdict.limit else inf if size else 0.0, size
+
+    return sorted(verdicts, key=times_limit, reverse=True)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import contextlib
 import functools
 import hashlib
 import inspect
+import multiprocessing
 import os
 import pickle
 import re
@@ -98,18 +99,31 @@ def _check_files(cache: Any, sources: str) -> None:
     load, save = cache.load_overload, cache.save_overload
 
     def load_or_forget(*arguments: Any) -> Any:
+        loaded = None
         try:
-            return load(*arguments)
+            loaded = load(*arguments)
         except Exception:  # whatever unpickling another version's data raises
             with contextlib.suppress(Exception):
                 cache.flush()
-            return None
+        if loaded is None:
+            _say_that_it_compiles()
+        return loaded
 
     def save_if_possible(*arguments: Any) -> None:
         with contextlib.suppress(OSError):
             save(*arguments)
 
     cache.load_overload, cache.save_overload = load_or_forget, save_if_possible
+
+
+@functools.cache
+def _say_that_it_compiles() -> None:
+    """Once, to somebody who waits at a terminal; workers leave it to the progress of their parent."""
+    if sys.stderr.isatty() and multiprocessing.parent_process() is None:
+        print(
+            f"cranectl: compiling for some ten seconds; compiled code is kept in {cache_directory()}",
+            file=sys.stderr,
+        )
 
 
 class _CheckedFile(IndexDataCacheFile):

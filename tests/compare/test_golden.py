@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.compare.golden import RegressionVerdict, Tolerances, judge_regression, load_tolerances
+from cranectl.compare.golden import (
+    RegressionVerdict,
+    SignalVerdict,
+    Tolerances,
+    judge_regression,
+    load_tolerances,
+    worst_first,
+)
 from cranectl.compare.runs import COMPARED_GROUPS, named_signals
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
@@ -43,6 +50,21 @@ EXACT = tolerances(("*", 0.0))
 
 def failed(verdict: RegressionVerdict) -> list[str]:
     return [row.signal for row in verdict.signals if not row.passed]
+
+
+def test_the_worst_is_the_most_times_its_limit() -> None:
+    sizes = {
+        "a": (1e-3, 1e-3),
+        "b": (3.0, 2.0),
+        "c": (1e-9, 0.0),
+        "d": (np.nan, 1.0),
+        "e": (1e-8, 0.0),
+        "f": (0.0, 0.0),
+    }
+    verdicts = [
+        SignalVerdict(name, "m", size, 0.0, limit, passed=False) for name, (size, limit) in sizes.items()
+    ]
+    assert [verdict.signal for verdict in worst_first(verdicts)] == ["d", "e", "c", "b", "a", "f"]
 
 
 def test_an_identical_run_passes_with_all_tolerances_zero(run: Run) -> None:

@@ -157,7 +157,7 @@ def test_improvements(advice: Advice) -> None:
     for improvement in advice.improvements:
         row = cells(table, improvement.name)
         assert row["change"][0] == improvement.change
-        assert row["saved"][0] == f"{100 * improvement.gain:+.0f} %"
+        assert row["saved"][0] == f"{100 * improvement.gain:+z.0f} %"
         assert row["grade"][0] == improvement.assessment.grade
 
 

@@ -113,6 +113,25 @@ def test_compiled_functions_leave_numbas_own_setting_alone() -> None:
     assert before == numba.config.CACHE_DIR
 
 
+@pytest.mark.parametrize("terminal", [True, False])
+def test_who_waits_at_a_terminal_is_told_once_that_it_compiles(
+    terminal: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    jit._say_that_it_compiles.cache_clear()
+
+    def half(x):
+        return x / 2
+
+    assert (jit.jit(half)(3.0), jit.jit(half)(3)) == (1.5, 1.5)
+    told = capsys.readouterr().err
+    assert told.count(str(tmp_path)) == told.count("\n") == terminal
+    jit._say_that_it_compiles.cache_clear()
+    assert jit.jit(half)(3.0) == 1.5
+    assert capsys.readouterr().err == "", "it was found compiled"
+
+
 RUN = """
 import sys
 import numba.core.event as event

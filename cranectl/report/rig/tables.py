@@ -75,7 +75,7 @@ def improvements_table(advice: Advice) -> Table:
             row.name,
             row.change,
             millimetres(row.assessment.cost.rms) if row.assessment.cost else MISSING,
-            f"{100 * row.gain:+.0f} %" if row.assessment.survived else MISSING,
+            f"{100 * row.gain:+z.0f} %" if row.assessment.survived else MISSING,
             f"{row.assessment.least_margin:+.4f}",
             Cell(row.assessment.grade, MARKS[row.assessment.grade]),
         )

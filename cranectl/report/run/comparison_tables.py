@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from cranectl.compare.golden import RegressionVerdict
+from cranectl.compare.golden import RegressionVerdict, worst_first
 from cranectl.compare.runs import Comparison
 from cranectl.report.table import VERDICTS, Table, cells
 from cranectl.support.units import quantity
@@ -68,9 +68,7 @@ def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str])
             rows.append(cells(path, "", verdicts, "", "", VERDICTS[False]))
             continue
         for verdict in verdicts:
-            worst = max(
-                verdict.signals, key=lambda row: row.max_abs / row.limit if row.limit else row.max_abs
-            )
+            worst = worst_first(verdict.signals)[0]
             said = "ends otherwise" if not (verdict.same_status and verdict.ends_passed) else worst.signal
             limit = f"{worst.limit:.1e}"
             rows.append(
