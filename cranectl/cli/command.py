@@ -195,8 +195,8 @@ label_option = click.option(
     metavar="A,B",
     multiple=True,
     callback=names_given,
-    help="What the runs are called, one after the other. Default: as much of CONTROLLER-DRIVE-PLANT as tells "
-    "them apart, else the names of the files.",
+    help="What the runs are called, one after the other. Default: as much of SCENARIO-CONTROLLER-DRIVE-PLANT "
+    "as tells them apart, else the names of the files.",
 )
 
 

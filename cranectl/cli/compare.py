@@ -9,7 +9,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, json_option, output_option, predict_option
 from cranectl.support.errors import InputError
-from cranectl.support.files import MCAP, exists
+from cranectl.support.files import MCAP, exists, short_names
 
 if TYPE_CHECKING:
     from cranectl.cli.output import Screen
@@ -101,8 +101,10 @@ def compare_command(
     screen = console(json_file)
     for difference in differing:
         screen.print(f"the runs differ in {difference}")
-    for comparison in comparisons:
-        _print(screen, comparison)
+    a, b = short_names(logs)
+    for (run, _), comparison in zip(pairs, comparisons, strict=True):
+        alike = comparison.a == comparison.b
+        _print(screen, comparison, f"{run.plant}: {b} minus {a}" if alike else "")
     for difference in software:
         screen.print(f"made by other software: {difference}")
     if merge is not None:
@@ -114,12 +116,12 @@ def compare_command(
     return exit_codes.GOOD
 
 
-def _print(screen: "Screen", comparison: "Comparison") -> None:
-    """Every signal, then the largest distances."""
+def _print(screen: "Screen", comparison: "Comparison", title: str = "") -> None:
+    """Every signal, then the largest distances; `title` in place of what the runs are called."""
     from cranectl.cli.output import styled
     from cranectl.report.run.comparison_tables import comparison_table
 
-    screen.print(comparison_table(f"{comparison.b} minus {comparison.a}", comparison))
+    screen.print(comparison_table(title or f"{comparison.b} minus {comparison.a}", comparison))
     screen.print(
         f"loads differ by at most {comparison.max_load_error_m:.3e} m, "
         f"at {comparison.max_load_error_at_s:g} s; "

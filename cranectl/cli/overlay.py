@@ -33,7 +33,7 @@ def overlay_command(
     cranectl overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
     """
     from cranectl.cases.case import LOG_DIRECTORY
-    from cranectl.cli.output import console, write_json
+    from cranectl.cli.output import console, styled, write_json
     from cranectl.compare.runs import against_first
     from cranectl.log.overlay import gathered, write_overlay
     from cranectl.report.run.comparison_tables import distances_table
@@ -52,6 +52,9 @@ def overlay_command(
     comparisons = against_first(runs)
     write_overlay(path, layers)
     screen = console(json_file)
+    scenarios = dict.fromkeys(run.scenario.name for run in runs.values())
+    if len(scenarios) > 1:
+        screen.print(styled(f"scenarios differ: {', '.join(scenarios)}", "yellow"))
     screen.print(distances_table(next(iter(runs)), comparisons))
     screen.print(f"log: {path}")
     screen.print(f"view: cranectl log layout overlay view.json --log {path}")

@@ -8,7 +8,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, output_option, predict_option
 from cranectl.support.errors import InputError
-from cranectl.support.files import HTML
+from cranectl.support.files import HTML, short_names
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -38,7 +38,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict |
 
         return run_thesis(None, out or Path("thesis.html"))
     _check_number(len(logs))
-    name = "-and-".join(label.replace("/", "-") for label in _labels(logs))
+    name = "-and-".join(label.replace("/", "-") for label in short_names(logs))
     _report_logs(logs, out or logs[0].parent / f"{name}.html", predict=predict)
     return exit_codes.GOOD
 
@@ -55,7 +55,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
     check_place(out, HTML, inputs=logs, option="--out")
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
-    for label, log in zip(_labels(logs), logs, strict=True):
+    for label, log in zip(short_names(logs), logs, strict=True):
         layers = read_layers(log)
         if not is_overlay(layers):
             of_logs[label] = {plant: layer.run for plant, layer in layers.items()}
@@ -90,12 +90,3 @@ def _check_number(logs: int) -> None:
             allowed=f"up to {MAX_LOGS}",
             remedy="report on fewer at a time; of the levels of a ladder: cranectl ladder --report FILE",
         )
-
-
-def _labels(logs: tuple[Path, ...]) -> list[str]:
-    """A short name for each log: its file's, with as many directories as tell it from the others."""
-    for depth in range(1, max(len(log.parts) for log in logs) + 1):
-        labels = ["/".join(log.with_suffix("").parts[-depth:]) for log in logs]
-        if len(set(labels)) == len(labels):
-            return labels
-    return [f"{log.stem}-{k}" for k, log in enumerate(logs, 1)]

@@ -105,9 +105,18 @@ def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
     for tables in (scenarios, designs):
         first, second = (dict(leaves(table)) for table in tables)
         differing = differences(first, second, absent="nothing")
-        if lines := tuple(f"{name}: {old} and {new}" for name, old, new in differing):
+        if lines := tuple(f"{name}: {' and '.join(_told(old, new))}" for name, old, new in differing):
             return lines
     return ()
+
+
+def _told(*values: Any) -> list[str]:
+    """Numbers of many digits with six, if these tell them apart."""
+    short = [
+        f"{value:.6g}" if isinstance(value, float) and float(f"{value:.6g}") != value else str(value)
+        for value in values
+    ]
+    return short if len({*short}) > 1 else [*map(str, values)]
 
 
 def _differences(

@@ -177,10 +177,11 @@ def gathered(
 def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
     """CONTROLLER-DRIVE-PLANT, as much of it as tells the runs apart; else the stems of their files.
 
-    Numbered where neither does.
+    After SCENARIO- where runs have several. Numbered where neither tells them apart.
     """
-    names = [(run.design.name, run.drive, run.plant) for run in runs]
-    parts = [kept for size in (1, 2, 3) for kept in combinations(range(3), size)]
+    names = [(run.scenario.name, run.design.name, run.drive, run.plant) for run in runs]
+    several = len({scenario for scenario, *_ in names}) > 1
+    parts = [kept for size in range(1, 5) for kept in combinations(range(4), size) if (0 in kept) == several]
     choices = [["-".join(name[k] for k in kept) for name in names] for kept in parts]
     for choice in (*choices, stems):
         labels = [_fitting(label) for label in choice]

@@ -7,7 +7,7 @@ import contextlib
 import glob
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -202,3 +202,12 @@ def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:
 
 def _same(a: Path, b: Path) -> bool:
     return a.resolve() == b.resolve() or (a.exists() and b.exists() and a.samefile(b))
+
+
+def short_names(files: Sequence[Path]) -> list[str]:
+    """A name for each file: its stem, with as many directories as tell it from the others."""
+    for depth in range(1, max(len(file.parts) for file in files) + 1):
+        names = ["/".join(file.with_suffix("").parts[-depth:]) for file in files]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{file.stem}-{k}" for k, file in enumerate(files, 1)]

@@ -46,6 +46,20 @@ def test_what_reads_an_overlay(overlay: Path, capsys: pytest.CaptureFixture[str]
     assert "mujoco: lqr minus all: lqr" in page
 
 
+def test_runs_of_several_scenarios_are_named_by_them(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("here", "there"):
+        assert (
+            main(["run", "fixed-position", *SHORT, "--set", f"name={name}", "--out", f"{name}/a.mcap"]) == 0
+        )
+    capsys.readouterr()
+    assert main(["overlay", "here/a.mcap", "there/a.mcap", "--out", "both.mcap", "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["labels"] == ["here", "there"]
+    assert "scenarios differ: here, there" in captured.err
+    assert main(["overlay", "here/a.mcap", "here/a.mcap", "--out", "both.mcap"]) == 0
+    assert "differ" not in capsys.readouterr().out
+
+
 def test_what_reads_no_overlay_says_so(overlay: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for line in (
         ["compare", str(overlay), "lqr.mcap"],

@@ -142,6 +142,10 @@ def test_what_differs_in_scenarios_and_designs_is_named(short: Scenario) -> None
     gain = run.design.gain * np.array([1.0, 1.0, 1.0, 2.0])
     retuned = replace(run, design=replace(run.design, gain=gain))
     assert differing_fields(run, retuned) == (f"controller.gain.3: {gain[3] / 2} and {gain[3]}",)
+    third = replace(run, design=replace(run.design, gain=gain / 3.0))
+    assert f"controller.gain.3: {gain[3] / 2} and {gain[3] / 3:.6g}" in differing_fields(run, third)
+    nearly = changed(duration=np.nextafter(0.5, 1.0))
+    assert differing_fields(run, nearly) == ("duration: 0.5 and 0.5000000000000001",)
 
 
 @pytest.fixture

@@ -75,6 +75,11 @@ def test_labels_are_as_short_as_they_differ() -> None:
     assert labels_of([lqr, run("lqr", "velocity", "mujoco")], ["a", "b"]) == ["ideal", "velocity"]
     assert labels_of([lqr, run("lqr", "ideal", "analytic")], ["a", "b"]) == ["lqr-mujoco", "lqr-analytic"]
     assert labels_of([lqr, lqr], ["20 t", "a.b"]) == ["20-t", "a-b"]
+    elsewhere = replace(lqr, scenario=lqr.scenario.model_copy(update={"name": "my move"}))
+    assert labels_of([lqr, elsewhere], ["a", "b"]) == ["fixed-position", "my-move"]
+    assert labels_of([other, elsewhere, lqr], ["a", "b", "c"]) == [
+        "fixed-position-lqr+hinf", "my-move-lqr", "fixed-position-lqr"
+    ]  # fmt: skip
     by_hand = replace(lqr, design=replace(lqr.design, name="lqr, gains by hand"))
     assert labels_of([by_hand, by_hand], ["a", "a"]) == ["lqr-gains-by-hand-1", "lqr-gains-by-hand-2"]
 

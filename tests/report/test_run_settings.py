@@ -85,4 +85,6 @@ def test_page_info_and_compare_say_it(capsys: pytest.CaptureFixture[str]) -> Non
     assert main(["info", "b.mcap"]) == 0
     assert "rig.load_mass = 3, " in capsys.readouterr().out
     assert main(["compare", "a.mcap", "b.mcap"]) == 0
-    assert "the runs differ in rig.load_mass: 1.0 and 3.0" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "the runs differ in rig.load_mass: 1.0 and 3.0" in shown
+    assert "analytic: b minus a" in shown, "the runs have one name"
