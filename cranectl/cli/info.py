@@ -32,6 +32,7 @@ def info_command(log: Path, predict: "Predict | None", json_file: str | None) ->
     from cranectl.compare.agreement import against_reference, judge, least_good, limits_for
     from cranectl.log import describe_log
     from cranectl.log.overlay import is_overlay, read_layers
+    from cranectl.report.run.settings import what_was_run
     from cranectl.report.run.tables import topic_table
     from cranectl.support.provenance import provenance, provenance_differences
 
@@ -50,6 +51,8 @@ def info_command(log: Path, predict: "Predict | None", json_file: str | None) ->
     screen = console(json_file)
     for line in _lines(description, held, agreements, software):
         screen.print(line)
+    _, settings = what_was_run({"": runs}, {})
+    screen.print(settings if settings.rows else "All settings have their defaults.")
     screen.print(topic_table(description))
     write_json(
         json_file,
@@ -115,11 +118,7 @@ def _lines(
     software: Sequence[str],
 ) -> list[str]:
     """What a log is, a line a fact; `software` is what differs from what is installed."""
-    from cranectl.scenario import changed_from_default
-    from cranectl.support.units import plain
-
     scenario, design = runs[0].scenario, runs[0].design
-    changed = changed_from_default(scenario)
     facts = [
         ("file", description.path),
         ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
@@ -129,10 +128,6 @@ def _lines(
         (run.plant, f"{run.status.label} at {run.end_s:g} s, {len(run.time_ns)} samples") for run in runs
     ]
     facts += [
-        (
-            "not default",
-            ", ".join(f"{name} = {plain(value)}" for name, value in changed.items()) or "nothing",
-        ),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),

@@ -190,7 +190,7 @@ def test_info_says_what_a_log_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", log]) == 0
     out = capsys.readouterr().out
     for expected in (
-        "fixed-position: Hold the load", "lqr+hinf, ideal drives", "completed at 0.5 s", "load_mass = 2,",
+        "fixed-position: Hold the load", "lqr+hinf, ideal drives", "completed at 0.5 s", "rig.load_mass",
         "disturbances 1 rad/s² on alpha from 0.1 s; 1 rad/s² on beta from 0.2 s\n",
         "0.001 s, one sample of 4", "passed", "mujoco 4", "scenario.json", "checksums and counts are right",
         "/mujoco/state", "cranectl.Controller6",
