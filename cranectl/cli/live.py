@@ -100,7 +100,7 @@ def live_command(
         machine = f"[{host}]" if ":" in host else host
         _say(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
         _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
-        _say(f"layout: {layout or 'start with --layout FILE'}, to be imported there")
+        _say(f"layout: {layout or 'start with --layout view.json for one of this rig'}, to be imported there")
         _say("steer: panels Parameters and Service Call")
         _say(f"log: {place}; Ctrl-C ends the session and closes it")
         server.serve(stop)

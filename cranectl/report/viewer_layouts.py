@@ -37,6 +37,7 @@ SIGNALS: dict[tuple[str, str], Signal] = {
 }
 LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
 ROUNDING = -14.0  # power of ten of the least distance that logs tell
+TITLE, ROW, MOST = 8.0, 8.0, 64.0  # [%] of a window of 900 pixels: standings take so much of its height
 FOLLOWED = 30.0  # [s] that a live session's plots show
 
 
@@ -90,7 +91,7 @@ def _single(plants: Sequence[str]) -> Layout:
         _drive_plot(plant),
         plot("rope tension", [_path(plant, "load", "rope_tension")]),
     ]
-    scene = scene_panel(_cranes([plant]), distance=4.2)
+    scene = scene_panel(_cranes([plant]))
     left = _column([scene, standings([plant]), events()], (48, 36, 16))
     return _row([left, _column(plots, (25, 19, 19, 19, 18))], (54, 46))
 
@@ -103,9 +104,8 @@ def _comparison(plants: Sequence[str]) -> Layout:
     )
     angles = (plot(name, _of_each(plants, "state", name)) for name in ("alpha", "beta"))
     y, z, alpha, beta = map(without_legend, [*load, *angles])
-    plots = _row([_column([x, y, z]), _column([alpha, beta, *_distance_plots(plants)])])
-    left = _column([scene_panel(_cranes(plants)), standings(plants)], (55, 45))
-    return _row([left, _column([plots, events()], (84, 16))], (42, 58))
+    left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
+    return _row([left, _several([x, y, z, alpha, beta], _row(_distance_plots(plants)))], (42, 58))
 
 
 def _controller(plants: Sequence[str]) -> Layout:
@@ -121,7 +121,7 @@ def _controller(plants: Sequence[str]) -> Layout:
         _axes_plot(plant, "flat_output", "load", "acceleration of the load", "_ddot"),
         _joint_plot(plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
-    left = _column([scene_panel(_cranes([plant]), distance=6.2), standings([plant])], (62, 38))
+    left = _crane_and_standings(scene_panel(_cranes([plant]), distance=6.2), [plant])
     right = _column([_row([_column(plots[:4]), _column(plots[4:])]), events()], (85, 15))
     return _row([left, right], (34, 66))
 
@@ -137,7 +137,7 @@ def _live(plants: Sequence[str]) -> Layout:
     ]
     for _, configuration in plots:
         configuration["followingViewWidth"] = FOLLOWED
-    left = _column([scene_panel(_cranes(plants)), standings(plants)], (55, 45))
+    left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
     services = _row([service("pulse"), service("reset")])
     steering = _column([panel("Parameters", "steering"), services, events()], (52, 26, 22))
     return _row([left, _column(plots), steering], (40, 31, 29))
@@ -163,9 +163,8 @@ def _overlay(labels: Sequence[str]) -> Layout:
     far = without_legend(plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, load)))
     shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]
     shown.append(topics.plant_topic(labels[0], topics.ARROW))
-    left = _column([scene_panel(shown), standings(labels)], (55, 45))
-    right = _column([x, _row([y, z]), _row([alpha, beta]), far, events()], (21, 21, 21, 21, 16))
-    return _row([left, right], (42, 58))
+    left = _crane_and_standings(scene_panel(shown), labels)
+    return _row([left, _several([x, y, z, alpha, beta], far)], (42, 58))
 
 
 def _ladder(labels: Sequence[str]) -> Layout:
@@ -183,7 +182,7 @@ def _ladder(labels: Sequence[str]) -> Layout:
     metres = plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, distance))
     shown = [topics.plant_topic(labels[0], kind) for kind in ("model", topics.ROPE, topics.ARROW)]
     shown += [topics.plant_topic(label, "trail") for label in labels]
-    left = _column([scene_panel(shown), standings(labels[-1:])], (62, 38))
+    left = _crane_and_standings(scene_panel(shown), labels[-1:])
     right = _column([added, without_legend(orders), without_legend(metres), events()], (44, 20, 20, 16))
     return _row([left, right], (42, 58))
 
@@ -196,6 +195,19 @@ LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
     "overlay": _overlay,
     "ladder": _ladder,
 }
+
+
+def _several(signals: Sequence[Panel], distances: Layout) -> Layout:
+    """Signals of several runs; the plot that has the legend is as wide as two others."""
+    x, y, z, alpha, beta = signals
+    return _column([x, _row([y, z]), _row([alpha, beta]), distances, events()], (21, 21, 21, 21, 16))
+
+
+def _crane_and_standings(scene: Panel, names: Sequence[str]) -> Layout:
+    """How the runs stand below the crane, as high as its rows need, but the crane is to be seen."""
+    told = standings(names)
+    share = min(TITLE + ROW * len(told[1]["paths"]), MOST)
+    return _column([scene, told], (100.0 - share, share))
 
 
 def _axes_plot(plant: str, group: str, stem: str, title: str, suffix: str = "") -> Panel:

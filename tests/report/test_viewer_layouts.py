@@ -112,6 +112,25 @@ def test_the_lines_of_a_plot_differ_in_colour(name: str) -> None:
             assert len(lines) == len(set(lines)), configuration["foxglovePanelTitle"]
 
 
+@pytest.mark.parametrize("labels", [LABELS[:2], LABELS, ("a", "b", "c", "d")])
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_how_runs_stand_has_the_height_of_its_rows(name: str, labels: tuple[str, ...]) -> None:
+    """In the viewer of 1.48, 62 pixels a row and 30 for the title, of 824 in a window 900 pixels high."""
+    content = json.loads(layout_json(name, labels=labels))
+    (panel,) = (panel for panel in content["configById"] if panel.startswith("StateTransitions"))
+    rows = len(content["configById"][panel]["paths"])
+    assert 824 * height(content["layout"], panel) > 30 + 62 * rows
+
+
+def height(layout: Any, panel: str) -> float:
+    """Of a panel, over the window's; 0 if it is not in this part."""
+    if isinstance(layout, str):
+        return float(layout == panel)
+    first, second = (height(layout[side], panel) for side in ("first", "second"))
+    share = layout["splitPercentage"] / 100.0
+    return max(first, second) if layout["direction"] == "row" else first * share + second * (1.0 - share)
+
+
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_a_larger_rig_is_seen_from_as_much_farther(name: str) -> None:
     rigs = (LABORATORY, similar(20.0))
