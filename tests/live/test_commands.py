@@ -104,7 +104,7 @@ def test_another_law_brings_its_parameters(controls: Controls) -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"controller": "lqrr"}, "unknown controller 'lqrr'; allowed: lqr,"),
+        ({"controller": "lqrr"}, "unknown controller 'lqrr'; allowed: pole-placement,"),
         ({"controller": 3.0}, "unknown controller '3.0'"),
         ({"k2": -1.0}, "unstable"),
         ({"k2": "much"}, "k2 = 'much'"),
