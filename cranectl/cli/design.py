@@ -33,7 +33,7 @@ def design_command(
     \b
     cranectl design pole-placement
     cranectl design lqr+loop-shaping --plot design.svg
-    cranectl design pole-placement lqr --set 'design.poles=["-3+1j", "-3-1j", -4, -4]' --plot both.svg
+    cranectl design pole-placement lqr --set 'design.poles=[-3+1j, -3-1j, -4, -4]' --plot both.svg
     cranectl design lqr+loop-shaping --scenario fixed-position
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     """

@@ -166,10 +166,11 @@ def test_what_is_recommended(advice: Advice) -> None:
     assert take.startswith("Take lqr+loop-shaping: guaranteed")
     assert improve.startswith(f"Improve first: {advice.improvements[0].name}")
     assert (
-        f"certified by gap (least margin {advice.best.least_margin:+.4f}, more than 0.01 is required)" in take
+        f"certified by the nu-gap (least margin {advice.best.least_margin:+.4f}, above 0.01 is required)"
+        in take
     )
     refused = replace(advice, assessments=(_refused(advice.best),))
-    assert "survived, not certified (least margin -0.2000, more" in recommendation(refused)[0]
+    assert "survived, not certified (least margin -0.2000, above" in recommendation(refused)[0]
     worse = tuple(replace(row, gain=-0.1) for row in advice.improvements)
     assert not any("Improve" in line for line in recommendation(replace(advice, improvements=worse)))
     failed = tuple(replace(row, status=RunStatus.SLACK_ROPE) for row in advice.assessments)

@@ -15,6 +15,11 @@ from cranectl.support.units import plain
 
 MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
 GRADES = {"gap": (" ", "good"), "by frequency": ("f", "good"), "refused": ("r", "open")}  # letter and mark
+CERTIFIED = {
+    "gap": "certified by the nu-gap",
+    "frequency": "certified frequency by frequency",
+    "refused": "not certified",
+}
 MISSING = "–"
 
 
@@ -50,7 +55,7 @@ def controllers_table(advice: Advice) -> Table:
         for row in advice.assessments
     )
     note = (
-        f"Guaranteed: more margin than {CAUTION:g} is left at every operating point, by the nu-gap alone "
+        f"Guaranteed: a margin above {CAUTION:g} is left at every operating point, by the nu-gap alone "
         "or, which asks less, frequency by frequency; the linear loop frozen there is stable. Survived: not "
         "certified, but the run completed. Cost: distance of the load from where the same controller's "
         "continuous-time ideal has it."
@@ -89,8 +94,8 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
     best = advice.best
     if best is None:
         return ("No controller survives: improve drives, delay or sensors, or ask for less.",)
-    how = f"certified by {best.judged_by}" if best.guaranteed else "not certified"
-    least = f"least margin {best.least_margin:+.4f}, more than {CAUTION:g} is required"
+    how = CERTIFIED[best.judged_by]
+    least = f"least margin {best.least_margin:+.4f}, above {CAUTION:g} is required"
     worst = f"worst with the {best.certificate.worst.point}"
     words = [f"Take {best.controller}: {best.grade}, {how} ({least}); {worst}."]
     if advice.improvements and advice.improvements[0].gain > 0.0:
