@@ -38,13 +38,13 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
 
 
 def plain(setting: Any) -> str:
-    """A value from TOML or JSON, its numbers with as many digits as they have; a text is as it is."""
+    """A value from TOML or JSON; numbers that take more than ten digits have six, texts are as they are."""
     if isinstance(setting, list | tuple):
         return f"[{', '.join(map(plain, setting))}]"
     if not isinstance(setting, float):
         return setting if isinstance(setting, str) else json.dumps(setting, ensure_ascii=False)
-    texts = (f"{setting:z.{digits}g}" for digits in range(6, 18))
-    shortest = next(text for text in texts if float(text) == setting or setting != setting)
+    texts = [f"{setting:z.{digits}g}" for digits in range(6, 11)]
+    shortest = next((text for text in texts if float(text) == setting), texts[0])
     return re.sub(r"e\+?(-?)0*", r"e\1", shortest)
 
 

@@ -35,6 +35,7 @@ def test_a_value_is_told_with_the_prefix_of_its_unit(value: float, unit: str, ex
     [
         (600000.0, "600000"),
         (1234567.5, "1234567.5"),
+        (math.pi / 8192, "0.000383495"),
         ([1e9, -4.29e-5, -0.0], "[1e9, -4.29e-5, 0]"),
         (math.nan, "nan"),
         (3, "3"),
@@ -43,7 +44,7 @@ def test_a_value_is_told_with_the_prefix_of_its_unit(value: float, unit: str, ex
         ("1.0", "1.0"),
     ],
 )
-def test_a_setting_is_told_with_the_digits_that_it_has(setting: object, expected: str) -> None:
+def test_a_setting_is_told_with_the_digits_that_it_needs(setting: object, expected: str) -> None:
     assert plain(setting) == expected
 
 

@@ -48,7 +48,7 @@ def what_differs(logs: Logs) -> Table | None:
         tables.append(asked | {"scenario": run.scenario.model_dump(mode="json", exclude={"controller"})})
     flat = [dict(leaves(table)) for table in tables]
     names = dict.fromkeys(name for each in flat for name in each)
-    differing = [name for name in names if len({_text(each.get(name)) for each in flat}) > 1]
+    differing = [name for name in names if any(each.get(name) != flat[0].get(name) for each in flat)]
     rows = {
         name.removeprefix("scenario."): [_text(each[name]) if name in each else "–" for each in flat]
         for name in differing
