@@ -5,7 +5,7 @@ A figure is drawn in stand-in colours, one for each role; in the SVG they become
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from html import escape
 from pathlib import Path
@@ -14,6 +14,7 @@ from zlib import crc32
 
 import matplotlib
 from cycler import cycler
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from cranectl.report.time_axes import marked, name_parts, told
@@ -62,6 +63,11 @@ def styled() -> Iterator[None]:
     """Draw in the page's style; everything from making a figure to `inline_svg` belongs inside."""
     with matplotlib.rc_context(_STYLE):
         yield
+
+
+def spaced(handles: Iterable[Artist]) -> float:
+    """Columns of a legend apart, in letters: on small pages labels are longer by three tenths."""
+    return max(3.0, 1.0 + 0.17 * max(len(str(handle.get_label())) for handle in handles))
 
 
 def css_variables(dark: bool) -> str:

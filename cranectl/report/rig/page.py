@@ -24,7 +24,7 @@ from cranectl.report.rig.tables import (
     levels_table,
     recommendation,
 )
-from cranectl.report.theme import SERIES, STAND_IN
+from cranectl.report.theme import SERIES, STAND_IN, spaced
 from cranectl.scenario import Scenario
 from cranectl.support.colours import LIGHT
 
@@ -124,7 +124,7 @@ def deviation_dots(
     axes.set(xlim=(1e3 * LEAST, None), xlabel="largest deviation of the load [mm]")
     axes.set_yticks(place, names)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    drawing.legend(loc="outside upper center", ncols=3, columnspacing=5.0)  # of small pages too
+    drawing.legend(loc="outside upper center", ncols=3, columnspacing=spaced(axes.lines))
     return drawing
 
 

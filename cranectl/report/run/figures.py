@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from cranectl.plants.registry import plant_entry
 from cranectl.report.run.rounding import constant_axis
-from cranectl.report.theme import SERIES, STAND_IN
+from cranectl.report.theme import SERIES, STAND_IN, spaced
 from cranectl.signals import flat_groups, recorded_groups
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -90,7 +90,7 @@ def distance_figure(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, f
         axes.axhline(limit, label=f"limit, {whose}", **_LIMIT)
     axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(1e-13, None))
     axes.margins(x=0.0)
-    figure.legend(loc="outside upper center", ncols=3)
+    figure.legend(loc="outside upper center", ncols=3, columnspacing=spaced(axes.lines))
     return figure
 
 
@@ -234,10 +234,9 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
     ]
     lines = []
     for plant, curve in {curve.run.plant: curve for curve in curves}.items():
-        name = plant_entry(plant).label
         width, opacity = (5.0, 0.35) if curve.wide else (1.1, 1.0)
         style = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
-        lines.append(Line2D([], [], color=STAND_IN["ink"], label=name, **style))
+        lines.append(Line2D([], [], color=STAND_IN["ink"], label=plant_entry(plant).label, **style))
     if any(panel.reference for panel in family.panels):
         lines.append(Line2D([], [], **_REFERENCE))
     if any(_near_limits(panel, curves) for panel in family.panels):
@@ -247,7 +246,7 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
     handles = [
         handle for pair in zip_longest(colours, lines, fillvalue=nothing) for handle in pair
     ]  # a legend fills column by column
-    figure.legend(handles=handles, loc="outside upper center", ncols=columns)
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, columnspacing=spaced(handles))
 
 
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> Panel:

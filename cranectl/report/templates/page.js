@@ -64,7 +64,8 @@ class Plot {
   value(y) {
     const [low, high] = this.log ? this.y.map(Math.log10) : this.y;
     const value = low + ((this.bottom - y) / (this.bottom - this.top)) * (high - low);
-    if (!this.log) return value.toFixed(clamp(Math.ceil(-Math.log10((high - low) / 5000)), 0, 15));
+    const digits = clamp(Math.ceil(-Math.log10((high - low) / 5000)), 0, 15);
+    if (!this.log) return (Number(value.toFixed(digits)) || 0).toFixed(digits); // zero without a sign
     return value < low ? `< ${this.y[0]}` : `${Number((10 ** value).toPrecision(3))}`;
   }
 
