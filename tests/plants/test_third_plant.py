@@ -188,7 +188,7 @@ def test_an_unknown_plant_is_answered_with_the_known_ones(
     assert folder == Path.cwd()
     for option in ("--plants", "--plant"):
         assert main([*command, option, "hevy"]) == 2
-        assert "allowed: heavy, analytic, mujoco" in capsys.readouterr().err
+        assert "allowed: analytic, mujoco, heavy\nremedy:  did you mean 'heavy'?" in capsys.readouterr().err
 
 
 def test_a_log_cut_short_is_recovered_with_all(log: Path) -> None:
