@@ -8,7 +8,7 @@ from mcap.writer import Writer
 
 # What `cranectl` is called with for a log of every kind; a name in braces is that log's file.
 KINDS = {
-    "one-plant": "run fixed-position --plant mujoco --out {one-plant}",
+    "one-plant": "run fixed-position --plant mujoco --set duration=13 --out {one-plant}",
     "comparison": "run fixed-position --plant both --every 20 --out {comparison}",
     "harbour": "run ship-to-shore --plant both --every 20 --out {harbour}",
     "robustified": "run settled-trajectory --plant mujoco --controller lqr+hinf --drive velocity --every 20"

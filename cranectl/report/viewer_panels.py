@@ -13,7 +13,7 @@ from cranectl.scenario.rig import RigParameters
 Panel = tuple[str, dict[str, Any]]  # its kind and configuration
 
 CAMERA = {  # looks at the middle of the rig from outside a long side, past the posts
-    "perspective": True, "phi": 68.0, "thetaOffset": 15.0, "fovy": 40.0, "near": 0.05, "far": 100.0,
+    "perspective": True, "phi": 68.0, "thetaOffset": 18.0, "fovy": 40.0, "near": 0.05, "far": 100.0,
     "target": [0.0, 0.0, 0.0], "targetOffset": [1.0, 0.77, -0.62], "targetOrientation": [0.0, 0.0, 0.0, 1.0],
 }  # fmt: skip
 
