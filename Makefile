@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: help setup cluster video validate test test-viewer lint fuzz bench mutations package clean
+.PHONY: help setup cluster video validate test test-docs test-viewer lint fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -32,7 +32,10 @@ validate: setup ## run every scenario with every controller on both plants and j
 
 test: setup cluster video ## run the tests, those of these two extras too
 	@tests/render/install
-	$(call limit,1200) $(BIN)/python -m pytest
+	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis
+
+test-docs: setup cluster video ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
+	$(call limit,600) $(BIN)/python -m pytest tests/docs tests/thesis
 
 test-viewer: setup ## open logs in a real viewer, read them with other parsers
 	@viewer/install $(BIN)

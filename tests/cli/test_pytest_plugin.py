@@ -15,9 +15,9 @@ from cranectl.cases import case as cases
 from cranectl.cases.assertions import CaseRuns, assert_agree
 from cranectl.support.units import quantity
 from tests.conftest import ROOT, closed_loop
+from tests.docs.test_docs import blocks
 from tests.packages import PLUGIN, run_pytest
 from tests.test_architecture import HEAVY
-from tests.test_docs import blocks
 
 LAW = """
 import numpy as np
