@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
+from cranectl.controllers import registry
 from tests.conftest import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -29,6 +30,7 @@ def test_there_are_pages_and_blocks() -> None:
 def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the order of the page and in one directory; a TOML block is saved under its scenario's name."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "REGISTERED", {})  # what a page registers is not known to later tests
     for language, text in blocks(page):
         if language == "toml":
             name = re.search(r'^name = "(.*)"', text, re.MULTILINE)
