@@ -52,8 +52,16 @@ class LimitVerdict:
     @property
     def fault(self) -> str:
         """What a run that does not keep it does."""
-        value = "no value" if self.value is None else f"{self.value:.4g}"
-        return f"breaks the limit {self.limit:g} of {self.metric}: {value}"
+        value, limit = self.texts
+        return f"breaks the limit {limit} of {self.metric}: {value or 'no value'}"
+
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Value, empty without one, and limit, with four digits, or as many as tell them apart."""
+        if self.value is None:
+            return "", f"{self.limit:.4g}"
+        texts = ((f"{self.value:.{digits}g}", f"{self.limit:.{digits}g}") for digits in range(4, 18))
+        return next(pair for pair in texts if pair[0] != pair[1] or self.value == self.limit)
 
     @property
     def overrun(self) -> float:

@@ -126,10 +126,10 @@ def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Tab
     for run, verdict in shown:
         metric = metrics[verdict.metric]
         case = (f"{run.scenario}, {run.controller}, {run.drive}",) if several else ()
-        value = "–" if verdict.value is None else f"{verdict.value:.4g}"
+        value, limit = verdict.texts
         sign = "≥" if metric.better == "higher" else "≤"
-        limit = f"{sign} {verdict.limit:.4g}"
-        rows.append(cells(*case, run.plant, metric.name, value, limit, metric.unit, ANSWERS[verdict.kept]))
+        told = (metric.name, value or "–", f"{sign} {limit}", metric.unit, ANSWERS[verdict.kept])
+        rows.append(cells(*case, run.plant, *told))
     if not verdicts:
         return None
     headings = (*(("case",) if several else ()), "plant", "metric", "value", "limit", "unit", "kept")
