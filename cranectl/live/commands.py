@@ -19,6 +19,7 @@ from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.design import Design, with_gain
 from cranectl.scenario import Scenario
+from cranectl.scenario.similarity import length_scale, rounded
 from cranectl.simulate import PlannedReference, checked_drive, law_of, plan_reference
 from cranectl.support.errors import InputError, printable, unknown_name
 
@@ -27,8 +28,7 @@ T = TypeVar("T")
 
 SPEEDS = (0.05, 20.0)  # times real time
 MAX_PULSE = 50.0  # [rad/s²]
-PULSE_SECONDS = 0.2
-DEFAULT_PULSE = {"pulse_alpha": 2.0, "pulse_beta": 0.0}  # [rad/s²]
+PULSE = 2.0, 0.2  # [rad/s²] and [s] of the laboratory's, scaled to other cranes
 GAINS = ("k0", "k1", "k2", "k3")
 LAW = ("controller", *GAINS)
 MAX_GAIN = 1e9
@@ -52,9 +52,10 @@ class Use:
 
 @dataclass(frozen=True)
 class Pulse:
-    """Angular accelerations of alpha and beta [rad/s²] for `PULSE_SECONDS`."""
+    """Angular accelerations of alpha and beta [rad/s²] for so long."""
 
     acceleration: tuple[float, float]
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -75,12 +76,15 @@ class Controls:
         self._scenario, self._design, self._drive = scenario, design, checked_drive(drive)
         self._lock = threading.Lock()
         self._commands: SimpleQueue[Command] = SimpleQueue()
+        length = length_scale(scenario.rig.rope_range[1])
+        self._pulse_seconds = rounded(PULSE[1] * math.sqrt(length))
         self._values: dict[str, Value] = {
             "pause": False,
             "speed": checked_number("speed", speed, *SPEEDS),
             "controller": design.name,
             **tunable(design),
-            **DEFAULT_PULSE,
+            "pulse_alpha": rounded(PULSE[0] / length),
+            "pulse_beta": 0.0,
         }
 
     @functools.cached_property
@@ -124,7 +128,7 @@ class Controls:
     def pulse(self) -> None:
         """Disturb the load with the accelerations `pulse_alpha` and `pulse_beta`."""
         alpha, beta = float(self._values["pulse_alpha"]), float(self._values["pulse_beta"])
-        self._commands.put(Pulse((alpha, beta)))
+        self._commands.put(Pulse((alpha, beta), self._pulse_seconds))
 
     def reset(self) -> None:
         """Start the scenario again."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import foxglove
 
-from cranectl.live.commands import PULSE_SECONDS, Command, Controls, Pulse, Reset, Say, Use, Value, tunable
+from cranectl.live.commands import Command, Controls, Pulse, Reset, Say, Use, Value, tunable
 from cranectl.live.increments import Increments
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
@@ -142,9 +142,9 @@ class LiveServer:
 
     def _pulse(self, command: Pulse) -> None:
         alpha, beta = command.acceleration
-        text = f"pulse of {alpha:g} rad/s² on alpha and {beta:g} rad/s² on beta for {PULSE_SECONDS:g} s"
+        text = f"pulse of {alpha:g} rad/s² on alpha and {beta:g} rad/s² on beta for {command.seconds:g} s"
         if self._session.moving:
-            self._session.pulse(command.acceleration, PULSE_SECONDS)
+            self._session.pulse(command.acceleration, command.seconds)
             self._say(text)
         else:
             self._say(f"{text} refused: the run has stopped; call /reset", warning=True)

@@ -44,8 +44,21 @@ def test_pulse_and_reset(controls: Controls) -> None:
     controls.pulse()
     controls.reset()
     _, pulse, reset = controls.commands()
-    assert pulse == Pulse((2.0, -1.5))
+    assert pulse == Pulse((2.0, -1.5), 0.2)
     assert reset == Reset()
+
+
+def test_a_pulse_swings_other_cranes_as_far() -> None:
+    """By the angular speed that it leaves, over the pendulum's frequency."""
+    swings = []
+    for name in ("fixed-position", "ship-to-shore"):
+        scenario = load_scenario(name)
+        controls = Controls(scenario, design_controller("lqr", scenario.design))
+        controls.pulse()
+        (pulse,) = controls.commands()
+        assert isinstance(pulse, Pulse)
+        swings.append(pulse.acceleration[0] * pulse.seconds * np.sqrt(scenario.rig.rope_range[1] / 9.81))
+    assert swings[1] == pytest.approx(swings[0], rel=0.01)
 
 
 def test_another_controller_brings_its_gains(controls: Controls, scenario: Scenario) -> None:
