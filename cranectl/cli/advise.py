@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 @click.command("advise", cls=Command)
 @click.argument("scenario")
 @click.option(
-    "--controller", "controllers", multiple=True, metavar="NAME", help="Repeatable. Default: all six."
+    "--controller",
+    "controllers",
+    multiple=True,
+    metavar="NAME",
+    help="Repeatable. Default: the six of the flat family.",
 )
 @scenario_options
 @output_option(

@@ -36,7 +36,7 @@ SHOWN = 10  # failures, broken limits and notes shown on the screen
     "controllers",
     metavar="NAME",
     multiple=True,
-    help="Default: the flat family; all: every controller; repeatable.",
+    help="Default: the six of the flat family; all: every controller; repeatable.",
 )
 @plants_option("Default: all.")
 @drive_option(default="both")
