@@ -86,6 +86,14 @@ PLANTS = Plants(
         lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose axes know no such forces"},
     ),
     PlantEntry(
+        name="elastic",
+        label="elastic",
+        colour="series-3",
+        where="cranectl.plants.elastic.plant:ElasticPlant",
+        batch=32,
+        drives=DRIVES,
+    ),
+    PlantEntry(
         name="mujoco",
         label="MuJoCo",
         colour="series-2",

@@ -9,7 +9,7 @@ Each follows from the effect's own law and the nominal run alone, sampled with t
     delay        u(t - T_d) - u(t)
     friction     its force on the axes, its torque on the joint
 
-What the crane as it is built does besides is in `analysis.budget.real_crane`.
+What the crane as it is built does besides is in `plants.elastic`.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 The nominal run is the sampled loop on the analytic plant with ideal drives. The effects of a level and of all
 below it are equivalent disturbances along it (`equivalent`, `bounded_signals`) or equations of motion that it
-does not obey (`real_crane`), carried to first order through the loop linearised along the run
+does not obey (`plants.elastic`), carried to first order through the loop linearised along the run
 (`propagation`). Effects that depend on the motion are taken on the motion that they lead to, found by
 repetition. The bound adds what is left out: the second-order term (`higher_orders`), twice the third, and
 twice the last change of the repetition; of friction, which can be anything up to its limit, it is the worst

@@ -1,9 +1,9 @@
 """The sampled loop linearised along a run: what a small error at any port becomes one sample later.
 
 The nominal run is one of the analytic plant with ideal drives. The plant of the loop may be that one, or the
-crane as it is built (`real_crane`), which the nominal run does not obey: `defect` says by how much it misses
-at every sample. Linearised about where the run was, not about an equilibrium: while hoisting a frozen rope
-length is wrong by a factor of two. The state of the linear loop, as a deviation from the run, is
+crane as it is built (`plants.elastic`), which the nominal run does not obey: `defect` says by how much it
+misses at every sample. Linearised about where the run was, not about an equilibrium: while hoisting a frozen
+rope length is wrong by a factor of two. The state of the linear loop, as a deviation from the run, is
 
     X = (plant, w, zeta, zeta', xi)
 
@@ -18,15 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.real_crane import (
-    RealCrane,
-    Work,
-    advance,
-    load_positions,
-    make_crane,
-    make_work,
-    nominal_states,
-)
 from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers.flat import Tracker
 from cranectl.controllers.registry import flat_design, only_flat
@@ -35,6 +26,16 @@ from cranectl.design.discretisation import diagonal
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
 from cranectl.plants.dop853 import STAGES
+from cranectl.plants.elastic.crane import (
+    ElasticCrane,
+    Work,
+    hanging_states,
+    load_positions,
+    make_crane,
+    make_work,
+    set_damping,
+)
+from cranectl.plants.elastic.step import advance_state
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import NO_EFFECTS, EffectNumbers
@@ -54,7 +55,7 @@ class Plant(NamedTuple):
     """The crane as it is built, or without it the analytic plant."""
 
     rig: AnalyticRig
-    crane: RealCrane | None
+    crane: ElasticCrane | None
     work: Work
     stages: Array
     stage_state: Array
@@ -65,7 +66,7 @@ class TrajectoryLoop(NamedTuple):
 
     plant: Plant | None  # None for kernels, see `matrices`
     kept: NDArray[np.intp]  # (p,) states of the plant that move
-    states: Array  # (N, 10 or 20) nominal
+    states: Array  # (N, 10 or 22) nominal
     commands: Array  # (N - 1, 3) nominal: accelerations for ideal drives, else velocities
     disturbances: Array  # (N - 1, 2) nominal
     winds: Array  # (N, 6) as in `simulate.Plan`
@@ -108,7 +109,7 @@ def step_plant(plant, crane, state, command, disturbance, wind):
         for _ in range(plant.rig.substeps):
             integrate(plant.rig, state, command, disturbance, wind, plant.stages, plant.stage_state)
     else:
-        advance(crane, state, command, disturbance, wind, plant.work)
+        advance_state(crane, state, command, disturbance, wind, plant.work)
 
 
 @jit
@@ -151,7 +152,7 @@ def step_defect(plant, kept, states, commands, disturbances, winds, following, d
 
 
 def linearise_run(
-    run: Run, *, crane: RealCrane | None = None, winds: Array | None = None, drive: Drive = "ideal"
+    run: Run, *, crane: ElasticCrane | None = None, winds: Array | None = None, drive: Drive = "ideal"
 ) -> TrajectoryLoop:
     """Linearise the loop along `run`, one of the analytic plant with ideal drives.
 
@@ -164,7 +165,7 @@ def linearise_run(
     disturbances = np.ascontiguousarray(run.block("disturbance")[:-1])
     states, kept, stride = joints, np.arange(10), 1
     if crane is not None:
-        states, kept = nominal_states(crane, joints, run.tension), np.flatnonzero(np.repeat(crane.moves, 2))
+        states, kept = hanging_states(crane, joints, run.tension), crane.places
         stride = STRIDE
     p, rows = len(kept), max(samples - 1, 0)
     plant = Plant(
@@ -198,17 +199,16 @@ def linearise_run(
 
 
 def _load_derivatives(
-    run: Run, crane: RealCrane | None, states: Array, kept: NDArray[np.intp]
+    run: Run, crane: ElasticCrane | None, states: Array, kept: NDArray[np.intp]
 ) -> tuple[Array | None, Array]:
     """Of the load's position on `states`, by what is `kept`, and how far it is from the run's."""
     if crane is None:
         return None, np.zeros((len(states), 3))
     load = np.zeros((len(states), 3, len(kept)))
     for column, place in enumerate(kept):
-        if place % 2 == 0:  # rates move nothing
-            shift = DIFFERENCE * np.eye(states.shape[1])[place]
-            change = load_positions(crane, states + shift) - load_positions(crane, states - shift)
-            load[:, :, column] = change / (2.0 * DIFFERENCE)
+        shift = DIFFERENCE * np.eye(states.shape[1])[place]
+        change = load_positions(crane, states + shift) - load_positions(crane, states - shift)
+        load[:, :, column] = change / (2.0 * DIFFERENCE)
     return load, load_positions(crane, states) - run.load_position
 
 
@@ -295,7 +295,10 @@ class Nominal:
         structure = tuple(name for name in STRUCTURE if name in effects)
         if structure not in self._driven:
             run, chosen = self.run, self.effects.only(*structure)
-            crane = make_crane(run.scenario, chosen, float(run.block("state")[0, ROPE]))
+            scenario = run.scenario
+            step = scenario.period_ns / NANOSECONDS / scenario.substeps
+            crane = make_crane(scenario.rig, chosen, "velocity", step=step, substeps=scenario.substeps)
+            set_damping(crane, chosen, float(run.block("state")[0, ROPE]))
             winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
             self._driven[structure] = linearise_run(run, crane=crane, winds=winds)
         return self._driven[structure]

@@ -28,14 +28,14 @@ from cranectl.plants.mujoco.rope import (
     set_damping,
     start_taut,
 )
-from cranectl.plants.mujoco.stability import check_step
+from cranectl.plants.mujoco.stability import fastest_rate
 from cranectl.plants.mujoco.step import mj_step
 from cranectl.plants.plant import Drive, Kernels
+from cranectl.plants.stability import check_hook, check_rate
 from cranectl.plants.surroundings import FORCE, air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
 
 
@@ -219,18 +219,12 @@ class MujocoPlant:
         """Raise InputError where effects need a longer rope, or shorter steps with a rope of `length` [m]."""
         if self.effects == NO_EFFECTS:
             return
-        if self.effects.body and length <= self.effects.body.hook_offset:
-            raise InputError(
-                f"a rope length of {length:g} m, to the load, with effects.body.hook_offset = "
-                f"{self.effects.body.hook_offset:g}",
-                allowed="rope lengths beyond hook_offset",
-                remedy="lower the path or reduce hook_offset",
-            )
+        check_hook(self.effects, length)
         trial, state = mujoco.MjData(self.model), np.zeros(10)
         state[4] = length
         self._place(trial, state)
-        what = f"a crane with {', '.join(self.effects.names)} and {length:g} m of rope"
-        check_step(self.model, trial, what, period=self.rig.step * self.rig.substeps)
+        rate, step = fastest_rate(self.model, trial), self.rig.step
+        check_rate(rate, self.effects, length, step=step, period=step * self.rig.substeps)
 
     def _set_state(self, state: Array) -> None:
         mujoco.mj_resetData(self.model, self.data)

@@ -1,0 +1,209 @@
+"""What the elastic crane consists of: constants, the places of its state, and where it starts.
+
+The state (22) has the joints as `signals.STATE` first, then
+
+    stretch e of the rope and its rate: from pivot to hook r = l - offset + e
+    b       unit vector from hook to the load's centre of mass, w its angular velocity [rad/s], both (x, y, z)
+    q_x, q_x', q_y, q_y'   rails in the world
+
+With n the direction of the rope the load is at (x_c + q_x, y_c + q_y, 0) + r n + offset b.
+"""
+
+from math import inf, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.plants.elastic.runge_kutta import STAGES
+from cranectl.plants.plant import Drive
+from cranectl.plants.surroundings import air_drag, gravity_in_rig
+from cranectl.scenario.effects import EffectSettings, Frame
+from cranectl.scenario.rig import RigParameters
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY
+from cranectl.support.arrays import Array
+
+STRETCH, STRETCH_RATE, BODY, SPIN, RAILS, STATES = 10, 11, 12, 15, 18, 22
+JOINTS = 5  # bridge, trolley, winch, alpha, beta: position at twice their number, rate behind it
+SHORTEST = 1e-3  # [m], so that a rope wound in completely gives no infinite stiffness
+
+Triple = tuple[float, float, float]
+
+
+class ElasticCrane(NamedTuple):
+    """Constants in SI units; the drives push with gain · command - damping · rate - held, within `limit`."""
+
+    prescribed: bool  # the drives are ideal: they accelerate as commanded
+    gain: Triple
+    damping: Triple  # of drives [N s/m]
+    held: Triple  # [N]
+    limit: Triple  # [N]
+    axis_mass: Triple  # bridge with trolley, trolley, winch [kg]
+    gravity: Triple  # [m/s²]
+    load_mass: float
+    rubs: bool  # whether there is friction of Coulomb's kind
+    coulomb: tuple[float, float, float, float, float]  # of the joints [N, N m]
+    viscous: tuple[float, float, float, float, float]  # [N s/m, N m s/rad]
+    swings: bool  # the load is a body under its hook
+    offset: float  # hook above the centre of mass [m]
+    inertia: float  # about any axis through it [kg m²]
+    swing_damping: float  # between hook and body [N m s/rad]
+    stretches: bool  # the rope gives
+    stiffness: float  # E A [N]
+    viscosity: Array  # (1,) times length [N s]; of the damping ratio at the start
+    density: float  # of the rope [kg/m]
+    gives: bool  # the frame does
+    rail_mass: tuple[float, float]  # what moves with the rails besides what runs on them along x, y [kg]
+    rail_weight: tuple[float, float]  # of it, on slopes [N]
+    rail_stiffness: tuple[float, float]  # [N/m]
+    rail_damping: tuple[float, float]  # [N s/m]
+    in_air: bool
+    drag: float  # force over the square of the load's speed through the air [kg/m]
+    places: NDArray[np.int64]  # of the states that change
+    substeps: int
+    step: float  # [s]
+
+
+def make_crane(
+    rig: RigParameters, effects: EffectSettings, drive: Drive, *, step: float, substeps: int
+) -> ElasticCrane:
+    """The crane of `rig` with `effects`."""
+    rope, body, frame, friction = effects.rope, effects.body, effects.frame, effects.friction
+    gravity, ideal, none = gravity_in_rig(rig.gravity, effects), drive == "ideal", (0.0, 0.0, 0.0)
+    servo = _triple(rig.velocity_gains)
+    coulomb, viscous = (friction.coulomb, friction.viscous) if friction and not ideal else (none, none)
+    pivot = (friction.pivot_coulomb, friction.pivot_viscous) if friction else (0.0, 0.0)
+    there = ((0, STRETCH, True), (STRETCH, BODY, rope), (BODY, RAILS, body), (RAILS, STATES, frame))
+    return ElasticCrane(
+        prescribed=ideal,
+        gain=servo if drive == "velocity" else (1.0, 1.0, 1.0),
+        damping=servo if drive == "velocity" else none,
+        held=(0.0, 0.0, rig.weight if drive == "velocity" else 0.0),
+        limit=effects.limits.force if effects.limits else (inf, inf, inf),
+        axis_mass=(rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass),
+        gravity=gravity,
+        load_mass=rig.load_mass,
+        rubs=any((*coulomb, pivot[0])),
+        coulomb=(*coulomb, pivot[0], pivot[0]),
+        viscous=(*viscous, pivot[1], pivot[1]),
+        swings=body is not None,
+        offset=body.hook_offset if body else 0.0,
+        inertia=body.inertia if body else 1.0,
+        swing_damping=body.swing_damping if body else 0.0,
+        stretches=rope is not None,
+        stiffness=rope.stiffness if rope else 0.0,
+        viscosity=np.zeros(1),
+        density=rope.mass if rope else 0.0,
+        gives=frame is not None,
+        **_rails(rig, frame, gravity),
+        in_air=effects.wind is not None,
+        drag=air_drag(effects),
+        places=np.concatenate([np.arange(first, end) for first, end, part in there if part]),
+        substeps=substeps,
+        step=step,
+    )
+
+
+def _rails(rig: RigParameters, frame: Frame | None, gravity: Triple) -> dict[str, tuple[float, float]]:
+    """What holds the rails; the frame's frequencies are those of the empty rig."""
+    if frame is None:
+        return dict.fromkeys(("rail_mass", "rail_weight", "rail_stiffness", "rail_damping"), (0.0, 0.0))
+    standing = frame.mass + rig.bridge_mass + rig.trolley_mass
+    along_x, along_y = (2.0 * pi * frequency for frequency in frame.frequency)
+    lossy = 2.0 * frame.damping_ratio * standing
+    return {
+        "rail_mass": (frame.mass, frame.mass + rig.bridge_mass),
+        "rail_weight": (0.0, rig.bridge_mass * gravity[1]),
+        "rail_stiffness": (standing * along_x**2, standing * along_y**2),
+        "rail_damping": (lossy * along_x, lossy * along_y),
+    }
+
+
+def _triple(values: Array) -> Triple:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def set_damping(crane: ElasticCrane, effects: EffectSettings, length: float) -> None:
+    """Fix the rope's viscosity by the damping ratio of the load on the `length` measured at the start [m]."""
+    if effects.rope:
+        hanging = max(length - crane.offset, SHORTEST)
+        critical = 2.0 * sqrt(crane.stiffness * crane.load_mass * hanging)
+        crane.viscosity[0] = effects.rope.damping_ratio * critical
+
+
+def hanging_states(crane: ElasticCrane, joints: Array, tension: Array) -> Array:
+    """(N, 22): joints (N, 10), the rope stretched by its tension (N,) [N], the body in line with it.
+
+    The body turns with the hook, about the rope too; the rails rest.
+    """
+    states = np.zeros((len(joints), STATES))
+    states[:, : 2 * JOINTS] = joints
+    if crane.stretches:
+        paid_out = np.maximum(joints[:, ROPE] - crane.offset, SHORTEST)
+        states[:, STRETCH] = tension * paid_out / crane.stiffness
+    if crane.swings:
+        states[:, BODY : BODY + 3] = directions(joints)
+        alpha, beta_rate = joints[:, ALPHA], joints[:, BETA + 1]
+        states[:, SPIN] = joints[:, ALPHA + 1]
+        states[:, SPIN + 1], states[:, SPIN + 2] = -beta_rate * np.cos(alpha), -beta_rate * np.sin(alpha)
+    return states
+
+
+def directions(states: Array) -> Array:
+    """Of states (N, 10 or 22): the rope's n, (N, 3)."""
+    alpha, beta = states[:, ALPHA], states[:, BETA]
+    return np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), -np.cos(alpha) * np.cos(beta)])
+
+
+def load_positions(crane: ElasticCrane, states: Array) -> Array:
+    """Of states (N, 22): the load in the world (N, 3) [m]."""
+    positions: Array = (states[:, ROPE] - crane.offset + states[:, STRETCH])[:, None] * directions(states)
+    positions += crane.offset * states[:, BODY : BODY + 3]
+    positions[:, 0] += states[:, BRIDGE] + states[:, RAILS]
+    positions[:, 1] += states[:, TROLLEY] + states[:, RAILS + 2]
+    return positions
+
+
+class Work(NamedTuple):
+    """Work space, and what the equations tell besides rates. Of matrices the lower half is used."""
+
+    matrix: Array  # (5, 5) masses of load and rope
+    factor: Array  # (5, 5)
+    force: Array  # (5,) on load and rope
+    acceleration: Array  # (5,) of the coordinates
+    along: Array  # (5,) velocity of the hook along b by each coordinate
+    push: Array  # (3,) of drives and friction on the axes [N]
+    sign: Array  # (5,) of the rates of joints that slide; 0 for others
+    stuck: NDArray[np.bool_]  # (5,) joints that friction holds
+    fixed: NDArray[np.bool_]  # (5,) coordinates whose acceleration is given
+    holding: Array  # (5,) force with which it does [N, N m]
+    margins: Array  # (5,) of the joints at the start of a part, until they begin to slide or to stick
+    tension: Array  # (1,) [N]
+    velocity: Array  # (3,) of the load [m/s]
+    rates: Array  # (STAGES + 1, 22)
+    trial: Array  # (22,)
+    end: Array  # (22,)
+
+
+def make_work() -> Work:
+    """Fresh work space, for joints that slide without friction."""
+    five, state = (JOINTS,), (STATES,)
+    return Work(
+        matrix=np.zeros((JOINTS, JOINTS)),
+        factor=np.zeros((JOINTS, JOINTS)),
+        force=np.zeros(five),
+        acceleration=np.zeros(five),
+        along=np.zeros(five),
+        push=np.zeros(3),
+        sign=np.zeros(five),
+        stuck=np.zeros(five, dtype=np.bool_),
+        fixed=np.zeros(five, dtype=np.bool_),
+        holding=np.zeros(five),
+        margins=np.zeros(five),
+        tension=np.zeros(1),
+        velocity=np.zeros(3),
+        rates=np.zeros((STAGES + 1, STATES)),
+        trial=np.zeros(state),
+        end=np.zeros(state),
+    )

@@ -1,0 +1,144 @@
+"""Equations of motion of the elastic crane: five accelerations by Kane's method, the rest follows.
+
+Coordinates P_x, P_y of the pivot in the world, r from pivot to hook, alpha, beta. Seen from its hook the load
+is a mass that depends on the direction: m along b, m J / (J + m offset²) across. So a body needs no
+coordinates of its own in the equations that are solved, nor does the frame: P feels the drive's force, the
+rails its reaction. A coordinate that is locked, by an ideal drive or by friction, has its acceleration given,
+and the equations say which force holds it.
+"""
+
+from math import cos, sin, sqrt
+
+from cranectl.plants.elastic.axes import move_axes
+from cranectl.plants.elastic.crane import BODY, JOINTS, RAILS, SHORTEST, SPIN, STRETCH, STRETCH_RATE
+from cranectl.plants.surroundings import FORCE
+from cranectl.support.jit import jit
+
+
+@jit
+def dot(a, b):
+    """Of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit
+def cross(a, b):
+    """Of two vectors."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@jit
+def sum_of(a, x, b):
+    """The vector a + x b."""
+    return a[0] + x * b[0], a[1] + x * b[1], a[2] + x * b[2]
+
+
+@jit
+def rope_directions(alpha, beta):
+    """The rope's n and its derivatives by the angles, at right angles to each other."""
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    return (sb, cb * sa, -ca * cb), (0.0, ca * cb, sa * cb), (cb, -sb * sa, sb * ca)
+
+
+@jit
+def rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta):
+    """The rate of n, and what its second derivative has of rates alone."""
+    rate = sum_of((0.0, alpha_rate * by_alpha[1], alpha_rate * by_alpha[2]), beta_rate, by_beta)
+    both = beta_rate * beta_rate + alpha_rate * alpha_rate
+    mixed = 2.0 * alpha_rate * beta_rate
+    bend = (
+        -beta_rate * beta_rate * n[0],
+        -both * n[1] - mixed * by_beta[2],
+        -both * n[2] + mixed * by_beta[1],
+    )
+    return rate, bend
+
+
+@jit
+def derivative(crane, state, command, disturbance, wind, work, rate):
+    """Rates (22,) of `state` under `command` (3,), `disturbance` (2,) and `wind` (6,), see `Plant`."""
+    matrix, force, acceleration, along = work.matrix, work.force, work.acceleration, work.along
+    mass, offset, alpha_rate, beta_rate = crane.load_mass, crane.offset, state[7], state[9]
+    paid_out = max(state[4] - offset, SHORTEST)
+    r, r_rate = state[4] - offset + state[STRETCH], state[5] + state[STRETCH_RATE]
+    n, by_alpha, by_beta = rope_directions(state[6], state[8])
+    turn, bend = rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta)
+    torque_alpha = -crane.viscous[3] * alpha_rate - crane.coulomb[3] * work.sign[3]
+    torque_beta = -crane.viscous[4] * beta_rate - crane.coulomb[4] * work.sign[4]
+
+    # The hook's velocity, and its acceleration at no accelerations less that of a load it does not hold.
+    pivot = (state[1] + state[RAILS + 1], state[3] + state[RAILS + 3], 0.0)
+    velocity = sum_of(sum_of(pivot, r_rate, n), r, turn)
+    fall = sum_of((-crane.gravity[0], -crane.gravity[1], -crane.gravity[2]), 2.0 * r_rate, turn)
+    hook = sum_of(fall, r, bend)
+    apparent, b, tau = mass, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if crane.swings:
+        apparent = 1.0 / (1.0 / mass + offset * offset / crane.inertia)
+        b = (state[BODY], state[BODY + 1], state[BODY + 2])
+        spin = (state[SPIN], state[SPIN + 1], state[SPIN + 2])
+        ca, sa = cos(state[6]), sin(state[6])
+        slip = (alpha_rate - spin[0], -beta_rate * ca - spin[1], -beta_rate * sa - spin[2])
+        tau = sum_of((0.0, 0.0, 0.0), crane.swing_damping, slip)
+        torque_alpha, torque_beta = torque_alpha - tau[0], torque_beta + ca * tau[1] + sa * tau[2]
+        around = cross(spin, b)
+        velocity = sum_of(velocity, offset, around)
+        hook = sum_of(hook, offset, cross(spin, around))
+        hook = sum_of(hook, offset / crane.inertia, cross(tau, b))
+    work.velocity[0], work.velocity[1], work.velocity[2] = velocity
+    outer = (wind[FORCE], wind[FORCE + 1], wind[FORCE + 2])
+    if crane.in_air:
+        stream = (wind[0] - velocity[0], wind[1] - velocity[1], wind[2] - velocity[2])
+        outer = sum_of(outer, crane.drag * sqrt(dot(stream, stream)), stream)
+    taken = (0.0, 0.0, 0.0)
+    if crane.swings:  # the disturbance is a force at the centre, of which the trolley takes the opposite
+        lever = mass * state[4]
+        taken = sum_of(sum_of(taken, lever * disturbance[0], by_alpha), lever * disturbance[1], by_beta)
+        outer = sum_of(outer, 1.0, taken)
+    else:
+        torque_alpha += mass * r * r * n_squared(by_alpha) * disturbance[0]
+        torque_beta += mass * r * r * disturbance[1]
+    hook = sum_of(hook, -1.0 / mass, outer)
+
+    # Masses and forces of the load at its hook and of the rope, a thin rod from there up to the winch.
+    rod = crane.density * paid_out
+    middle, turning = r - 0.5 * paid_out, rod * paid_out * paid_out / 12.0
+    zeroth, first = apparent + rod, apparent * r + rod * middle
+    second = apparent * r * r + rod * middle * middle + turning
+    matrix[0, 0] = matrix[1, 1] = matrix[2, 2] = zeroth
+    matrix[1, 0] = matrix[3, 0] = matrix[3, 2] = matrix[4, 2] = matrix[4, 3] = 0.0
+    matrix[2, 0], matrix[2, 1], matrix[3, 1] = zeroth * n[0], zeroth * n[1], first * by_alpha[1]
+    matrix[3, 3], matrix[4, 4] = second * n_squared(by_alpha), second
+    matrix[4, 0], matrix[4, 1] = first * by_beta[0], first * by_beta[1]
+    lifted = sum_of((0.0, 0.0, 0.0), apparent, hook)
+    turned = sum_of((0.0, 0.0, 0.0), apparent * r, hook)
+    if rod > 0.0:
+        lifted = sum_of(lifted, rod, sum_of(fall, middle, bend))
+        turned = sum_of(sum_of(turned, rod * middle, sum_of(fall, middle, bend)), turning, bend)
+    force[0], force[1], force[2] = -lifted[0] - taken[0], -lifted[1] - taken[1], -dot(n, lifted)
+    force[3], force[4] = torque_alpha - dot(by_alpha, turned), torque_beta - dot(by_beta, turned)
+    if crane.swings:  # what the load resists more along b than across
+        more = mass - apparent
+        along[0], along[1], along[2] = b[0], b[1], dot(b, n)
+        along[3], along[4] = r * dot(b, by_alpha), r * dot(b, by_beta)
+        push = more * dot(b, hook)
+        for i in range(JOINTS):
+            force[i] -= along[i] * push
+            for j in range(i + 1):
+                matrix[i, j] += more * along[i] * along[j]
+
+    if crane.stretches:
+        pull = crane.stiffness * state[STRETCH] + crane.viscosity[0] * state[STRETCH_RATE]
+        work.tension[0] = max(pull / paid_out, 0.0)
+    move_axes(crane, state, command, work, rate)
+    if crane.swings:
+        hook = sum_of(sum_of(hook, 1.0, (acceleration[0], acceleration[1], 0.0)), acceleration[2], n)
+        hook = sum_of(sum_of(hook, r * acceleration[3], by_alpha), r * acceleration[4], by_beta)
+        spin_rate = sum_of(tau, -offset * apparent, cross(b, hook))
+        for i in range(3):
+            rate[BODY + i], rate[SPIN + i] = around[i], spin_rate[i] / crane.inertia
+
+
+@jit
+def n_squared(by_alpha):
+    """Square of the derivative of n by alpha, that by beta is of length 1."""
+    return by_alpha[1] * by_alpha[1] + by_alpha[2] * by_alpha[2]

@@ -1,0 +1,175 @@
+"""The elastic plant: our equations of the crane as it is built, behind the plant interface."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cranectl.plants.elastic.crane import (
+    BODY,
+    JOINTS,
+    RAILS,
+    STRETCH,
+    STRETCH_RATE,
+    ElasticCrane,
+    Work,
+    hanging_states,
+    make_crane,
+    make_work,
+    set_damping,
+)
+from cranectl.plants.elastic.motion import rope_directions
+from cranectl.plants.elastic.step import finish_step, settle
+from cranectl.plants.plant import Drive, Kernels
+from cranectl.plants.stability import check_hook, check_rate
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
+from cranectl.scenario.rig import RigParameters
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TENSION, TROLLEY, VELOCITY
+from cranectl.support.arrays import Array
+from cranectl.support.jit import jit
+
+SMALL = 1e-9  # [m, rad, m/s, rad/s], below the stretch of a stiff rope
+STILL_AIR = np.zeros(6)
+
+
+class ElasticHandle(NamedTuple):
+    """What the kernels need."""
+
+    crane: ElasticCrane
+    state: Array  # (22,)
+    work: Work
+
+
+@jit
+def measure_joints(handle, state):
+    """Joint positions and velocities (10,) into `state`."""
+    for i in range(2 * JOINTS):
+        state[i] = handle.state[i]
+
+
+@jit
+def observe_load(crane, state, work, load):
+    """Load position, velocity and rope tension (7,) into `load`, with what `work` has found."""
+    n, _, _ = rope_directions(state[ALPHA], state[BETA])
+    pivot = (state[BRIDGE] + state[RAILS], state[TROLLEY] + state[RAILS + 2], 0.0)
+    for axis in range(3):
+        load[axis] = pivot[axis] + (state[ROPE] - crane.offset + state[STRETCH]) * n[axis]
+        load[axis] += crane.offset * state[BODY + axis]
+        load[VELOCITY + axis] = work.velocity[axis]
+    load[TENSION] = work.tension[0]
+
+
+@jit
+def advance(handle, command, disturbance, wind, load):
+    """One control period; see `Plant.advance`."""
+    crane, state, work = handle
+    for k in range(crane.substeps):
+        settle(crane, state, command, disturbance, wind, work)
+        if k == 0:
+            observe_load(crane, state, work, load)
+        finish_step(crane, state, command, disturbance, wind, work)
+
+
+@jit
+def no_warnings(_):
+    """Nothing here warns."""
+    return 0
+
+
+class ElasticPlant:
+    """The elastic crane behind the plant interface."""
+
+    name = "elastic"
+    kernels = Kernels(measure_joints, advance, no_warnings)
+    description = "cranectl.plants.elastic, fixed steps of the method of Dormand and Prince of order 5"
+
+    def __init__(
+        self,
+        rig: RigParameters,
+        *,
+        drive: Drive,
+        step: float,
+        substeps: int,
+        effects: EffectSettings = NO_EFFECTS,
+    ) -> None:
+        self.drive, self.effects = drive, effects
+        self.crane = make_crane(rig, effects, drive, step=step, substeps=substeps)
+        self.state = hanging_states(self.crane, np.zeros((1, 10)), np.zeros(1))[0]
+        self.work = make_work()
+
+    def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
+        step, substeps = self.crane.step, self.crane.substeps
+        self.effects = effects
+        self.crane = make_crane(rig, effects, self.drive, step=step, substeps=substeps)
+        return True
+
+    def check_length(self, length: float) -> None:
+        """Raise InputError where effects need a longer rope, or shorter steps with a rope of `length` [m]."""
+        if any((self.effects.rope, self.effects.body, self.effects.frame, self.effects.friction)):
+            check_hook(self.effects, length)
+            step, period = self.crane.step, self.crane.step * self.crane.substeps
+            check_rate(self.fastest_rate(length), self.effects, length, step=step, period=period)
+
+    def fastest_rate(self, length: float) -> float:
+        """Largest modulus of the poles of the crane that hangs still with `length` [m] of rope [1/s].
+
+        From finite differences, with joints that slide freely.
+        """
+        crane = self.crane._replace(rubs=False, coulomb=(0.0, 0.0, 0.0, 0.0, 0.0))
+        joints, work = np.zeros(10), make_work()
+        joints[ROPE] = length
+        hanging, command = taut_state(crane, self.effects, joints, self.drive)
+        places = crane.places
+
+        def rates(state: Array) -> Array:
+            settle(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
+            found: Array = work.rates[0, places].copy()
+            return found
+
+        rest = rates(hanging)
+        system = [(rates(hanging + SMALL * np.eye(len(hanging))[place]) - rest) / SMALL for place in places]
+        return float(np.abs(np.linalg.eigvals(np.array(system))).max())
+
+    def reset(self, state: Array) -> None:
+        check_hook(self.effects, state[ROPE])
+        self.state[:] = taut_state(self.crane, self.effects, state, self.drive)[0]
+
+    @property
+    def handle(self) -> ElasticHandle:
+        return ElasticHandle(self.crane, self.state, self.work)
+
+    def measure(self, state: Array) -> None:
+        measure_joints(self.handle, state)
+
+    def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
+        advance(self.handle, command, disturbance, wind, load)
+
+    def warnings(self) -> int:
+        return 0
+
+
+def taut_state(
+    crane: ElasticCrane, effects: EffectSettings, joints: Array, drive: Drive
+) -> tuple[Array, Array]:
+    """The state (22,) that starts at `joints` (10,), and the command (3,) under which it does.
+
+    The rope, if it can be taut, is stretched so that it neither stretches on nor springs back; its viscosity
+    is set. The drives keep their speeds, or, taking forces, hold the weight.
+    """
+    set_damping(crane, effects, joints[ROPE])
+    command = np.zeros(3)
+    if drive == "velocity":
+        command[:] = joints[BRIDGE + 1 : ROPE + 2 : 2]
+    elif drive == "force":
+        command[2] = crane.load_mass * crane.gravity[2]
+    tension, work = 0.0, make_work()
+    for _ in range(3):  # the stretch moves the load, by little
+        if not crane.stretches:
+            break
+        stretching = []
+        for extra in (0.0, 1.0):
+            state = hanging_states(crane, joints[None], np.array([tension + extra]))[0]
+            settle(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
+            stretching.append(work.rates[0, STRETCH_RATE])
+        free, more = stretching
+        tension = max(tension + free / (free - more), 0.0)
+    return hanging_states(crane, joints[None], np.array([tension]))[0], command

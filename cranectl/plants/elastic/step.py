@@ -1,0 +1,165 @@
+"""A step of the elastic crane: joints slide or stick all the while, or it is parted where that changes.
+
+Coulomb's friction is no smoothed sign: what slides rubs with its whole force against its motion, what sticks
+stands still until more than that is needed to hold it. Within a part the equations are smooth, so the
+integrator keeps its order.
+"""
+
+from math import sqrt
+
+from cranectl.plants.elastic.axes import hold
+from cranectl.plants.elastic.crane import BODY, JOINTS
+from cranectl.plants.elastic.motion import derivative
+from cranectl.plants.elastic.runge_kutta import STAGES, A, B
+from cranectl.support.jit import jit
+
+PARTS = 20  # of a step at most
+ROUNDS = 10  # in which joints at rest find out who sticks
+SEARCHES = 40  # for the instant at which that changes
+SHARP = 1e-12  # how well it is found: by what changes up to it and after it in the step
+
+
+@jit
+def settle(crane, state, command, disturbance, wind, work):
+    """Find out which joints stick at `state`; writes the rates there."""
+    for joint in range(JOINTS):
+        rate, rubs = state[2 * joint + 1], crane.coulomb[joint] > 0.0
+        work.stuck[joint] = rubs and rate == 0.0
+        work.sign[joint] = 0.0
+        if rubs and rate != 0.0:
+            work.sign[joint] = 1.0 if rate > 0.0 else -1.0
+    for _ in range(ROUNDS):
+        derivative(crane, state, command, disturbance, wind, work, work.rates[0])
+        if not crane.rubs:
+            return
+        hold(crane, work)
+        if not change_sides(crane, state, work):
+            return
+
+
+@jit
+def change_sides(crane, state, work):
+    """Let go what is held the hardest beyond its friction, or hold again what would slide back."""
+    loose, most = -1, 1.0
+    for joint in range(JOINTS):
+        if work.stuck[joint] and abs(work.holding[joint]) > most * crane.coulomb[joint]:
+            loose, most = joint, abs(work.holding[joint]) / crane.coulomb[joint]
+    if loose >= 0:
+        work.stuck[loose] = False
+        work.sign[loose] = -1.0 if work.holding[loose] > 0.0 else 1.0
+        return True
+    for joint in range(JOINTS):
+        if state[2 * joint + 1] == 0.0 and work.sign[joint] * work.rates[0, 2 * joint + 1] < 0.0:
+            work.stuck[joint], work.sign[joint] = True, 0.0
+            return True
+    return False
+
+
+@jit
+def integrate(crane, state, length, command, disturbance, wind, work):
+    """From `state`, whose rates are known, by `length` [s] into `work.end`."""
+    rates, trial, end = work.rates, work.trial, work.end
+    for stage in range(1, STAGES):
+        for place in crane.places:
+            increment = 0.0
+            for j in range(stage):
+                increment += A[stage, j] * rates[j, place]
+            trial[place] = state[place] + length * increment
+        derivative(crane, trial, command, disturbance, wind, work, rates[stage])
+    for place in crane.places:
+        increment = 0.0
+        for stage in range(STAGES):
+            increment += B[stage] * rates[stage, place]
+        end[place] = state[place] + length * increment
+    if crane.swings:
+        x, y, z = end[BODY], end[BODY + 1], end[BODY + 2]
+        scale = 1.0 / sqrt(x * x + y * y + z * z)
+        end[BODY], end[BODY + 1], end[BODY + 2] = scale * x, scale * y, scale * z
+
+
+@jit
+def margin(crane, state, work, joint):
+    """How far `joint` is from changing sides at `state`: its rate, or its friction less what holds it."""
+    if work.stuck[joint]:
+        return crane.coulomb[joint] - abs(work.holding[joint])
+    return work.sign[joint] * state[2 * joint + 1]
+
+
+@jit
+def look_at_end(crane, command, disturbance, wind, work):
+    """What holds the joints that stick, at `work.end`."""
+    for joint in range(JOINTS):
+        if work.stuck[joint]:
+            derivative(crane, work.end, command, disturbance, wind, work, work.rates[STAGES])
+            hold(crane, work)
+            return
+
+
+@jit
+def changing(crane, work, found):
+    """A joint that changes sides by `work.end`; -1 if there is none but `found`."""
+    for joint in range(JOINTS):
+        if joint != found and margin(crane, work.end, work, joint) < 0.0:
+            return joint
+    return -1
+
+
+@jit
+def finish_step(crane, state, command, disturbance, wind, work):
+    """A step from `state` that has settled, in place."""
+    left = crane.step
+    for part in range(PARTS):
+        if part > 0:
+            settle(crane, state, command, disturbance, wind, work)
+        start = work.margins
+        for joint in range(JOINTS):
+            start[joint] = margin(crane, state, work, joint)
+        length, found = left, -1
+        integrate(crane, state, length, command, disturbance, wind, work)
+        if crane.rubs and part < PARTS - 1:
+            look_at_end(crane, command, disturbance, wind, work)
+            for _ in range(JOINTS):
+                joint = changing(crane, work, found)
+                if joint < 0:
+                    break
+                found = joint
+                length = instant(crane, state, length, joint, command, disturbance, wind, work)
+        for place in crane.places:
+            state[place] = work.end[place]
+        for joint in range(JOINTS):
+            if work.sign[joint] * state[2 * joint + 1] < 0.0:
+                state[2 * joint + 1] = 0.0
+        left -= length
+        if left <= 0.0:
+            return
+
+
+@jit
+def instant(crane, state, length, joint, command, disturbance, wind, work):
+    """When `joint` changes sides within `length` [s] (Illinois method); `work.end` is just behind it."""
+    low, high, above, below = 0.0, length, work.margins[joint], margin(crane, work.end, work, joint)
+    if above <= 0.0:
+        return length
+    sharp, left, right = SHARP * (above - below), above, below  # what the secant takes for the two
+    for _ in range(SEARCHES):
+        if below >= -sharp:
+            break
+        middle = high - right * (high - low) / (right - left)
+        integrate(crane, state, middle, command, disturbance, wind, work)
+        look_at_end(crane, command, disturbance, wind, work)
+        found = margin(crane, work.end, work, joint)
+        if found < 0.0:
+            high, below, right, left = middle, found, found, 0.5 * left
+        else:
+            low, left, right = middle, found, 0.5 * right
+    integrate(crane, state, high, command, disturbance, wind, work)
+    look_at_end(crane, command, disturbance, wind, work)
+    return high
+
+
+@jit
+def advance_state(crane, state, command, disturbance, wind, work):
+    """One control period of `state` (22,) in place."""
+    for _ in range(crane.substeps):
+        settle(crane, state, command, disturbance, wind, work)
+        finish_step(crane, state, command, disturbance, wind, work)

@@ -1,0 +1,75 @@
+"""The elastic plant's integrator: its order, joints that stick, and where they let go."""
+
+import numpy as np
+import pytest
+
+from cranectl.plants.elastic.plant import ElasticPlant
+from cranectl.plants.plant import Drive
+from cranectl.scenario.effects import EffectNumbers, EffectSettings
+from cranectl.scenario.rig import RigParameters
+from cranectl.support.arrays import Array
+
+RIG, NUMBERS = RigParameters(), EffectNumbers()
+START = np.array([1.0, 0.1, 0.7, -0.2, 0.8, 0.05, 0.1, 0.4, -0.15, -0.3])
+HANGING = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0, 0.0])
+QUIET, AIR = np.zeros(2), np.zeros(6)
+
+
+def ended(
+    substeps: int, names: tuple[str, ...], drive: Drive = "velocity", period: float = 0.016, count: int = 25
+) -> Array:
+    """The state (22,) after so many periods of one command each."""
+    plant = ElasticPlant(
+        RIG, drive=drive, step=period / substeps, substeps=substeps, effects=NUMBERS.only(*names)
+    )
+    plant.reset(START)
+    load = np.zeros(7)
+    for k in range(count):
+        plant.advance(np.array([0.3, -0.2, 0.1]) * np.cos(0.2 * k), np.array([0.4, -0.3]), AIR, load)
+    return plant.state
+
+
+@pytest.mark.parametrize("names", [(), ("frame",), ("body", "frame"), ("friction",)])
+def test_the_integrator_is_of_order_five(names: tuple[str, ...]) -> None:
+    """Half the step, a thirty-second of the error; friction is parted where joints stick and let go."""
+    best = ended(64, names)
+    errors = [np.abs(ended(substeps, names) - best).max() for substeps in (2, 4, 8)]
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert errors[0] > 1e-9
+    assert orders.min() > 4.5
+
+
+def test_a_joint_sticks_and_lets_go() -> None:
+    """The trolley stands to the last bit until more than Coulomb's friction pushes, then it accelerates."""
+    friction = NUMBERS.friction.model_copy(update={"viscous": (0.0, 0.0, 0.0)})
+    plant = ElasticPlant(RIG, drive="force", step=1e-3, substeps=1, effects=EffectSettings(friction=friction))
+    plant.reset(HANGING)
+    state, load = np.zeros(10), np.zeros(7)
+    weight = -RIG.weight
+    for push in (0.5, -0.999):
+        for _ in range(50):
+            plant.advance(np.array([0.0, push, weight + 0.9]), QUIET, AIR, load)
+        plant.measure(state)
+        assert state.tolist() == HANGING.tolist()
+    plant.advance(np.array([0.0, 1.5, weight - 2.0]), QUIET, AIR, load)
+    plant.measure(state)
+    assert state[3] == pytest.approx(1e-3 * (1.5 - 1.0) / RIG.trolley_mass, rel=2e-3)  # the joint holds too
+    assert state[5] == pytest.approx(-1e-3 * (2.0 - 1.0) / (RIG.winch_mass + RIG.load_mass), rel=1e-3)
+    raised = 1.0 / (RIG.winch_mass + RIG.load_mass)
+    assert load[6] == pytest.approx(RIG.load_mass * (RIG.gravity + raised))  # with the new command acting
+
+
+def test_what_slides_comes_to_rest_when_it_should() -> None:
+    """A bridge alone under Coulomb's friction stops after v M / F, within a step, where v² M / 2 F says."""
+    rig = RIG.model_copy(update={"load_mass": 1e-3})
+    friction = NUMBERS.friction.model_copy(update={"viscous": (0.0, 0.0, 0.0)})
+    plant = ElasticPlant(rig, drive="force", step=1e-3, substeps=1, effects=EffectSettings(friction=friction))
+    start, state, load = HANGING.copy(), np.zeros(10), np.zeros(7)
+    start[1] = 0.1003
+    plant.reset(start)
+    for _ in range(500):
+        plant.advance(np.array([0.0, 0.0, -rig.weight]), QUIET, AIR, load)
+    plant.measure(state)
+    moved = start[1] ** 2 * (rig.bridge_mass + rig.trolley_mass) / (2.0 * friction.coulomb[0])
+    assert state[1] == 0.0
+    assert state[0] - start[0] == pytest.approx(moved, rel=2e-3)
