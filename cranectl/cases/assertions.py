@@ -10,6 +10,7 @@ from cranectl.cases.case import Case, prepare_case, simulate_case
 from cranectl.compare.agreement import (
     Limits,
     NoLimits,
+    PairLimits,
     against_reference,
     ended_as_expected,
     judge,
@@ -87,13 +88,14 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
             f"a run of {', '.join(runs)} only", allowed="two plants or more", remedy="name more in 'plants'"
         )
     given = load_m is not None or angle_rad is not None
-    limits = _given(runs, load_m, angle_rad) if given else _known(runs)
+    known = {} if given else _known(runs)
     faults, hints = _endings(runs), []
     for a, b in pairs:
         found = compare_runs(a, b, signals=("state.alpha", "state.beta"))
+        limits = known.get((a.plant, b.plant)) or _given(runs, load_m, angle_rad)
         agreement = judge(a, b, limits=limits, comparison=found)
-        if agreement.passed is None:
-            raise _unknown(agreement.limits)
+        if isinstance(limits, NoLimits):
+            raise _unknown(limits.reason)
         place = ("load position", "m", found.max_load_error_m, found.max_load_error_at_s, limits.load_m)
         angles = [(s.signal, s.unit, s.max_abs, s.at_s, limits.angle_rad) for s in found.signals]
         pair = f"{a.plant} and {b.plant} differ in"
@@ -161,13 +163,10 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         _fail_for(faults, [*differing, *software, where])
 
 
-def _known(runs: CaseRuns) -> Limits:
+def _known(runs: CaseRuns) -> PairLimits:
     case = runs.case
     design = next(iter(runs.values())).design
-    limits = limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
-    if isinstance(limits, NoLimits):
-        raise _unknown(limits.reason)
-    return limits
+    return limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
 
 
 def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> Limits:

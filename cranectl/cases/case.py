@@ -273,7 +273,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     pairs = against_reference([run for run in runs if len(run.time_ns)], case.plants)
     result = CaseResult(
         runs=tuple(RunSummary.of(run, log) for run in runs),
-        agreements=tuple(judge_steps(pair, limits, progress) for pair in pairs),
+        agreements=tuple(judge_steps(pair, limits[pair[0].plant, pair[1].plant], progress) for pair in pairs),
         expected=case.scenario.expected,
     )
     if case.keep == "failed" and result.passed:

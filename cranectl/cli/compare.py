@@ -171,8 +171,8 @@ def _compare_plants(
     limits = limits_for(first.scenario, first.design, first.drive, plants, predict=predict)
     comparisons = [compare_runs(*pair) for pair in pairs]
     agreements = [
-        judge(*pair, limits=limits, comparison=comparison)
-        for pair, comparison in zip(pairs, comparisons, strict=True)
+        judge(a, b, limits=limits[a.plant, b.plant], comparison=comparison)
+        for (a, b), comparison in zip(pairs, comparisons, strict=True)
     ]
     unexpected = [run for run in runs if not ended_as_expected(run)]
     summaries = [RunSummary.of(run, log) for run in runs]

@@ -45,8 +45,8 @@ def info_command(log: Path, predict: "Predict | None", json_file: str | None) ->
     held = list(runs.values())
     pairs = against_reference([run for run in held if len(run.time_ns)], runs)
     first = held[0]
-    limits = limits_for(first.scenario, first.design, first.drive, runs, predict=predict) if pairs else None
-    agreements = [judge(*pair, limits=limits) for pair in pairs]
+    limits = limits_for(first.scenario, first.design, first.drive, runs, predict=predict)
+    agreements = [judge(a, b, limits=limits[a.plant, b.plant]) for a, b in pairs]
     software = provenance_differences(description.versions, provenance())
     screen = console(json_file)
     for line in _lines(description, held, agreements, software):

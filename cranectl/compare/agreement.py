@@ -1,22 +1,23 @@
 """Whether plants agree: how far they may differ, of which scenarios and plants that is known, and a verdict.
 
-Level 2, ideal and force drives, is a statement about numerics and holds for any scenario and plants. Level
-3, velocity drives, is the pull of the rope on the engine's servos, which the analytic lag is blind to: it
-depends on rig, motion and controller, so the limits of `validation/tolerances.toml` hold for this pair of
-plants, the shipped scenarios with their own rig, and no other.
+Ideal and force drives (level 2), and velocity drives that feel the load (level 3), are statements about
+numerics, and hold for any scenario, law and rig. How far a drive that is blind to the load, the analytic lag,
+is from those that feel it depends on rig, motion and controller: the limits of `validation/tolerances.toml`
+hold for the shipped scenarios with their own rig, others are predicted along their own run.
 """
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cranectl.compare.runs import Comparison, compare_runs
 from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
-from cranectl.plants.registry import reference_plant
+from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario import NANOSECONDS, Scenario, load_scenario, scenario_names
+from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import resources
@@ -41,7 +42,6 @@ class Limits:
     end_s: float  # between the ends of runs that stop early
     reason: str
     source: str = "validation/tolerances.toml"
-    plants: tuple[str, ...] = ()  # the pair that they hold for; without, any
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,15 @@ class NoLimits:
     reason: str
 
 
-Predict = Callable[[Scenario, Design], Limits | NoLimits]  # of velocity drives and VELOCITY_PAIR
+Predict = Callable[
+    [Scenario, Design], Limits | NoLimits
+]  # of velocity drives that feel the load, and analytic's
+PairLimits = Mapping[tuple[str, str], Limits | NoLimits]  # by a plant and the one it is compared against
 
-VELOCITY_PAIR = ("analytic", "mujoco")
-OTHER_PAIR = NoLimits(f"with velocity drives limits are known for {' and '.join(VELOCITY_PAIR)} only")
-OTHER_LAW = NoLimits("with velocity drives limits are known for controllers of the flat family only")
+OTHER_PAIR = NoLimits("with velocity drives limits are known for drives that feel the load, and analytic's")
+OTHER_LAW = NoLimits("how far the analytic plant's velocity drives lead is known for the flat family only")
 NOT_SHIPPED = NoLimits(
-    "with velocity drives the limits hold for the shipped scenarios and their own rig; "
+    "how far the analytic plant's velocity drives lead is known for the shipped scenarios and their own rig; "
     "--predict finds the bound of this one"
 )
 
@@ -69,11 +71,29 @@ def limits_for(
     plants: Iterable[str],
     *,
     predict: Predict | None = None,
+) -> PairLimits:
+    """The limits of each of `plants` and the one that they are compared against, as `pair_limits`."""
+    plants = list(plants)
+    reference = reference_plant(plants)
+    return {
+        (plant, reference): pair_limits(scenario, design, drive, (plant, reference), predict=predict)
+        for plant in plants
+        if plant != reference
+    }
+
+
+def pair_limits(
+    scenario: Scenario,
+    design: Design | LawDesign,
+    drive: str,
+    pair: tuple[str, str],
+    *,
+    predict: Predict | None = None,
 ) -> Limits | NoLimits:
-    """The limits of the agreement of `plants`; where the shipped ones do not hold, what `predict` says."""
-    if drive != "velocity":
-        return agreement_limits(drive)
-    if not set(VELOCITY_PAIR) <= set(plants):
+    """The limits of two plants; where the shipped ones do not hold for the analytic one, by `predict`."""
+    if drives_agree(drive, pair):
+        return _with_effects(agreement_limits(drive, feels=True), scenario, drive)
+    if "analytic" not in pair or not any(plant_entry(plant).servos for plant in pair):
         return OTHER_PAIR
     if not isinstance(design, Design):
         return OTHER_LAW
@@ -83,15 +103,38 @@ def limits_for(
     return predict(scenario, design) if predict is not None else NOT_SHIPPED
 
 
-@functools.cache
-def agreement_limits(drive: str, scenario: str = "") -> Limits:
-    """What two plants with these drives may differ in closed loop, in a shipped scenario.
+def drives_agree(drive: str, plants: Iterable[str]) -> bool:
+    """Whether the drives of `plants` obey the same equations: velocity drives, if all of them are servos."""
+    return drive != "velocity" or all(plant_entry(plant).servos for plant in plants)
 
-    With velocity drives a scenario on a rig of its own has limits of its own.
+
+@functools.cache
+def agreement_limits(drive: str, scenario: str = "", *, feels: bool = False) -> Limits:
+    """What two plants with these drives may differ in closed loop.
+
+    With velocity drives of which one is blind to the load in the shipped `scenario`; one on a rig of its own
+    has limits of its own. With others that feel it as without drives at all.
     """
-    limits = read_toml(resources.TOLERANCE_FILE)["closed-loop"][drive]
+    known = read_toml(resources.TOLERANCE_FILE)["closed-loop"]
+    limits = known["ideal" if feels and drive == "velocity" else drive]
     own = limits.pop("scenarios", {}).get(scenario, {})
-    return Limits(**{**limits, **own}, plants=VELOCITY_PAIR if drive == "velocity" else ())
+    return Limits(**{**limits, **own})
+
+
+def _with_effects(limits: Limits, scenario: Scenario, drive: str) -> Limits:
+    """What the schemes of effects leave besides; lengths are those of the laboratory's rig."""
+    known = read_toml(resources.TOLERANCE_FILE)["closed-loop"]["effects"]
+    size = scenario.rig.rope_range[1] / RigParameters().rope_range[1]
+    for name in scenario.effects.names:
+        found = {**known.get(name, {}), **known.get(name, {}).get(drive, {})}
+        if found:
+            limits = replace(
+                limits,
+                load_m=max(limits.load_m, max(size, 1.0) * found["load_m"]),
+                angle_rad=max(limits.angle_rad, found["angle_rad"]),
+                reason=found["reason"],
+            )
+    return limits
 
 
 def shipped_name(scenario: Scenario) -> str | None:
@@ -155,9 +198,7 @@ def judge(
     where it is known already.
     """
     comparison = comparison or compare_runs(a, b, signals=())
-    limits = limits or limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant))
-    if isinstance(limits, Limits) and limits.plants and {a.plant, b.plant} != set(limits.plants):
-        limits = OTHER_PAIR
+    limits = limits or pair_limits(a.scenario, a.design, a.drive, (a.plant, b.plant))
     known = limits if isinstance(limits, Limits) else None
     return Agreement(
         scenario=a.scenario.name,
@@ -202,7 +243,8 @@ def judge_steps(
     differ even then. An interrupt ends that, not the verdict.
     """
     agreement = judge(*runs, limits=limits)
-    if agreement.drive == "velocity" or agreement.passed is not False or not isinstance(limits, Limits):
+    same = drives_agree(agreement.drive, (agreement.plant, agreement.reference))
+    if not same or agreement.passed is not False or not isinstance(limits, Limits):
         return agreement
     excess = max(agreement.max_load_error_m / limits.load_m, agreement.max_angle_error_rad / limits.angle_rad)
     if not 1.0 < excess < math.inf or any(run.status == RunStatus.INTERRUPTED for run in runs):

@@ -7,7 +7,7 @@ import numpy as np
 from foxglove.messages import Log, LogLevel, Timestamp
 from numpy.typing import NDArray
 
-from cranectl.compare.agreement import Limits, NoLimits, against_reference, judge
+from cranectl.compare.agreement import Limits, NoLimits, PairLimits, against_reference, judge
 from cranectl.compare.runs import compare_runs
 from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
@@ -25,12 +25,13 @@ LEAST = 1e-14  # [m, rad] that is told of distances: what rounding leaves, and 0
 
 def streams(
     runs: Sequence[Run],
-    limits: Limits | NoLimits | None = None,
+    limits: PairLimits | None = None,
     versions: Mapping[str, str] | None = None,
 ) -> list[Stream]:
     """Every topic of a log; at equal times earlier streams come first in the file.
 
-    Plants are judged by `limits`, as `judge` does. `versions`: of what made the runs, by default this.
+    Plants are judged by `limits`, by default as `judge` does. `versions`: of what made the runs, by default
+    this.
     """
     result = [run_info(runs, versions or provenance()), design_info(runs[0].design)]
     result.append(log_lines(event for run in runs for event in events(run)))
@@ -40,7 +41,10 @@ def streams(
         name = a.plant if len(runs) > 2 else ""
         if differing := _differences(a, b, name):
             topic = topics.difference_topic(topics.VERDICT, name)
-            result += [*differing, _text(topic, "Verdict", _verdict(a, b, limits=limits))]
+            result += [
+                *differing,
+                _text(topic, "Verdict", _verdict(a, b, limits=(limits or {}).get((a.plant, b.plant)))),
+            ]
     return result + scene_streams(runs)
 
 

@@ -16,7 +16,7 @@ from foxglove._foxglove_py import BaseChannel
 from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
-from cranectl.compare.agreement import Limits, NoLimits
+from cranectl.compare.agreement import PairLimits
 from cranectl.log.consistency import Outcome, check_runs
 from cranectl.log.header import FORMATS
 from cranectl.log.messages import streams
@@ -46,7 +46,7 @@ def write_log(
     runs: Sequence[Run],
     *,
     every: int | None = None,
-    limits: Limits | NoLimits | None = None,
+    limits: PairLimits | None = None,
 ) -> Path:
     """Write runs of different plants, of the same scenario, design and drive to `path`.
 
@@ -61,9 +61,7 @@ def write_log(
     return path
 
 
-def write_logged(
-    path: Path, runs: Sequence[Run], every: int, limits: Limits | NoLimits | None = None
-) -> None:
+def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits | None = None) -> None:
     """Write runs that hold every n-th sample already, as those read from a log do; raises LogError."""
     try:
         check_runs(runs, every)

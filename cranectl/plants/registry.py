@@ -28,6 +28,7 @@ class PlantEntry:
     where: str  # module:class, imported only when asked for: engines take a while
     batch: int  # samples of a campaign's batch: some seconds of runs like the thesis's
     drives: tuple[Drive, ...] = ("ideal", "velocity")
+    servos: bool = False  # its velocity drives feel the load, as those of `plants.elastic` and the engine do
     lacks: Mapping[str, str] = field(default_factory=dict)  # why it cannot show rope, body, frame, force
 
     def __post_init__(self) -> None:
@@ -92,6 +93,7 @@ PLANTS = Plants(
         where="cranectl.plants.elastic.plant:ElasticPlant",
         batch=32,
         drives=DRIVES,
+        servos=True,
     ),
     PlantEntry(
         name="mujoco",
@@ -100,6 +102,7 @@ PLANTS = Plants(
         where="cranectl.plants.mujoco.plant:MujocoPlant",
         batch=16,
         drives=DRIVES,
+        servos=True,
     ),
 )
 
@@ -201,7 +204,8 @@ def _capable(effect: str) -> tuple[str, str]:
     """The plants that show `effect`, and what to do to have it, in words."""
     able = [entry for entry in PLANTS.values() if effect not in entry.lacks]
     labels = " or ".join(entry.label for entry in able)
-    return f"the {labels} plant", f"take '--plant {able[0].name}', or leave the effect out"
+    names = ",".join(entry.name for entry in able)
+    return f"the {labels} plant", f"take '--plants {names}', or leave the effect out"
 
 
 def _forces(effects: EffectSettings) -> list[tuple[str, str]]:

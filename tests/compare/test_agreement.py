@@ -11,7 +11,6 @@ from cranectl.cli.main import main
 from cranectl.compare.agreement import (
     NOT_SHIPPED,
     OTHER_PAIR,
-    VELOCITY_PAIR,
     Limits,
     NoLimits,
     _stepping,
@@ -19,6 +18,7 @@ from cranectl.compare.agreement import (
     judge,
     judge_steps,
     limits_for,
+    pair_limits,
     shipped_name,
 )
 from cranectl.design import design_controller
@@ -31,11 +31,13 @@ from cranectl.support.resources import TOLERANCE_FILE
 from tests.conftest import ALL_SCENARIOS
 
 LIMITS = agreement_limits("ideal")
+BLIND, FEELING = ("analytic", "mujoco"), ("elastic", "mujoco")
 LONG = ["duration=4.0", "control.period=0.02", "control.physics_step=0.02"]
 
 
 def test_limits_come_with_reasons() -> None:
-    for table in read_toml(TOLERANCE_FILE)["closed-loop"].values():
+    known = read_toml(TOLERANCE_FILE)["closed-loop"]
+    for table in (*known.pop("effects").values(), *known.values()):
         assert len(table["reason"]) > 50
 
 
@@ -45,8 +47,8 @@ def test_shipped_scenarios_are_known_by_what_moves_the_plants(name: str) -> None
     renamed = scenario.model_copy(update={"name": "mine", "title": "my own", "controller": "lqr"})
     for shipped in (scenario, renamed, load_scenario(name, overrides=["log.every=1"])):
         assert shipped_name(shipped) == name
-        found = limits_for(shipped, design_controller("lqr"), "velocity", VELOCITY_PAIR)
-        assert found == agreement_limits("velocity", name)
+        found = limits_for(shipped, design_controller("lqr"), "velocity", ("analytic", *FEELING))
+        assert found == {BLIND: agreement_limits("velocity", name), FEELING: LIMITS}
 
 
 @pytest.mark.parametrize(
@@ -62,27 +64,42 @@ def test_whatever_may_move_a_plant_makes_another_scenario(override: str) -> None
     scenario = load_scenario("fixed-position", overrides=[override])
     design = design_controller("lqr", scenario.design)
     assert shipped_name(scenario) is None
-    assert limits_for(scenario, design, "ideal", VELOCITY_PAIR) == agreement_limits("ideal")
-    assert limits_for(scenario, design, "velocity", VELOCITY_PAIR) is NOT_SHIPPED
+    for drive, pair in (("ideal", BLIND), ("velocity", FEELING)):
+        assert pair_limits(scenario, design, drive, pair) == LIMITS, "numerics are the same for any"
+    assert pair_limits(scenario, design, "velocity", BLIND) is NOT_SHIPPED
     own = Limits(1.0, 2.0, 3.0, "", "mine")
-    assert limits_for(scenario, design, "velocity", VELOCITY_PAIR, predict=lambda *_: own) is own
+    assert pair_limits(scenario, design, "velocity", BLIND, predict=lambda *_: own) is own
 
 
-def test_limits_of_velocity_drives_are_those_of_their_pair_of_plants() -> None:
-    """Another pair is not judged by them, also beside a third plant; ideal drives are."""
+def test_plants_of_which_nothing_is_known_are_not_judged_with_velocity_drives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Beside others, which are; ideal drives are the same everywhere."""
+    monkeypatch.setitem(PLANTS, "heavy", replace(PLANTS["analytic"], name="heavy"))
     scenario = load_scenario("slack-rope")
     design = design_controller("lqr", scenario.design)
-    others, three = ("heavy", "mujoco"), ("analytic", "heavy", "mujoco")
-    assert limits_for(scenario, design, "ideal", others) == agreement_limits("ideal")
-    assert limits_for(scenario, design, "velocity", others, predict=predicted_limits) is OTHER_PAIR
-    limits = limits_for(scenario, design, "velocity", three)
-    assert limits == agreement_limits("velocity")
-    runs = [simulate_run(scenario, plant=plant, drive="velocity", design=design) for plant in VELOCITY_PAIR]
+    assert pair_limits(scenario, design, "ideal", ("heavy", "mujoco")) == LIMITS
+    found = limits_for(
+        scenario, design, "velocity", ("analytic", "heavy", "mujoco"), predict=predicted_limits
+    )
+    assert found == {BLIND: agreement_limits("velocity"), ("heavy", "mujoco"): OTHER_PAIR}
+    runs = [simulate_run(scenario, plant=plant, drive="velocity", design=design) for plant in BLIND]
     heavy = replace(runs[0], plant="heavy")
-    for found in (judge(heavy, runs[1], limits=limits), judge(heavy, runs[1])):
-        assert (found.passed, found.limit_m, found.limits) == (None, None, OTHER_PAIR.reason)
-    assert judge(*runs, limits=limits).passed
-    assert judge(heavy, runs[1], limits=replace(limits, plants=())).passed, "whose limits are for any pair"
+    for agreement in (judge(heavy, runs[1], limits=OTHER_PAIR), judge(heavy, runs[1])):
+        assert (agreement.passed, agreement.limit_m, agreement.limits) == (None, None, OTHER_PAIR.reason)
+    assert judge(*runs, limits=found[BLIND]).passed
+
+
+def test_effects_leave_what_their_schemes_do() -> None:
+    """The largest of them, longer on a longer rig; not a limit of its own for what leaves nothing."""
+    mixed = load_scenario("ship-to-shore", overrides=["effects.rope={}", "effects.friction={}"])
+    design = design_controller("lqr", mixed.design)
+    found = pair_limits(mixed, design, "velocity", FEELING)
+    assert isinstance(found, Limits)
+    assert found.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
+    assert found.angle_rad == 6e-5
+    framed = load_scenario("fixed-position", overrides=["effects.frame={}", "effects.sensing={}"])
+    assert pair_limits(framed, design, "force", FEELING) == agreement_limits("force")
 
 
 def short(name: str, *overrides: str) -> Scenario:
@@ -114,7 +131,7 @@ def test_where_no_bound_is_known_there_is_none(scenario: Scenario, why: str) -> 
 
 
 def pair(scenario: Scenario) -> list[Run]:
-    return [simulate_run(scenario, plant=plant, controller="lqr") for plant in PLANTS]
+    return [simulate_run(scenario, plant=plant, controller="lqr") for plant in BLIND]
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from cranectl.analysis.budget.trajectory_loop import (
     linearised,
     nominal_run,
 )
-from cranectl.compare.agreement import VELOCITY_PAIR, Limits, NoLimits
+from cranectl.compare.agreement import Limits, NoLimits
 from cranectl.design import Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
@@ -63,7 +63,6 @@ def predicted_limits(scenario: Scenario, design: Design) -> Limits | NoLimits:
         end_s=float(scenario.rig.time_constants.max()),
         reason="the load's reaction on the engine's servos, carried through the loop along this very run",
         source="predicted for this scenario and controller",
-        plants=VELOCITY_PAIR,
     )
 
 

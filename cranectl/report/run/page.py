@@ -9,7 +9,7 @@ import numpy as np
 from PIL.Image import Image
 
 from cranectl.cases.case import RunSummary
-from cranectl.compare.agreement import Agreement, Limits, Predict, against_reference, judge, limits_for
+from cranectl.compare.agreement import Agreement, Limits, Predict, against_reference, judge, pair_limits
 from cranectl.compare.runs import compare_runs
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.plants.registry import in_order, reference_plant
@@ -52,7 +52,7 @@ def log_page(
     """
     agreements = {}
     for label, (a, b) in _pairs(logs).items():
-        limits = limits_for(a.scenario, a.design, a.drive, (a.plant, b.plant), predict=predict)
+        limits = pair_limits(a.scenario, a.design, a.drive, (a.plant, b.plant), predict=predict)
         agreements[label] = judge(a, b, limits=limits)
     runs = [run for log in logs.values() for run in log.values()]
     scenarios = dict.fromkeys(run.scenario.name for run in runs)
