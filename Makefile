@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: help setup cluster video validate test test-docs test-viewer lint fuzz bench mutations package clean
+.PHONY: help setup cluster video drake validate test test-docs test-drake test-viewer lint fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -22,6 +22,7 @@ setup: .venv/ready ## create .venv and install cranectl into it
 
 cluster: .venv/extra-cluster ## add what campaigns on several machines need (Dask)
 video: .venv/extra-video ## add what renders videos (PyAV)
+drake: .venv/extra-drake ## add the plant in Drake, 270 MB
 
 .venv/extra-%: .venv/ready
 	$(BIN)/python $(PIP_INSTALL) --editable '.[$*]'
@@ -32,10 +33,13 @@ validate: setup ## run every scenario with every controller on both plants and j
 
 test: setup cluster video ## run the tests, those of these two extras too
 	@tests/render/install
-	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis
+	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake
 
 test-docs: setup cluster video ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
 	$(call limit,600) $(BIN)/python -m pytest tests/docs tests/thesis
+
+test-drake: setup drake ## hold the plant in Drake to the one in MuJoCo; minutes, DRAKE_CASES=12 takes as many of the cases
+	$(call limit,2400) $(BIN)/python -m pytest tests/drake
 
 test-viewer: setup ## open logs in a real viewer, read them with other parsers
 	@viewer/install $(BIN)

@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from cranectl.design import CONTROLLERS
+from cranectl.plants.registry import default_plants
 from cranectl.scenario import Scenario, load_scenario, scenario_names
 from cranectl.simulate import Run, simulate_run
 
 ROOT = Path(__file__).parent.parent
+PLANTS = default_plants()  # those of extras have tests of their own
 ALL_SCENARIOS = scenario_names()
 ALL_CONTROLLERS = CONTROLLERS
 STILL = np.zeros(6)  # air, and no force on the load

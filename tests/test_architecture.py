@@ -12,7 +12,7 @@ import cranectl
 from tests.conftest import ROOT
 
 HEAVY = ("mujoco", "numba", "control", "matplotlib", "scipy", "pydantic")
-HEAVY += ("foxglove", "mcap", "pyarrow", "filelock", "PIL", "av")
+HEAVY += ("foxglove", "mcap", "pyarrow", "filelock", "PIL", "av", "pydrake")
 
 
 def run_lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
@@ -53,7 +53,9 @@ def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
         ("model/dynamics.py", "import cranectl.controllers.flat", "one direction of imports"),
         ("plants/analytic.py", "import cranectl.controllers.flat", "one direction of imports"),
         ("plants/mujoco/model.py", "import cranectl.model.dynamics", "knows nothing of our equations"),
+        ("plants/drake/model.py", "import cranectl.plants.mujoco.model", "the Drake plant knows neither"),
         ("metrics/summary.py", "import mujoco", "only the MuJoCo plant"),
+        ("metrics/summary.py", "import pydrake", "only the Drake plant"),
         ("metrics/summary.py", "import mcap", "only logs and live sessions"),
     ],
 )

@@ -17,13 +17,12 @@ from cranectl.cli.main import main
 from cranectl.export import Exporter, chosen_exporter, export_table, exporters, write_table
 from cranectl.log import read_log, write_log
 from cranectl.log.overlay import Layer, write_overlay
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
-from tests.conftest import ROOT, cut
+from tests.conftest import PLANTS, ROOT, cut
 from tests.packages import install, run_beside
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")

@@ -141,7 +141,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     (made / "bow.toml").write_text(SCENARIO)
     (made / "many.toml").write_text(CAMPAIGN)
-    run_beside(made, "run", "bow.toml", "--drive", "velocity", "--plants", "all", "--json", "run.json")
+    run_beside(made, "run", "bow.toml", "--drive", "velocity", "--json", "run.json")
     return made
 
 

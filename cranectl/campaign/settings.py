@@ -109,7 +109,7 @@ def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
     for name in settings.controllers:
         checked_controller(name)
     for name in settings.plants:
-        plant_entry(name)
+        plant_entry(name).check_campaigns()
     return settings
 
 

@@ -18,7 +18,7 @@ from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import PLANTS, in_order
+from cranectl.plants.registry import PLANTS, default_plants, in_order
 from cranectl.scenario import Scenario
 from cranectl.simulate import Plan, Run, law_of, plan_scenario, simulate_run
 from cranectl.status import RunStatus
@@ -187,20 +187,24 @@ def make_case(
     *,
     controller: str | None = None,
     drive: Drive = "ideal",
-    plants: Iterable[str] = PLANTS,
+    plants: Iterable[str] = (),
     log: Path | None = None,
     source: str | None = None,
     predict: Predict | None = None,
     keep: Keep = "all",
 ) -> Case:
-    """A case with the scenario's own controller and name and the usual place for its log by default.
+    """A case with the scenario's own controller and name, the usual plants and place for its log by default.
 
-    Raises InputError for unknown plants and for limits that the scenario cannot have.
+    Raises InputError for plants that are unknown or not installed, and for limits that the scenario cannot
+    have.
     """
+    plants = in_order(plants or default_plants())
+    for plant in plants:
+        PLANTS[plant].check_installed()
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, in_order(plants), log, source or scenario.name, predict, keep)
+    return Case(scenario, controller, drive, plants, log, source or scenario.name, predict, keep)
 
 
 def check_logs_differ(cases: Sequence[Case]) -> None:

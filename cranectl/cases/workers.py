@@ -87,7 +87,7 @@ def _worker_context() -> BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    plants = [entry.where.partition(":")[0] for entry in PLANTS.values()]
+    plants = [entry.where.partition(":")[0] for entry in PLANTS.values() if entry.by_default]
     context.set_forkserver_preload([*PRELOADED, *plants])
     # Signals go to the whole process group, also while the server loads: all but the parent are deaf to them.
     for helper in (resource_tracker, forkserver):

@@ -1,6 +1,7 @@
 """What commands share: options, and that memory and every place to write to are checked before they begin."""
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -159,22 +160,44 @@ def scenario_options(function: F) -> F:
     return rig(assign(function))
 
 
-def plants_option(help_text: str) -> Callable[[F], F]:
-    """`--plants`: names with commas, or all; nothing is () and means what the command says."""
+def plants_option(help_text: str, *, check: str = "") -> Callable[[F], F]:
+    """`--plants`: names with commas, or all; nothing is () and means what the command says.
+
+    `check`: a method of plants' entries that raises InputError for those that `all` leaves out.
+    """
     return click.option(
-        "--plants", "--plant", "plants", metavar="A,B|all", multiple=True, callback=_plants, help=help_text
+        "--plants",
+        "--plant",
+        "plants",
+        metavar="A,B|all",
+        multiple=True,
+        callback=functools.partial(_plants, check=check),
+        help=help_text,
     )
 
 
-def _plants(context: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
+def _plants(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...], *, check: str
+) -> tuple[str, ...]:
     names = names_given(context, parameter, given)
     if not names:
         return ()
     from cranectl.plants.registry import PLANTS, plant_entry
 
-    if names in (("all",), ("both",)):  # both: as long as there were two
-        return tuple(PLANTS)
-    return tuple(plant_entry(name).name for name in names)
+    if names not in (("all",), ("both",)):  # both: as long as there were two
+        return tuple(plant_entry(name).name for name in names)
+    able = []
+    for name, entry in PLANTS.items():
+        try:
+            if check:
+                getattr(entry, check)()
+            able.append(name)
+        except InputError as error:
+            click.echo(f"cranectl: without {name}: {error.remedy}", err=True)
+    return tuple(able)
+
+
+run_plants_option = plants_option("Default: analytic,mujoco.", check="check_installed")
 
 
 def names_given(_: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
@@ -200,17 +223,15 @@ label_option = click.option(
 )
 
 
-def layout_for(plants: Sequence[str], rig: "RigParameters", log: Path) -> str:
+def layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
     """What `cranectl log layout` is given to show a log of `plants`."""
-    from cranectl.plants.registry import PLANTS
+    from cranectl.plants.registry import default_plants
     from cranectl.scenario.drawn_size import drawn_as_filed
 
     name = "single" if len(plants) == 1 else "comparison"
     if not drawn_as_filed(rig):
         return f"{name} view.json --log {log}"
-    return (
-        f"{name} view.json" if len(plants) == len(PLANTS) else f"{name} view.json --plants {','.join(plants)}"
-    )
+    return f"{name} view.json" + (f" --plants {','.join(plants)}" if plants != default_plants() else "")
 
 
 def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:

@@ -14,7 +14,7 @@ from cranectl.cli.command import (
     controller_option,
     drive_option,
     output_option,
-    plants_option,
+    run_plants_option,
     scenario_options,
 )
 from cranectl.support.errors import printable
@@ -27,7 +27,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 @click.command("live", cls=Command)
 @click.argument("scenario")
 @controller_option
-@plants_option("Default: all.")
+@run_plants_option
 @drive_option(default="ideal")
 @click.option("--speed", type=float, default=1.0, show_default=True, metavar="X", help="Times real time.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
@@ -73,14 +73,14 @@ def live_command(
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
-    from cranectl.plants.registry import PLANTS, in_order
+    from cranectl.plants.registry import default_plants, in_order
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     design = controller_design(controller or loaded.controller.name, loaded)
     controls = Controls(loaded, design, drive=drive, speed=speed)
-    plants = in_order(plants or PLANTS)
+    plants = in_order(plants or default_plants())
     if layout:
         from cranectl.report.viewer_layouts import layout_json
 

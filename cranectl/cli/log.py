@@ -65,7 +65,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
 @click.command("layout", cls=Command)
 @click.argument("name")
 @click.argument("out", type=OutputFile(JSON))
-@plants_option("Whose runs the log holds. Default: all; what shows one run then shows mujoco's.")
+@plants_option("Whose runs the log holds. Default: the usual; what shows one run then shows mujoco's.")
 @click.option(
     "--log",
     metavar="LOG",
@@ -92,7 +92,6 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     """
     from cranectl.cli.output import console
     from cranectl.log.overlay import is_overlay, read_layers
-    from cranectl.plants.registry import PLANTS
     from cranectl.report.viewer_layouts import layout_json
     from cranectl.scenario.drawn_size import LABORATORY
     from cranectl.support.files import write_text, writing
@@ -102,7 +101,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     labels = tuple(layers) if is_overlay(layers) else ()
     if layers and not labels:
         plants = plants or tuple(layers)
-    content = layout_json(name, plants=plants or PLANTS, labels=labels, rig=rigs[0] if rigs else LABORATORY)
+    content = layout_json(name, plants=plants, labels=labels, rig=rigs[0] if rigs else LABORATORY)
     with writing(out):
         write_text(out, content)
     console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")

@@ -62,7 +62,6 @@ def closed_loop(
         from cranectl.analysis.budget.predicted_limits import predicted_limits
         from cranectl.cases.assertions import CaseRuns
         from cranectl.cases.case import make_case
-        from cranectl.plants.registry import PLANTS
         from cranectl.scenario import load_scenario
         from cranectl.simulate import checked_drive
         from cranectl.support.errors import InputError
@@ -76,7 +75,7 @@ def closed_loop(
                 ),
                 controller=controller,
                 drive=checked_drive(drive),
-                plants=PLANTS if plants is None else plants,
+                plants=plants or (),
                 predict=predicted_limits,
             )
             runs = CaseRuns(case)

@@ -14,8 +14,8 @@ from cranectl.cli.command import (
     json_option,
     layout_for,
     output_option,
-    plants_option,
     predict_option,
+    run_plants_option,
     scenario_options,
 )
 from cranectl.support.files import MCAP
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @click.command("run", cls=Command)
 @click.argument("scenario")
 @controller_option
-@plants_option("Default: all.")
+@run_plants_option
 @drive_option(default="ideal")
 @scenario_options
 @every_option
@@ -57,7 +57,6 @@ def run_command(
     """
     from cranectl.cases.case import make_case, run_case
     from cranectl.cli.output import console, progress_bar, styled, write_json
-    from cranectl.plants.registry import PLANTS
     from cranectl.report.run.tables import (
         agreement_table,
         limit_notes,
@@ -75,7 +74,7 @@ def run_command(
         load_scenario(scenario, rig=rig, overrides=overrides),
         controller=controller,
         drive=checked_drive(drive),
-        plants=plants or PLANTS,
+        plants=plants,
         log=out,
         predict=predict,
     )

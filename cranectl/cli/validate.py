@@ -14,8 +14,8 @@ from cranectl.cli.command import (
     every_option,
     json_option,
     output_option,
-    plants_option,
     predict_option,
+    run_plants_option,
     scenario_options,
 )
 from cranectl.support.files import HTML, XML
@@ -38,7 +38,7 @@ SHOWN = 10  # failures, broken limits and notes shown on the screen
     multiple=True,
     help="Default: the six of the flat family; all: every controller; repeatable.",
 )
-@plants_option("Default: all.")
+@run_plants_option
 @drive_option(default="both")
 @scenario_options
 @click.option(
@@ -106,7 +106,7 @@ def validate_command(
     from cranectl.controllers.registry import chosen_controllers
     from cranectl.log import check_writable
     from cranectl.plants.plant import DRIVES, Drive
-    from cranectl.plants.registry import PLANTS
+    from cranectl.plants.registry import default_plants
     from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
     from cranectl.support.files import write_text, writing
@@ -116,7 +116,7 @@ def validate_command(
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": DRIVES}
     drives = several[drive] if drive in several else (checked_drive(drive),)
-    chosen = plants or tuple(PLANTS)
+    chosen = plants or default_plants()
     sources = _sources(scenarios) or scenario_names()
     loaded, unloaded = _loaded(tuple(dict.fromkeys(sources)), rig, overrides, chosen)
     cases = [

@@ -40,11 +40,11 @@ class Plant(Protocol):
 
     name: str
     drive: Drive
-    kernels: Kernels
+    kernels: Kernels | None  # None: stepped from Python
 
     @property
     def handle(self) -> Any:
-        """What the kernels need: a NamedTuple of numbers and arrays."""
+        """What the kernels need: a NamedTuple of numbers and arrays; without kernels, anything."""
 
     def __init__(
         self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings

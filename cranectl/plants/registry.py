@@ -7,6 +7,7 @@ and its drives cannot show are refused rather than left out silently.
 
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.scenario.effects import NO_LIMIT, DriveLimits, EffectSettings
@@ -26,16 +27,39 @@ class PlantEntry:
     label: str  # for people
     colour: str  # a series of `support.colours`
     where: str  # module:class, imported only when asked for: engines take a while
-    batch: int  # samples of a campaign's batch: some seconds of runs like the thesis's
+    batch: int  # samples of a campaign's batch: some seconds of runs like the thesis's; 0: none, too slow
     drives: tuple[Drive, ...] = ("ideal", "velocity")
     servos: bool = False  # its velocity drives feel the load, as those of `plants.elastic` and the engine do
-    lacks: Mapping[str, str] = field(default_factory=dict)  # why it cannot show rope, body, frame, force
+    # Why it cannot show rope, body, frame; force, or of that only limits.force, friction.coulomb, ...
+    lacks: Mapping[str, str] = field(default_factory=dict)
+    by_default: bool = True  # where a command is not told which plants
+    package: str = ""  # that it needs, and that only the extra of its name installs
 
     def __post_init__(self) -> None:
         check_name("plant", self.name)
 
+    def check_installed(self) -> None:
+        """Raise InputError if the package that it needs is not there."""
+        if self.package and find_spec(self.package) is None:
+            raise InputError(
+                f"the {self.label} plant without {self.package}, which is not installed",
+                allowed=_labels(entry for entry in PLANTS.values() if not entry.package),
+                remedy=f"pip install 'cranectl[{self.name}]'",
+            )
+
+    def check_campaigns(self) -> None:
+        """Raise InputError if it is too slow for campaigns."""
+        if not self.batch:
+            able = [entry for entry in PLANTS.values() if entry.batch]
+            raise InputError(
+                f"a campaign on the {self.label} plant, which is too slow for thousands of runs",
+                allowed=_labels(able),
+                remedy=f"take '--plants {REFERENCE_PLANT}', and {self.name} for single runs",
+            )
+
     def load(self) -> type[Plant]:
-        """Its class."""
+        """Its class; raises InputError as `check_installed` does."""
+        self.check_installed()
         found: type[Plant] = loaded(self.where)
         return found
 
@@ -75,6 +99,8 @@ class Plants(MutableMapping[str, PlantEntry]):
 
 
 _RIGID = "which has a rigid rope without mass, a point load and a rigid frame"
+_POINT = "which has a rigid rope without mass and a point load"
+_SLIDES = "whose joints have viscous friction only"
 
 PLANTS = Plants(
     PlantEntry(
@@ -94,6 +120,7 @@ PLANTS = Plants(
         batch=32,
         drives=DRIVES,
         servos=True,
+        by_default=False,
     ),
     PlantEntry(
         name="mujoco",
@@ -104,7 +131,30 @@ PLANTS = Plants(
         drives=DRIVES,
         servos=True,
     ),
+    PlantEntry(
+        name="drake",
+        label="Drake",
+        colour="series-4",
+        where="cranectl.plants.drake.plant:DrakePlant",
+        batch=0,
+        drives=DRIVES,
+        servos=True,
+        lacks={
+            "rope": _POINT,
+            "body": _POINT,
+            "limits.force": "whose drives give any force",
+            "friction.coulomb": _SLIDES,
+            "friction.pivot_coulomb": _SLIDES,
+        },
+        by_default=False,
+        package="pydrake",
+    ),
 )
+
+
+def default_plants() -> tuple[str, ...]:
+    """What is run where no plants are named."""
+    return tuple(name for name, entry in PLANTS.items() if entry.by_default)
 
 
 def register_plant(entry: PlantEntry) -> None:
@@ -175,18 +225,19 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: str) -> None:
                 remedy=remedy,
             )
     for name, zero in _forces(effects):
-        if "force" in entry.lacks:
-            capable, remedy = _capable("force")
+        setting, on_axis = f"effects.{name} = {zero}", name in AXIS_FORCES
+        if reason := _lack(entry, name):
+            capable, remedy = _capable(name)
             raise InputError(
-                f"{name} on the {entry.label} plant, {entry.lacks['force']}",
-                allowed=f"{name} = {zero}, or {capable} with velocity or force drives",
-                remedy=f"{remedy}; or set {name} = {zero}",
+                f"effects.{name} on the {entry.label} plant, {reason}",
+                allowed=f"{setting}, or {capable}{' with velocity or force drives' if on_axis else ''}",
+                remedy=f"{remedy}; or set {setting}",
             )
-        if drive == "ideal":
+        if drive == "ideal" and on_axis:
             raise InputError(
-                f"{name} with ideal drives, which move as commanded whatever the force",
-                allowed=f"{name} = {zero}, or velocity or force drives",
-                remedy=f"{USE_VELOCITY} or '--drive force'; or set {name} = {zero}",
+                f"effects.{name} with ideal drives, which move as commanded whatever the force",
+                allowed=f"{setting}, or velocity or force drives",
+                remedy=f"{USE_VELOCITY} or '--drive force'; or set {setting}",
             )
 
 
@@ -202,18 +253,31 @@ def _check_no_set_points(limits: DriveLimits) -> None:
 
 def _capable(effect: str) -> tuple[str, str]:
     """The plants that show `effect`, and what to do to have it, in words."""
-    able = [entry for entry in PLANTS.values() if effect not in entry.lacks]
-    labels = " or ".join(entry.label for entry in able)
-    names = ",".join(entry.name for entry in able)
-    return f"the {labels} plant", f"take '--plants {names}', or leave the effect out"
+    able = [entry for entry in PLANTS.values() if not _lack(entry, effect)]
+    names = ",".join(entry.name for entry in able if not entry.package)
+    return _labels(able), f"take '--plants {names}', or leave the effect out"
+
+
+def _labels(entries: Iterable[PlantEntry]) -> str:
+    return f"the {' or '.join(entry.label for entry in entries)} plant"
+
+
+AXIS_FORCES = ("limits.force", "friction.coulomb", "friction.viscous")  # what `force` among lacks means
+
+
+def _lack(entry: PlantEntry, effect: str) -> str | None:
+    """Why a plant cannot show an effect or a force, None if it can."""
+    return entry.lacks.get(effect) or (entry.lacks.get("force") if effect in AXIS_FORCES else None)
 
 
 def _forces(effects: EffectSettings) -> list[tuple[str, str]]:
-    """Settings that act on the forces of the driven axes, and the value that means none."""
+    """Settings of forces on single joints, and the value that means none."""
     found: list[tuple[str, str]] = []
     if effects.limits and min(effects.limits.force) < NO_LIMIT:
-        found.append(("effects.limits.force", str([NO_LIMIT] * 3)))
+        found.append(("limits.force", str([NO_LIMIT] * 3)))
     if effects.friction:
         acting = [kind for kind in ("coulomb", "viscous") if any(getattr(effects.friction, kind))]
-        found += [(f"effects.friction.{kind}", str([0.0] * 3)) for kind in acting]
+        found += [(f"friction.{kind}", str([0.0] * 3)) for kind in acting]
+        if effects.friction.pivot_coulomb:
+            found.append(("friction.pivot_coulomb", "0.0"))
     return found

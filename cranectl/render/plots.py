@@ -123,11 +123,12 @@ def _panels(timeline: Timeline) -> list[Panel]:
     ]
     if timeline.distances:
         ghosts = [track for track in timeline.tracks if track.ghost]
+        told_apart = timeline.by_label or len(ghosts) > 1
         curves = [
-            Curve(ghost.colour if timeline.by_label else LIGHT["ink"], time, far.clip(LEAST_DISTANCE))
+            Curve(ghost.colour if told_apart else LIGHT["ink"], time, far.clip(LEAST_DISTANCE))
             for ghost, (time, far) in zip(ghosts, timeline.distances, strict=True)
         ]
-        title = f"distance from {timeline.main.label} [m]" if timeline.by_label else "plants apart [m]"
+        title = f"distance from {timeline.main.label} [m]" if told_apart else "plants apart [m]"
         panels.append(Panel(title, curves, (LEAST_DISTANCE, 1e-6), logarithmic=True))
     return panels
 

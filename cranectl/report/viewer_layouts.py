@@ -11,7 +11,7 @@ from typing import Any
 from cranectl.analysis.levels import NAMES
 from cranectl.log import topics
 from cranectl.log.overlay import STEP, TARGET
-from cranectl.plants.registry import PLANTS, in_order, reference_plant
+from cranectl.plants.registry import PLANTS, default_plants, in_order, reference_plant
 from cranectl.report.viewer_panels import (
     Panel,
     events,
@@ -44,11 +44,13 @@ FOLLOWED = 30.0  # [s] that a live session's plots show
 def layout_json(
     name: str,
     *,
-    plants: Iterable[str] = PLANTS,
+    plants: Iterable[str] = (),
     labels: Sequence[str] = (),
     rig: RigParameters = LABORATORY,
 ) -> str:
-    """The layout `name` as a file's content, for a log of `plants`; of one run, the reference plant's.
+    """The layout `name` as a file's content, for a log of `plants`, by default those that are run by default.
+
+    What shows one run shows the reference plant's.
 
     `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`. Raises
     InputError for an unknown name, and for an overlay without labels.
@@ -56,7 +58,8 @@ def layout_json(
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
-    layout = _numbered(LAYOUTS[name](labels if name in ("overlay", "ladder") else in_order(plants)), panels)
+    shown = labels if name in ("overlay", "ladder") else in_order(plants or default_plants())
+    layout = _numbered(LAYOUTS[name](shown), panels)
     for configuration in panels.values():
         if "cameraState" in configuration:
             show_rig(configuration, rig)
@@ -98,7 +101,7 @@ def _single(plants: Sequence[str]) -> Layout:
 
 def _comparison(plants: Sequence[str]) -> Layout:
     """Several plants: the crane and its ghosts, the same signals of all, what parts them."""
-    plants = plants if len(plants) > 1 else [*PLANTS]
+    plants = plants if len(plants) > 1 else default_plants()
     x, *load = (
         plot(f"load {axis}", [*_of_each(plants, "load", f"load_{axis}"), _reference(axis)]) for axis in "xyz"
     )

@@ -184,7 +184,9 @@ AdvanceBlock = Callable[[LoopInputs, SignalPath | None, Array, Array, int, int],
 
 
 def compiled_loop(plant: Plant) -> AdvanceBlock:
-    """The loop compiled with the kernels of `plant`."""
+    """The loop compiled with the kernels of `plant`; for one without them, the loop in Python."""
+    if plant.kernels is None:
+        return python_loop(plant)
     return functools.partial(_compiled(plant.name, plant.kernels), plant.handle)
 
 

@@ -103,7 +103,7 @@ def start_run(
     crane.reset(start)
     samples = len(plan.time_ns)
     return PreparedRun(
-        advance=(compiled_loop if compiled else python_loop)(crane),
+        advance=compiled_loop(crane) if compiled else python_loop(crane),
         inputs=inputs_of(scenario, law, make_actuation(nominal, start, crane.drive), plan, crane.drive),
         path=make_signal_path(
             scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record

@@ -116,7 +116,7 @@ def between(a: str, b: str, value: float = 0.7) -> dict[str, Any]:
         ({"controllers": ["lqg"]}, ["unknown controller 'lqg'", "lqr"]),
         ({"controllers": []}, ["controllers = []", "at least 1"]),
         ({"plants": ["mujoco", "mujoco"]}, ["one is named twice"]),
-        ({"plants": ["bullet"]}, ["unknown plant 'bullet'", "analytic, mujoco"]),
+        ({"plants": ["bullet"]}, ["unknown plant 'bullet'", "analytic, elastic, mujoco, "]),
         ({"drive": "torque"}, ["drive = 'torque'", "'ideal', 'velocity' or 'force'"]),
         ({"plants": ["analytic"]}, ["effects.friction.coulomb on the analytic plant"]),
         ({"runs": 2_000_000}, ["runs = 2000000", "1000000"]),

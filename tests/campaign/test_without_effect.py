@@ -10,11 +10,11 @@ from cranectl.campaign import Campaign
 from cranectl.campaign.definition import PERIOD, PHYSICAL, Batch, numbers_of
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, fixed, run_batch, uniform
+from tests.conftest import PLANTS
 
 # A crane pushed about there and back, with drives at their limits.
 SCENARIO = "off-reference"

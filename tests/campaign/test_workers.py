@@ -10,11 +10,11 @@ from cranectl.campaign.definition import Batch, nominal_scenario
 from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
 from cranectl.campaign.workers import Prepared, StoppedError, Worker, run_batches
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fixed, run_batch, uniform
+from tests.conftest import PLANTS
 
 SHORT = ["duration=0.25", "disturbances.0.start=0.05", "disturbances.0.end=0.2", "disturbances.1.start=0.1"]
 OFFSET = uniform(-0.02, 0.02)

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from cranectl.cases.case import make_case, run_case
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import runner
+from tests.conftest import PLANTS
 
 
 def test_a_law_is_prepared_once_for_all_plants(

@@ -18,7 +18,7 @@ from cranectl.controllers.registry import controller_names
 from cranectl.design import CONTROLLERS
 from cranectl.log import read_log
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import PLANTS
+from cranectl.plants.registry import PLANTS, default_plants
 from cranectl.scenario import scenario_names
 from cranectl.status import RunStatus
 from tests.cli.arguments import SHORT, STOP
@@ -86,7 +86,7 @@ def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert {(r["scenario"], r["controller"], r["plant"], r["drive"]) for r in result["runs"]} == {
         ("fixed-position", controller, plant, drive)
         for controller in CONTROLLERS
-        for plant in PLANTS
+        for plant in default_plants()
         for drive in ("ideal", "velocity")
     }
     for run in result["runs"]:

@@ -8,11 +8,11 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.provenance import provenance
 from tests.cli.arguments import SHORT, STOP
+from tests.conftest import PLANTS
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 

@@ -22,7 +22,7 @@ from cranectl.compare.agreement import (
     shipped_name,
 )
 from cranectl.design import design_controller
-from cranectl.plants.registry import PLANTS
+from cranectl.plants import registry
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -75,7 +75,7 @@ def test_plants_of_which_nothing_is_known_are_not_judged_with_velocity_drives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Beside others, which are; ideal drives are the same everywhere."""
-    monkeypatch.setitem(PLANTS, "heavy", replace(PLANTS["analytic"], name="heavy"))
+    monkeypatch.setitem(registry.PLANTS, "heavy", replace(registry.PLANTS["analytic"], name="heavy"))
     scenario = load_scenario("slack-rope")
     design = design_controller("lqr", scenario.design)
     assert pair_limits(scenario, design, "ideal", ("heavy", "mujoco")) == LIMITS

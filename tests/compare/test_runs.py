@@ -14,11 +14,11 @@ from cranectl.compare.runs import (
     named_signals,
     refuse_differences,
 )
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
+from tests.conftest import PLANTS
 
 
 @pytest.fixture

@@ -7,12 +7,11 @@ from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller, with_gain
 from cranectl.live.session import Session
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.conftest import ALL_CONTROLLERS
+from tests.conftest import ALL_CONTROLLERS, PLANTS
 
 
 def session(scenario: Scenario, controller: str = "lqr", **options: object) -> Session:

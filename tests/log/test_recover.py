@@ -18,11 +18,11 @@ from cranectl.cli.log import recover_log_command
 from cranectl.log import describe_log, read_log, recover_log, schema, topics, write_log
 from cranectl.log.writer import CHUNK_SIZE
 from cranectl.mcap_columns.records import MAGIC
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
+from tests.conftest import PLANTS
 from tests.log.corruption import every_message, places, put_together, take_apart
 from tests.log.viewer import messages_of
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from cranectl.design import design_controller
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
-from tests.conftest import ROOT
+from tests.conftest import PLANTS, ROOT
 
 
 def derivation(name: str) -> dict[str, Any]:

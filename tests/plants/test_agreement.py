@@ -13,12 +13,11 @@ from cranectl.model import dynamics
 from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.mujoco.model import JOINTS, model_spec, state_addresses
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, STILL, closed_loop, random_states, split
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PLANTS, STILL, closed_loop, random_states, split
 
 STEP = 1e-3
 RIG = RigParameters()

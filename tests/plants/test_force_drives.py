@@ -11,7 +11,7 @@ from cranectl.model import dynamics
 from cranectl.plants.analytic import AnalyticPlant, acceleration_command, derivative, observe_load
 from cranectl.plants.mujoco.disturbed_step import push_load
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.registry import PLANTS, check_effects
+from cranectl.plants.registry import check_effects
 from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
 from cranectl.scenario import load_scenario
 from cranectl.scenario.effects import (
@@ -27,7 +27,7 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.simulate.actuation import BRAKING
 from cranectl.support.errors import InputError
-from tests.conftest import ALL_SCENARIOS, STILL, closed_loop, random_states, split
+from tests.conftest import ALL_SCENARIOS, PLANTS, STILL, closed_loop, random_states, split
 
 RIG = RigParameters(load_mass=1.7, winch_mass=0.3)
 

@@ -10,7 +10,7 @@ from cranectl.plants.mujoco.model import JOINTS, drive_addresses, model_spec
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.mujoco.stability import LARGEST, fastest_rate
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import PLANTS, check_effects
+from cranectl.plants.registry import check_effects
 from cranectl.scenario.effects import (
     NO_EFFECTS,
     NO_LIMIT,
@@ -27,6 +27,7 @@ from cranectl.scenario.effects import (
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import BASE_WIDTH
 from cranectl.support.errors import InputError
+from tests.conftest import PLANTS
 from tests.plants.effects import HANGING, RIG, SWINGING, make, simulate
 
 PHYSICAL = {"friction": Friction(), "limits": DriveLimits(), "rope": Rope(), "body": Body(), "frame": Frame()}

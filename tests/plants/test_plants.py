@@ -24,11 +24,10 @@ from cranectl.plants.mujoco.model import (
 from cranectl.plants.mujoco.model import DRIVES as DRIVES_OF_AXES
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Plant
-from cranectl.plants.registry import PLANTS
 from cranectl.plants.surroundings import STICTION_RATE
 from cranectl.scenario.effects import EffectSettings, Friction, Wind
 from cranectl.scenario.rig import RigParameters
-from tests.conftest import ROOT, STILL, random_states, split
+from tests.conftest import PLANTS, ROOT, STILL, random_states, split
 
 KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}
 RIG = RigParameters()

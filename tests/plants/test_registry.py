@@ -1,9 +1,11 @@
 """The set of plants: what is known of each without loading it."""
 
+import json
 from dataclasses import replace
 
 import pytest
 
+from cranectl.cli.main import main
 from cranectl.plants import registry
 from cranectl.plants.registry import (
     PLANTS,
@@ -22,9 +24,63 @@ from cranectl.support.errors import InputError
 @pytest.mark.parametrize("name", PLANTS)
 def test_a_plant_is_what_its_entry_says(name: str) -> None:
     entry = PLANTS[name]
-    assert entry.load().name == entry.name == name
+    assert entry.name == name
+    if entry.by_default:
+        assert entry.load().name == name
     assert entry.colour in LIGHT
     assert entry.colour in VIEWER
+
+
+@pytest.fixture
+def without_extras(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "find_spec", lambda _: None)
+
+
+@pytest.mark.usefixtures("without_extras", "in_empty_directory")
+@pytest.mark.parametrize("command", ["run fixed-position", "validate fixed-position", "live fixed-position"])
+def test_a_plant_whose_package_is_not_installed_is_refused_with_what_installs_it(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*command.split(), "--plants", "drake,mujoco"]) == 2
+    said = capsys.readouterr().err
+    assert "found:   the Drake plant without pydrake, which is not installed" in said
+    assert "remedy:  pip install 'cranectl[drake]'" in said
+
+
+@pytest.mark.usefixtures("without_extras", "in_empty_directory")
+def test_all_plants_are_those_that_can_be_run(capsys: pytest.CaptureFixture[str]) -> None:
+    short = ["--set", "duration=0.1", "--set", "disturbances=[]", "--json", "-"]
+    assert main(["run", "fixed-position", "--plants", "all", *short]) == 0
+    told = capsys.readouterr()
+    assert "without drake: pip install 'cranectl[drake]'" in told.err
+    assert "drake" not in {run["plant"] for run in json.loads(told.out)["runs"]}
+
+
+def test_a_plant_without_batches_runs_no_campaign(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["campaign", "run", "lab-rig", "--plants", "drake"]) == 2
+    assert "found:   a campaign on the Drake plant" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("effects", "found", "allowed"),
+    [
+        ("rope={}", "[effects.rope] on the Drake plant", "the elastic or MuJoCo plant"),
+        ("body={}", "[effects.body] on the Drake plant", "the elastic or MuJoCo plant"),
+        ("limits={}", "effects.limits.force on the Drake plant", "MuJoCo plant with velocity"),
+        ("friction={}", "effects.friction.coulomb on the Drake plant", "MuJoCo plant with velocity"),
+        (
+            "friction={coulomb=[0,0,0]}",
+            "effects.friction.pivot_coulomb on the Drake",
+            "the analytic or elastic or MuJoCo plant",
+        ),
+    ],
+)
+def test_the_drake_plant_refuses_what_it_cannot_show(effects: str, found: str, allowed: str) -> None:
+    scenario = load_scenario("fixed-position", overrides=[f"effects={{{effects}}}"])
+    with pytest.raises(InputError) as caught:
+        check_effects(scenario.effects, plant="drake", drive="velocity")
+    assert found in caught.value.found
+    assert allowed in caught.value.allowed
 
 
 def test_one_plant_lacks_nothing_so_that_every_refusal_has_a_remedy() -> None:
@@ -34,7 +90,7 @@ def test_one_plant_lacks_nothing_so_that_every_refusal_has_a_remedy() -> None:
 def test_unknown_plants_are_answered_with_the_known_ones() -> None:
     with pytest.raises(InputError) as caught:
         plant_entry("mujco")
-    assert caught.value.allowed == "analytic, mujoco"
+    assert caught.value.allowed == ", ".join(PLANTS)
     assert caught.value.remedy == "did you mean 'mujoco'?"
 
 

@@ -6,11 +6,10 @@ import pytest
 from cranectl.compare.agreement import agreement_limits, judge
 from cranectl.compare.runs import compare_runs
 from cranectl.metrics import run_metrics
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, STILL, closed_loop
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PLANTS, STILL, closed_loop
 
 
 def undisturbed(scenario: str, plant: str, *overrides: str, controller: str = "lqr") -> Run:

@@ -1,5 +1,7 @@
 """The strip of plots: its curves are the runs', its cursor is at the time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -53,6 +55,16 @@ def test_each_plant_has_its_colour_and_the_pair_a_panel_of_its_distance() -> Non
     blank = [(picture[:, 100:] > 200).all(axis=(1, 2)) for picture in (pair, alone)]
     gaps = [np.sum(rows[1:] & ~rows[:-1]) for rows in blank]
     assert gaps[0] > gaps[1]
+
+
+def test_distances_of_several_plants_have_their_colours() -> None:
+    """In the last panel, black for the one of a pair."""
+    third = {"drake": replace(moving_run("mujoco"), plant="drake")}
+    pair, three = (
+        strip(Plots(timeline_of(runs), *SIZE), 1.0)[-170:] for runs in (both_runs(), both_runs() | third)
+    )
+    assert has(pair, ANALYTIC).sum() == 0
+    assert has(three, ANALYTIC).sum() > 100
 
 
 def test_the_dot_is_on_the_curve() -> None:

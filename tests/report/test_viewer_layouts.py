@@ -14,13 +14,12 @@ from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 from cranectl.log import describe_log, topics, write_log
 from cranectl.log.overlay import Layer, write_overlay
-from cranectl.plants.registry import PLANTS
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario import load_scenario
 from cranectl.scenario.drawn_size import LABORATORY
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
-from tests.conftest import ROOT
+from tests.conftest import PLANTS, ROOT
 from tests.scenario.test_drawn_size import similar
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")

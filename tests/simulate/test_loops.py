@@ -10,14 +10,13 @@ import pytest
 from cranectl import signals
 from cranectl.controllers.registry import controller_names
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, make_plant, simulate_run
 from cranectl.simulate import runner as runner_module
 from cranectl.simulate.loops import LoopInputs, judge_sample
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.conftest import ALL_CONTROLLERS
+from tests.conftest import ALL_CONTROLLERS, PLANTS
 
 
 def same(a: Run, b: Run) -> bool:
@@ -225,7 +224,7 @@ def test_ctrl_c_keeps_what_was_run(plant: str) -> None:
 @pytest.mark.parametrize(
     ("keyword", "value", "known"),
     [
-        ("plant", "mujocco", "analytic, mujoco"),
+        ("plant", "mujocco", "analytic, elastic, mujoco, "),
         ("drive", "ideel", "ideal, velocity, force"),
         ("controller", "lqrr", ", ".join(controller_names())),
     ],

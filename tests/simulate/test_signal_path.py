@@ -7,12 +7,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from cranectl.live.session import Session
 from cranectl.log import read_log, write_log
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.simulate.actuation import forces_at_rest
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
+from tests.conftest import PLANTS
 
 SHORT = ["duration=0.6", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
 NO_FORCE_LIMIT = "effects.limits.force=[1e9,1e9,1e9]"

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from cranectl.design import design_controller
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.thesis.reproduction import CONTROLLERS
-from tests.conftest import ROOT, closed_loop
+from tests.conftest import PLANTS, ROOT, closed_loop
 
 
 @pytest.mark.parametrize("plant", PLANTS)

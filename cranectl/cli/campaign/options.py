@@ -31,7 +31,7 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     @click.argument("campaign")
     @click.option("--runs", type=int, metavar="N", help="Number of samples.")
     @controllers_option("Default: the campaign's; repeatable, or names with commas.")
-    @plants_option("Default: the campaign's.")
+    @plants_option("Default: the campaign's.", check="check_campaigns")
     @click.option("--drive", metavar="NAME", help="ideal, velocity or force. Default: the campaign's.")
     @click.option("--rig", metavar="NAME", help="Name or TOML file of a rig. Default: the campaign's.")
     @click.option("--seed", type=int, metavar="N", help="Other samples. Default: the campaign's.")

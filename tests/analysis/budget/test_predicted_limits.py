@@ -9,10 +9,9 @@ import pytest
 from cranectl.analysis.budget.predicted_limits import predict_plant_difference, predicted_limits
 from cranectl.compare.agreement import Limits, agreement_limits, judge
 from cranectl.design import design_controller
-from cranectl.plants.registry import PLANTS
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
-from tests.conftest import ROOT
+from tests.conftest import PLANTS, ROOT
 
 SCRIPT = runpy.run_path(str(ROOT / "validation" / "level_3.py"))
 WIDEST = ("near-slack", "lqr+hinf")

@@ -1,0 +1,170 @@
+"""The Drake plant: Drake's accelerations behind the plant interface. Knows nothing of our equations.
+
+Stepped from Python, a stage of the integrator at a time: fit for validation, too slow for campaigns.
+"""
+
+from importlib.metadata import version
+from math import cos, isfinite
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from scipy.integrate import RK45
+
+from cranectl.plants.drake.model import AXES, JOINTS, LOAD, build_crane, rotor_inertias
+from cranectl.plants.plant import Drive
+from cranectl.plants.stability import check_rate
+from cranectl.plants.surroundings import FORCE, air_drag
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
+from cranectl.scenario.rig import RigParameters
+from cranectl.support.arrays import Array
+
+SMALL = 1e-6  # [m, rad, m/s, rad/s], of finite differences
+
+
+class DrakePlant:
+    """The rig in Drake behind the plant interface."""
+
+    name = "drake"
+    kernels = None
+
+    def __init__(
+        self,
+        rig: RigParameters,
+        *,
+        drive: Drive,
+        step: float,
+        substeps: int,
+        effects: EffectSettings = NO_EFFECTS,
+    ) -> None:
+        self.drive, self.effects = drive, effects
+        self.step, self.substeps = step, substeps
+        self.load_mass, self.drag = rig.load_mass, air_drag(effects)
+        self.in_air = effects.wind is not None
+        self.crane = build_crane(rig, drive, effects)
+        self.context = self.crane.CreateDefaultContext()
+        self.load = self.crane.GetBodyByName(LOAD)
+        self.gravity = self.crane.gravity_field().gravity_vector()
+        joints = [self.crane.GetJointByName(name) for name in JOINTS]
+        self.positions = np.array([joint.position_start() for joint in joints])
+        self.velocities = np.array([joint.velocity_start() for joint in joints])
+        self.actuators = [int(self.crane.GetJointActuatorByName(name).input_start()) for name in AXES]
+        # force = gain · command + offset
+        ideal, held = rotor_inertias(rig, drive), (0.0, 0.0, -rig.weight)
+        self.gain = {"ideal": np.array(ideal), "velocity": rig.velocity_gains, "force": np.ones(3)}[drive]
+        self.offset = np.array(held) if drive == "velocity" else np.zeros(3)
+        self.state = np.zeros(self.crane.num_multibody_states())
+        self.disturbance, self.wind = np.zeros(2), np.zeros(6)
+
+    @property
+    def description(self) -> str:
+        software = f"Drake {version('drake')}, pydrake.multibody"
+        return f"cranectl.plants.drake.model in {software}; fixed steps of Dormand and Prince, order 5"
+
+    @property
+    def handle(self) -> None:
+        """No compiled code steps this plant."""
+
+    def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:  # noqa: ARG002
+        return False
+
+    def check_length(self, length: float) -> None:
+        """Raise InputError where frame or friction need shorter steps with a rope of `length` [m]."""
+        if self.effects.frame or self.effects.friction:
+            step, period = self.step, self.step * self.substeps
+            check_rate(self.fastest_rate(length), self.effects, length, step=step, period=period)
+
+    def fastest_rate(self, length: float) -> float:
+        """Largest modulus of the poles of the crane that hangs still with `length` [m] of rope [1/s]."""
+        self.hold(np.zeros(3), np.zeros(2), np.zeros(6))
+        hanging = np.zeros_like(self.state)
+        hanging[self.positions[2]] = length
+        rest = self.rates(hanging)
+        system = [(self.rates(hanging + moved) - rest) / SMALL for moved in SMALL * np.eye(len(hanging))]
+        return float(np.abs(np.linalg.eigvals(np.array(system))).max())
+
+    def reset(self, state: Array) -> None:
+        self.state[:] = 0.0
+        self.state[self.positions] = state[0::2]
+        self.state[self.crane.num_positions() + self.velocities] = state[1::2]
+
+    def measure(self, state: Array) -> None:
+        state[0::2] = self.state[self.positions]
+        state[1::2] = self.state[self.crane.num_positions() + self.velocities]
+
+    def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
+        self.hold(command, disturbance, wind)
+        self.observe_load(load)
+        self.integrate(self.step * self.substeps)
+
+    def warnings(self) -> int:
+        return 0
+
+    def hold(self, command: Array, disturbance: Array, wind: Array) -> None:
+        """Hold what a control period holds."""
+        forces = np.zeros(self.crane.num_actuators())
+        forces[self.actuators] = self.gain * command + self.offset
+        self.crane.get_actuation_input_port().FixValue(self.context, forces)
+        self.disturbance, self.wind = disturbance, wind
+        self._turn_joint(0.0, 0.0)
+
+    def observe_load(self, load: Array) -> None:
+        """Position and velocity of the load, and the pull of the rope on it, into `load` (7,)."""
+        if not isfinite(self.rates(self.state).sum()):
+            load[:] = np.nan
+            return
+        pose = self.load.EvalPoseInWorld(self.context)
+        load[:3] = pose.translation()
+        load[3:6] = self.load.EvalSpatialVelocityInWorld(self.context).translational()
+        acceleration = self.load.EvalSpatialAccelerationInWorld(self.context).translational()
+        force = self.load_mass * (acceleration - self.gravity) - self.air_force()
+        load[6] = pose.rotation().matrix()[:, 2] @ force
+
+    def integrate(self, duration: float) -> None:
+        """Advance the state by `duration` [s] in steps of the Dormand-Prince method of order 5."""
+        stages = np.zeros((RK45.n_stages, len(self.state)))
+        for _ in range(round(duration / self.step)):
+            for s in range(RK45.n_stages):
+                stages[s] = self.rates(self.state + self.step * (RK45.A[s, :s] @ stages[:s]))
+            self.state += self.step * (RK45.B @ stages)
+
+    def rates(self, state: Array) -> Array:
+        """Derivative of `state`, Drake's positions and velocities, under what is held; or NaN."""
+        if not isfinite(state.sum()):  # with which Drake would end the process
+            return np.full_like(state, np.nan)
+        try:
+            self.crane.SetPositionsAndVelocities(self.context, state)
+            if self.disturbance.any():
+                self._disturb()
+            if self.in_air:
+                self._blow()
+            rates: Array = self.crane.EvalTimeDerivatives(self.context).CopyToVector()
+        except RuntimeError:  # a load at the pivot has no inertia about it
+            return np.full_like(state, np.nan)
+        return rates
+
+    def air_force(self) -> Array:
+        """Drag of the air on the load and the force on it besides (x, y, z) [N], at the present state."""
+        if not self.in_air:
+            return np.zeros(3)
+        through = self.wind[:FORCE] - self.load.EvalSpatialVelocityInWorld(self.context).translational()
+        force: Array = self.drag * np.linalg.norm(through) * through + self.wind[FORCE:]
+        return force
+
+    def _disturb(self) -> None:
+        """Torques that add the thesis's disturbance to the cardan accelerations at the present state."""
+        length, _, beta = self.crane.GetPositions(self.context)[self.positions[2:]]
+        inertia = self.load_mass * length * length
+        self._turn_joint(inertia * cos(beta) ** 2 * self.disturbance[0], inertia * self.disturbance[1])
+
+    def _turn_joint(self, alpha: float, beta: float) -> None:
+        torques = np.zeros(self.crane.num_velocities())
+        torques[self.velocities[3:]] = alpha, beta
+        self.crane.get_applied_generalized_force_input_port().FixValue(self.context, torques)
+
+    def _blow(self) -> None:
+        push = ExternallyAppliedSpatialForce()
+        push.body_index, push.p_BoBq_B = self.load.index(), np.zeros(3)
+        push.F_Bq_W = SpatialForce(np.zeros(3), self.air_force())
+        self.crane.get_applied_spatial_force_input_port().FixValue(self.context, Value([push]))
