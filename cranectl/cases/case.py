@@ -8,7 +8,17 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from cranectl.compare.agreement import Agreement, Predict, against_reference, judge_steps, limits_for
+from cranectl.compare.agreement import (
+    Agreement,
+    Predict,
+    against_reference,
+    all_pairs,
+    judge,
+    judge_steps,
+    limits_for,
+    pair_limits,
+)
+from cranectl.compare.runs import compare_runs
 from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.flat import Tracker
@@ -40,6 +50,7 @@ class Case:
     source: str  # how its scenario was asked for: its name or its file
     predict: Predict | None = None  # finds the limits of a scenario that is not shipped
     keep: Keep = "all"  # which logs stay
+    pairwise: bool = False  # whether every plant is compared with every other
 
     @property
     def simulated_seconds(self) -> float:
@@ -119,12 +130,21 @@ def _beyond_drives(run: Run) -> str:
 
 
 @dataclass(frozen=True)
+class PairDifference:
+    """Two plants of a case."""
+
+    agreement: Agreement
+    max_tension_error_n: float
+
+
+@dataclass(frozen=True)
 class CaseResult:
     """Outcome of a case; agreements of plants that have samples, if the reference plant has."""
 
     runs: tuple[RunSummary, ...]
     agreements: tuple[Agreement, ...]
     expected: str  # how its runs should have ended
+    pairs: tuple[PairDifference, ...] = ()  # each plant with each other, where that was asked for
 
     @property
     def log(self) -> Path | None:
@@ -192,6 +212,7 @@ def make_case(
     source: str | None = None,
     predict: Predict | None = None,
     keep: Keep = "all",
+    pairwise: bool = False,
 ) -> Case:
     """A case with the scenario's own controller and name, the usual plants and place for its log by default.
 
@@ -204,7 +225,7 @@ def make_case(
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, plants, log, source or scenario.name, predict, keep)
+    return Case(scenario, controller, drive, plants, log, source or scenario.name, predict, keep, pairwise)
 
 
 def check_logs_differ(cases: Sequence[Case]) -> None:
@@ -279,11 +300,22 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         runs=tuple(RunSummary.of(run, log) for run in runs),
         agreements=tuple(judge_steps(pair, limits[pair[0].plant, pair[1].plant], progress) for pair in pairs),
         expected=case.scenario.expected,
+        pairs=_pair_differences(runs, case.predict) if case.pairwise else (),
     )
     if case.keep == "failed" and result.passed:
         case.log.unlink()
         return replace(result, runs=tuple(replace(run, log=None) for run in result.runs))
     return result
+
+
+def _pair_differences(runs: Sequence[Run], predict: Predict | None) -> tuple[PairDifference, ...]:
+    found = []
+    for a, b in all_pairs([run for run in runs if len(run.time_ns)]):
+        limits = pair_limits(a.scenario, a.design, a.drive, (a.plant, b.plant), predict=predict)
+        comparison = compare_runs(a, b, signals=("load.rope_tension",))
+        agreement = judge(a, b, limits=limits, comparison=comparison)
+        found.append(PairDifference(agreement, comparison.signals[0].max_abs))
+    return tuple(found)
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:

@@ -44,6 +44,11 @@ class Validation:
     plants: tuple[str, ...]
 
     @property
+    def results(self) -> list[tuple[Case, CaseResult]]:
+        """Of the cases that have one."""
+        return [(case, result) for case, result in self._pairs() if isinstance(result, CaseResult)]
+
+    @property
     def finished(self) -> list[CaseResult]:
         """Of the cases that have a result."""
         return [result for result in self.outcome.results if isinstance(result, CaseResult)]

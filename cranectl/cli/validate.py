@@ -22,6 +22,7 @@ from cranectl.support.files import HTML, XML
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
+    from cranectl.cases.pairwise import Pairwise
     from cranectl.cases.validation import Validation
     from cranectl.compare.agreement import Predict
     from cranectl.scenario import Scenario
@@ -61,6 +62,9 @@ SHOWN = 10  # failures, broken limits and notes shown on the screen
     show_default=True,
     help="Which logs stay.",
 )
+@click.option(
+    "--pairwise", is_flag=True, help="Compare every plant with every other, and each with finer steps."
+)
 @output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
 @output_option("--report", HTML, "Write one HTML page, what failed on top.")
 @json_option
@@ -76,6 +80,7 @@ def validate_command(
     predict: "Predict | None",
     every: int | None,
     keep: "Keep",
+    pairwise: bool,
     junit: Path | None,
     report: Path | None,
     json_file: str | None,
@@ -95,6 +100,7 @@ def validate_command(
     cranectl validate fixed-position --controller lqr --drive ideal --json -
     cranectl validate scenarios/ --keep failed --every 20 --junit junit.xml --report validation.html
     cranectl validate --jobs 1 --set rig.load_mass=2.5
+    cranectl validate near-slack --plants all --drive all --pairwise
 
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
@@ -129,6 +135,7 @@ def validate_command(
             source=source,
             predict=predict,
             keep=keep,
+            pairwise=pairwise,
         )
         for source, scenario in loaded.items()
         for name in names
@@ -146,8 +153,10 @@ def validate_command(
         outcome = run_cases(cases, jobs=jobs or available_cores(), done=done)
     validation = Validation(tuple(cases), outcome, unloaded, chosen)
     code = _exit_code(validation)
+    pairs = _all_pairs(validation, json_file) if pairwise else None
     _tell(validation, code, out, json_file)
-    write_json(json_file, validation.to_json(passed=code == exit_codes.GOOD))
+    told = validation.to_json(passed=code == exit_codes.GOOD)
+    write_json(json_file, told if pairs is None else {**told, "pairwise": pairs.to_json()})
     options = [
         *(("--rig", str(rig)) if rig else ()),
         *(part for each in overrides for part in ("--set", each)),
@@ -161,11 +170,27 @@ def validate_command(
         from cranectl.report.validation import validation_page
 
         asked = [*scenarios, *(part for name in controllers for part in ("--controller", name))]
+        asked += ["--pairwise"] if pairwise else []
         asked += ["--drive", drive, "--plants", ",".join(chosen), *options, "--report", str(report)]
-        page = validation_page(validation, options, shlex.join(["cranectl", "validate", *asked]))
+        remade_by = shlex.join(["cranectl", "validate", *asked])
+        page = validation_page(validation, options, remade_by, pairs)
         write_page(page, report)
         console(json_file).print(f"report: {report}")
     return code
+
+
+def _all_pairs(validation: "Validation", json_file: str | None) -> "Pairwise":
+    """Every plant against every other, told on the screen."""
+    from cranectl.cases.pairwise import pairwise
+    from cranectl.cli.output import console
+    from cranectl.report.validation import pair_tables
+
+    found = pairwise(validation)
+    if found.pairs:
+        screen = console(json_file)
+        for table in pair_tables(found):
+            screen.print(table)
+    return found
 
 
 def _sources(names: Sequence[str]) -> list[str]:

@@ -7,6 +7,7 @@ hold for the shipped scenarios with their own rig, others are predicted along th
 """
 
 import functools
+import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -215,6 +216,13 @@ def judge(
     )
 
 
+def all_pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
+    """Every run with every other; where the reference plant is one of them, it comes second."""
+    pairs = itertools.combinations(runs, 2)
+    reference = reference_plant(run.plant for run in runs)
+    return [(b, a) if a.plant == reference else (a, b) for a, b in pairs]
+
+
 def least_good(agreements: Sequence[Agreement]) -> Agreement:
     """The first that does not hold, else the first that is not judged, else the first."""
     return min(agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True))
@@ -250,7 +258,7 @@ def judge_steps(
     if not 1.0 < excess < math.inf or any(run.status == RunStatus.INTERRUPTED for run in runs):
         return agreement
     halvings = min(math.ceil(math.log2(excess) / ORDER), MOST_HALVINGS)
-    shorter = _stepping(runs[0].scenario, 2**halvings)
+    shorter = with_finer_steps(runs[0].scenario, 2**halvings)
     if shorter is None or not _agree(shorter, runs, limits, progress):
         return agreement
     return replace(agreement, curing_step_s=shorter.control.physics_step)
@@ -268,7 +276,7 @@ def _agree(scenario: Scenario, runs: Sequence[Run], limits: Limits, progress: Pr
     return judge(*again, limits=limits).passed is True
 
 
-def _stepping(scenario: Scenario, times: int) -> Scenario | None:
+def with_finer_steps(scenario: Scenario, times: int) -> Scenario | None:
     """`scenario` with so many times as many steps, unless that is off the grid of nanoseconds."""
     step_ns, rest = divmod(scenario.period_ns, scenario.substeps * times)
     if rest or step_ns < SHORTEST_NS:

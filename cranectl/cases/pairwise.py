@@ -1,0 +1,151 @@
+"""Every plant against every other over all cases, and each by itself: how much of it is its own steps."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite, log2, nan
+from typing import Any
+
+import numpy as np
+
+from cranectl.cases.case import Case, PairDifference
+from cranectl.cases.validation import Validation
+from cranectl.compare.agreement import with_finer_steps
+from cranectl.compare.runs import compare_runs
+from cranectl.plants.registry import in_order
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
+from cranectl.simulate import make_plant, simulate_run
+from cranectl.support.arrays import Array
+
+SWING_S = 20.0  # of the free swing whose energy is watched
+SWING = (0.3, -0.2)  # [rad] from which it starts
+ROUNDING = 1e-14  # of the rope's length: smaller differences have no order
+
+
+@dataclass(frozen=True)
+class WorstPair:
+    """Two plants with the same drives: how far apart they are at most, and where."""
+
+    drive: str
+    plant: str
+    reference: str
+    cases: int
+    failed: int
+    not_judged: int
+    load_m: float
+    angle_rad: float
+    tension_n: float
+    scenario: str  # where the loads are farthest apart
+    controller: str
+
+
+@dataclass(frozen=True)
+class PlantAlone:
+    """One plant in the case in which it is farthest from another with the same kind of drives."""
+
+    plant: str
+    drive: str
+    scenario: str
+    controller: str
+    step_error_m: float  # how far its load moves when its steps are a quarter as long
+    order: float  # by which that falls with the step; NaN where rounding is all there is
+    energy_drift: float  # of a free swing of 20 s with locked drives, of m g l
+
+
+@dataclass(frozen=True)
+class Pairwise:
+    """What `validate --pairwise` tells."""
+
+    pairs: tuple[WorstPair, ...]
+    plants: tuple[PlantAlone, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; what is not a number is null."""
+        plants = [asdict(each) for each in self.plants]
+        for each in plants:
+            each["order"] = each["order"] if isfinite(each["order"]) else None
+        return {"pairs": [asdict(pair) for pair in self.pairs], "plants": plants}
+
+
+def pairwise(validation: Validation) -> Pairwise:
+    """Of the pairs in the results of `validation`; runs the worst cases again with finer steps."""
+    found: dict[tuple[str, str, str], list[tuple[PairDifference, Case]]] = {}
+    for case, result in validation.results:
+        for pair in result.pairs:
+            agreement = pair.agreement
+            key = (agreement.drive, agreement.plant, agreement.reference)
+            found.setdefault(key, []).append((pair, case))
+    worst = {key: max(pairs, key=lambda each: _size(each[0])) for key, pairs in found.items()}
+    rows = tuple(_worst(key, [pair for pair, _ in pairs]) for key, pairs in found.items())
+    cases: dict[tuple[str, str], tuple[float, Case]] = {}
+    for (drive, *plants), (pair, case) in worst.items():
+        for plant in plants:
+            size = _size(pair)
+            if size > cases.get((plant, drive), (-1.0, case))[0]:
+                cases[plant, drive] = (size, case)
+    drift: dict[str, float] = {}
+    alone = []
+    for plant in in_order(plant for plant, _ in cases):
+        for drive in dict.fromkeys(drive for other, drive in cases if other == plant):
+            case = cases[plant, drive][1]
+            drift.setdefault(plant, energy_drift(plant, case.scenario))
+            alone.append(_alone(plant, case, drift[plant]))
+    return Pairwise(rows, tuple(alone))
+
+
+def _size(pair: PairDifference) -> float:
+    return np.nan_to_num(pair.agreement.max_load_error_m, nan=np.inf)
+
+
+def _worst(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstPair:
+    farthest = max(pairs, key=_size).agreement
+    return WorstPair(
+        *key,
+        cases=len(pairs),
+        failed=sum(pair.agreement.passed is False for pair in pairs),
+        not_judged=sum(pair.agreement.passed is None for pair in pairs),
+        load_m=farthest.max_load_error_m,
+        angle_rad=max(pair.agreement.max_angle_error_rad for pair in pairs),
+        tension_n=max(pair.max_tension_error_n for pair in pairs),
+        scenario=farthest.scenario,
+        controller=farthest.controller,
+    )
+
+
+def _alone(plant: str, case: Case, drift: float) -> PlantAlone:
+    error, order = convergence(plant, case)
+    return PlantAlone(
+        plant, case.drive, case.scenario.name, case.controller, error, order, energy_drift=drift
+    )
+
+
+def convergence(plant: str, case: Case) -> tuple[float, float]:
+    """How far the load moves when steps are a quarter as long [m], and the order by which that falls."""
+    runs = []
+    for times in (1, 2, 4):
+        scenario = with_finer_steps(case.scenario, times)
+        if scenario is None:
+            return nan, nan
+        runs.append(simulate_run(scenario, plant=plant, drive=case.drive, controller=case.controller))
+    coarse, fine, all_of_it = (
+        compare_runs(runs[a], runs[b], signals=()).max_load_error_m for a, b in ((0, 1), (1, 2), (0, 2))
+    )
+    rounding = ROUNDING * case.scenario.rig.rope_range[1]
+    return all_of_it, log2(coarse / fine) if fine > rounding else nan
+
+
+def energy_drift(plant: str, scenario: Scenario) -> float:
+    """Of a free swing of 20 s on the rig of `scenario`, rigid, drives locked: largest change over m g l."""
+    rigid = scenario.model_copy(update={"effects": type(scenario.effects)(), "disturbances": ()})
+    crane = make_plant(plant, rigid, "ideal")
+    (x, y), lengths = np.mean(rigid.rig.workspace[:2], axis=1), rigid.rig.rope_range
+    state, load = np.zeros(10), np.zeros(7)
+    state[[BRIDGE, TROLLEY, ROPE, ALPHA, BETA]] = x, y, 0.5 * sum(lengths), *SWING
+    crane.reset(state)
+    still: tuple[Array, Array, Array] = (np.zeros(3), np.zeros(2), np.zeros(6))
+    energies = []
+    for _ in range(round(SWING_S * NANOSECONDS / rigid.period_ns)):
+        crane.advance(*still, load)
+        speed = load[VELOCITY : VELOCITY + 3]
+        energies.append(0.5 * float(speed @ speed) + rigid.rig.gravity * float(load[Z]))
+    return float(np.ptp(energies)) / (rigid.rig.gravity * state[ROPE])
