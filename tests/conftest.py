@@ -18,6 +18,7 @@ from cranectl.simulate import Run, simulate_run
 
 ROOT = Path(__file__).parent.parent
 PLANTS = default_plants()  # those of extras have tests of their own
+PAIR = ("analytic", "mujoco")  # the two whose velocity drives differ
 ALL_SCENARIOS = scenario_names()
 ALL_CONTROLLERS = CONTROLLERS
 STILL = np.zeros(6)  # air, and no force on the load

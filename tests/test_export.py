@@ -22,7 +22,7 @@ from cranectl.signals import REFERENCE, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
-from tests.conftest import PLANTS, ROOT, cut
+from tests.conftest import PAIR, ROOT, cut
 from tests.packages import install, run_beside
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -36,7 +36,7 @@ INFO = {
 
 @pytest.fixture
 def runs(short: Scenario) -> list[Run]:
-    return [simulate_run(short, plant=plant, controller="lqr+hinf") for plant in PLANTS]
+    return [simulate_run(short, plant=plant, controller="lqr+hinf") for plant in PAIR]
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def read_parquet(path: Path) -> dict[str, Array]:
 
 def read_mat(path: Path) -> dict[str, Array]:
     content = loadmat(path, simplify_cells=True)
-    tree = {name: content[name] for name in ("time", *PLANTS, "reference")}
+    tree = {name: content[name] for name in ("time", *PAIR, "reference")}
     return dict(flattened("", tree))
 
 

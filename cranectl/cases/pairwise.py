@@ -94,7 +94,7 @@ def pairwise(validation: Validation) -> Pairwise:
 
 
 def _size(pair: PairDifference) -> float:
-    return np.nan_to_num(pair.agreement.max_load_error_m, nan=np.inf)
+    return float(np.nan_to_num(pair.agreement.max_load_error_m, nan=np.inf))
 
 
 def _worst(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstPair:
@@ -148,4 +148,4 @@ def energy_drift(plant: str, scenario: Scenario) -> float:
         crane.advance(*still, load)
         speed = load[VELOCITY : VELOCITY + 3]
         energies.append(0.5 * float(speed @ speed) + rigid.rig.gravity * float(load[Z]))
-    return float(np.ptp(energies)) / (rigid.rig.gravity * state[ROPE])
+    return float(np.ptp(energies) / (rigid.rig.gravity * state[ROPE]))

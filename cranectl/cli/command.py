@@ -197,7 +197,7 @@ def _plants(
     return tuple(able)
 
 
-run_plants_option = plants_option("Default: analytic,mujoco.", check="check_installed")
+run_plants_option = plants_option("Default: analytic,elastic,mujoco.", check="check_installed")
 
 
 def names_given(_: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:

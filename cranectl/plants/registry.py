@@ -120,7 +120,6 @@ PLANTS = Plants(
         batch=32,
         drives=DRIVES,
         servos=True,
-        by_default=False,
     ),
     PlantEntry(
         name="mujoco",

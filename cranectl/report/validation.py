@@ -64,10 +64,9 @@ def pair_tables(found: Pairwise) -> tuple[Table, Table]:
         )
         for pair in found.pairs
     )
-    headings = ("drives", "plants", "cases", "load [m]", "angle\n[rad]", "tension\n[N]")
-    headings = (*headings, "load, where", "agree")
+    headings = ("drives", "plants", "cases", "load [m]", "angle [rad]", "tension [N]", "load, where", "agree")
     apart = Table("Every plant against every other, at most", headings, rows, labels=2)
-    rows = tuple(
+    alone = tuple(
         cells(
             each.drive,
             each.plant,
@@ -78,12 +77,12 @@ def pair_tables(found: Pairwise) -> tuple[Table, Table]:
         )
         for each in found.plants
     )
-    headings = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
+    columns = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
     note = (
         "Step error: how far the load moves when the plant's own steps are a quarter as long, and the order "
         "by which that falls; - where rounding is all there is. Energy drift: of a free swing of 20 s."
     )
-    return apart, Table("Each plant by itself", headings, rows, labels=2, note=note)
+    return apart, Table("Each plant by itself", columns, alone, labels=2, note=note)
 
 
 def _answer(pair: WorstPair) -> Cell:

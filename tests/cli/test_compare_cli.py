@@ -12,7 +12,7 @@ from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.provenance import provenance
 from tests.cli.arguments import SHORT, STOP
-from tests.conftest import PLANTS
+from tests.conftest import PAIR
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -130,7 +130,7 @@ def test_merged_is_what_one_run_of_both_plants_writes(
 
 
 def test_the_merged_log_has_the_rate_of_its_logs_not_of_the_scenario(short: Scenario) -> None:
-    runs = [simulate_run(short, plant=plant) for plant in PLANTS]
+    runs = [simulate_run(short, plant=plant) for plant in PAIR]
     write_log("both.mcap", runs, every=6)
     for single in runs:
         write_log(f"{single.plant}.mcap", [single], every=6)

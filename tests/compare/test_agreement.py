@@ -13,13 +13,13 @@ from cranectl.compare.agreement import (
     OTHER_PAIR,
     Limits,
     NoLimits,
-    _stepping,
     agreement_limits,
     judge,
     judge_steps,
     limits_for,
     pair_limits,
     shipped_name,
+    with_finer_steps,
 )
 from cranectl.design import design_controller
 from cranectl.plants import registry
@@ -167,7 +167,7 @@ def test_other_differences_are_not_cured(long: list[Run]) -> None:
 
 def test_steps_stay_on_the_grid_of_nanoseconds() -> None:
     odd = load_scenario("fast-diagonal", overrides=["control.physics_step=0.000015625"])
-    assert _stepping(odd, 2) is None
+    assert with_finer_steps(odd, 2) is None
 
 
 def test_the_verdict_of_a_run_says_so(

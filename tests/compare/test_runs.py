@@ -18,7 +18,7 @@ from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.conftest import PLANTS
+from tests.conftest import PAIR
 
 
 @pytest.fixture
@@ -150,7 +150,7 @@ def test_what_differs_in_scenarios_and_designs_is_named(short: Scenario) -> None
 
 @pytest.fixture
 def pair(short: Scenario) -> tuple[Run, Run]:
-    analytic, mujoco = (simulate_run(short, plant=plant, controller="lqr").every(4) for plant in PLANTS)
+    analytic, mujoco = (simulate_run(short, plant=plant, controller="lqr").every(4) for plant in PAIR)
     return analytic, mujoco
 
 

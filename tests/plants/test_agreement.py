@@ -17,7 +17,7 @@ from cranectl.scenario import load_scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PLANTS, STILL, closed_loop, random_states, split
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PAIR, STILL, closed_loop, random_states, split
 
 STEP = 1e-3
 RIG = RigParameters()
@@ -130,7 +130,7 @@ def test_level_2_closed_loop(scenario: str, controller: str) -> None:
 
 def pair(scenario: str, controller: str, overrides: list[str]) -> list[Run]:
     loaded = load_scenario(scenario, overrides=overrides)
-    return [simulate_run(loaded, plant=plant, controller=controller) for plant in PLANTS]
+    return [simulate_run(loaded, plant=plant, controller=controller) for plant in PAIR]
 
 
 @pytest.mark.parametrize(

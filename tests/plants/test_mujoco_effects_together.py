@@ -8,9 +8,10 @@ import pytest
 
 from cranectl.plants.mujoco.model import JOINTS, drive_addresses, model_spec
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.mujoco.stability import LARGEST, fastest_rate
+from cranectl.plants.mujoco.stability import fastest_rate
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import check_effects
+from cranectl.plants.stability import LARGEST
 from cranectl.scenario.effects import (
     NO_EFFECTS,
     NO_LIMIT,
@@ -187,7 +188,7 @@ def test_the_analytic_plant_refuses_what_it_cannot_show(name: str) -> None:
     ],
 )
 def test_ideal_drives_refuse_forces(effects: EffectSettings, plant: str) -> None:
-    with pytest.raises(InputError, match="with ideal drives" if plant == "mujoco" else "analytic plant"):
+    with pytest.raises(InputError, match="analytic plant" if plant == "analytic" else "with ideal drives"):
         check_effects(effects, plant=plant, drive="ideal")
 
 
@@ -208,7 +209,7 @@ def test_effects_that_suit_every_plant_are_accepted(plant: str, drive: str) -> N
     effects = EffectSettings(friction=friction, limits=limits, wind=Wind(), sensing=Sensing(), delay=Delay())
     check_effects(effects, plant=plant, drive=drive)
     check_effects(NO_EFFECTS, plant=plant, drive=drive)
-    if plant == "mujoco":
+    if plant != "analytic":
         check_effects(EffectSettings(rope=Rope(), body=Body(), frame=Frame()), plant=plant, drive=drive)
 
 

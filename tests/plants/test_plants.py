@@ -24,17 +24,17 @@ from cranectl.plants.mujoco.model import (
 from cranectl.plants.mujoco.model import DRIVES as DRIVES_OF_AXES
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Plant
+from cranectl.plants.registry import plant_entry
 from cranectl.plants.surroundings import STICTION_RATE
-from cranectl.scenario.effects import EffectSettings, Friction, Wind
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Wind
 from cranectl.scenario.rig import RigParameters
 from tests.conftest import PLANTS, ROOT, STILL, random_states, split
 
-KINDS = {"analytic": AnalyticPlant, "mujoco": MujocoPlant}
 RIG = RigParameters()
 
 
 def make(name: str, *, drive: str = "ideal", step: float = 1e-3, substeps: int = 1, rig=RIG) -> Plant:
-    return KINDS[name](rig, drive=drive, step=step, substeps=substeps)
+    return plant_entry(name).load()(rig, drive=drive, step=step, substeps=substeps, effects=NO_EFFECTS)
 
 
 def swing(plant: Plant, start: np.ndarray, command: np.ndarray, periods: int) -> np.ndarray:
@@ -92,7 +92,8 @@ def _observe(plant: Plant, command: np.ndarray, load: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "order", "steps"), [("analytic", 8, (0.1, 0.05)), ("mujoco", 4, (0.02, 0.01))]
+    ("name", "order", "steps"),
+    [("analytic", 8, (0.1, 0.05)), ("elastic", 5, (0.04, 0.02)), ("mujoco", 4, (0.02, 0.01))],
 )
 def test_integrator_converges_with_its_order(name: str, order: int, steps: tuple[float, float]) -> None:
     start = np.array([1.0, 0.1, 0.7, -0.1, 0.8, 0.02, 0.5, 0.4, -0.4, 0.3])

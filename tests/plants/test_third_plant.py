@@ -99,7 +99,7 @@ def by_plant(path: str | Path) -> dict[str, bool]:
 
 
 def test_each_is_judged_against_the_reference(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    verdicts = {"analytic": True, "heavy": False}
+    verdicts = {"analytic": True, "elastic": True, "heavy": False}
     assert by_plant("run.json") == verdicts
     assert main(["compare", str(log), "--json", "compare.json"]) == 1
     shown = capsys.readouterr().out
@@ -114,7 +114,7 @@ def test_each_is_judged_against_the_reference(log: Path, capsys: pytest.CaptureF
 
 def test_a_log_tells_the_differences_by_plant(log: Path) -> None:
     runs = cranectl.read_log(log)
-    assert list(runs) == ["analytic", "mujoco", "heavy"]
+    assert list(runs) == ["analytic", "elastic", "mujoco", "heavy"]
     assert runs["heavy"].model == "the analytic plant with 1 % more gravity"
     for plant, apart in (("analytic", 1e-7), ("heavy", 1.0)):
         _, told = cranectl.read_signal(log, f"diff/{plant}/load.load_x")
@@ -131,7 +131,7 @@ def test_pictures_and_pages_show_all(log: Path) -> None:
     runs = cranectl.read_log(log)
     timeline = timeline_of(runs)
     assert [(track.label, track.ghost) for track in timeline.tracks] == [
-        ("analytic", True), ("MuJoCo", False), ("heavy", True),
+        ("analytic", True), ("elastic", True), ("MuJoCo", False), ("heavy", True),
     ]  # fmt: skip
     farthest = max(
         float(np.linalg.norm(a.load_position[-1] - b.load_position[-1]))
@@ -195,7 +195,7 @@ def test_a_log_cut_short_is_recovered_with_all(log: Path) -> None:
     whole = log.read_bytes()
     Path("cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
     assert main(["log", "recover", "cut.mcap", "--out", "recovered.mcap"]) == 0
-    assert list(cranectl.read_log("recovered.mcap")) == ["analytic", "mujoco", "heavy"]
+    assert list(cranectl.read_log("recovered.mcap")) == ["analytic", "elastic", "mujoco", "heavy"]
     cranectl.read_signal("recovered.mcap", "diff/heavy/distance.load_distance")
 
 
@@ -204,7 +204,7 @@ def test_a_live_session_sends_what_the_log_has(log: Path) -> None:
     session = Session(scenario, cranectl.design_controller("lqr", scenario.design))
     increments = Increments(scenario, session.plan, list(default_plants()))
     sent = {stream.topic for stream in increments.messages(session.advance(40), 0)}
-    assert {f"/diff/{plant}/distance" for plant in ("analytic", "heavy")} <= sent
+    assert {f"/diff/{plant}/distance" for plant in ("analytic", "elastic", "heavy")} <= sent
     logged = {topic.topic for topic in describe_log(log).topics}
     assert {topic for topic in sent if topic.startswith("/diff")} == {
         topic for topic in logged if topic.startswith("/diff") and not topic.endswith("/verdict")

@@ -9,7 +9,7 @@ from cranectl.metrics import run_metrics
 from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PLANTS, STILL, closed_loop
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PAIR, PLANTS, STILL, closed_loop
 
 
 def undisturbed(scenario: str, plant: str, *overrides: str, controller: str = "lqr") -> Run:
@@ -20,7 +20,7 @@ def undisturbed(scenario: str, plant: str, *overrides: str, controller: str = "l
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
 @pytest.mark.parametrize("scenario", ALL_SCENARIOS)
 def test_level_3_closed_loop(scenario: str, controller: str) -> None:
-    runs = [closed_loop(scenario, controller, plant, "velocity") for plant in PLANTS]
+    runs = [closed_loop(scenario, controller, plant, "velocity") for plant in PAIR]
     assert all(run.status.label == load_scenario(scenario).expected for run in runs)
     assert judge(*runs).passed
 
@@ -28,7 +28,7 @@ def test_level_3_closed_loop(scenario: str, controller: str) -> None:
 def test_the_limits_of_level_3_are_not_idle() -> None:
     """The largest difference is within a factor of three of its limit: a wrong lag or weight would show."""
     limits = agreement_limits("velocity")
-    comparison = compare_runs(*(closed_loop("near-slack", "lqr+hinf", plant, "velocity") for plant in PLANTS))
+    comparison = compare_runs(*(closed_loop("near-slack", "lqr+hinf", plant, "velocity") for plant in PAIR))
     assert comparison.max_load_error_m > limits.load_m / 3.0
     assert comparison.max_angle_error_rad > limits.angle_rad / 3.0
 
@@ -81,9 +81,9 @@ def test_lag_compensation_brings_tracking_near_to_ideal_drives(plant: str) -> No
 )
 def test_difference_of_the_plants_is_linear_in_load_mass_and_lag(overrides: list[str]) -> None:
     """A quarter of either, a quarter of the difference: it is the load's reaction on the servos."""
-    whole = compare_runs(*(closed_loop("settled-trajectory", "lqr", plant, "velocity") for plant in PLANTS))
+    whole = compare_runs(*(closed_loop("settled-trajectory", "lqr", plant, "velocity") for plant in PAIR))
     loaded = load_scenario("settled-trajectory", overrides=overrides)
-    runs = [simulate_run(loaded, plant=plant, drive="velocity", controller="lqr") for plant in PLANTS]
+    runs = [simulate_run(loaded, plant=plant, drive="velocity", controller="lqr") for plant in PAIR]
     quarter = compare_runs(*runs)
     assert quarter.max_load_error_m / whole.max_load_error_m == pytest.approx(0.25, abs=0.03)
     assert quarter.max_angle_error_rad / whole.max_angle_error_rad == pytest.approx(0.25, abs=0.05)

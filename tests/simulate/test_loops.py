@@ -16,7 +16,7 @@ from cranectl.simulate import runner as runner_module
 from cranectl.simulate.loops import LoopInputs, judge_sample
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.conftest import ALL_CONTROLLERS, PLANTS
+from tests.conftest import ALL_CONTROLLERS, PAIR, PLANTS
 
 
 def same(a: Run, b: Run) -> bool:
@@ -135,7 +135,7 @@ def test_run_stops_at_a_singularity(
 def test_plants_stop_together_for_the_same_reason() -> None:
     """Not at the very same instant perhaps, but within a few samples and with one status."""
     for overrides in ([kick("alpha", 20.0)], [kick("beta", 3.0), *NARROW]):
-        a, b = (stop(plant, *overrides) for plant in PLANTS)
+        a, b = (stop(plant, *overrides) for plant in PAIR)
         assert a.status == b.status
         assert abs(a.end_ns - b.end_ns) <= 2_000_000
 

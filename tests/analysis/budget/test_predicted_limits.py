@@ -11,7 +11,7 @@ from cranectl.compare.agreement import Limits, agreement_limits, judge
 from cranectl.design import design_controller
 from cranectl.scenario import load_scenario
 from cranectl.simulate import simulate_run
-from tests.conftest import PLANTS, ROOT
+from tests.conftest import PAIR, ROOT
 
 SCRIPT = runpy.run_path(str(ROOT / "validation" / "level_3.py"))
 WIDEST = ("near-slack", "lqr+hinf")
@@ -54,7 +54,7 @@ def test_another_rig_keeps_its_own_limits(rig: str) -> None:
     predicted, limits = predict_plant_difference(scenario, "lqr"), predicted_limits(scenario, design)
     assert isinstance(limits, Limits)
     assert (limits.load_m, limits.angle_rad) == (predicted.load_bound_m, predicted.angle_bound_rad)
-    runs = [simulate_run(scenario, plant=plant, drive="velocity", design=design) for plant in PLANTS]
+    runs = [simulate_run(scenario, plant=plant, drive="velocity", design=design) for plant in PAIR]
     found = judge(*runs, limits=limits)
     assert found.passed
     assert found.limits == limits.source != Limits.source

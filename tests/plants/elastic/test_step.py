@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from cranectl.plants.elastic.plant import ElasticPlant
-from cranectl.plants.plant import Drive
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.mujoco.stability import fastest_rate
+from cranectl.plants.plant import DRIVES, Drive, StepError
 from cranectl.scenario.effects import EffectNumbers, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
@@ -73,3 +75,18 @@ def test_what_slides_comes_to_rest_when_it_should() -> None:
     moved = start[1] ** 2 * (rig.bridge_mass + rig.trolley_mass) / (2.0 * friction.coulomb[0])
     assert state[1] == 0.0
     assert state[0] - start[0] == pytest.approx(moved, rel=2e-3)
+
+
+@pytest.mark.parametrize("names", [("rope",), ("frame",), ("body", "frame"), ("friction", "rope")])
+@pytest.mark.parametrize("drive", DRIVES)
+def test_it_vibrates_as_fast_as_the_engine_does(names: tuple[str, ...], drive: Drive) -> None:
+    """The poles by which steps are judged; so both plants refuse the same ones."""
+    effects = NUMBERS.only(*names)
+    engine = MujocoPlant(RIG, drive=drive, step=1e-3, substeps=1, effects=effects)
+    elastic = ElasticPlant(RIG, drive=drive, step=1e-3, substeps=1, effects=effects)
+    engine.reset(HANGING)
+    assert elastic.fastest_rate(HANGING[4]) == pytest.approx(
+        fastest_rate(engine.model, engine.data), rel=1e-3
+    )
+    with pytest.raises(StepError, match="too fast for steps"):
+        ElasticPlant(RIG, drive=drive, step=0.05, substeps=1, effects=effects).check_length(0.8)
