@@ -67,6 +67,7 @@ class DrakePlant:
         """No compiled code steps this plant."""
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:  # noqa: ARG002
+        """Never: it is for campaigns, which this plant has none of."""
         return False
 
     def check_length(self, length: float) -> None:
