@@ -149,7 +149,7 @@ def test_a_run_has_all_of_them(folder: Path) -> None:
     """The segment is followed up and back, by the controller's rules, on each plant, and measured."""
     told = json.loads((folder / "run.json").read_text())
     by_plant = {run["plant"]: run for run in told["runs"]}
-    assert list(by_plant) == ["analytic", "mujoco", "moon"]
+    assert list(by_plant) == ["analytic", "elastic", "mujoco", "moon"]
     for run in by_plant.values():
         assert run["controller"] == "servo"
         assert -0.95 < run["metrics"]["highest_load_m"] <= -0.8

@@ -35,7 +35,7 @@ NO_FORCES = [
     "effects.limits.force=[1e9,1e9,1e9]",
 ]  # fmt: skip
 OF_FORCE_DRIVES = ["effects.limits.velocity=[1e9,1e9,1e9]", "effects.limits.acceleration=[1e9,1e9,1e9]"]
-OF_MUJOCO = ("rope", "body", "frame")  # effects
+OF_OTHERS = ("rope", "body", "frame")  # effects
 OTHER = {
     "rig.bridge_range.0": 0.66, "rig.bridge_range.1": 0.7, "rig.trolley_range.0": 0.5,
     "rig.trolley_range.1": 0.55, "rig.rope_range.0": 0.58, "rig.rope_range.1": 0.61,
@@ -46,12 +46,13 @@ OTHER = {
 
 def overrides_of(plant: str, drive: str) -> list[str]:
     """As much as the plant and its drives can show."""
-    effects = [name for name in type(ALL_EFFECTS).model_fields if plant == "mujoco" or name not in OF_MUJOCO]
+    able = plant != "analytic"
+    effects = [name for name in type(ALL_EFFECTS).model_fields if able or name not in OF_OTHERS]
     if drive == "ideal":
         effects.remove("limits")
-    forces = FORCES if plant == "mujoco" and drive != "ideal" else NO_FORCES
+    forces = FORCES if plant != "analytic" and drive != "ideal" else NO_FORCES
     told = [*TIGHT, *forces, *(OF_FORCE_DRIVES if drive == "force" else ())]
-    if (plant, drive) == ("mujoco", "force"):
+    if plant != "analytic" and drive == "force":
         told.append("effects.limits.force=[20.0,10.0,12.0]")  # else they would not leave the workspaces below
     shown = [line for line in told if line.split(".")[1] in effects]
     return [*MOVING, *(f"effects.{name}={{}}" for name in effects), *shown]
@@ -108,7 +109,7 @@ def expected(plant: str, drive: str) -> Iterator[str]:
         "effects.limits.force.*": without_forces,
         "effects.friction.coulomb.*": without_forces,
         "effects.friction.viscous.*": without_forces,
-        **{f"effects.{effect}.*": plant == "analytic" for effect in OF_MUJOCO},
+        **{f"effects.{effect}.*": plant == "analytic" for effect in OF_OTHERS},
     }
     for name in names():
         refused = any(holds and fnmatchcase(name, pattern) for pattern, holds in patterns.items())

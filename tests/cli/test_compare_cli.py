@@ -55,15 +55,15 @@ def test_an_identical_run_passes_and_a_changed_gain_fails(capsys: pytest.Capture
     shown = capsys.readouterr().out
     assert "golden and new differ in design.input_weight: 0.1 and 0.11" in shown
     rows = [line.split() for line in shown.splitlines()]
-    assert sum("FAILED" in row for row in rows) == 3, "alpha of both plants, and the verdict"
-    (alpha, _) = (row for row in rows if row[:2] == ["state.alpha", "rad"])
+    assert sum("FAILED" in row for row in rows) == 4, "alpha of all plants, and the verdict"
+    (alpha, *_) = (row for row in rows if row[:2] == ["state.alpha", "rad"])
     assert alpha[-2:] == ["0.0e+00", "FAILED"]
-    (tension, _) = (row for row in rows if row[:2] == ["load.rope_tension", "N"])
+    (tension, *_) = (row for row in rows if row[:2] == ["load.rope_tension", "N"])
     assert tension[-2:] == ["1.0e+03", "passed"]
     result = json.loads(Path("v.json").read_text())
     assert result["passed"] is False
     assert result["differing_fields"] == ["design.input_weight: 0.1 and 0.11"]
-    assert [verdict["plant"] for verdict in result["verdicts"]] == ["analytic", "mujoco"]
+    assert [verdict["plant"] for verdict in result["verdicts"]] == ["analytic", "elastic", "mujoco"]
     for verdict in result["verdicts"]:
         assert verdict["passed"] is False
         assert {signal["signal"] for signal in verdict["signals"] if not signal["passed"]} == {"state.alpha"}
@@ -118,7 +118,7 @@ def test_merged_is_what_one_run_of_both_plants_writes(
     options: tuple[str, ...], code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The last one stops at other times on each plant."""
-    run("both.mcap", *options, controller="pole-placement+hinf", code=code)
+    run("both.mcap", "--plants", "analytic,mujoco", *options, controller="pole-placement+hinf", code=code)
     for plant in ("analytic", "mujoco"):
         run(f"{plant}.mcap", "--plant", plant, *options, controller="pole-placement+hinf", code=code)
     for pair in (("analytic.mcap", "mujoco.mcap"), ("mujoco.mcap", "analytic.mcap")):

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("in_empty_directory")
 OVERRIDES = ["duration=1.0", "disturbances=[]", "reference.segments=[]", "rig.load_mass=2.0"]
 OVERRIDES += ["initial.load_offset=[0.02,0,0]"]
 OWN = ["fast-diagonal", *(part for override in OVERRIDES for part in ("--set", override))]
-OWN += ["--controller", "lqr", "--drive", "velocity"]
+OWN += ["--controller", "lqr", "--plants", "analytic,mujoco", "--drive", "velocity"]
 LOG = "logs/fast-diagonal/lqr-velocity.mcap"
 
 
@@ -48,7 +48,7 @@ def test_a_rig_of_ones_own_is_not_judged_by_the_limits_of_another(capsys: pytest
     assert [agreement["passed"] for agreement in data["agreements"]] == [True, None]
     ((_, verdict),) = messages_of(Path(LOG), "/diff/verdict")
     assert verdict.verdict == "not judged"
-    assert "no limit: with velocity drives" in verdict.load
+    assert "no limit: how far the analytic plant" in verdict.load
 
 
 def test_with_predict_it_is_judged_by_its_own_bound() -> None:
@@ -78,7 +78,7 @@ def test_compare_ends_with_the_code_of_the_run_that_wrote_the_log(monkeypatch: p
     assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 0
     with monkeypatch.context() as patched:
         patched.setattr(
-            "cranectl.compare.agreement.agreement_limits", lambda _: Limits(1e-16, 1e-16, 0.0, "")
+            "cranectl.compare.agreement.agreement_limits", lambda *_, **__: Limits(1e-16, 1e-16, 0.0, "")
         )
         assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 1
     assert main(["run", *ideal, *STOP]) == 3

@@ -14,7 +14,7 @@ from cranectl import Run, RunStatus, load_scenario, read_log
 from cranectl.cases import case as cases
 from cranectl.cases.assertions import CaseRuns, assert_agree
 from cranectl.support.units import quantity
-from tests.conftest import ROOT, closed_loop
+from tests.conftest import PAIR, ROOT, closed_loop
 from tests.docs.test_docs import blocks
 from tests.packages import PLUGIN, run_pytest
 from tests.test_architecture import HEAVY
@@ -172,7 +172,7 @@ def test_failures_name_signal_time_size_limit_and_log(repository: Path) -> None:
         since = run.time[np.argmax(error > 0.05)]
         line = f"{plant} breaks the limit 0.05 of max_error_m: {error.max():.4g}, from {since:g} s on"
         assert line in said["test_limits"]
-    analytic, mujoco = log("test_agree").values()
+    analytic, _, mujoco = log("test_agree").values()
     apart = np.linalg.norm(analytic.load_position - mujoco.load_position, axis=1)
     place = f"by {quantity(apart.max(), 'm')} at {analytic.time[apart.argmax()]:g} s, limit 1.00 µm"
     assert f"analytic and mujoco differ in load position {place}" in said["test_agree"]
@@ -192,7 +192,7 @@ def test_failures_name_signal_time_size_limit_and_log(repository: Path) -> None:
     for test in ("test_stopped_alike", "test_stopped_within_limits"):
         assert "mujoco ends with slack-rope at 0.255 s, expected completed" in said[test]
     assert "they agree with control.physics_step = 0.01" in said["test_steps"]
-    assert log("test_anything_else").keys() == {"analytic", "mujoco"}
+    assert log("test_anything_else").keys() == {"analytic", "elastic", "mujoco"}
 
 
 def test_failures_point_at_the_line_of_the_test(repository: Path) -> None:
@@ -242,4 +242,4 @@ def test_runs_that_end_apart_do_not_agree(monkeypatch: pytest.MonkeyPatch) -> No
         cases, "simulate_run", lambda *_, plant, **__: replace(run, plant=plant, end_ns=ended[plant])
     )
     with pytest.raises(AssertionError, match=r"^analytic ends at 18 s, mujoco at 18\.021 s$"):
-        assert_agree(CaseRuns(cases.make_case(load_scenario("fixed-position"))), load_m=1.0)
+        assert_agree(CaseRuns(cases.make_case(load_scenario("fixed-position"), plants=PAIR)), load_m=1.0)

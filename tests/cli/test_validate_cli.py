@@ -57,15 +57,15 @@ def test_scenarios_that_cannot_be_run_leave_the_others(jobs: str, capsys: pytest
     assert main(["validate", *names, *FOLLOWED, "--jobs", jobs]) == 2
     captured = capsys.readouterr()
     assert "Traceback" not in captured.err
-    assert "2 runs, logs in logs" in captured.out
+    assert "3 runs, logs in logs" in captured.out
     assert "validation FAILED" in captured.out
     assert "broken.toml: could not be run\nfound:   broken.toml is not valid TOML" in captured.err
     assert "unstable.toml, lqr+hinf, ideal: could not be run\nfound: " in captured.err
     assert "absent.toml: could not be run\nfound:   cannot read absent.toml" in captured.err
     result = json.loads(Path("result.json").read_text())
     assert result["passed"] is False
-    assert [run["scenario"] for run in result["runs"]] == ["good", "good"]
-    (agreement,) = result["agreements"]
+    assert [run["scenario"] for run in result["runs"]] == ["good"] * 3
+    agreement, _ = result["agreements"]
     assert agreement["passed"] is True
     failed = {each["scenario"]: each for each in result["failed"]}
     assert failed.keys() == {"broken.toml", "unstable.toml", "absent.toml"}
@@ -73,7 +73,7 @@ def test_scenarios_that_cannot_be_run_leave_the_others(jobs: str, capsys: pytest
     assert failed["absent.toml"]["controller"] is None
     assert failed["unstable.toml"]["controller"] == "lqr+hinf"
     assert "unstable when sampled" in failed["unstable.toml"]["reason"]
-    assert len(read_log("logs/good/lqr+hinf-ideal.mcap")) == 2
+    assert len(read_log("logs/good/lqr+hinf-ideal.mcap")) == 3
 
 
 def test_one_reason_of_many_cases_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,7 +105,7 @@ def test_an_error_that_nobody_foresaw_is_no_verdict(
     assert "Traceback" not in captured.err
     assert "validation FAILED" in captured.out
     result = json.loads(Path("result.json").read_text())
-    assert [run["drive"] for run in result["runs"]] == ["ideal", "ideal"]
+    assert [run["drive"] for run in result["runs"]] == ["ideal"] * 3
     assert [each["bad_input"] for each in result["failed"]] == [False]
     told = ["--controller", "lqr", "--drive", "velocity", "--jobs", "1", "--traceback"]
     assert main(["validate", "good.toml", *told]) == 70
@@ -125,7 +125,7 @@ def test_limits_of_a_scenario_are_judged_beside_the_agreement(capsys: pytest.Cap
         data = json.loads(Path("result.json").read_text())
         assert (data["plants_agree"], data["limits_kept"]) == (True, code == 0)
         asked = [[limit["metric"] for limit in run["limits"]] for run in data["runs"]]
-        assert asked == [["max_error_m"], ["max_error_m", "min_rope_tension_n"]]
+        assert asked == [*[["max_error_m"]] * 2, ["max_error_m", "min_rope_tension_n"]]
         assert main(["compare", f"logs/{name}/lqr-ideal.mcap", "--json", "result.json"]) == code
         assert json.loads(Path("result.json").read_text())["limits_kept"] is (code == 0)
     capsys.readouterr()
@@ -135,7 +135,7 @@ def test_limits_of_a_scenario_are_judged_beside_the_agreement(capsys: pytest.Cap
     assert main(["validate", "strict.toml", "wrong.toml", *pushed, *options]) == 2
     captured = capsys.readouterr()
     assert "limits broken" in captured.out
-    assert "2 of 6 limits kept" in captured.out
+    assert "2 of 8 limits kept" in captured.out
     assert "did you mean 'max_error_m'?" in captured.err
 
 
@@ -150,7 +150,7 @@ def test_a_directory_stands_for_the_scenarios_in_it(
     (place / "many.toml").write_text('name = "many"\nscenario = "good.toml"\n')
     assert main(["validate", "mine", "good.toml", *FOLLOWED]) == 0
     runs = json.loads(Path("result.json").read_text())["runs"]
-    assert [run["scenario"] for run in runs[::2]] == ["second", "first", "good"]
+    assert [run["scenario"] for run in runs[::3]] == ["second", "first", "good"]
     (place / "broken.toml").write_text("reference = ")
     assert main(["validate", "mine", *FOLLOWED]) == 2, "what is no scenario fails"
     assert "mine/broken.toml: could not be run" in capsys.readouterr().err
@@ -177,7 +177,7 @@ def test_ci_gets_junit_and_a_page_and_keeps_what_failed(
         "tests": "3", "failures": "1", "errors": "1"
     }  # fmt: skip
     cases = {case.get("classname"): case for case in root.iter("testcase")}
-    assert cases["good.toml"].get("name") == "lqr+hinf / ideal / analytic, mujoco"
+    assert cases["good.toml"].get("name") == "lqr+hinf / ideal / analytic, elastic, mujoco"
     assert list(cases["good.toml"]) == []
     failure = cases["strict.toml"].find("failure")
     assert failure is not None
@@ -193,7 +193,7 @@ def test_ci_gets_junit_and_a_page_and_keeps_what_failed(
         "broken.toml",
         "<summary>1 more<",
         "breaks the limit",
-        "All limits: 3",
+        "All limits: 4",
         "Agreement of the plants",
     ]
     places = [page.index(text) for text in order]
@@ -206,6 +206,6 @@ def test_ci_gets_junit_and_a_page_and_keeps_what_failed(
 
 def test_without_logs_all_is_judged_as_with_them(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "good.toml", *FOLLOWED, "--keep", "none"]) == 0
-    assert "2 runs, no log kept" in capsys.readouterr().out
+    assert "3 runs, no log kept" in capsys.readouterr().out
     assert not Path("logs", "good").exists()
-    assert [run["log"] for run in json.loads(Path("result.json").read_text())["runs"]] == [None, None]
+    assert [run["log"] for run in json.loads(Path("result.json").read_text())["runs"]] == [None] * 3

@@ -33,6 +33,7 @@ from cranectl.signals import DISTURBANCE, STATE
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
+from tests.conftest import PAIR
 from tests.log.viewer import Viewer, decode_rows
 
 QUIET = ["disturbances=[]"]
@@ -328,8 +329,8 @@ def test_increments_make_the_messages_of_a_log(name: str, overrides: tuple[str, 
     """Except how the run ended, and the last pose where it lies between two others."""
     scenario = load_scenario(name, overrides=overrides)
     design = design_controller("lqr", scenario.design)
-    running = Session(scenario, design)
-    increments = Increments(scenario, running.plan, ["analytic", "mujoco"])
+    running = Session(scenario, design, plants=PAIR)
+    increments = Increments(scenario, running.plan, PAIR)
     found: dict[str, list[tuple[int, bytes]]] = {}
 
     def keep(made: list) -> None:
@@ -376,8 +377,8 @@ def test_the_reference_is_sent_once_though_one_plant_stops_and_the_other_waits()
     """At a sample that is not logged otherwise; twice the same time would be a damaged log."""
     scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]"])
     design = design_controller("lqr", scenario.design)
-    running = Session(scenario, design)
-    increments = Increments(scenario, running.plan, ["analytic", "mujoco"])
+    running = Session(scenario, design, plants=PAIR)
+    increments = Increments(scenario, running.plan, PAIR)
     first, second = running.advance(22)
     stopped = replace(first, status=RunStatus.WORKSPACE_LEFT, end_ns=21_000_000)
     sent = [*increments.messages([stopped, second], 0), *increments.last()]

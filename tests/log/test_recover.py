@@ -22,7 +22,7 @@ from cranectl.scenario import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
-from tests.conftest import PLANTS
+from tests.conftest import PAIR
 from tests.log.corruption import every_message, places, put_together, take_apart
 from tests.log.viewer import messages_of
 
@@ -102,7 +102,7 @@ def test_what_is_saved_of_a_log_of_before_has_the_topics_of_today(tmp_path: Path
     recovery = recover_log(part)
     before, after = ({t.topic for t in describe_log(log).topics} for log in (sample, recovery.log))
     assert "/mujoco/cable" in before - after
-    assert after - before == {f"/{plant}/{n}" for plant in PLANTS for n in (topics.ROPE, topics.ARROW)}
+    assert after - before == {f"/{plant}/{n}" for plant in PAIR for n in (topics.ROPE, topics.ARROW)}
 
 
 def messages_before(log: Path, chunks: int) -> int:

@@ -189,7 +189,8 @@ def test_what_comes_from_users_is_escaped() -> None:
 
 def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     for drive in ("ideal", "velocity"):
-        arguments = ["run", "fixed-position", *SHORT, "--drive", drive, "--out", f"{drive}/run.mcap"]
+        arguments = ["run", "fixed-position", *SHORT, "--plants", "analytic,mujoco", "--drive", drive]
+        arguments += ["--out", f"{drive}/run.mcap"]
         assert main(arguments) == 0
     assert main(["report", "ideal/run.mcap"]) == 0
     assert f"report: {Path('ideal/run.html')}" in capsys.readouterr().out
