@@ -28,7 +28,7 @@ from cranectl.log import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import PLANTS, default_plants, in_order
+from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import Scenario
 from cranectl.simulate import Plan, Run, law_of, plan_scenario, simulate_run
 from cranectl.status import RunStatus
@@ -216,12 +216,9 @@ def make_case(
 ) -> Case:
     """A case with the scenario's own controller and name, the usual plants and place for its log by default.
 
-    Raises InputError for plants that are unknown or not installed, and for limits that the scenario cannot
-    have.
+    Raises InputError for plants that cannot be run and for limits that the scenario cannot have.
     """
-    plants = in_order(plants or default_plants())
-    for plant in plants:
-        PLANTS[plant].check_installed()
+    plants = plants_to_run(plants)
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
@@ -266,16 +263,9 @@ def simulate_case(
 ) -> list[Run]:
     """A run on each plant; an interrupted one is the last."""
     runs: list[Run] = []
+    shared = prepared._asdict()
     for plant in case.plants:
-        runs.append(
-            simulate_run(
-                case.scenario,
-                plant=plant,
-                drive=case.drive,
-                progress=progress,
-                **prepared._asdict(),
-            )
-        )
+        runs.append(simulate_run(case.scenario, plant=plant, drive=case.drive, progress=progress, **shared))
         if runs[-1].status == RunStatus.INTERRUPTED:
             break
     return runs

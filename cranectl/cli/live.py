@@ -73,14 +73,14 @@ def live_command(
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
-    from cranectl.plants.registry import default_plants, in_order
+    from cranectl.plants.registry import plants_to_run
     from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     design = controller_design(controller or loaded.controller.name, loaded)
     controls = Controls(loaded, design, drive=drive, speed=speed)
-    plants = in_order(plants or default_plants())
+    plants = plants_to_run(plants)
     if layout:
         from cranectl.report.viewer_layouts import layout_json
 

@@ -14,7 +14,7 @@ from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.flat import ROBUSTIFIER
 from cranectl.design import Design
 from cranectl.plants.plant import Drive, Plant
-from cranectl.plants.registry import default_plants
+from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate.plan import plan_scenario
@@ -62,7 +62,7 @@ class Session:
         self._samples = 0  # since the last start
         self._pulses: list[_Pulse] = []
         self._law = law_of(scenario, design, drive, self.plan)
-        self._plants = [make_plant(name, scenario, drive) for name in plants or default_plants()]
+        self._plants = [make_plant(name, scenario, drive) for name in plants_to_run(plants)]
         self._start()
 
     @property

@@ -184,6 +184,14 @@ def in_order(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in PLANTS if name in wanted)
 
 
+def plants_to_run(names: Iterable[str]) -> tuple[str, ...]:
+    """`in_order`, without names the usual plants; raises InputError as well for one that is not installed."""
+    chosen = in_order(names) or default_plants()
+    for name in chosen:
+        PLANTS[name].check_installed()
+    return chosen
+
+
 def reference_plant(names: Iterable[str]) -> str:
     """The plant that the others are compared against: REFERENCE_PLANT, or the last where it is absent."""
     ordered = in_order(names)
