@@ -34,7 +34,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Equations of motion, flat map and linearising law, tracker, other laws, disturbance forces, drives.
+# Equations of motion, flat map and linearising law, tracker, other laws, the elastic crane, disturbance forces,
+# drives.
 TARGETS = {
     "cranectl.model.dynamics": """
         angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian
@@ -53,6 +54,10 @@ TARGETS = {
     "cranectl.plants.analytic": """
         drive_accelerations derivative observe_load outer_force passive_accelerations pivot_torque
     """,
+    "cranectl.plants.elastic.motion": "dot cross sum_of rope_directions rate_of_turn derivative n_squared",
+    "cranectl.plants.elastic.axes": "move_axes given rail_force load_pull add_axes solve hold",
+    "cranectl.plants.elastic.crane": "make_crane _rails set_damping hanging_states",
+    "cranectl.plants.elastic.step": "settle change_sides integrate margin finish_step",
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance turn_rate",
     "cranectl.plants.mujoco.model": "ideal_inertia _set_ideal_drives _set_velocity_drives",
     "cranectl.scenario.rig": "RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight",
@@ -68,6 +73,8 @@ SUITE = [
     "tests/simulate/test_actuation.py",
     "tests/scenario/test_rig.py",
     "tests/plants/test_disturbed_step.py",
+    "tests/plants/elastic/test_accelerations.py",
+    "tests/plants/elastic/test_step.py",
     "tests/plants/test_plants.py",
     "tests/plants/test_agreement.py",
     "tests/plants/test_sloping_rails.py",

@@ -32,8 +32,8 @@ def ended(
 
 
 @pytest.mark.parametrize("names", [(), ("frame",), ("body", "frame"), ("friction",)])
-def test_the_integrator_is_of_order_five(names: tuple[str, ...]) -> None:
-    """Half the step, a thirty-second of the error; friction is parted where joints stick and let go."""
+def test_half_the_step_leaves_a_thirty_second_of_the_error(names: tuple[str, ...]) -> None:
+    """Friction too: a step is parted where joints stick and let go."""
     best = ended(64, names)
     errors = [np.abs(ended(substeps, names) - best).max() for substeps in (2, 4, 8)]
     orders = np.log2(np.divide(errors[:-1], errors[1:]))

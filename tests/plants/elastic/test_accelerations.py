@@ -1,0 +1,141 @@
+"""The elastic plant's equations against the engine's at random states: every effect, every kind of drives."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from cranectl.plants.elastic.crane import BODY, RAILS, SPIN, STATES, STRETCH, STRETCH_RATE
+from cranectl.plants.elastic.plant import ElasticPlant
+from cranectl.plants.elastic.step import settle
+from cranectl.plants.mujoco.disturbed_step import push_load
+from cranectl.plants.mujoco.plant import MujocoPlant, apply_drag
+from cranectl.plants.mujoco.rope import pay_out, set_damping
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.scenario.effects import (
+    Body,
+    DriveLimits,
+    EffectNumbers,
+    EffectSettings,
+    Friction,
+    Installation,
+    Rope,
+    Wind,
+)
+from cranectl.scenario.rig import RigParameters
+from cranectl.support.arrays import Array
+
+RIG = RigParameters(load_mass=1.3, winch_mass=0.7)
+NUMBERS = EffectNumbers(  # so that all that depends on them weighs
+    rope=Rope(stiffness=300.0, mass=0.2, damping_ratio=0.2),
+    body=Body(hook_offset=0.2, inertia=0.03, swing_damping=0.1),
+    friction=Friction(coulomb=(0.0, 0.0, 0.0), pivot_coulomb=0.0, pivot_viscous=0.05),
+    installation=Installation(tilt=(0.03, -0.05)),
+    limits=DriveLimits(force=(6.0, 5.0, 14.0)),
+    wind=Wind(drag_area=0.3),
+)
+EFFECTS = [
+    (), ("frame",), ("rope",), ("body",), ("wind",), ("friction",), ("limits", "installation"),
+    ("rope", "body"), ("rope", "body", "frame", "wind", "friction", "installation", "limits"),
+]  # fmt: skip
+STATES_EACH = 5
+
+
+def random_state(random: np.random.Generator, effects: EffectSettings) -> Array:
+    """All that moves, but for the body, moves."""
+    state = np.zeros(STATES)
+    state[:10:2] = random.uniform([0.2, 0.2, 0.4, -1.0, -1.0], [1.8, 1.3, 1.2, 1.0, 1.0])
+    state[1:10:2] = random.uniform(-1.0, 1.0, 5)
+    if effects.rope:
+        state[STRETCH], state[STRETCH_RATE] = random.uniform([0.01, -0.3], [0.05, 0.3])
+    if effects.frame:
+        state[RAILS:] = random.uniform(-0.1, 0.1, 4)
+    return state
+
+
+def place(engine: MujocoPlant, state: Array, random: np.random.Generator) -> None:
+    """The engine at `state`, a body turned and turning anyhow; writes where that is into `state`."""
+    data, rig = engine.data, engine.rig
+    mujoco.mj_resetData(engine.model, data)
+    data.qpos[rig.joints], data.qvel[rig.rates] = state[:10:2], state[1:10:2]
+    if rig.rope.active:
+        data.qpos[rig.distance[0]] = state[4] + state[STRETCH]
+        data.qvel[rig.distance[1]] = state[5] + state[STRETCH_RATE]
+    for k, name in enumerate(("frame_x", "frame_y") if engine.effects.frame else ()):
+        joint = engine.model.joint(name)
+        data.qpos[joint.qposadr[0]], data.qvel[joint.dofadr[0]] = state[RAILS + 2 * k : RAILS + 2 * k + 2]
+    if engine.effects.body:
+        joint, turned = engine.model.joint("swing"), random.normal(size=4)
+        data.qpos[joint.qposadr[0] : joint.qposadr[0] + 4] = turned / np.linalg.norm(turned)
+        data.qvel[joint.dofadr[0] : joint.dofadr[0] + 3] = random.uniform(-2.0, 2.0, 3)
+        mujoco.mj_forward(engine.model, data)
+        rotation = data.body("load").xmat.reshape(3, 3)
+        state[BODY : BODY + 3] = -rotation[:, 2]
+        state[SPIN : SPIN + 3] = hook_spin(state) + rotation @ data.qvel[joint.dofadr[0] :][:3]
+
+
+def hook_spin(state: Array) -> Array:
+    return np.array([state[7], -state[9] * np.cos(state[6]), -state[9] * np.sin(state[6])])
+
+
+def engine_rates(engine: MujocoPlant, state: Array, command: Array, disturbance: Array, wind: Array) -> Array:
+    """Rates of change (22,) of the rates in `state`, at their places, by the engine."""
+    data, rig = engine.data, engine.rig
+    data.ctrl[rig.drives] = command
+    if rig.rope.active:
+        pay_out(rig.rope, data.qpos, data.qvel, 0.0)
+    mujoco.mj_forward(engine.model, data)
+    apply_drag(rig, wind)
+    push_load(rig, disturbance)
+    mujoco.mj_forward(engine.model, data)
+    found = np.zeros(STATES)
+    found[1:10:2] = data.qacc[rig.rates]
+    if rig.rope.active:
+        found[STRETCH_RATE] = data.qacc[rig.distance[1]] - found[5]
+    for k, name in enumerate(("frame_x", "frame_y") if engine.effects.frame else ()):
+        found[RAILS + 1 + 2 * k] = data.qacc[engine.model.joint(name).dofadr[0]]
+    if engine.effects.body:
+        first = engine.model.joint("swing").dofadr[0]
+        rotation, turn = data.body("load").xmat.reshape(3, 3), data.qvel[first : first + 3]
+        ca, sa, spin = np.cos(state[6]), np.sin(state[6]), state[SPIN : SPIN + 3]
+        found[SPIN] = found[7]
+        found[SPIN + 1] = -found[9] * ca + state[9] * state[7] * sa
+        found[SPIN + 2] = -found[9] * sa - state[9] * state[7] * ca
+        found[SPIN : SPIN + 3] += rotation @ data.qacc[first : first + 3] + np.cross(spin, rotation @ turn)
+    return found
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("names", EFFECTS)
+def test_accelerations_and_tension_are_the_engines(names: tuple[str, ...], drive: Drive) -> None:
+    """To rounding but for the engine's hook, which weighs a billionth of the load."""
+    effects = NUMBERS.only(*names)
+    if drive == "ideal":
+        effects = effects.model_copy(update={"limits": None})
+    random = np.random.default_rng(len(names))
+    engine = MujocoPlant(RIG, drive=drive, step=1e-4, substeps=1, effects=effects)
+    elastic = ElasticPlant(RIG, drive=drive, step=1e-4, substeps=1, effects=effects)
+    places = elastic.crane.places
+    for _ in range(STATES_EACH):
+        state = random_state(random, effects)
+        place(engine, state, random)
+        elastic.reset(state[:10])
+        if effects.rope:
+            set_damping(engine.rig.rope, effects.rope, RIG.load_mass, state[4])
+        elastic.state[:] = state
+        command, disturbance = random.uniform(-1.0, 1.0, 3), random.uniform(-1.0, 1.0, 2)
+        command *= 20.0 if drive == "force" else 1.0
+        wind = random.uniform(-3.0, 3.0, 6) if effects.wind else np.zeros(6)
+        expected = engine_rates(engine, state, command, disturbance, wind)
+        settle(elastic.crane, elastic.state, command, disturbance, wind, elastic.work)
+        rates = elastic.work.rates[0].copy()
+        # Rates of positions are what they say: of b, w x b.
+        assert rates[:10:2] == pytest.approx(state[1:10:2], abs=0.0)
+        turning = np.cross(state[SPIN : SPIN + 3], state[BODY : BODY + 3])
+        assert rates[BODY : BODY + 3] == pytest.approx(turning if effects.body else np.zeros(3), abs=1e-14)
+        fast = [k for k in places if k in (1, 3, 5, 7, 9, 11, 15, 16, 17, 19, 21)]
+        scale = np.abs(expected[fast]).max()
+        assert rates[fast] == pytest.approx(expected[fast], rel=1e-7, abs=1e-7 * scale), names
+        tension = engine.data.sensordata[engine.rig.load_sensors[6]]
+        assert elastic.work.tension[0] == pytest.approx(tension, rel=1e-7, abs=1e-6)
+        load = engine.data.sensordata[engine.rig.load_sensors[3:6]]
+        assert elastic.work.velocity == pytest.approx(load, rel=1e-9, abs=1e-9)
