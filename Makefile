@@ -28,7 +28,7 @@ drake: .venv/extra-drake ## add the plant in Drake, 270 MB
 	$(BIN)/python $(PIP_INSTALL) --editable '.[$*]'
 	@touch $@
 
-validate: setup ## run every scenario with every controller on both plants and judge
+validate: setup ## run every scenario with every controller on three plants and judge
 	$(call limit,600) $(BIN)/cranectl validate
 
 test: setup cluster video ## run the tests, those of these two extras too

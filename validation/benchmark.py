@@ -70,6 +70,26 @@ def run_against_bare_steps(repeats: int) -> list[Figure]:
     ]
 
 
+def elastic_against_engine(repeats: int) -> list[Figure]:
+    """Runs with servos on the elastic plant and on the engine, with the same effects."""
+    plain, found = load_scenario(SCENARIO), []
+    design, numbers = design_controller("lqr", plain.design), plain.rig.effects
+    for names in ((), ("friction",), ("frame",), ("rope", "body", "wind", "frame")):
+        scenario = plain.model_copy(update={"effects": numbers.only(*names)})
+        options = {"drive": "velocity", "design": design, "plan": plan_scenario(scenario)}
+        works = {
+            plant: functools.partial(simulate_run, scenario, plant=plant, **options)
+            for plant in ("elastic", "mujoco")
+        }
+        times = interleaved(works, repeats)
+        ratios = [e / m for e, m in zip(times["elastic"], times["mujoco"], strict=True)]
+        with_them = " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:]))) or "no effects"
+        found.append(figure(f"elastic run / MuJoCo run, velocity drives, {with_them}", ratios, "", 1.0))
+        steps = [1e6 * t / (scenario.steps + 1) for t in times["elastic"]]
+        found.append(figure(f"a sample of it, {with_them}", steps, "µs", 4.0 if not names else None))
+    return found
+
+
 def log_against_library(repeats: int) -> list[Figure]:
     """Writing a pair of runs against feeding the writer library the same messages, ready as bytes."""
     scenario = load_scenario(SCENARIO)
@@ -174,6 +194,7 @@ def table(figures: list[Figure]) -> str:
 
 PARTS = (
     run_against_bare_steps,
+    elastic_against_engine,
     campaign_against_engine,
     plants_and_threads,
     many_runs,

@@ -34,7 +34,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Equations of motion, flat map and linearising law, tracker, other laws, the elastic crane, disturbance forces,
+# Equations of motion, flat map and linearising law, tracker, other laws, elastic crane, disturbance forces,
 # drives.
 TARGETS = {
     "cranectl.model.dynamics": """

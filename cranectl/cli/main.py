@@ -38,8 +38,9 @@ TRACEBACK = "--traceback"  # anywhere on the command line
 
 HELP = """Validate crane controllers against independent physics.
 
-One flatness-based tracking controller, two plants that know nothing of each other: the analytic Lagrange
-model and a MuJoCo model of the rig. Every run is an MCAP log that opens in Foxglove.
+Any controller, first of all a flatness-based tracker, and plants that know nothing of each other: two
+derivations of our own and models in the engines MuJoCo and Drake. Every run is an MCAP log that opens in
+Foxglove.
 
 \b
 Exit codes:

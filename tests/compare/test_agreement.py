@@ -177,6 +177,6 @@ def test_the_verdict_of_a_run_says_so(
     overrides = [part for override in LONG for part in ("--set", override)]
     assert main(["run", "fast-diagonal", "--controller", "lqr", *overrides, "--json", "run.json"]) == 1
     assert "with control.physics_step = 0.01 they do" in " ".join(capsys.readouterr().out.split())
-    (agreement,) = json.loads(Path("run.json").read_text())["agreements"]
-    assert agreement["curing_step_s"] == 0.01
-    assert not agreement["passed"]
+    for agreement in json.loads(Path("run.json").read_text())["agreements"]:
+        assert agreement["curing_step_s"] == 0.01
+        assert not agreement["passed"]

@@ -1,0 +1,66 @@
+"""Level 3: the elastic plant and the engine in closed loop, with the same servos and effects."""
+
+import pytest
+
+from cranectl.compare.agreement import agreement_limits, judge
+from cranectl.controllers.registry import controller_design
+from cranectl.plants.plant import DRIVES
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import ALL_SCENARIOS, closed_loop
+
+PLANTS = ("elastic", "mujoco")
+EFFECTS = ("frame", "rope", "body", "wind", "friction")
+
+
+@pytest.mark.parametrize("controller", ["lqr", "lqr+hinf", "pid"])
+@pytest.mark.parametrize("scenario", ALL_SCENARIOS)
+def test_the_servos_of_both_feel_the_load_alike(scenario: str, controller: str) -> None:
+    """Where the analytic lag is millimetres off."""
+    elastic, engine = (closed_loop(scenario, controller, plant, "velocity") for plant in PLANTS)
+    agreement = judge(elastic, engine)
+    assert agreement.passed
+    assert (agreement.limit_m, agreement.limit_rad) == (1e-7, 1e-7)
+    assert agreement.max_load_error_m < 1e-8
+    assert agreement.max_angle_error_rad < 1e-8
+
+
+def with_effects(name: str, *effects: str) -> Scenario:
+    loaded = load_scenario(name)
+    return loaded.model_copy(update={"effects": loaded.rig.effects.only(*effects)})
+
+
+def both(scenario: Scenario, drive: str) -> tuple[Run, Run]:
+    design = controller_design("lqr", scenario)
+    a, b = (simulate_run(scenario, plant=plant, drive=drive, design=design) for plant in PLANTS)
+    return a, b
+
+
+@pytest.mark.parametrize("drive", DRIVES[1:])
+@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize("scenario", ["fast-diagonal", "near-slack", "ship-to-shore"])
+def test_effects_leave_what_the_engines_schemes_do(scenario: str, effect: str, drive: str) -> None:
+    """Within the limits for each, which are not idle; with a frame as without."""
+    assert load_scenario(scenario).effects == NO_EFFECTS
+    elastic, engine = both(with_effects(scenario, effect), drive)
+    agreement = judge(elastic, engine)
+    assert agreement.passed, (agreement.max_load_error_m, agreement.max_angle_error_rad)
+    if effect == "frame":
+        assert (agreement.limit_m, agreement.limit_rad) == (1e-7, 1e-7)
+    else:
+        assert agreement.limit_m > agreement_limits(drive, feels=True).load_m
+
+
+@pytest.mark.parametrize(("effect", "order"), [("rope", 2), ("wind", 1), ("friction", 1)])
+def test_half_the_step_leaves_what_the_order_of_the_engines_scheme_says(effect: str, order: int) -> None:
+    scenario = with_effects("near-slack", effect)
+    coarse = judge(*both(scenario, "velocity")).max_load_error_m
+    control = scenario.control.model_copy(update={"physics_step": 0.00025})
+    fine = judge(*both(scenario.model_copy(update={"control": control}), "velocity")).max_load_error_m
+    assert fine < 1.5 * coarse / 4**order
+
+
+def test_all_effects_at_once() -> None:
+    scenario = with_effects("fast-diagonal", "limits", "sensing", "delay", *EFFECTS)
+    assert judge(*both(scenario, "velocity")).passed
