@@ -279,8 +279,8 @@ def _pytest_arguments(mutant: Mutant | None) -> list[str]:
 
 def _most_likely_first(mutant: Mutant | None) -> list[str]:
     """The suite, tests of the mutant's own module in front."""
-    home = "" if mutant is None else mutant.module.removeprefix("cranectl.").split(".")[0]
-    return sorted(SUITE, key=lambda file: home not in file)
+    rooms = [] if mutant is None else mutant.module.split(".")[1:]
+    return sorted(SUITE, key=lambda file: -sum(f"/{room}/" in file for room in rooms))
 
 
 def _warm_up() -> None:
