@@ -93,7 +93,7 @@ def pair_limits(
 ) -> Limits | NoLimits:
     """The limits of two plants; where the shipped ones do not hold for the analytic one, by `predict`."""
     if drives_agree(drive, pair):
-        return _with_effects(agreement_limits(drive, feels=True), scenario, drive)
+        return _with_effects(agreement_limits(drive, feels=True), scenario, drive, pair)
     if "analytic" not in pair or not any(plant_entry(plant).servos for plant in pair):
         return OTHER_PAIR
     if not isinstance(design, Design):
@@ -122,12 +122,14 @@ def agreement_limits(drive: str, scenario: str = "", *, feels: bool = False) -> 
     return Limits(**{**limits, **own})
 
 
-def _with_effects(limits: Limits, scenario: Scenario, drive: str) -> Limits:
+def _with_effects(limits: Limits, scenario: Scenario, drive: str, pair: tuple[str, str]) -> Limits:
     """What the schemes of effects leave besides; lengths are those of the laboratory's rig."""
     known = read_toml(resources.TOLERANCE_FILE)["closed-loop"]["effects"]
     size = scenario.rig.rope_range[1] / RigParameters().rope_range[1]
     for name in scenario.effects.names:
-        found = {**known.get(name, {}), **known.get(name, {}).get(drive, {})}
+        found = known.get(name, {})
+        for special in (drive, *pair):  # drives or plants that leave more
+            found = {**found, **found.get(special, {})}
         if found:
             limits = replace(
                 limits,

@@ -98,7 +98,7 @@ def test_effects_leave_what_their_schemes_do() -> None:
     assert isinstance(found, Limits)
     assert found.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
     assert found.angle_rad == 6e-5
-    framed = load_scenario("fixed-position", overrides=["effects.frame={}", "effects.sensing={}"])
+    framed = load_scenario("fixed-position", overrides=["effects.frame={}", "effects.delay={}"])
     assert pair_limits(framed, design, "force", FEELING) == agreement_limits("force")
 
 

@@ -1,0 +1,144 @@
+"""Random cranes, paths, effects, laws and drives: every plant that can show them against every other.
+
+    python validation/random_cranes.py                      50 cases; the seed is the commit
+    python validation/random_cranes.py --seed 3f2a91c --cases 200 --plants elastic,mujoco,drake
+
+Exit code 1 if plants differ by more than their limits. The same seed gives the same cases.
+"""
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cranectl.cases.case import Case, make_case
+from cranectl.cases.pairwise import pairwise
+from cranectl.cases.validation import Validation
+from cranectl.cases.workers import available_cores, run_cases
+from cranectl.cli.output import console
+from cranectl.controllers.registry import controller_names
+from cranectl.plants.plant import DRIVES
+from cranectl.plants.registry import check_effects, plants_to_run
+from cranectl.report.validation import pair_tables
+from cranectl.scenario import Scenario, load_scenario
+from cranectl.simulate import make_plant, plan_scenario
+from cranectl.support.errors import InputError
+
+EFFECTS = ("rope", "body", "wind", "frame", "friction", "sensing", "delay", "installation")
+SHARE = 0.3  # of the cases that have an effect, each for itself
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def commit() -> str:
+    """The first digits of the commit's hash; 0 outside of a repository."""
+    command = ["git", "rev-parse", "--short=7", "HEAD"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout.strip() or "0"
+
+
+def random_cases(seed: str, plants: Sequence[str], effects: Sequence[str] = EFFECTS) -> Iterator[Case]:
+    """Cases without end, on those of `plants` that can show them."""
+    k = 0
+    while True:
+        random = np.random.default_rng([int(seed, 16), k])
+        k += 1
+        drive, controller = str(random.choice(DRIVES)), str(random.choice(controller_names()))
+        overrides = [f"name='random-{k}'", *_overrides(random, drive, effects)]
+        try:  # a path may leave the rig, a rope be too stiff for the step
+            scenario = load_scenario("fixed-position", overrides=overrides)
+            able = [plant for plant in plants if _can_run(plant, scenario, drive)]
+            if len(able) > 1:
+                yield make_case(
+                    scenario, controller=controller, drive=drive, plants=able, keep="none", pairwise=True
+                )
+        except InputError:
+            continue
+
+
+def _can_run(plant: str, scenario: Scenario, drive: str) -> bool:
+    try:
+        check_effects(scenario.effects, plant=plant, drive=drive)
+    except InputError:
+        return False
+    make_plant(plant, scenario, drive).check_length(plan_scenario(scenario).shortest_rope)
+    return True
+
+
+def _overrides(random: np.random.Generator, drive: str, effects: Sequence[str]) -> list[str]:
+    def about(value: Any) -> Any:
+        """From half to double."""
+        return (np.array(value) * np.exp(random.uniform(-0.7, 0.7, np.shape(value)))).tolist()
+
+    def place() -> list[float]:
+        return random.uniform([0.4, 0.3, -1.1], [1.6, 1.2, -0.5]).tolist()
+
+    lines = [f"{{kind='line', to={place()}, duration={random.uniform(2.5, 4.0)}}}" for _ in range(2)]
+    pulses = [
+        f"{{joint='{joint}', start={start}, end={start + 1}, magnitude={random.uniform(-1.0, 1.0)}}}"
+        for start, joint in ((1, "alpha"), (4, "beta"))
+    ]
+    masses = {"bridge_mass": 6.0, "trolley_mass": 2.5, "winch_mass": 0.4, "load_mass": 1.0, "rated_load": 3.0}
+    lags = dict.fromkeys(("bridge_time_constant", "trolley_time_constant", "winch_time_constant"), 0.02)
+    found = [f"rig.{name}={about(value)}" for name, value in {**masses, **lags}.items()]
+    found += ["duration=8", f"reference.start={place()}", f"reference.segments=[{', '.join(lines)}]"]
+    found += [f"disturbances=[{', '.join(pulses)}]", "workspace.on_exit='record'"]
+    found += [f"initial.load_offset={random.uniform(-0.03, 0.03, 3).tolist()}"]
+    numbers = load_scenario("fixed-position").rig.effects
+    for name in effects:
+        if random.random() > SHARE:
+            continue
+        for setting, value in getattr(numbers, name).model_dump().items():
+            if name == "friction" and drive == "ideal" and setting in ("coulomb", "viscous"):
+                found.append(f"effects.friction.{setting}=[0.0, 0.0, 0.0]")
+            elif name == "delay":
+                found.append(f"effects.delay.seconds={0.001 * random.integers(1, 8)}")
+            elif setting == "seed":
+                found.append(f"effects.{name}.seed={random.integers(1000)}")
+            elif setting == "tilt":
+                found.append(f"effects.installation.tilt={random.uniform(-0.01, 0.01, 2).tolist()}")
+            elif setting in ("drive_gain", "rope_offset"):  # as they are
+                continue
+            elif not isinstance(value, str):
+                found.append(f"effects.{name}.{setting}={about(value)}")
+    return found
+
+
+def main() -> int:
+    """Run them."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--cases", type=int, default=50)
+    parser.add_argument("--seed", default=commit(), help="hexadecimal digits; by default the commit's")
+    parser.add_argument("--plants", default="analytic,elastic,mujoco")
+    options = parser.parse_args()
+    screen = console(None)
+    screen.print(f"{options.cases} random cases, seed {options.seed}")
+    drawn = random_cases(options.seed, plants_to_run(options.plants.split(",")))
+    cases = tuple(next(drawn) for _ in range(options.cases))
+    validation = Validation(cases, run_cases(cases, jobs=available_cores()), {}, ())
+    for table in pair_tables(pairwise(validation)):
+        screen.print(table)
+    failed = 0
+    for case, result in validation.results:
+        for pair in result.pairs:
+            agreement = pair.agreement
+            if agreement.passed is False:
+                failed += 1
+                screen.print(
+                    f"{case.scenario.name}, {agreement.controller}, {agreement.drive}, "
+                    f"{', '.join(case.scenario.effects.names) or 'no effects'}: {agreement.plant} and "
+                    f"{agreement.reference} differ by {agreement.max_load_error_m:.1e} m and "
+                    f"{agreement.max_angle_error_rad:.1e} rad, limits {agreement.limit_m:.1e} and "
+                    f"{agreement.limit_rad:.1e}"
+                )
+    failed += len(validation.failures) + len(validation.lost)
+    for _, case, failure in validation.failures:
+        screen.print(f"{case and case.scenario.name}: {failure.reason}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
