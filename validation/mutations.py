@@ -141,6 +141,10 @@ _NOT_A_TERM = (
     "np.eye",
     "drives",
     "held_forces",
+    "work.along",
+    "work.stuck[",
+    "is_locked(",
+    "locked and",
 )
 # Flipping these changes nothing: their sign enters squared, in m J'J and in m l² cos² beta.
 _SQUARED = (

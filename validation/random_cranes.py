@@ -84,7 +84,12 @@ def _overrides(random: np.random.Generator, drive: str, effects: Sequence[str]) 
     masses = {"bridge_mass": 6.0, "trolley_mass": 2.5, "winch_mass": 0.4, "load_mass": 1.0, "rated_load": 3.0}
     lags = dict.fromkeys(("bridge_time_constant", "trolley_time_constant", "winch_time_constant"), 0.02)
     found = [f"rig.{name}={about(value)}" for name, value in {**masses, **lags}.items()]
-    found += ["duration=8", f"reference.start={place()}", f"reference.segments=[{', '.join(lines)}]"]
+    found += [
+        "duration=8",
+        "control.physics_step=0.0005",
+        f"reference.start={place()}",
+        f"reference.segments=[{', '.join(lines)}]",
+    ]
     found += [f"disturbances=[{', '.join(pulses)}]", "workspace.on_exit='record'"]
     found += [f"initial.load_offset={random.uniform(-0.03, 0.03, 3).tolist()}"]
     numbers = load_scenario("fixed-position").rig.effects

@@ -59,6 +59,13 @@ PairLimits = Mapping[tuple[str, str], Limits | NoLimits]  # by a plant and the o
 
 OTHER_PAIR = NoLimits("with velocity drives limits are known for drives that feel the load, and analytic's")
 OTHER_LAW = NoLimits("how far the analytic plant's velocity drives lead is known for the flat family only")
+ENCODERS = NoLimits(
+    "beside an effect whose schemes differ an encoder now and then reads one step more on one plant, and a "
+    "loop that is hardly stable makes any size of that"
+)
+SMOOTHED = NoLimits(
+    "Coulomb's friction of the joint is a smoothed sign in the analytic plant, which never sticks"
+)
 NOT_SHIPPED = NoLimits(
     "how far the analytic plant's velocity drives lead is known for the shipped scenarios and their own rig; "
     "--predict finds the bound of this one"
@@ -122,14 +129,18 @@ def agreement_limits(drive: str, scenario: str = "", *, feels: bool = False) -> 
     return Limits(**{**limits, **own})
 
 
-def _with_effects(limits: Limits, scenario: Scenario, drive: str, pair: tuple[str, str]) -> Limits:
+def _with_effects(limits: Limits, scenario: Scenario, drive: str, pair: tuple[str, str]) -> Limits | NoLimits:
     """What the schemes of effects leave besides; lengths are those of the laboratory's rig."""
     known = read_toml(resources.TOLERANCE_FILE)["closed-loop"]["effects"]
+    if scenario.effects.sensing and len(known.keys() & set(scenario.effects.names)) > 1:
+        return ENCODERS
+    friction = scenario.effects.friction
+    if friction and friction.pivot_coulomb and "analytic" in pair:
+        return SMOOTHED
     size = scenario.rig.rope_range[1] / RigParameters().rope_range[1]
     for name in scenario.effects.names:
         found = known.get(name, {})
-        for special in (drive, *pair):  # drives or plants that leave more
-            found = {**found, **found.get(special, {})}
+        found = {**found, **found.get(drive, {})}
         if found:
             limits = replace(
                 limits,

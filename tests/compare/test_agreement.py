@@ -9,8 +9,10 @@ import pytest
 from cranectl.analysis.budget.predicted_limits import predicted_limits
 from cranectl.cli.main import main
 from cranectl.compare.agreement import (
+    ENCODERS,
     NOT_SHIPPED,
     OTHER_PAIR,
+    SMOOTHED,
     Limits,
     NoLimits,
     agreement_limits,
@@ -98,6 +100,9 @@ def test_effects_leave_what_their_schemes_do() -> None:
     assert isinstance(found, Limits)
     assert found.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
     assert found.angle_rad == 6e-5
+    for effects, why in (("{sensing={}, rope={}}", ENCODERS), ("{friction={}}", SMOOTHED)):
+        scenario = load_scenario("fixed-position", overrides=[f"effects={effects}"])
+        assert pair_limits(scenario, design, "force", BLIND) is why
     framed = load_scenario("fixed-position", overrides=["effects.frame={}", "effects.delay={}"])
     assert pair_limits(framed, design, "force", FEELING) == agreement_limits("force")
 

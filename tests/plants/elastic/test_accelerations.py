@@ -28,7 +28,7 @@ RIG = RigParameters(load_mass=1.3, winch_mass=0.7)
 NUMBERS = EffectNumbers(  # so that all that depends on them weighs
     rope=Rope(stiffness=300.0, mass=0.2, damping_ratio=0.2),
     body=Body(hook_offset=0.2, inertia=0.03, swing_damping=0.1),
-    friction=Friction(coulomb=(0.0, 0.0, 0.0), pivot_coulomb=0.0, pivot_viscous=0.05),
+    friction=Friction(coulomb=(0.6, 0.5, 0.4), pivot_coulomb=0.05, pivot_viscous=0.05),
     installation=Installation(tilt=(0.03, -0.05)),
     limits=DriveLimits(force=(6.0, 5.0, 14.0)),
     wind=Wind(drag_area=0.3),

@@ -62,5 +62,5 @@ def test_half_the_step_leaves_what_the_order_of_the_engines_scheme_says(effect: 
 
 
 def test_all_effects_at_once() -> None:
-    scenario = with_effects("fast-diagonal", "limits", "sensing", "delay", *EFFECTS)
+    scenario = with_effects("fast-diagonal", "limits", "delay", *EFFECTS)
     assert judge(*both(scenario, "velocity")).passed
