@@ -56,7 +56,7 @@ TARGETS = {
     """,
     "cranectl.plants.elastic.motion": "dot cross sum_of rope_directions rate_of_turn derivative n_squared",
     "cranectl.plants.elastic.axes": "move_axes given rail_force load_pull add_axes solve hold",
-    "cranectl.plants.elastic.crane": "make_crane _rails set_damping hanging_states",
+    "cranectl.plants.elastic.crane": "make_crane _rails set_damping",
     "cranectl.plants.elastic.step": "settle change_sides integrate margin finish_step",
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance turn_rate",
     "cranectl.plants.mujoco.model": "ideal_inertia _set_ideal_drives _set_velocity_drives",
@@ -145,6 +145,7 @@ _NOT_A_TERM = (
     "work.stuck[",
     "is_locked(",
     "locked and",
+    "drive == ",
 )
 # Flipping these changes nothing: their sign enters squared, in m J'J and in m l² cos² beta.
 _SQUARED = (

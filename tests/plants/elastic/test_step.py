@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from cranectl.plants.elastic.crane import RAILS, STRETCH
 from cranectl.plants.elastic.plant import ElasticPlant
+from cranectl.plants.elastic.step import settle
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.mujoco.stability import fastest_rate
 from cranectl.plants.plant import DRIVES, Drive, StepError
@@ -90,3 +92,36 @@ def test_it_vibrates_as_fast_as_the_engine_does(names: tuple[str, ...], drive: D
     )
     with pytest.raises(StepError, match="too fast for steps"):
         ElasticPlant(RIG, drive=drive, step=0.05, substeps=1, effects=effects).check_length(0.8)
+
+
+@pytest.mark.parametrize("names", [(), ("frame",), ("rope",), ("frame", "rope")])
+def test_what_holds_a_joint_is_what_would_have_to_push_it(names: tuple[str, ...]) -> None:
+    """Drives and torques that add the holding forces leave joints without friction at rest, on slopes too."""
+    slopes = NUMBERS.installation.model_copy(update={"tilt": (0.05, -0.08)})
+    held = NUMBERS.only(*names).model_copy(
+        update={
+            "friction": NUMBERS.friction.model_copy(update={"coulomb": (1e3,) * 3, "pivot_coulomb": 1e3}),
+            "installation": slopes,
+        }
+    )
+    loose = held.model_copy(update={"friction": None})
+    still = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.4, 0.0, -0.5, 0.0])
+    rates, command, disturbance = [], np.array([2.0, -3.0, -7.0]), np.array([0.5, -0.4])
+    for effects in (held, loose):
+        plant = ElasticPlant(RIG, drive="force", step=1e-3, substeps=1, effects=effects)
+        plant.reset(still)
+        if effects.frame:
+            plant.state[RAILS:] = 0.01, 0.2, -0.02, -0.1
+        if effects.rope:
+            plant.state[STRETCH] = 3e-4
+        settle(plant.crane, plant.state, command, disturbance, AIR, plant.work)
+        rates.append(plant.work.rates[0].copy())
+        if effects is held:
+            assert plant.work.stuck.all()
+            assert np.abs(plant.work.holding).min() > 1e-3
+            reach = plant.state[4] - plant.crane.offset + plant.state[STRETCH]
+            inertia = RIG.load_mass * reach**2 * np.array([np.cos(still[8]) ** 2, 1.0])
+            command = command + plant.work.holding[:3]
+            disturbance = disturbance + plant.work.holding[3:] / inertia
+    assert rates[0][:10] == pytest.approx(np.zeros(10), abs=0.0)
+    assert rates[1] == pytest.approx(rates[0], abs=1e-9)
