@@ -56,8 +56,6 @@ TARGETS = {
     """,
     "cranectl.plants.elastic.motion": "dot cross sum_of rope_directions rate_of_turn derivative n_squared",
     "cranectl.plants.elastic.axes": "move_axes given rail_force load_pull add_axes solve hold",
-    "cranectl.plants.elastic.crane": "make_crane _rails set_damping",
-    "cranectl.plants.elastic.step": "settle change_sides integrate margin finish_step",
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance turn_rate",
     "cranectl.plants.mujoco.model": "ideal_inertia _set_ideal_drives _set_velocity_drives",
     "cranectl.scenario.rig": "RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight",
