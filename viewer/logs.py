@@ -9,12 +9,13 @@ from mcap.writer import Writer
 # What `cranectl` is called with for a log of every kind; a name in braces is that log's file.
 KINDS = {
     "one-plant": "run fixed-position --plant mujoco --set duration=13 --out {one-plant}",
-    "comparison": "run fixed-position --plant both --every 20 --out {comparison}",
-    "harbour": "run ship-to-shore --plant both --every 20 --out {harbour}",
+    "comparison": "run fixed-position --plants analytic,mujoco --every 20 --out {comparison}",
+    "harbour": "run ship-to-shore --plants analytic,mujoco --every 20 --out {harbour}",
     "robustified": "run settled-trajectory --plant mujoco --controller lqr+hinf --drive velocity --every 20"
     " --out {robustified}",
-    "law": "run fast-diagonal --plant both --controller pid --drive velocity --every 20 --out {law}",
-    "stopped-early": "run slack-rope --plant both --every 20 --out {stopped-early}",
+    "law": "run fast-diagonal --plants analytic,elastic,mujoco --controller pid --drive velocity --every 20"
+    " --out {law}",
+    "stopped-early": "run slack-rope --plants analytic,mujoco --every 20 --out {stopped-early}",
     "analytic": "run near-slack --plant analytic --every 20 --out {analytic}",
     "mujoco": "run near-slack --plant mujoco --every 20 --out {mujoco}",
     "merged": "compare {analytic} {mujoco} --merge {merged}",

@@ -54,7 +54,7 @@ RATE = 50  # [Hz] of poses and ropes
 TRAIL_POINTS = 50  # of a trail before the newest
 ROPE_WIDTH, PATH_WIDTH = 3.0, 1.5  # of lines [pixels]
 TRAIL_WIDTH, GHOST_TRAIL_WIDTH = 3.0, 8.0  # [pixels]; of a ghost's there is a rim where both agree
-GHOST = 0.3  # opacity: with more, a load of any ghost's colour before it is no longer red
+GHOST = 0.3  # opacity of all ghosts together: with more, a load of their colours before it is no longer red
 # Lengths of the laboratory's rig, to be multiplied by a rig's scale.
 WITHIN = 0.001  # [m] by which a ghost lies inside the solid crane where both agree, which it would dye
 ARROW_LENGTH = 0.25  # [m] for 1 rad/s² of a rope in scale
@@ -90,8 +90,12 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
 
 
 def opacities(plants: Sequence[str]) -> dict[str, float]:
-    """How solid each crane is drawn: beside that of the reference plant the others are ghosts."""
-    return {plant: 1.0 if plant == reference_plant(plants) else GHOST for plant in plants}
+    """How solid each crane is drawn: beside that of the reference plant the others are ghosts.
+
+    Where all ghosts are in one place they hide what one would.
+    """
+    ghost = 1.0 - (1.0 - GHOST) ** (1.0 / max(len(plants) - 1, 1))
+    return {plant: 1.0 if plant == reference_plant(plants) else ghost for plant in plants}
 
 
 def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stream:

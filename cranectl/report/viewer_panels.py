@@ -104,10 +104,15 @@ def service(name: str) -> Panel:
 
 
 def standings(plants: Sequence[str]) -> Panel:
-    """How the runs stand; reference and disturbances are the same for all."""
+    """How the runs stand; reference and disturbances are the same for all.
+
+    Three and more leave room for little more than that.
+    """
     names = {name: plant.label for name, plant in PLANTS.items()}  # the crane of a ladder has none
     told: dict[str, tuple[str, ...]] = dict.fromkeys(plants, ("status",))
-    told[plants[-1]] = ("status", "phase", "disturbed", "saturated")
+    told[plants[-1]] = (
+        ("status", "phase", "disturbed", "saturated") if len(plants) < 3 else ("status", "disturbed")
+    )
     paths = [
         {
             "value": field_of(topics.plant_topic(plant, "status"), field),
