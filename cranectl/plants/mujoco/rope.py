@@ -21,6 +21,7 @@ MASS = "rope_mass"  # body
 WINCH_MASS = 1e-9  # [kg] of the winch's body; the rotor's inertia is the joint's armature
 SHORTEST = 1e-3  # [m], so that a rope wound in completely gives no infinite stiffness
 LARGEST_FORCE = 1e12  # [N]
+ROUNDS = 4  # in which the tension of a rope at rest is found where a winch may stick
 SLENDER = 1e-6  # inertia of the rope about itself, of that across
 
 
@@ -125,14 +126,17 @@ def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -
     place, rate = distance.qposadr[0], distance.dofadr[0]
     data.qpos[place], data.qvel[rate] = data.qpos[views.winch], data.qvel[views.winch_rate]
     pay_out(views, data.qpos, data.qvel, 0.0)
-    stretching = []
-    for tension in (0.0, 1.0):
-        data.qfrc_applied[rate], data.qfrc_applied[views.winch_rate] = -tension, tension
-        mujoco.mj_forward(model, data)
-        stretching.append(data.qacc[rate] - data.qacc[views.winch_rate])
+    tension = 0.0
+    for _ in range(ROUNDS if model.dof_frictionloss.any() else 1):
+        stretching = []
+        for tried in (tension, tension + 1.0):
+            data.qfrc_applied[rate], data.qfrc_applied[views.winch_rate] = -tried, tried
+            mujoco.mj_forward(model, data)
+            stretching.append(data.qacc[rate] - data.qacc[views.winch_rate])
+        free, with_unit = stretching
+        tension = max(tension + free / (free - with_unit), 0.0)
     data.qfrc_applied[[rate, views.winch_rate]] = 0.0
-    free, with_unit = stretching
-    data.qpos[place] -= max(free / (free - with_unit), 0.0) / views.law[1]
+    data.qpos[place] -= tension / views.law[1]
 
 
 @jit

@@ -1,5 +1,6 @@
 """Level 3: the elastic plant and the engine in closed loop, with the same servos and effects."""
 
+import numpy as np
 import pytest
 
 from cranectl.compare.agreement import agreement_limits, judge
@@ -59,6 +60,17 @@ def test_half_the_step_leaves_what_the_order_of_the_engines_scheme_says(effect: 
     control = scenario.control.model_copy(update={"physics_step": 0.00025})
     fine = judge(*both(scenario.model_copy(update={"control": control}), "velocity")).max_load_error_m
     assert fine < 1.5 * coarse / 4**order
+
+
+def test_a_rope_starts_taut_on_a_winch_that_sticks() -> None:
+    """Swung out and lowered, so that tension and held weight are apart by less than the winch's friction."""
+    scenario = with_effects("fast-diagonal", "rope", "friction")
+    swung = scenario.model_copy(
+        update={"initial": scenario.initial.model_copy(update={"alpha_offset": 0.2, "beta_offset": -0.1})}
+    )
+    first, second = (run.signal("load.rope_tension") for run in both(swung, "velocity"))
+    assert abs(first[0] - scenario.rig.weight) > 0.1
+    assert np.abs(first[:20] - second[:20]).max() < 2e-3
 
 
 def test_all_effects_at_once() -> None:
