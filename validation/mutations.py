@@ -34,8 +34,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Equations of motion, flat map and linearising law, tracker, other laws, disturbance forces,
-# drives.
+# Equations of motion, flat map and linearising law, tracker, other laws, disturbance forces, drives.
 TARGETS = {
     "cranectl.model.dynamics": """
         angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian

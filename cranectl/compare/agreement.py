@@ -52,9 +52,8 @@ class NoLimits:
     reason: str
 
 
-Predict = Callable[
-    [Scenario, Design], Limits | NoLimits
-]  # of velocity drives that feel the load, and analytic's
+# Of velocity drives that feel the load, and analytic's.
+Predict = Callable[[Scenario, Design], Limits | NoLimits]
 PairLimits = Mapping[tuple[str, str], Limits | NoLimits]  # by a plant and the one it is compared against
 
 OTHER_PAIR = NoLimits("with velocity drives limits are known for drives that feel the load, and analytic's")
@@ -100,7 +99,8 @@ def pair_limits(
 ) -> Limits | NoLimits:
     """The limits of two plants; where the shipped ones do not hold for the analytic one, by `predict`."""
     if drives_agree(drive, pair):
-        return _with_effects(agreement_limits(drive, feels=True), scenario, drive, pair)
+        alike = agreement_limits("ideal" if drive == "velocity" else drive)
+        return _with_effects(alike, scenario, drive, pair)
     if "analytic" not in pair or not any(plant_entry(plant).servos for plant in pair):
         return OTHER_PAIR
     if not isinstance(design, Design):
@@ -117,21 +117,27 @@ def drives_agree(drive: str, plants: Iterable[str]) -> bool:
 
 
 @functools.cache
-def agreement_limits(drive: str, scenario: str = "", *, feels: bool = False) -> Limits:
+def agreement_limits(drive: str, scenario: str = "") -> Limits:
     """What two plants with these drives may differ in closed loop.
 
     With velocity drives of which one is blind to the load in the shipped `scenario`; one on a rig of its own
-    has limits of its own. With others that feel it as without drives at all.
+    has limits of its own.
     """
-    known = read_toml(resources.TOLERANCE_FILE)["closed-loop"]
-    limits = known["ideal" if feels and drive == "velocity" else drive]
-    own = limits.pop("scenarios", {}).get(scenario, {})
-    return Limits(**{**limits, **own})
+    shared = dict(_closed_loop()[drive])
+    own = shared.pop("scenarios", {}).get(scenario, {})
+    return Limits(**{**shared, **own})
+
+
+@functools.cache
+def _closed_loop() -> dict[str, Any]:
+    """The limits of `validation/tolerances.toml`, read once for all pairs."""
+    found: dict[str, Any] = read_toml(resources.TOLERANCE_FILE)["closed-loop"]
+    return found
 
 
 def _with_effects(limits: Limits, scenario: Scenario, drive: str, pair: tuple[str, str]) -> Limits | NoLimits:
     """What the schemes of effects leave besides; lengths are those of the laboratory's rig."""
-    known = read_toml(resources.TOLERANCE_FILE)["closed-loop"]["effects"]
+    known = _closed_loop()["effects"]
     if scenario.effects.sensing and len(known.keys() & set(scenario.effects.names)) > 1:
         return ENCODERS
     friction = scenario.effects.friction

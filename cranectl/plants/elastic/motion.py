@@ -112,8 +112,9 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
     lifted = sum_of((0.0, 0.0, 0.0), apparent, hook)
     turned = sum_of((0.0, 0.0, 0.0), apparent * r, hook)
     if rod > 0.0:
-        lifted = sum_of(lifted, rod, sum_of(fall, middle, bend))
-        turned = sum_of(sum_of(turned, rod * middle, sum_of(fall, middle, bend)), turning, bend)
+        half_way = sum_of(fall, middle, bend)
+        lifted = sum_of(lifted, rod, half_way)
+        turned = sum_of(sum_of(turned, rod * middle, half_way), turning, bend)
     force[0], force[1], force[2] = -lifted[0] - taken[0], -lifted[1] - taken[1], -dot(n, lifted)
     force[3], force[4] = torque_alpha - dot(by_alpha, turned), torque_beta - dot(by_beta, turned)
     if crane.swings:  # what the load resists more along b than across

@@ -50,7 +50,7 @@ def test_effects_leave_what_the_engines_schemes_do(scenario: str, effect: str, d
     if effect == "frame":
         assert (agreement.limit_m, agreement.limit_rad) == (1e-7, 1e-7)
     else:
-        assert agreement.limit_m > agreement_limits(drive, feels=True).load_m
+        assert agreement.limit_m > agreement_limits("ideal").load_m
 
 
 @pytest.mark.parametrize(("effect", "order"), [("rope", 2), ("wind", 1), ("friction", 1)])
