@@ -33,14 +33,14 @@ def test_a_frame_too_stiff_for_the_steps_is_refused_with_the_step_that_would_do(
 
 @pytest.mark.parametrize("substeps", [1, 4])
 def test_periods_are_as_long_as_said(substeps: int) -> None:
-    """The load falls with the winch's free rotor: g t² / 2, rotor and load."""
+    """The load falls on with the winch's free rotor: v t + g t² / 2, rotor and load."""
     rig = RigParameters()
     plant = DrakePlant(rig, drive="force", step=1e-2 / substeps, substeps=substeps)
-    plant.reset(np.array([1.0, 0.0, 0.7, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    plant.reset(np.array([1.0, 0.0, 0.7, 0.0, 0.5, 0.2, 0.0, 0.0, 0.0, 0.0]))
     for _ in range(10):
         plant.advance(np.zeros(3), np.zeros(2), STILL, load := np.zeros(7))
     state = np.zeros(10)
     plant.measure(state)
     falls = rig.weight / (rig.load_mass + rig.winch_mass)
-    assert state[4] == pytest.approx(0.5 + 0.5 * falls * 0.1**2, rel=1e-12)
+    assert state[4] == pytest.approx(0.5 + 0.2 * 0.1 + 0.5 * falls * 0.1**2, rel=1e-12)
     assert load[6] == pytest.approx(rig.winch_mass * falls, rel=1e-12)

@@ -22,6 +22,7 @@ from cranectl.plants.plant import Drive
 from cranectl.plants.surroundings import gravity_in_rig
 from cranectl.scenario.effects import EffectSettings, Frame
 from cranectl.scenario.rig import RigParameters
+from cranectl.support.arrays import Array
 
 AXES = ("bridge_position", "trolley_position", "rope_length")  # each with an actuator of its name
 JOINTS = (*AXES, "alpha", "beta")  # in the order of signals.STATE
@@ -38,9 +39,9 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
     """
     crane = MultibodyPlant(0.0)
     crane.mutable_gravity_field().set_gravity_vector(gravity_in_rig(rig.gravity, effects))
-    rails = crane.world_body()
+    base = crane.world_body()
     if effects.frame:
-        rails = _add_frame(crane, effects.frame, rig)
+        base = _add_frame(crane, effects.frame, rig)
     slowed = axis_damping(rig, drive, effects)
     turned = effects.friction.pivot_viscous if effects.friction else 0.0
     bridge = _add_body(crane, "bridge", rig.bridge_mass)
@@ -48,7 +49,7 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
     outer, inner = _add_body(crane, "outer"), _add_body(crane, "inner")
     load = _add_body(crane, LOAD, rig.load_mass)
     axes = (
-        _slide(crane, AXES[0], rails, bridge, (1, 0, 0), slowed[0]),
+        _slide(crane, AXES[0], base, bridge, (1, 0, 0), slowed[0]),
         _slide(crane, AXES[1], bridge, trolley, (0, 1, 0), slowed[1]),
         _slide(crane, AXES[2], inner, load, (0, 0, -1), slowed[2]),
     )
@@ -63,8 +64,22 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
 def rotor_inertias(rig: RigParameters, drive: Drive) -> tuple[float, float, float]:
     """What each drive turns besides the crane [kg]."""
     if drive == "ideal":
-        return (IDEAL_INERTIA * (rig.bridge_mass + rig.trolley_mass + rig.load_mass),) * 3
+        return (ideal_inertia(rig),) * 3
     return 0.0, 0.0, rig.winch_mass
+
+
+def ideal_inertia(rig: RigParameters) -> float:
+    """Of an ideal drive [kg]."""
+    return IDEAL_INERTIA * (rig.bridge_mass + rig.trolley_mass + rig.load_mass)
+
+
+def drive_forces(rig: RigParameters, drive: Drive) -> tuple[Array, Array]:
+    """Of the forces of the drives [N], gain · command + offset: (3,) each."""
+    if drive == "ideal":
+        return np.array(rotor_inertias(rig, drive)), np.zeros(3)
+    if drive == "velocity":
+        return rig.velocity_gains, np.array([0.0, 0.0, -rig.weight])
+    return np.ones(3), np.zeros(3)
 
 
 def axis_damping(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[float]:
@@ -81,16 +96,16 @@ def _add_frame(crane: MultibodyPlant, frame: Frame, rig: RigParameters) -> Rigid
     Their mass is that of rotors: it moves with them and weighs nothing on rails that slope.
     """
     mass = frame.mass + rig.bridge_mass + rig.trolley_mass
-    rails = crane.world_body()
+    base = crane.world_body()
     for name, direction, frequency in zip(
         ("frame_x", "frame_y"), ((1, 0, 0), (0, 1, 0)), frame.frequency, strict=True
     ):
         omega = 2.0 * pi * frequency
-        below, rails = rails, _add_body(crane, name)
-        joint = _slide(crane, name, below, rails, direction, 2.0 * frame.damping_ratio * mass * omega)
+        below, base = base, _add_body(crane, name)
+        joint = _slide(crane, name, below, base, direction, 2.0 * frame.damping_ratio * mass * omega)
         crane.AddForceElement(PrismaticSpring(joint, 0.0, mass * omega**2))
         _add_rotor(crane, joint, frame.mass)
-    return rails
+    return base
 
 
 def _add_body(crane: MultibodyPlant, name: str, mass: float = 0.0) -> RigidBody:

@@ -12,7 +12,7 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from scipy.integrate import RK45
 
-from cranectl.plants.drake.model import AXES, JOINTS, LOAD, build_crane, rotor_inertias
+from cranectl.plants.drake.model import AXES, JOINTS, LOAD, build_crane, drive_forces
 from cranectl.plants.plant import Drive
 from cranectl.plants.stability import check_rate
 from cranectl.plants.surroundings import FORCE, air_drag
@@ -50,10 +50,7 @@ class DrakePlant:
         self.positions = np.array([joint.position_start() for joint in joints])
         self.velocities = np.array([joint.velocity_start() for joint in joints])
         self.actuators = [int(self.crane.GetJointActuatorByName(name).input_start()) for name in AXES]
-        # force = gain · command + offset
-        ideal, held = rotor_inertias(rig, drive), (0.0, 0.0, -rig.weight)
-        self.gain = {"ideal": np.array(ideal), "velocity": rig.velocity_gains, "force": np.ones(3)}[drive]
-        self.offset = np.array(held) if drive == "velocity" else np.zeros(3)
+        self.gain, self.offset = drive_forces(rig, drive)
         self.state = np.zeros(self.crane.num_multibody_states())
         self.disturbance, self.wind = np.zeros(2), np.zeros(6)
 
