@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from cranectl.plants.drake.plant import DrakePlant
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import EffectSettings, Frame
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
+from tests.plants.test_books import NUMBERS, Manner, misses
 
 
 def test_a_load_at_the_pivot_has_no_numbers_and_ends_no_process() -> None:
@@ -44,3 +46,10 @@ def test_periods_are_as_long_as_said(substeps: int) -> None:
     falls = rig.weight / (rig.load_mass + rig.winch_mass)
     assert state[4] == pytest.approx(0.5 + 0.2 * 0.1 + 0.5 * falls * 0.1**2, rel=1e-12)
     assert load[6] == pytest.approx(rig.winch_mass * falls, rel=1e-12)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_nothing_is_missing_in_the_books(drive: Drive) -> None:
+    """Of energy and momentum, with all that this crane can show."""
+    shown = NUMBERS.only("frame", "wind", "friction", "installation")
+    assert misses("drake", shown, drive, Manner(seconds=0.2)).max() < 1e-10

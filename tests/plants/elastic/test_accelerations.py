@@ -23,6 +23,7 @@ from cranectl.scenario.effects import (
 )
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
+from tests.plants.books import hook_spin
 
 RIG = RigParameters(load_mass=1.3, winch_mass=0.7)
 NUMBERS = EffectNumbers(  # so that all that depends on them weighs
@@ -70,11 +71,7 @@ def place(engine: MujocoPlant, state: Array, random: np.random.Generator) -> Non
         mujoco.mj_forward(engine.model, data)
         rotation = data.body("load").xmat.reshape(3, 3)
         state[BODY : BODY + 3] = -rotation[:, 2]
-        state[SPIN : SPIN + 3] = hook_spin(state) + rotation @ data.qvel[joint.dofadr[0] :][:3]
-
-
-def hook_spin(state: Array) -> Array:
-    return np.array([state[7], -state[9] * np.cos(state[6]), -state[9] * np.sin(state[6])])
+        state[SPIN : SPIN + 3] = hook_spin(state[None])[0] + rotation @ data.qvel[joint.dofadr[0] :][:3]
 
 
 def engine_rates(engine: MujocoPlant, state: Array, command: Array, disturbance: Array, wind: Array) -> Array:
