@@ -68,7 +68,8 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
     (tmp_path / "small.toml").write_text(CAMPAIGN)
     shown = run_all_beside(
         tmp_path,
-        "run fixed-position --set duration=0.3 --set disturbances=[] --out run.mcap --json run.json",
+        "run fixed-position --plants analytic --set duration=0.3 --set disturbances=[]"
+        " --out run.mcap --json run.json",
         "report run.mcap --out run.html",
         "campaign run small.toml --out result --json small.json",
         "campaign report result --out small.html",
