@@ -60,7 +60,7 @@ def test_a_servo_that_pulls_less_than_the_friction_does_not_move(axis: int) -> N
     command[axis] = 0.9 * coulomb[axis] / RIG.velocity_gains[axis]
     plant = make(friction(coulomb=tuple(coulomb)), drive="velocity", substeps=10)
     states, _ = simulate(plant, 100, command)
-    assert np.abs(states[-1, 2 * axis + 1]) < 2e-6, "creep of the engine's friction"
+    assert np.abs(states[-1, 2 * axis + 1]) < 2e-7, "creep of the engine's friction"
     free, _ = simulate(make(NO_EFFECTS, drive="velocity", substeps=10), 100, command)
     assert free[-1, 2 * axis + 1] == pytest.approx(command[axis], rel=0.05)
 

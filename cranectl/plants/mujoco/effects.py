@@ -86,8 +86,8 @@ def frame_entries(frame: Frame, rig: RigParameters) -> list[Entry]:
 
 
 # A sticking joint creeps with force / mass · (1 - impedance) / impedance · time constant / 2, with these and
-# steps of 1 ms with 1e-6 s · force / mass. A time constant below two steps is not stable.
-IMPEDANCE = 0.999
+# steps of 1 ms with 1e-7 s · force / mass. A time constant below two steps is not stable.
+IMPEDANCE = 0.9999  # the hardest that the engine takes
 STEPS = 2.0
 # The solver stops where its progress is small against the mean inertia, which ideal drives make 1e12 times
 # that of the crane. With the engine's own 1e-8 it would not start.
