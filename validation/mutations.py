@@ -55,7 +55,7 @@ TARGETS = {
     """,
     "cranectl.plants.elastic.motion": "dot cross sum_of rope_directions rate_of_turn derivative n_squared",
     "cranectl.plants.elastic.axes": "move_axes given rail_force load_pull add_axes solve hold",
-    "cranectl.plants.mujoco.disturbed_step": "apply_disturbance turn_rate",
+    "cranectl.plants.mujoco.disturbed_step": "apply_disturbance apply_drag turn_rate",
     "cranectl.plants.mujoco.model": "ideal_inertia _set_ideal_drives _set_velocity_drives",
     "cranectl.plants.drake.model": "build_crane rotor_inertias axis_damping drive_forces _add_frame",
     "cranectl.plants.drake.plant": """

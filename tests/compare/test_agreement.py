@@ -99,7 +99,7 @@ def test_effects_leave_what_their_schemes_do() -> None:
     found = pair_limits(mixed, design, "velocity", FEELING)
     assert isinstance(found, Limits)
     assert found.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
-    assert found.angle_rad == 6e-5
+    assert found.angle_rad == 1.2e-4
     for effects, why in (("{sensing={}, rope={}}", ENCODERS), ("{friction={}}", SMOOTHED)):
         scenario = load_scenario("fixed-position", overrides=[f"effects={effects}"])
         assert pair_limits(scenario, design, "force", BLIND) is why

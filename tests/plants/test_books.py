@@ -120,14 +120,14 @@ EFFECTS = {
 EXACT = {  # where what is missing is the order of the scheme at most, which is 4 and more
     "analytic": ("none", "installation", "joint rubs", "wind"),
     "elastic": ("none", "body", "rope", "heavy rope", "all"),
-    "mujoco": ("none", "installation", "friction", "frame"),
+    "mujoco": ("none", "installation", "friction", "frame", "wind", "rope", "heavy rope"),
 }
 
 
 @pytest.mark.parametrize(("name", "shown"), [(name, shown) for name in EXACT for shown in EXACT[name]])
 @pytest.mark.parametrize("drive", DRIVES)
 def test_nothing_is_missing(name: str, shown: str, drive: Drive) -> None:
-    assert misses(name, EFFECTS[shown], drive).max() < 1e-10
+    assert misses(name, EFFECTS[shown], drive).max() < (1e-9 if name == "mujoco" else 1e-10)
 
 
 @pytest.mark.parametrize("drive", ["velocity", "force"])
@@ -135,14 +135,6 @@ def test_nothing_is_missing(name: str, shown: str, drive: Drive) -> None:
 def test_nothing_is_missing_after_20_seconds(name: str, drive: Drive) -> None:
     period = 2e-3 if drive == "velocity" else 4e-3
     assert misses(name, EFFECTS["none"], drive, Manner(seconds=20.0, period=period)).max() < 1e-9
-
-
-@pytest.mark.parametrize("shown", ["rope", "wind", "heavy rope"])
-def test_what_the_engine_holds_over_a_step_halves_with_it(shown: str) -> None:
-    """Drag; stiffness, damping and mass of the length of rope that hangs."""
-    coarse, fine = (misses("mujoco", EFFECTS[shown], "velocity", Manner(fineness=n)) for n in (1, 2))
-    assert coarse.max() < 2e-4
-    assert (fine[coarse > 1e-8] < 0.55 * coarse[coarse > 1e-8]).all()
 
 
 def test_the_engines_hook_weighs_next_to_nothing() -> None:

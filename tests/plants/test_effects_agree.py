@@ -28,11 +28,11 @@ def run(plant: str, *overrides: str) -> Run:
 
 @pytest.mark.parametrize(
     ("overrides", "apart"),
-    [(BREEZE, 1e-3), (GREASE, 1e-4), (FORCES, 1e-9), ([*FORCES, "effects.wind={}"], 1e-3)],
+    [(BREEZE, 1e-8), (GREASE, 1e-4), (FORCES, 1e-9), ([*FORCES, "effects.wind={}"], 1e-8)],
     ids=["wind", "viscous joint", "forces", "forces and gusts"],
 )
 def test_both_plants_say_the_same(overrides: list[str], apart: float) -> None:
-    """Up to a part of the effect; the engine's drag is that of 1.5 ms before, held over a step."""
+    """Up to a part of the effect."""
     analytic, mujoco = (run(plant, *overrides) for plant in ("analytic", "mujoco"))
     plain = run("analytic")
     found = compare_runs(analytic, mujoco)

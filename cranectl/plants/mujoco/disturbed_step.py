@@ -1,18 +1,20 @@
-"""A step of the engine under the thesis's disturbance, whose force changes within the step.
+"""A step of the engine under what changes within it: the thesis's disturbance, drag, a rope that is paid out.
 
-The engine holds applied forces over a step. Held, a torque m l² cos² beta d_alpha is of second order in the
-step where all else is of fourth. So while a disturbance acts the engine's own scheme is taken here, one call
-for each stage, with the force of that stage's state; with a force that does not change it is `mj_step`, bit
-for bit where no ball joint turns, and to the fifth order of the step where one does. (The engine's callback
-for such forces belongs to the whole process, and a model without springs and dampers skips it.)
+The engine holds applied forces, and the numbers of its model, over a step. Held, drag is of first order in
+the step, a torque m l² cos² beta d_alpha of second, where all else is of fourth. So while such things act the
+engine's own scheme is taken here, one call for each stage, with what that stage's state makes of them; where
+nothing changes it is `mj_step`, bit for bit where no ball joint turns, and to the fifth order of the step
+where one does. (The engine's callback for such forces belongs to the whole process, and a model without
+springs and dampers skips it.)
 """
 
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
+from cranectl.plants.mujoco.rope import pay_out
 from cranectl.plants.mujoco.step import (
     mj_check_acc,
     mj_check_pos,
@@ -20,12 +22,14 @@ from cranectl.plants.mujoco.step import (
     mj_forward_skip,
     mj_integrate_pos,
 )
+from cranectl.plants.surroundings import FORCE
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
 # The classical fourth-order scheme: how far the next stage reaches, and what each stage counts.
 REACH = (0.5, 0.5, 1.0)
 WEIGHT = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+VELOCITY_STAGE = 2  # of the engine's forward dynamics: up to it nothing depends on forces
 
 
 class StageWork(NamedTuple):
@@ -42,6 +46,7 @@ class StageWork(NamedTuple):
     turn: Array  # (3,) rotation vector of the load since the start, about its own axes
     mean_slope: Array  # (nv,)
     mean_acceleration: Array  # (nv,)
+    sensed: Array  # (7,) of the load at the start of the step
 
 
 def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swings: bool) -> StageWork:
@@ -59,6 +64,7 @@ def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swings: bool) -> S
         turn=np.zeros(3),
         mean_slope=np.zeros(model.nv),
         mean_acceleration=np.zeros(model.nv),
+        sensed=np.zeros(7),
     )
 
 
@@ -101,12 +107,39 @@ def push_load(rig, disturbance):
 
 
 @jit
+def apply_drag(rig, wind):
+    """Drag on the load in air that moves, and the force on it, of `wind` (6,), at the sensed velocity."""
+    v_x = wind[0] - rig.sensors[rig.load_sensors[3]]
+    v_y = wind[1] - rig.sensors[rig.load_sensors[4]]
+    v_z = wind[2] - rig.sensors[rig.load_sensors[5]]
+    factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
+    rig.air[0] = factor * v_x + wind[FORCE]
+    rig.air[1] = factor * v_y + wind[FORCE + 1]
+    rig.air[2] = factor * v_z + wind[FORCE + 2]
+    for i in range(3):
+        rig.wrench[i] = rig.air[i] - rig.reaction[i]
+
+
+@jit
+def evaluate(rig, disturbance, wind, first):
+    """Accelerations at the present state under all that acts on it; `first`: and what the sensors say."""
+    if rig.rope.active:
+        pay_out(rig.rope, rig.qpos)
+    push_load(rig, disturbance)
+    mj_forward_skip(rig.model, rig.data, 0, not (first or rig.in_air))
+    if rig.in_air:
+        apply_drag(rig, wind)
+        mj_forward_skip(rig.model, rig.data, VELOCITY_STAGE, not first)
+
+
+@jit
 def release_load(rig):
-    """No disturbance any more; drag goes on."""
+    """No disturbance any more, nor drag; the sensors tell of the start of the step."""
     rig.applied[rig.rates[3]] = rig.applied[rig.rates[4]] = 0.0
-    if rig.swings:
-        for i in range(3):
-            rig.wrench[i], rig.reaction[i] = rig.air[i], 0.0
+    for i in range(3):
+        rig.wrench[i] = rig.reaction[i] = rig.air[i] = 0.0
+    for i in range(7):
+        rig.sensors[rig.load_sensors[i]] = rig.work.sensed[i]
 
 
 @jit
@@ -120,6 +153,8 @@ def _begin(rig):
         work.mean_slope[i] = work.mean_acceleration[i] = 0.0
     for i in range(3):
         work.turn[i] = 0.0
+    for i in range(7):
+        work.sensed[i] = rig.sensors[rig.load_sensors[i]]
 
 
 @jit
@@ -170,14 +205,13 @@ def _move(rig, slope, acceleration, reach):
 
 
 @jit
-def step_in_stages(rig, disturbance):
-    """`mj_step` under `disturbance` (2,) [rad/s²]; `mjData.time` stands still, no crane needs it."""
+def step_in_stages(rig, disturbance, wind):
+    """`mj_step` under `disturbance` (2,) [rad/s²] in `wind` (6,); `mjData.time` stands still."""
     work = rig.work
     mj_check_pos(rig.model, rig.data)
     mj_check_vel(rig.model, rig.data)
     for stage in range(4):
-        push_load(rig, disturbance)
-        mj_forward_skip(rig.model, rig.data, 0, stage > 0)
+        evaluate(rig, disturbance, wind, stage == 0)
         if stage == 0:
             mj_check_acc(rig.model, rig.data)
             _begin(rig)

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.disturbed_step import push_load
-from cranectl.plants.mujoco.plant import MujocoPlant, prepare_step, set_command
+from cranectl.plants.mujoco.disturbed_step import evaluate
+from cranectl.plants.mujoco.plant import MujocoPlant, set_command
 from cranectl.support.arrays import Array
 
 
@@ -56,11 +56,8 @@ def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, 
     Mass times acceleration, not acceleration itself: on a hook without mass that is ill conditioned.
     """
     _set(plant, anchor)
-    mujoco.mj_forward(plant.model, plant.data)  # for the velocity of the load
     set_command(plant.rig, command)
-    prepare_step(plant.rig, air)
-    push_load(plant.rig, tilt)
-    mujoco.mj_forward(plant.model, plant.data)
+    evaluate(plant.rig, tilt, air, True)
     force = np.zeros(plant.model.nv)
     mujoco.mj_mulM(plant.model, plant.data, force, plant.data.qacc)
     return force

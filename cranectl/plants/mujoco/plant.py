@@ -1,7 +1,6 @@
 """The MuJoCo plant: `models/crane.xml` behind the plant interface. Knows nothing of our equations."""
 
 import copy
-from math import sqrt
 from typing import NamedTuple
 
 import mujoco
@@ -24,7 +23,6 @@ from cranectl.plants.mujoco.rope import (
     DISTANCE,
     ElasticRope,
     elastic_rope,
-    pay_out,
     set_damping,
     start_taut,
 )
@@ -32,7 +30,7 @@ from cranectl.plants.mujoco.stability import fastest_rate
 from cranectl.plants.mujoco.step import mj_step
 from cranectl.plants.plant import Drive, Kernels
 from cranectl.plants.stability import check_hook, check_rate
-from cranectl.plants.surroundings import FORCE, air_drag
+from cranectl.plants.surroundings import air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
@@ -77,30 +75,6 @@ def measure_joints(rig, state):
 
 
 @jit
-def apply_drag(rig, wind):
-    """Drag on the load in air that moves, and the force on it, of `wind` (6,); held over the step."""
-    if not rig.in_air and not rig.swings:
-        return
-    v_x = wind[0] - rig.sensors[rig.load_sensors[3]]
-    v_y = wind[1] - rig.sensors[rig.load_sensors[4]]
-    v_z = wind[2] - rig.sensors[rig.load_sensors[5]]
-    factor = rig.drag * sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
-    rig.air[0] = factor * v_x + wind[FORCE]
-    rig.air[1] = factor * v_y + wind[FORCE + 1]
-    rig.air[2] = factor * v_z + wind[FORCE + 2]
-    for i in range(3):
-        rig.wrench[i] = rig.air[i]
-
-
-@jit
-def prepare_step(rig, wind):
-    """Everything that is held over one physics step besides the command."""
-    apply_drag(rig, wind)
-    if rig.rope.active:
-        pay_out(rig.rope, rig.qpos, rig.qvel, 0.5 * rig.step)
-
-
-@jit
 def set_command(rig, command):
     """Hold `command` (3,) on the drives."""
     for i in range(3):
@@ -118,11 +92,10 @@ def read_load(rig, load):
 def advance(rig, command, disturbance, wind, load):
     """One control period; see `Plant.advance`."""
     set_command(rig, command)
-    disturbed = disturbance[0] != 0.0 or disturbance[1] != 0.0
+    changing = rig.in_air or rig.rope.active or disturbance[0] != 0.0 or disturbance[1] != 0.0
     for k in range(rig.substeps):
-        prepare_step(rig, wind)
-        if disturbed:
-            step_in_stages(rig, disturbance)
+        if changing:
+            step_in_stages(rig, disturbance, wind)
         else:
             mj_step(rig.model, rig.data)
         if k == 0:
@@ -136,7 +109,7 @@ def count_warnings(rig):
 
 
 class MujocoPlant:
-    """The MuJoCo rig behind the plant interface; steps through the Python binding, but for disturbed steps.
+    """The MuJoCo rig behind the plant interface; steps through the Python binding where forces are held.
 
     The compiled loop steps the same data through `rig`, bit for bit the same.
     """
@@ -251,10 +224,10 @@ class MujocoPlant:
 
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
         set_command(self.rig, command)
+        changing = self.rig.in_air or self.rig.rope.active or disturbance.any()
         for k in range(self.rig.substeps):
-            prepare_step(self.rig, wind)
-            if disturbance.any():
-                step_in_stages(self.rig, disturbance)
+            if changing:
+                step_in_stages(self.rig, disturbance, wind)
             else:
                 mujoco.mj_step(self.model, self.data)
             if k == 0:

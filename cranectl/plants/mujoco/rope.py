@@ -125,7 +125,7 @@ def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -
     distance = model.joint(DISTANCE)
     place, rate = distance.qposadr[0], distance.dofadr[0]
     data.qpos[place], data.qvel[rate] = data.qpos[views.winch], data.qvel[views.winch_rate]
-    pay_out(views, data.qpos, data.qvel, 0.0)
+    pay_out(views, data.qpos)
     tension = 0.0
     for _ in range(ROUNDS if model.dof_frictionloss.any() else 1):
         stretching = []
@@ -140,10 +140,9 @@ def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -
 
 
 @jit
-def pay_out(rope, qpos, qvel, ahead):
-    """Stiffness, damping and mass of the length that hangs out `ahead` [s]; held over the step."""
-    length = qpos[rope.winch] + ahead * qvel[rope.winch_rate] - rope.offset
-    length = max(length, SHORTEST)
+def pay_out(rope, qpos):
+    """Stiffness, damping and mass of the length that hangs out."""
+    length = max(qpos[rope.winch] - rope.offset, SHORTEST)
     rope.law[1] = -rope.stiffness / length
     rope.law[2] = -rope.viscosity[0] / length
     if rope.density > 0.0:

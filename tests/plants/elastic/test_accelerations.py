@@ -7,9 +7,9 @@ import pytest
 from cranectl.plants.elastic.crane import BODY, RAILS, SPIN, STATES, STRETCH, STRETCH_RATE
 from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.elastic.step import settle
-from cranectl.plants.mujoco.disturbed_step import push_load
-from cranectl.plants.mujoco.plant import MujocoPlant, apply_drag
-from cranectl.plants.mujoco.rope import pay_out, set_damping
+from cranectl.plants.mujoco.disturbed_step import evaluate
+from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.plants.mujoco.rope import set_damping
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import (
     Body,
@@ -78,12 +78,7 @@ def engine_rates(engine: MujocoPlant, state: Array, command: Array, disturbance:
     """Rates of change (22,) of the rates in `state`, at their places, by the engine."""
     data, rig = engine.data, engine.rig
     data.ctrl[rig.drives] = command
-    if rig.rope.active:
-        pay_out(rig.rope, data.qpos, data.qvel, 0.0)
-    mujoco.mj_forward(engine.model, data)
-    apply_drag(rig, wind)
-    push_load(rig, disturbance)
-    mujoco.mj_forward(engine.model, data)
+    evaluate(rig, disturbance, wind, True)
     found = np.zeros(STATES)
     found[1:10:2] = data.qacc[rig.rates]
     if rig.rope.active:

@@ -42,18 +42,18 @@ def both(scenario: Scenario, drive: str) -> tuple[Run, Run]:
 @pytest.mark.parametrize("effect", EFFECTS)
 @pytest.mark.parametrize("scenario", ["fast-diagonal", "near-slack", "ship-to-shore"])
 def test_effects_leave_what_the_engines_schemes_do(scenario: str, effect: str, drive: str) -> None:
-    """Within the limits for each, which are not idle; with a frame as without."""
+    """Within the limits for each, which are not idle; with a frame and in wind as without."""
     assert load_scenario(scenario).effects == NO_EFFECTS
     elastic, engine = both(with_effects(scenario, effect), drive)
     agreement = judge(elastic, engine)
     assert agreement.passed, (agreement.max_load_error_m, agreement.max_angle_error_rad)
-    if effect == "frame":
+    if effect in ("frame", "wind"):
         assert (agreement.limit_m, agreement.limit_rad) == (1e-7, 1e-7)
     else:
         assert agreement.limit_m > agreement_limits("ideal").load_m
 
 
-@pytest.mark.parametrize(("effect", "order"), [("rope", 2), ("wind", 1), ("friction", 1)])
+@pytest.mark.parametrize(("effect", "order"), [("rope", 4), ("friction", 1)])
 def test_half_the_step_leaves_what_the_order_of_the_engines_scheme_says(effect: str, order: int) -> None:
     scenario = with_effects("near-slack", effect)
     coarse = judge(*both(scenario, "velocity")).max_load_error_m
