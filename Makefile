@@ -32,7 +32,7 @@ validate: setup ## run every scenario with every controller on three plants and 
 	$(call limit,600) $(BIN)/cranectl validate
 
 test: setup cluster video ## run the tests, those of these two extras too
-	@tests/render/install
+	@tests/install
 	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake
 
 test-docs: setup cluster video ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say

@@ -15,6 +15,7 @@ import zlib
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -22,6 +23,8 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of, software_of
 from cranectl.campaign.table import Row
 from cranectl.campaign.workers import Prepared, Stop, Worker
+from cranectl.controllers.doors.law_file import LawFile
+from cranectl.controllers.doors.opening import OPENED, open_again
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.interrupts import SIGNALS
@@ -72,7 +75,7 @@ def run_batches_on(
 
     manifest = manifest_of(campaign)
     _check_installed(client, manifest["versions"])
-    sent = packed(manifest)
+    sent = packed(manifest, [OPENED[name] for name in campaign.settings.controllers if name in OPENED])
     # The same batch of the same campaign with the same software has the same key, whoever asks for it.
     digest = hashlib.sha256(sent).hexdigest()[:16]
     keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]
@@ -193,9 +196,10 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
         yield client
 
 
-def packed(manifest: Table) -> bytes:
+def packed(manifest: Table, laws: Sequence[LawFile]) -> bytes:
     """What is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
-    return zlib.compress(json.dumps(manifest).encode())
+    files = [(law.reference, str(law.path), law.symbol, law.content.hex()) for law in laws]
+    return zlib.compress(json.dumps({"manifest": manifest, "laws": files}).encode())
 
 
 def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
@@ -230,8 +234,13 @@ def _prepared(packed_manifest: bytes) -> Prepared:
     """Made once in each process; raises InputError where its software is not that of the manifest."""
     from distributed import get_worker
 
-    manifest = json.loads(zlib.decompress(packed_manifest))
-    here = software_of(manifest["campaign"]["plants"])
+    sent = json.loads(zlib.decompress(packed_manifest))
+    manifest = sent["manifest"]
+    open_again(
+        LawFile(reference, Path(path), symbol, bytes.fromhex(content))
+        for reference, path, symbol, content in sent["laws"]
+    )
+    here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")
     return Prepared(campaign_of(manifest, "the manifest of the campaign"))
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
+from cranectl.controllers.registry import law_digests
 from cranectl.plants.registry import plant_sources
 from cranectl.scenario import MetricSettings, Scenario
 from cranectl.scenario.rig import RigParameters
@@ -34,9 +35,9 @@ class Origin(NamedTuple):
     versions: Mapping[str, str]  # of packages, and fingerprints
 
 
-def software_of(plants: Iterable[str]) -> dict[str, str]:
-    """What makes runs on `plants` here: this program, and plants that other modules have registered."""
-    return provenance() | plant_sources(plants)
+def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, str]:
+    """What makes runs here: this program, plants that other modules have registered, laws of files."""
+    return provenance() | plant_sources(plants) | law_digests(controllers)
 
 
 def manifest_of(campaign: Campaign) -> Table:
@@ -46,7 +47,7 @@ def manifest_of(campaign: Campaign) -> Table:
         "campaign": campaign.settings.model_dump(mode="json"),
         "runs": campaign.runs,
         "scenario": campaign.nominal.model_dump(mode="json"),
-        "versions": software_of(campaign.settings.plants),
+        "versions": software_of(campaign.settings.plants, campaign.settings.controllers),
         "accepted": [],
     }
     plain: Table = json.loads(json.dumps(table))

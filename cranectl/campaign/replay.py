@@ -129,7 +129,7 @@ def replay_run(
         "status": run.status.label,
         "end_s": run.end_s,
     }
-    installed = software_of(campaign.settings.plants)
+    installed = software_of(campaign.settings.plants, campaign.settings.controllers)
     log = write_log(directory / f"{plant}-{controller}-{sample:07d}.mcap", [run], every=every)
     return Replay(
         sample=sample,

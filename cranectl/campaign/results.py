@@ -288,7 +288,7 @@ def _prepared(directory: Path, campaign: Campaign, manifest: Table) -> Store:
     for path, why in damaged.items():
         place = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
         quarantined.append(f"{path.name} was damaged ({why}); now {place.name}")
-    origin = origin_of(manifest, software_of(campaign.settings.plants))
+    origin = origin_of(manifest, software_of(campaign.settings.plants, campaign.settings.controllers))
     return Store(directory, campaign, origin, missing, tuple(quarantined))
 
 

@@ -219,7 +219,8 @@ class Maker:
 
 def makers(results: Results) -> tuple[Maker, ...]:
     """What made the runs, the one that began the result first; nothing where there are no runs."""
-    installed = software_of(results.campaign.settings.plants)
+    settings = results.campaign.settings
+    installed = software_of(settings.plants, settings.controllers)
     counts = np.bincount(results.made_by, minlength=len(results.origins)).tolist()
     return tuple(
         Maker(count, dict(versions), tuple(provenance_differences(versions, installed)))

@@ -14,6 +14,8 @@ from multiprocessing.synchronize import Event
 from typing import NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure, try_case
+from cranectl.controllers.doors.law_file import LawFile
+from cranectl.controllers.doors.opening import OPENED, open_again
 from cranectl.plants.registry import PLANTS
 from cranectl.support.interrupts import SIGNALS, interrupts_blocked, interrupts_wait
 
@@ -67,7 +69,8 @@ def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Outcome:
     except KeyboardInterrupt:  # before any run began
         return Outcome(results, interrupted=True)
     stop = context.Event()
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop,)) as pool:
+    laws = tuple(OPENED.values())
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(stop, laws)) as pool:
         futures: dict[Future[Result], int] = {}
         try:
             with interrupts_wait():  # or a worker would get half of what it needs
@@ -120,8 +123,11 @@ def _collect(
 _stop: Event | None = None
 
 
-def _start(stop: Event) -> None:
-    """Make a worker end with its parent and, in order, when asked to; the parent alone takes Ctrl-C."""
+def _start(stop: Event, laws: tuple[LawFile, ...]) -> None:
+    """Make a worker end with its parent and, in order, when asked to; the parent alone takes Ctrl-C.
+
+    `laws`: those of files, which it knows as its parent does.
+    """
     global _stop
     _stop = stop
     for number in SIGNALS:
@@ -134,6 +140,7 @@ def _start(stop: Event) -> None:
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
+    open_again(laws)
 
 
 def _work(case: Case) -> Result:

@@ -5,12 +5,12 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, json_option, scenario_options
+from cranectl.cli.command import Command, controller_option, json_option, scenario_options
 
 
 @click.command("budget", cls=Command)
 @click.argument("scenario")
-@click.option("--controller", metavar="NAME", help="Default: the scenario's own.")
+@controller_option
 @click.option("--top", default="friction", show_default=True, metavar="LEVEL", help="The last level.")
 @scenario_options
 @json_option

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, drive_option, json_option, output_option, scenario_options
+from cranectl.cli.command import Command, Law, drive_option, json_option, output_option, scenario_options
 from cranectl.support.files import PLOTS
 
 # Of the laboratory rig, and on another one scaled by similarity.
@@ -15,7 +15,7 @@ DRIVES = ("bridge", "trolley", "winch")
 
 
 @click.command("certify", cls=Command)
-@click.argument("controller")
+@click.argument("controller", type=Law())
 @click.option(
     "--scenario",
     metavar="NAME",

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.cli.command import Command, Law, json_option, output_option, scenario_options
 from cranectl.support.files import PLOTS
 
 
 @click.command("design", cls=Command)
-@click.argument("names", metavar="NAME...", nargs=-1, required=True)
+@click.argument("names", metavar="NAME...", type=Law(), nargs=-1, required=True)
 @click.option(
     "--scenario", metavar="NAME", help="Whose [design], [control] and [rig] to take. Default: the defaults."
 )

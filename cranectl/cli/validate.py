@@ -10,6 +10,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
     Command,
+    Law,
     drive_option,
     every_option,
     json_option,
@@ -36,8 +37,9 @@ SHOWN = 10  # failures, broken limits and notes shown on the screen
     "--controller",
     "controllers",
     metavar="NAME",
+    type=Law(),
     multiple=True,
-    help="Default: the six of the flat family; all: every controller; repeatable.",
+    help="Default: the six of the flat family; all: every controller; law.py:NAME; repeatable.",
 )
 @run_plants_option
 @drive_option(default="both")

@@ -1,5 +1,6 @@
 """Laws that the loop calls by address: it is compiled once for all of them, in whatever language they are."""
 
+from collections.abc import Callable
 from math import isfinite
 from typing import Any, NamedTuple, cast
 
@@ -8,7 +9,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import Controller, Nominal
+from cranectl.controllers.controller import Controller, Nominal, Sizes
 from cranectl.controllers.flat import RUNNING, regularity
 from cranectl.model.dynamics import AxisMasses, axis_masses
 from cranectl.model.flatness import flat_output
@@ -16,7 +17,7 @@ from cranectl.signals import INPUT_COLUMN, LAW_ERROR_COLUMN, LAW_LOAD_COLUMN, LA
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-from cranectl.support.jit import address_of, jit
+from cranectl.support.jit import address_of, jit, why_not_compiled
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)
@@ -28,7 +29,7 @@ JOINTS = 5
 class AddressedLaw(NamedTuple):
     """A law as the loop runs it: what does not change in a run, and then its memories."""
 
-    address: int
+    address: int  # 0: only `entered` gives it one
     parameters: Array
     reference: Array  # (N + preview, 15); after its end the last row is repeated
     samples: int  # N
@@ -43,6 +44,11 @@ class AddressedLaw(NamedTuple):
     command: Array  # (3,) held between two steps
     scratch: Array  # (12,)
     clock: NDArray[np.int64]  # (1,) control samples since the start
+    entry: int  # place in ENTRIES
+    outside: bool  # the package's and other packages' are trusted to write nothing but memory and command
+
+
+ENTRIES: list[tuple[Callable[[Sizes], int], Sizes]] = []  # what gives addresses to laws from outside
 
 
 def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
@@ -50,9 +56,12 @@ def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
     parameters, memory = controller.prepare(nominal)
     reference = nominal.reference
     after = np.repeat(reference[-1:], controller.preview, axis=0)
+    parameters, memory = _numbers(parameters), _numbers(memory)
+    rows = 15 * (1 + controller.preview)
+    sizes = Sizes(len(parameters), 12, rows, len(memory), 3)
     law = AddressedLaw(
-        address=_compiled(controller),
-        parameters=_numbers(parameters),
+        address=0 if controller.entry else _compiled(controller),
+        parameters=parameters,
         reference=np.concatenate([reference, after]),
         samples=len(reference),
         every=controller.every,
@@ -61,12 +70,24 @@ def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
         force=controller.command == "force",
         masses=axis_masses(nominal.rig),
         places=np.array([place for place, _ in controller.logged], dtype=np.int64),
-        start=_numbers(memory),
+        start=memory,
         **_memories(),
+        entry=len(ENTRIES),
+        outside=controller.origin is not None,
     )
     if any(place >= len(law.start) for place in law.places):
         raise ValueError(f"{controller.name} logs places that its memory does not have")
+    if controller.entry:
+        ENTRIES.append((controller.entry, sizes))
     return law
+
+
+def entered(law: AddressedLaw) -> AddressedLaw:
+    """`law` with an address in this process, which runs what it was made of."""
+    if law.address:
+        return law
+    entry, sizes = ENTRIES[law.entry]
+    return law._replace(address=entry(sizes))
 
 
 def _compiled(controller: Controller) -> int:
@@ -74,10 +95,7 @@ def _compiled(controller: Controller) -> int:
     try:
         return address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
-        lines = str(error).splitlines() or [type(error).__name__]
-        said = next((line for line in lines if not line.startswith("Failed in nopython mode")), lines[0])
-        loc = getattr(error, "loc", None)
-        where = f"{loc.filename}:{loc.line}" if loc else controller.step.__code__.co_filename
+        said, where = why_not_compiled(controller.step, error)
         raise InputError(
             f"the step of {controller.name} cannot be compiled: {said}",
             allowed="Python that Numba compiles: numbers, items of the five arrays, functions of math",
@@ -86,7 +104,9 @@ def _compiled(controller: Controller) -> int:
 
 
 def at_start(law: AddressedLaw) -> AddressedLaw:
-    """`law` with memories of its own, for another run."""
+    """`law` with memories of its own, for another run; from outside, with all that it could write to."""
+    if law.outside:
+        law = law._replace(parameters=law.parameters.copy(), reference=law.reference.copy())
     return law._replace(**_memories())
 
 

@@ -85,6 +85,24 @@ class LinearLaw(NamedTuple):
     gain: Array  # (n,)
 
 
+class Origin(NamedTuple):
+    """The file of a law that no package brings, as a log tells it; it is never run from there."""
+
+    reference: str  # as it was named on the command line
+    sha256: str  # of its content, hexadecimal
+    source: str  # its text, where it is one
+
+
+class Sizes(NamedTuple):
+    """Numbers that a step is given."""
+
+    parameters: int
+    measured: int
+    reference: int  # all rows
+    memory: int
+    command: int
+
+
 @dataclass(frozen=True)
 class Controller:
     """A control law by its step and its declarations."""
@@ -101,6 +119,8 @@ class Controller:
     parameters: tuple[Parameter, ...] = ()
     logged: tuple[Logged, ...] = ()
     linearise: Callable[[Nominal, float], LinearLaw] | None = None  # at a rope length [m]
+    entry: Callable[[Sizes], int] | None = None  # address of the step, where Numba is not to compile it
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         """Raises InputError for a name that logs and TOML cannot have."""
@@ -114,7 +134,7 @@ class Controller:
             if name not in known:
                 raise unknown_name(f"parameter of {where}", name, known)
         values = {name: each.checked(given.get(name, each.default), where) for name, each in known.items()}
-        return LawDesign(self.name, values, tuple(logged.signal for logged in self.logged))
+        return LawDesign(self.name, values, tuple(logged.signal for logged in self.logged), self.origin)
 
 
 @dataclass(frozen=True)
@@ -124,6 +144,7 @@ class LawDesign:
     name: str
     parameters: Mapping[str, Value] = field(hash=False)
     signals: tuple[Signal, ...]
+    origin: Origin | None = None
 
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
@@ -133,10 +154,12 @@ class LawDesign:
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
         signals = [[s.name, s.symbol, s.unit, s.description] for s in self.signals]
-        return {"name": self.name, "parameters": dict(self.parameters), "signals": signals}
+        plain = {"name": self.name, "parameters": dict(self.parameters), "signals": signals}
+        return plain if self.origin is None else {**plain, "origin": self.origin._asdict()}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> "LawDesign":
         """Inverse of `to_json`; raises KeyError, TypeError or ValueError for other data."""
         signals = tuple(Signal(*map(str, signal)) for signal in data["signals"])
-        return cls(str(data["name"]), dict(data["parameters"]), signals)
+        origin = Origin(**data["origin"]) if "origin" in data else None
+        return cls(str(data["name"]), dict(data["parameters"]), signals, origin)

@@ -10,6 +10,7 @@ from cranectl.scenario import Scenario
 from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_free, loaded, with_extensions
+from cranectl.support.provenance import DIGITS
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller, LawDesign
@@ -66,6 +67,12 @@ def load_controller(name: str) -> "Controller":
         return {**_added(), **REGISTERED}[name]
     controller: Controller = loaded(WHERE[name])
     return controller
+
+
+def law_digests(names: Iterable[str]) -> dict[str, str]:
+    """Of those of `names` whose law is in a file, `law NAME`: the first digits of its SHA-256."""
+    laws = {name: REGISTERED[name].origin for name in names if name in REGISTERED}
+    return {f"law {name}": origin.sha256[:DIGITS] for name, origin in laws.items() if origin}
 
 
 def controller_design(name: str, scenario: Scenario) -> "Design | LawDesign":

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.addressed import AddressedLaw, addressed_law, at_start
+from cranectl.controllers.addressed import AddressedLaw, addressed_law, at_start, entered
 from cranectl.controllers.controller import Controller, LawDesign, LinearLaw, Nominal
 from cranectl.controllers.flat import Tracker, initial_memory, make_tracker
 from cranectl.controllers.registry import controller_design, load_controller
@@ -15,8 +15,9 @@ from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.plants.registry import REFERENCE_PLANT, check_effects, plant_entry
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import INPUT_COLUMN
+from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
 from cranectl.simulate.actuation import Actuation, make_actuation
+from cranectl.simulate.child import CAN_FORK, PATIENCE, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import AdvanceBlock, LoopInputs, compiled_loop, python_loop
 from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run
 from cranectl.simulate.run import Run, record_width
@@ -66,9 +67,22 @@ def simulate_run(
     plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, checked_drive(drive))
     law = law or law_of(nominal, design, crane.drive, plan)
-    run = start_run(crane, scenario, law, plan, nominal=nominal, compiled=compiled)
-    record = np.zeros((len(plan.time_ns), record_width(design)))
-    rows, last, status = _run_blocks(run, record, plan, progress)
+    samples, width = len(plan.time_ns), record_width(design)
+    outside = law_from_outside(design) if compiled and CAN_FORK else None
+    zeros = np.zeros if outside is None else shared_zeros
+    path_record = None if outside is None else shared_zeros((samples, PATH_WIDTH))
+    run = start_run(
+        crane,
+        scenario,
+        law,
+        plan,
+        nominal=nominal,
+        path_record=path_record,
+        compiled=compiled,
+        enter=outside is None,
+    )
+    record = zeros((samples, width))
+    rows, last, status = _run_blocks(run, record, plan, outside, progress)
     return Run(
         scenario=scenario,
         design=design,
@@ -92,15 +106,19 @@ def start_run(
     nominal: Scenario,
     path_record: Array | None = None,
     compiled: bool = True,
+    enter: bool = True,
 ) -> PreparedRun:
     """Put `crane`, which is that of `scenario`, at the start of `plan`.
 
-    Raises InputError where effects or steps do not suit its rope.
+    Raises InputError where effects or steps do not suit its rope. `enter`: give a law from outside an address
+    in this process, without which it cannot be run.
     `path_record`: where the signal path writes, by default whole memory for all samples.
     """
     crane.check_length(plan.shortest_rope)
     start = plan.initial_state
     crane.reset(start)
+    if enter and isinstance(law, AddressedLaw):
+        law = entered(law)
     samples = len(plan.time_ns)
     return PreparedRun(
         advance=compiled_loop(crane) if compiled else python_loop(crane),
@@ -212,18 +230,31 @@ def inputs_of(
     )
 
 
+def law_from_outside(design: Design | LawDesign) -> Controller | None:
+    """The law of a file; None: the package's, or another package's."""
+    return load_controller(design.name) if isinstance(design, LawDesign) and design.origin else None
+
+
 def _run_blocks(
-    run: PreparedRun, record: Array, plan: Plan, progress: Progress | None
+    run: PreparedRun, record: Array, plan: Plan, outside: Controller | None, progress: Progress | None
 ) -> tuple[int, int, RunStatus]:
     """Returns (complete rows, index of the sample at which the run ended, status)."""
-    rows, status, total = 0, RunStatus.RUNNING, len(plan.time_ns)
+    rows, status, total, inputs = 0, RunStatus.RUNNING, len(plan.time_ns), run.inputs
+
+    def advance(first: int) -> tuple[int, int, int]:
+        nonlocal inputs
+        if inputs.law is not None:
+            inputs = inputs._replace(law=entered(inputs.law))
+        return run.advance(inputs, run.path, record, run.memory, first, min(first + BLOCK, total))
+
     try:
-        while rows < total and status == RunStatus.RUNNING:
-            done = rows
-            rows, end, code = run.advance(
-                run.inputs, run.path, record, run.memory, rows, min(rows + BLOCK, total)
-            )
-            status = RunStatus(code)
+        if outside is None:
+            blocks = blocks_here(advance, total)
+        else:
+            run.advance(run.inputs, run.path, record, run.memory, 0, 0)  # compiled before it is timed
+            blocks = blocks_in_child(advance, total, outside.name, PATIENCE)
+        for complete, ended_at, code in blocks:
+            done, rows, end, status = rows, complete, ended_at, RunStatus(code)
             if progress is not None:
                 progress((rows - done) * run.inputs.actuation.period)
     except KeyboardInterrupt:

@@ -71,6 +71,14 @@ def address_of(step: Callable[..., int]) -> int:
     return int(compiled.address)
 
 
+def why_not_compiled(step: Callable[..., int], error: Exception) -> tuple[str, str]:
+    """What Numba says of `step`, in a line, and of which file and line."""
+    lines = str(error).splitlines() or [type(error).__name__]
+    said = next((line for line in lines if not line.startswith("Failed in nopython mode")), lines[0])
+    loc = getattr(error, "loc", None)
+    return said, f"{loc.filename}:{loc.line}" if loc else step.__code__.co_filename
+
+
 def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
     with _cache_in_place():
         compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)

@@ -127,7 +127,7 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> N
         return any(worker.state.executing for worker in cluster.workers.values())
 
     with cluster_client(cluster.scheduler_address, 1) as client:
-        future = client.submit(run_remotely, batches_of(long)[0], packed(manifest_of(long)))
+        future = client.submit(run_remotely, batches_of(long)[0], packed(manifest_of(long), []))
         assert future.status == "pending"
         wait_until(running)
     wait_until(lambda: not running())
@@ -141,7 +141,7 @@ def test_other_software_is_refused(
     name: str, told: str, cluster: LocalCluster, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = provenance() | {name: "1.0"}
-    monkeypatch.setattr("cranectl.campaign.manifest.software_of", lambda _: other)  # not the worker's
+    monkeypatch.setattr("cranectl.campaign.manifest.software_of", lambda *_: other)  # not the worker's
     error = refused(*RUN, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
     assert f" {name} " in error

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from cranectl.cli.command import names_given, plants_option
+from cranectl.cli.command import names_given, opened, plants_option
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -20,7 +20,7 @@ def controllers_option(help_text: str) -> Callable[[F], F]:
         "controllers",
         metavar="NAME",
         multiple=True,
-        callback=names_given,
+        callback=lambda *given: tuple(map(opened, names_given(*given))),
         help=help_text,
     )
 

@@ -1,0 +1,120 @@
+"""The door for libraries with the interface of `cranectl.h`, from C or whatever makes such functions.
+
+This process never loads one: a program of its own tells what it declares and prepares it, and the child in
+which a run goes calls its step by address.
+"""
+
+import ctypes
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
+from cranectl.controllers.doors import library
+from cranectl.controllers.doors.law_file import LawFile
+from cranectl.signals import Signal
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+HEADER = Path(__file__).parent / "cranectl.h"
+PATIENCE = 10.0  # [s] for an answer
+
+
+def open_library(file: LawFile) -> Controller:
+    """The law of a library; raises InputError where it is none, or does not keep to what it declares."""
+    told = _ask(file, None, None)
+
+    def prepare(nominal: Nominal) -> tuple[Array, Array]:
+        start = _ask(file, [float(value) for value in nominal.parameters.values()], _plain(nominal))["start"]
+        return np.array(start["parameters"]), np.array(start["memory"])
+
+    return Controller(
+        name=told["name"],
+        title=told["title"],
+        step=_never,
+        prepare=prepare,
+        command=("acceleration", "velocity", "force")[told["command"]],
+        follows=("path", "set-point")[told["follows"]],
+        measures=("state", "encoders")[told["measures"]],
+        every=told["every"],
+        preview=told["preview"],
+        parameters=tuple(Parameter(*declared) for declared in told["parameters"]),
+        logged=tuple(
+            Logged(place, Signal(name, name, unit, description))
+            for place, name, unit, description in told["signals"]
+        ),
+        entry=lambda _: _address(file),
+    )
+
+
+def _never(*_: Any) -> int:
+    raise NotImplementedError("it is called by address")
+
+
+def _plain(nominal: Nominal) -> dict[str, Any]:
+    rig = nominal.rig
+    masses = ("gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass")
+    return {
+        **{name: getattr(rig, name) for name in masses},
+        "time_constants": rig.time_constants.tolist(),
+        "period": nominal.period,
+        "state": nominal.state.tolist(),
+        "reference": nominal.reference[0].tolist(),
+    }
+
+
+def _ask(file: LawFile, values: list[float] | None, nominal: dict[str, Any] | None) -> dict[str, Any]:
+    """What the library says, in a program of its own; raises InputError with what is wrong with it."""
+    command = [sys.executable, "-I", library.__file__, str(_copy(file))]
+    question = json.dumps({"values": values, "nominal": nominal})
+    try:
+        done = subprocess.run(
+            command, input=question, capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise _wrong(file, f"gives no answer within {PATIENCE:g} s") from None
+    try:
+        told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    except (IndexError, ValueError):
+        how = signal.Signals(-done.returncode).name if done.returncode < 0 else f"exit code {done.returncode}"
+        raise _wrong(file, f"ended the process that asked it what it declares, with {how}") from None
+    if "error" in told:
+        raise _wrong(file, told["error"].replace(str(_copy(file)), str(file.path)))
+    return told
+
+
+def _wrong(file: LawFile, what: str) -> InputError:
+    return InputError(
+        f"{file.reference}: {what}",
+        allowed=f"a library for this machine with the interface of {HEADER}",
+        remedy="correct it; 'cranectl new c-controller' writes one that works",
+    )
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="cranectl-laws-")
+
+
+@cache
+def _copy(file: LawFile) -> Path:
+    """The content as it was read, whatever becomes of the file."""
+    path = Path(_folder().name) / file.digest[:16] / file.path.name
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(file.content)
+    return path
+
+
+@cache
+def _address(file: LawFile) -> int:
+    step = library.step_of(library.load(str(_copy(file))))
+    address = ctypes.cast(step, ctypes.c_void_p).value
+    assert address is not None
+    return address

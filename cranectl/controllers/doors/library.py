@@ -1,0 +1,197 @@
+"""A library with a law, by way of `ctypes` alone: what it declares, whether it keeps to it, how it prepares.
+
+Run as a program of its own, `python library.py FILE`, so that whatever the library does ends that program
+only: it reads a line of JSON and answers with one.
+"""
+
+import ctypes
+import json
+import math
+import random
+import sys
+from collections.abc import Iterable
+from ctypes import POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint32
+from typing import Any
+
+ABI = 1
+STEPS = 40  # of two memories in turn, to see whether anything is kept elsewhere
+Doubles = POINTER(c_double)
+Plain = dict[str, Any]  # data that JSON knows
+
+
+class CParameter(Structure):
+    """cranectl_parameter."""
+
+    _fields_ = (
+        *((name, c_char_p) for name in ("name", "unit", "description")),
+        *((name, c_double) for name in ("initial", "lowest", "highest")),
+    )
+
+
+class CSignal(Structure):
+    """cranectl_signal."""
+
+    _fields_ = (*((name, c_char_p) for name in ("name", "unit", "description")), ("place", c_int64))
+
+
+class CDeclaration(Structure):
+    """cranectl_declaration."""
+
+    _fields_ = (
+        ("abi", c_uint32),
+        ("size", c_uint32),
+        ("name", c_char_p),
+        ("title", c_char_p),
+        *((name, c_int32) for name in ("command", "follows", "measures", "every", "preview")),
+        *((name, c_int32) for name in ("memory", "numbers", "parameter_count", "signal_count")),
+        ("parameters", POINTER(CParameter)),
+        ("signals", POINTER(CSignal)),
+    )
+
+
+class CNominal(Structure):
+    """cranectl_nominal."""
+
+    _fields_ = (
+        *((name, c_double) for name in ("gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass")),
+        ("time_constants", c_double * 3),
+        ("period", c_double),
+        ("state", c_double * 10),
+        ("reference", c_double * 15),
+    )
+
+
+def load(path: str) -> ctypes.CDLL:
+    """The library; raises OSError."""
+    return ctypes.CDLL(path)
+
+
+def symbol(library: ctypes.CDLL, name: str) -> Any:
+    """A function; raises ValueError where there is none."""
+    try:
+        return getattr(library, name)
+    except AttributeError:
+        raise ValueError(f"it has no function {name}") from None
+
+
+def step_of(library: ctypes.CDLL) -> Any:
+    """Its step."""
+    step = symbol(library, "cranectl_step")
+    step.restype, step.argtypes = c_int64, [Doubles] * 5
+    return step
+
+
+def declaration(library: ctypes.CDLL) -> Plain:
+    """What it declares, as plain data; raises ValueError for what cannot be."""
+    tell = symbol(library, "cranectl_controller")
+    tell.restype = POINTER(CDeclaration)
+    step_of(library)
+    pointer = tell()
+    if not pointer:
+        raise ValueError("cranectl_controller returns no declaration")
+    told = pointer.contents
+    if told.abi != ABI:
+        raise ValueError(f"it was built for version {told.abi} of the interface, this is {ABI}")
+    if told.size != ctypes.sizeof(CDeclaration):
+        raise ValueError(
+            f"its declaration has {told.size} bytes, it should have {ctypes.sizeof(CDeclaration)}"
+        )
+    found: Plain = {"name": text(told.name), "title": text(told.title)}
+    found |= {name: getattr(told, name) for name in ("command", "follows", "measures", "every", "preview")}
+    found |= {"memory": told.memory, "numbers": max(told.numbers, told.parameter_count)}
+    limits = {"command": 2, "follows": 1, "measures": 1, "preview": 10**6, "memory": 10**6, "numbers": 10**6}
+    limits |= {"parameter_count": 10**4, "signal_count": 10**4, "every": 10**6}
+    for name, highest in limits.items():
+        if not (name == "every") <= getattr(told, name) <= highest:
+            raise ValueError(
+                f"{name} = {getattr(told, name)}, allowed is {int(name == 'every')} to {highest}"
+            )
+    found["parameters"] = [
+        [text(p.name), p.initial, text(p.unit), text(p.description), p.lowest, p.highest]
+        for p in told.parameters[: told.parameter_count]
+    ]
+    found["signals"] = [
+        [s.place, text(s.name), text(s.unit), text(s.description)] for s in told.signals[: told.signal_count]
+    ]
+    return found
+
+
+def text(raw: bytes | None) -> str:
+    """Of a C string."""
+    return "" if raw is None else raw.decode("utf-8", "replace")
+
+
+def prepare(library: ctypes.CDLL, told: Plain, values: list[float], nominal: Plain | None) -> Plain:
+    """Parameters and memory at the start; `nominal`: by name."""
+    parameters = (c_double * max(told["numbers"], 1))(*values)
+    memory = (c_double * max(told["memory"], 1))()
+    if nominal is not None and hasattr(library, "cranectl_prepare"):
+        given = CNominal()
+        for name, value in nominal.items():
+            if isinstance(value, list):
+                getattr(given, name)[:] = value
+            else:
+                setattr(given, name, value)
+        library.cranectl_prepare.restype = c_int64
+        library.cranectl_prepare.argtypes = [POINTER(CNominal), Doubles, Doubles]
+        if (code := library.cranectl_prepare(given, parameters, memory)) != 0:
+            raise ValueError(f"cranectl_prepare returns {code}: it cannot be prepared for this crane")
+    return {"parameters": list(parameters), "memory": list(memory)}
+
+
+def check(library: ctypes.CDLL, told: Plain, start: Plain) -> None:
+    """Raise ValueError where a step writes what it must not, or remembers anything outside of its memory."""
+    step, width = step_of(library), 15 * (1 + told["preview"])
+    dice = random.Random(1)
+    measured = [[0.9, 0.1, 0.7, 0.1, 0.8, 0.1, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0] for _ in range(STEPS)]
+    for row in measured:
+        row[:] = [value * dice.uniform(0.8, 1.2) for value in row]
+    path = [dice.uniform(0.4, 0.6) for _ in range(width)]
+
+    def run(order: list[int]) -> list[list[list[float | str]]]:
+        """Steps of two laws in `order`, with the commands of each."""
+        memories = [(c_double * len(start["memory"]))(*start["memory"]) for _ in range(2)]
+        done = [0, 0]
+        commands: list[list[list[float | str]]] = [[], []]
+        for which in order:
+            inputs = [
+                (c_double * len(values))(*values)
+                for values in (start["parameters"], measured[(done[which] + 7 * which) % STEPS], path)
+            ]
+            before, command = [list(values) for values in inputs], (c_double * 3)()
+            step(*inputs, memories[which], command)
+            for values, name in zip(inputs, ("parameters", "measured", "reference"), strict=True):
+                if bits(values) != bits(before.pop(0)):
+                    raise ValueError(f"its step writes to {name}")
+            done[which] += 1
+            commands[which].append(bits(command))
+        return commands
+
+    alone, in_turn = run([0] * STEPS + [1] * STEPS), run([0, 1] * STEPS)
+    if alone != in_turn:
+        raise ValueError("it remembers something outside of its memory, which two cranes would share")
+
+
+def bits(values: Iterable[float]) -> list[float | str]:
+    """Comparable, NaN too."""
+    return ["nan" if math.isnan(value) else value for value in values]
+
+
+def main() -> None:
+    """Answer the question on standard input."""
+    asked = json.loads(sys.stdin.readline())
+    try:
+        library = load(sys.argv[1])
+        told = declaration(library)
+        answer = dict(told)
+        if asked["values"] is None:
+            check(library, told, prepare(library, told, [p[1] for p in told["parameters"]], None))
+        else:
+            answer |= {"start": prepare(library, told, asked["values"], asked["nominal"])}
+    except (OSError, ValueError) as error:
+        answer = {"error": str(error)}
+    print(json.dumps(answer))
+
+
+if __name__ == "__main__":
+    main()
