@@ -3,12 +3,13 @@
 from cranectl.campaign.definition import Campaign, Parameter, sampled_scenario
 from cranectl.campaign.load import load_campaign, make_campaign
 from cranectl.campaign.sampling import sample_values
-from cranectl.campaign.settings import CampaignSettings, campaign_names, read_campaign
+from cranectl.campaign.settings import CampaignSettings, campaign_file, campaign_names, read_campaign
 
 __all__ = [
     "Campaign",
     "CampaignSettings",
     "Parameter",
+    "campaign_file",
     "campaign_names",
     "load_campaign",
     "make_campaign",

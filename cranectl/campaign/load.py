@@ -17,6 +17,7 @@ from cranectl.campaign.definition import Campaign, Parameter, numbers_of, parame
 from cranectl.campaign.distributions import FewValues
 from cranectl.campaign.sampling import gaussian_copula, sample_values
 from cranectl.campaign.settings import COUNTED, INDEPENDENT, MAX_RUNS, CampaignSettings, read_campaign
+from cranectl.controllers.registry import checked_controller
 from cranectl.plants.registry import check_effects, plant_entry
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.support.errors import InputError
@@ -106,6 +107,8 @@ def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
 
 def make_campaign(settings: CampaignSettings) -> Campaign:
     """The campaign of `settings`, checked."""
+    for name in settings.controllers:
+        checked_controller(name)
     nominal = _nominal_scenario(settings)
     parameters = parameters_of(settings, nominal)
     if settings.correlation and settings.sampling not in INDEPENDENT:

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
-from cranectl.controllers.registry import checked_controller
 from cranectl.metrics.limits import Limits
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
@@ -88,12 +87,17 @@ def campaign_names() -> list[str]:
     return resources.toml_names(resources.CAMPAIGN_DIRECTORY)
 
 
+def campaign_file(name_or_path: str | Path) -> Path:
+    """Where a campaign is read; raises InputError for none."""
+    return resources.toml_file("campaign", str(name_or_path), resources.CAMPAIGN_DIRECTORY)
+
+
 def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> CampaignSettings:
     """Read a campaign by name or from a TOML file; `overrides` are `"runs=100"` and the like.
 
     Raises InputError for what is wrong in itself; `load_campaign` checks it against the scenario.
     """
-    path = resources.toml_file("campaign", str(name_or_path), resources.CAMPAIGN_DIRECTORY)
+    path = campaign_file(name_or_path)
     table = read_toml(path)
     if isinstance(table.get("rig"), str):
         table["rig"] = str(rig_place(table["rig"], path.parent))
@@ -106,8 +110,6 @@ def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
     if isinstance(table.get("uncertain"), Mapping):
         table["uncertain"] = _distributions(table["uncertain"], source)
     settings = parse_settings(CampaignSettings, table, source)
-    for name in settings.controllers:
-        checked_controller(name)
     for name in settings.plants:
         plant_entry(name).check_campaigns()
     return settings

@@ -102,31 +102,6 @@ def _file(value: Any) -> Path | None:
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-class Law(click.ParamType):  # type: ignore[type-arg]
-    """The type of an option that names a controller, or the file of one, which is opened."""
-
-    name = "controller"
-
-    def convert(self, value: str, _parameter: Any, _context: Any) -> str:
-        """The name of the controller; raises InputError for a file without one."""
-        return opened(value)
-
-
-def opened(name: str) -> str:
-    """`name`, or that of the law in the file that it names."""
-    if "." not in name:
-        return name
-    from cranectl.controllers.doors.opening import is_reference, open_law
-
-    return open_law(name) if is_reference(name) else name
-
-
-controller_option = click.option(
-    "--controller",
-    metavar="NAME",
-    type=Law(),
-    help="A controller, or the file of one: law.py:NAME. Default: the scenario's own.",
-)
 json_option = click.option(
     "--json",
     "json_file",

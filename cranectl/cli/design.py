@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, Law, json_option, output_option, scenario_options
+from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.cli.laws import Law
 from cranectl.support.files import PLOTS
 
 

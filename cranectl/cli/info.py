@@ -118,11 +118,11 @@ def _lines(
     software: Sequence[str],
 ) -> list[str]:
     """What a log is, a line a fact; `software` is what differs from what is installed."""
-    scenario, design = runs[0].scenario, runs[0].design
+    scenario = runs[0].scenario
     facts = [
         ("file", description.path),
         ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
-        ("design", f"{design.name}, {runs[0].drive} drives"),
+        ("design", f"{runs[0].controller}, {runs[0].drive} drives"),
     ]
     facts += [
         (run.plant, f"{run.status.label} at {run.end_s:g} s, {len(run.time_ns)} samples") for run in runs

@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, controller_option, json_option, output_option, scenario_options
+from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.cli.laws import controller_option
 from cranectl.support.files import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers

@@ -11,12 +11,12 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
     Command,
-    controller_option,
     drive_option,
     output_option,
     run_plants_option,
     scenario_options,
 )
+from cranectl.cli.laws import controller_option
 from cranectl.support.errors import printable
 from cranectl.support.files import JSON, MCAP, write_text, writing
 from cranectl.support.interrupts import heed_interrupts, interrupt

@@ -8,7 +8,6 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
     Command,
-    controller_option,
     drive_option,
     every_option,
     json_option,
@@ -18,6 +17,7 @@ from cranectl.cli.command import (
     run_plants_option,
     scenario_options,
 )
+from cranectl.cli.laws import controller_option
 from cranectl.support.files import MCAP
 
 if TYPE_CHECKING:

@@ -10,7 +10,6 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
     Command,
-    Law,
     drive_option,
     every_option,
     json_option,
@@ -19,6 +18,7 @@ from cranectl.cli.command import (
     run_plants_option,
     scenario_options,
 )
+from cranectl.cli.laws import Law
 from cranectl.support.files import HTML, XML
 
 if TYPE_CHECKING:

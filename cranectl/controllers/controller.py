@@ -23,6 +23,7 @@ from cranectl.signals import Signal, SignalGroup, law_groups
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_name
+from cranectl.support.provenance import DIGITS
 
 Value = float | str
 
@@ -91,6 +92,11 @@ class Origin(NamedTuple):
     reference: str  # as it was named on the command line
     sha256: str  # of its content, hexadecimal
     source: str  # its text, where it is one
+
+    @property
+    def described(self) -> str:
+        """In a phrase."""
+        return f"{self.reference}, SHA-256 {self.sha256[:DIGITS]}"
 
 
 class Sizes(NamedTuple):

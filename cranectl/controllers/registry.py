@@ -48,9 +48,18 @@ def _added() -> dict[str, "Controller"]:
 
 def checked_controller(name: str) -> str:
     """`name` if it is a controller's; raises InputError that lists the known names otherwise."""
-    if name not in controller_names():
-        raise unknown_name("controller", name, controller_names())
-    return name
+    if name in controller_names():
+        return name
+    from cranectl.controllers.doors.opening import is_reference
+
+    if is_reference(name):
+        raise InputError(
+            f"the controller is the file '{name}', and neither scenario nor campaign runs code by itself",
+            allowed=f"a file named on the command line, or {', '.join(controller_names())}",
+            remedy="if you know what is in it, add --trust, or name it: --controller PATH",
+        )
+    by_file = "choose one of the controllers listed above, or name the file of a law, law.py:NAME"
+    raise unknown_name("controller", name, controller_names(), remedy=by_file)
 
 
 def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
@@ -80,11 +89,12 @@ def controller_design(name: str, scenario: Scenario) -> "Design | LawDesign":
 
     Raises InputError for a wrong name, also of a table of parameters, and for settings that it cannot meet.
     """
+    checked_controller(name)
     laws = [law for law in controller_names() if law not in FLAT_FAMILY]
     for law in scenario.controller.parameters:
         if law not in laws:
-            raise unknown_name("law with parameters", law, laws)
-    if checked_controller(name) in FLAT_FAMILY:
+            raise unknown_name("law", law, laws)
+    if name in FLAT_FAMILY:
         return design_controller(name, scenario.design)
     return load_controller(name).designed(scenario.controller.parameters.get(name, {}))
 

@@ -9,6 +9,7 @@ from cranectl.scenario.load import (
     load_scenario,
     rig_names,
     rig_place,
+    scenario_file,
     scenario_names,
 )
 from cranectl.scenario.scenario import (
@@ -37,5 +38,6 @@ __all__ = [
     "nanoseconds",
     "rig_names",
     "rig_place",
+    "scenario_file",
     "scenario_names",
 ]

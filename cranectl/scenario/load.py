@@ -30,6 +30,11 @@ def scenario_names() -> list[str]:
     return resources.toml_names(resources.SCENARIO_DIRECTORY)
 
 
+def scenario_file(name_or_path: str | Path) -> Path:
+    """Where a scenario is read; raises InputError for none."""
+    return resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
+
+
 def load_scenario(
     name_or_path: str | Path, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
 ) -> Scenario:
@@ -39,7 +44,7 @@ def load_scenario(
     file or the name of one that comes with cranectl, then `overrides` (`"rig.load_mass=2.5"`). Raises
     InputError for anything wrong, naming all wrong fields.
     """
-    path = resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
+    path = scenario_file(name_or_path)
     table = read_toml(path)
     if rig is None and isinstance(table.get("rig"), str):
         rig = rig_place(table["rig"], path.parent)

@@ -48,6 +48,12 @@ class Run:
         return seconds
 
     @property
+    def controller(self) -> str:
+        """Its name, and of a law from outside the file."""
+        origin = self.design.origin if isinstance(self.design, LawDesign) else None
+        return self.design.name if origin is None else f"{self.design.name}, {origin.described}"
+
+    @property
     def end_s(self) -> float:
         """When the run ended [s]."""
         return self.end_ns / NANOSECONDS

@@ -52,13 +52,16 @@ def printable(text: str, *, longest: int = 500) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str]) -> InputError:
-    """The error for a name that is not in a registry; lists the known names in their order."""
+def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = "") -> InputError:
+    """The error for a name that is not in a registry; lists the known names in their order.
+
+    `remedy`: where `name` looks like none of them, by default to choose one.
+    """
     names = list(known)
     return InputError(
         f"unknown {kind} '{name}'",
         allowed=", ".join(names),
-        remedy=did_you_mean(name, names) or f"choose one of the {kind}s listed above",
+        remedy=did_you_mean(name, names) or remedy or f"choose one of the {kind}s listed above",
     )
 
 

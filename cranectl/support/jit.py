@@ -57,16 +57,21 @@ def jit_loop(function: F, name: str, **callees: Any) -> F:
 
 @functools.cache
 def address_of(step: Callable[..., int]) -> int:
-    """The address of `step` as a C function of five pointers to doubles that returns an int64, compiled."""
+    """The address of `step` as a C function of five pointers to doubles that returns an int64, compiled.
+
+    Kept on disk is the package's own only: what somebody else's step takes from other files is not known, and
+    an old gain in it would go unnoticed.
+    """
     from numba.core.ccallback import CFunc
     from numba.core.types import CPointer, float64, int64
 
     pointer: Any = CPointer
     options = {"nopython": True, "error_model": "numpy"}
     compiled: Any = CFunc(step, ((pointer(float64),) * 5, int64), {}, options)
-    with _cache_in_place(), contextlib.suppress(RuntimeError):  # of what was typed into an interpreter
-        compiled.enable_caching()
-        _check_files(compiled._cache, sources_digest(Path(inspect.getfile(step))))
+    if (file := Path(step.__code__.co_filename)).is_relative_to(_PACKAGE):
+        with _cache_in_place():
+            compiled.enable_caching()
+            _check_files(compiled._cache, sources_digest(file))
     compiled.compile()
     return int(compiled.address)
 

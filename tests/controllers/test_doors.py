@@ -1,7 +1,6 @@
 """Laws from outside: what a file must have, that all doors give the same bits, what a broken law leaves."""
 
 import json
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,117 +8,15 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.controllers.doors.c_law import HEADER
 from cranectl.controllers.doors.opening import close_laws, open_law
 from cranectl.controllers.registry import controller_design
 from cranectl.log import read_log
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import child, law_of, plan_scenario, simulate_run
 from cranectl.support.errors import InputError
+from tests.controllers.law_files import LAW, built
 
 SHORT = ["duration=3.2", "disturbances=[]"]
-LAW = '''
-import numpy as np
-from math import sin
-
-def damper(parameters, measured, reference, memory, command):
-    """Spring and damper on each drive."""
-    for axis in range(3):
-        target = -reference[2] if axis == 2 else reference[axis]
-        rate = -reference[5] if axis == 2 else reference[3 + axis]
-        memory[axis] = target - measured[2 * axis]
-        command[axis] = 16.0 * memory[axis]
-        command[axis] += 8.0 * (rate - measured[2 * axis + 1])
-    return 0
-
-class BridgeServo:
-    """The same with parameters and a signal."""
-
-    parameters = {"stiffness": 16.0, "damping": 8.0}
-    memory = 3
-    logged = {"bridge_error": 0}
-
-    def step(parameters, measured, reference, memory, command):
-        for axis in range(3):
-            target = -reference[2] if axis == 2 else reference[axis]
-            rate = -reference[5] if axis == 2 else reference[3 + axis]
-            memory[axis] = target - measured[2 * axis]
-            command[axis] = parameters[0] * memory[axis]
-            command[axis] += parameters[1] * (rate - measured[2 * axis + 1])
-        return 0
-
-def interpreted(parameters, measured, reference, memory, command):
-    """The same in what Numba does not know."""
-    named = {"error": [t - q for t, q in zip([*reference[:2], -reference[2]], measured[0:6:2])]}
-    rates = [*reference[3:5], -reference[5]]
-    for axis in range(3):
-        memory[axis] = named["error"][axis]
-        command[axis] = 16.0 * named["error"][axis]
-        command[axis] += 8.0 * (rates[axis] - measured[2 * axis + 1])
-    return 0
-
-def raising(parameters, measured, reference, memory, command):
-    memory[0] += 1.0
-    if memory[0] > 1200:
-        raise RuntimeError("no more: " + str({}))
-    return 0
-
-def not_a_number(parameters, measured, reference, memory, command):
-    memory[0] += 1.0
-    command[0] = 0.0 * np.sqrt(1200.0 - memory[0])
-    return 0
-
-def endless(parameters, measured, reference, memory, command):
-    memory[0] += 1.0
-    x = 0.0
-    while memory[0] > 1200.0 and x < 1.0:
-        x = 0.5 * x
-    return 0
-
-def writing(parameters, measured, reference, memory, command):
-    reference[0] = len(str({}))
-    return 0
-
-def greedy(parameters, measured, reference, memory, command):
-    for axis in range(3):
-        reference[axis] += 1.0
-        parameters[0] += 1.0
-        command[axis] = 1e-4 * (reference[axis] + parameters[0])
-    return 0
-
-def two(parameters, measured):
-    return 0
-'''
-C_LAW = """
-#include <stdlib.h>
-#include "cranectl.h"
-static const cranectl_parameter P[] = {
-    {"stiffness", "1/s^2", "spring", 16.0, 0.0, 1e4}, {"damping", "1/s", "damper", 8.0, 0.0, 1e4}};
-static const cranectl_signal S[] = {{"bridge_error", "m", "of the bridge", 0}};
-static cranectl_declaration D = {
-    .abi = CRANECTL_ABI, .size = sizeof D, .name = "c-servo", .title = "spring and damper in C",
-    .command = CRANECTL_ACCELERATION, .every = 1, .memory = 4, .numbers = 3,
-    .parameter_count = 2, .signal_count = 1, .parameters = P, .signals = S};
-CRANECTL_EXPORT const cranectl_declaration *cranectl_controller(void) { DECLARED return &D; }
-int64_t cranectl_prepare(const cranectl_nominal *nominal, double *parameters, double *memory) {
-    (void)memory;
-    parameters[2] = nominal->load_mass;
-    return nominal->load_mass > 5.0;
-}
-static int steps = 0;
-int64_t STEP(const double *p, const double *q, const double *r, double *m, double *u) {
-    m[3] += 1.0;
-    steps++;
-    BROKEN
-    for (int i = 0; i < 3; i++) {
-        double target = i == 2 ? -r[2] : r[i], rate = i == 2 ? -r[5] : r[3 + i];
-        m[i] = target - q[2 * i];
-        u[i] = p[0] * m[i];
-        u[i] += p[1] * (rate - q[2 * i + 1]);
-    }
-    return 0;
-}
-"""
 
 
 @pytest.fixture(autouse=True)
@@ -137,15 +34,6 @@ def law(tmp_path: Path) -> Path:
 
 def scenario(*overrides: str) -> Scenario:
     return load_scenario("fast-diagonal", overrides=[*SHORT, *overrides])
-
-
-def built(folder: Path, *, declared: str = "", broken: str = "", step: str = "cranectl_step") -> Path:
-    """A library, with `broken` in its step."""
-    source, library = folder / "law.c", folder / f"law-{abs(hash((declared, broken, step)))}.so"
-    source.write_text(C_LAW.replace("DECLARED", declared).replace("BROKEN", broken).replace("STEP", step))
-    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-shared", "-fPIC", "-ffp-contract=off"]
-    subprocess.run(["cc", *flags, f"-I{HEADER.parent}", "-o", library, source], check=True)
-    return library
 
 
 # The doors
@@ -198,10 +86,73 @@ def test_prepared_for_the_crane_or_not_at_all(law: Path) -> None:
         simulate_run(scenario("rig.load_mass=6.0"), plant="analytic", controller=name)
 
 
-def test_a_scenario_runs_no_code(law: Path) -> None:
-    named = scenario(f"controller='{law}:damper'")
-    with pytest.raises(InputError, match="controller"):
-        controller_design(named.controller.name, named)
+SCENARIO = """
+name = "own"
+duration = 1.0
+[controller]
+name = "law.py:BridgeServo"
+bridge-servo = {stiffness = 25.0}
+[reference]
+start = [0.4, 0.4, -0.8]
+"""
+
+
+def test_a_scenario_runs_no_code_unless_it_is_trusted(
+    law: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    law.write_text("open('it_ran', 'w').close()\n" + LAW)
+    (law.parent / "own.toml").write_text(SCENARIO)
+    (law.parent / "elsewhere").mkdir()
+    monkeypatch.chdir(law.parent / "elsewhere")  # its file is named as seen from the scenario
+    run = ["run", "../own.toml", "--plants", "analytic", "--out", "own.mcap"]
+    assert main(run) == main(["ladder", "../own.toml"]) == 2
+    assert "--trust" in capsys.readouterr().err
+    assert not Path("it_ran").exists()
+    assert main([*run, "--trust"]) == 0
+    assert Path("it_ran").exists()
+    Path("it_ran").unlink()
+    close_laws()
+    assert main(["info", "own.mcap"]) == main(["report", "own.mcap"]) == 0
+    assert not Path("it_ran").exists()
+    described = f"bridge-servo, {law.parent}/law.py:BridgeServo, SHA-256 "
+    assert described.replace(f"{law.parent}/", "../") in capsys.readouterr().out
+    assert described.replace(f"{law.parent}/", "../") in Path("own.html").read_text()
+    assert read_log("own.mcap")["analytic"].design.parameters["stiffness"] == 25.0
+
+
+CAMPAIGN = """
+name = "own"
+scenario = "fast-diagonal"
+controllers = ["law.py:damper"]
+plants = ["analytic"]
+runs = 4
+set = ["duration=3.2", "disturbances=[]"]
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.8
+high = 1.2
+"""
+
+
+def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
+    law: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(law.parent)
+    Path("own.toml").write_text(CAMPAIGN)
+    assert main(["campaign", "run", "own.toml", "--out", "result"]) == 2
+    assert main(["campaign", "run", "own.toml", "--out", "result", "--trust"]) == 0
+    close_laws()
+    assert main(["campaign", "report", "result"]) == 0
+    replay = ["campaign", "replay", "result", "--worst", "1"]
+    capsys.readouterr()
+    assert main(replay) == 2
+    assert "law.py:NAME" in capsys.readouterr().err
+    assert main([*replay, "--controller", "law.py:damper"]) == 0
+    assert "law damper" not in capsys.readouterr().out
+    close_laws()
+    law.write_text(LAW.replace("16.0 * memory[axis]", "15.0 * memory[axis]"))
+    assert main([*replay, "--controller", "law.py:damper"]) == 1
+    assert "law damper" in capsys.readouterr().out
 
 
 def test_what_a_compiled_law_writes_where_it_must_not_harms_itself_only(law: Path) -> None:

@@ -3,26 +3,12 @@
 import functools
 import json
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
-from cranectl.cli.command import names_given, opened, plants_option
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def controllers_option(help_text: str) -> Callable[[F], F]:
-    """`--controller`, one name or more."""
-    return click.option(
-        "--controller",
-        "--controllers",
-        "controllers",
-        metavar="NAME",
-        multiple=True,
-        callback=lambda *given: tuple(map(opened, names_given(*given))),
-        help=help_text,
-    )
+from cranectl.cli.command import plants_option
+from cranectl.cli.laws import controllers_option, opened, trust_option
 
 
 def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -43,9 +29,10 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
         help="Override any field of the campaign (uncertain.rig.load_mass.low=0.8, limits.max_error_m=0.1) "
         "or of its scenario (duration=5); repeatable.",
     )
+    @trust_option("CAMPAIGN")
     @functools.wraps(function)
-    def command(campaign: str, overrides: Sequence[str], **given: Any) -> Any:
-        from cranectl.campaign import load_campaign, read_campaign
+    def command(campaign: str, overrides: Sequence[str], trust: bool, **given: Any) -> Any:
+        from cranectl.campaign import campaign_file, load_campaign, read_campaign
         from cranectl.campaign.settings import CampaignSettings
 
         to_toml = functools.partial(json.dumps, ensure_ascii=False)  # the same for strings, numbers, lists
@@ -58,6 +45,9 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
         ]
         shared = [text for text in overrides if text not in own]
         replaced = {key: given.pop(key) for key in ("runs", "controllers", "plants", "drive", "rig", "seed")}
+        if trust and not replaced["controllers"]:
+            named, place = read_campaign(campaign, overrides=own).controllers, campaign_file(campaign).parent
+            replaced["controllers"] = tuple(opened(name, place) for name in named)
         own += [f"{key}={to_toml(value)}" for key, value in replaced.items() if value not in (None, ())]
         if shared:
             own.append(f"set={to_toml([*read_campaign(campaign, overrides=own).set, *shared])}")

@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.campaign.options import controllers_option
 from cranectl.cli.command import Command, json_option, plants_option
+from cranectl.cli.laws import controllers_option
 
 
 @click.command("replay", cls=Command)
@@ -16,7 +16,7 @@ from cranectl.cli.command import Command, json_option, plants_option
     "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
 )
 @click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
-@controllers_option("Only runs with these controllers.")
+@controllers_option("Only runs with these controllers; one that is a law of a file by its file.")
 @plants_option("Only runs on these plants.")
 @click.option("--every", type=click.IntRange(min=1), metavar="N", help="Log every N-th control sample.")
 @click.option(

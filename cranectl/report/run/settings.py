@@ -21,7 +21,7 @@ def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple
     changed = [changed_from_default(run.scenario) for run in first]
     facts: dict[str, list[str]] = {
         "scenario": [run.scenario.name for run in first],
-        "controller": [run.design.name for run in first],
+        "controller": [run.controller for run in first],
         "drives": [run.drive for run in first],
         "plants": [", ".join(log) for log in logs.values()],
         "duration": [f"{run.scenario.duration:g} s" for run in first],
@@ -44,7 +44,7 @@ def what_differs(logs: Logs) -> Table | None:
     tables = []
     for log in logs.values():
         run = next(iter(log.values()))
-        asked = {"plants": list(log), "drives": run.drive, "controller": run.design.name}
+        asked = {"plants": list(log), "drives": run.drive, "controller": run.controller}
         tables.append(asked | {"scenario": run.scenario.model_dump(mode="json", exclude={"controller"})})
     flat = [dict(leaves(table)) for table in tables]
     names = dict.fromkeys(name for each in flat for name in each)

@@ -1,0 +1,73 @@
+"""Options that name controllers, or files of laws, which are run only because of these options."""
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from cranectl.cli.command import names_given
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Law(click.ParamType):  # type: ignore[type-arg]
+    """The type of an option that names a controller, or the file of one, which is opened."""
+
+    name = "controller"
+
+    def convert(self, value: str, _parameter: Any, _context: Any) -> str:
+        """The name of the controller; raises InputError for a file without one."""
+        return opened(value)
+
+
+def opened(name: str, directory: Path = Path()) -> str:
+    """`name`, or that of the law in the file that it names, seen from `directory`."""
+    if "." not in name:
+        return name
+    from cranectl.controllers.doors.opening import is_reference, open_law
+
+    return open_law(str(directory / name)) if is_reference(name) else name
+
+
+def controller_option(function: F) -> F:
+    """`--controller` and `--trust` of a command that takes `scenario`; it gets the former."""
+
+    @click.option(
+        "--controller",
+        metavar="NAME",
+        type=Law(),
+        help="A controller, or the file of one: law.py:NAME, law.so. Default: the scenario's own.",
+    )
+    @trust_option("SCENARIO")
+    @functools.wraps(function)
+    def command(*, trust: bool, controller: str | None, scenario: str, **given: Any) -> Any:
+        if trust and controller is None:
+            from cranectl.scenario import load_scenario, scenario_file
+
+            named = load_scenario(scenario).controller.name
+            controller = opened(named, scenario_file(scenario).parent)
+        return function(controller=controller, scenario=scenario, **given)
+
+    return command  # type: ignore[return-value]
+
+
+def controllers_option(help_text: str) -> Callable[[F], F]:
+    """`--controller`, one name or more."""
+    return click.option(
+        "--controller",
+        "--controllers",
+        "controllers",
+        metavar="NAME",
+        multiple=True,
+        callback=lambda *given: tuple(map(opened, names_given(*given))),
+        help=help_text,
+    )
+
+
+def trust_option(document: str) -> Callable[[F], F]:
+    """`--trust`."""
+    return click.option(
+        "--trust", is_flag=True, help=f"Run the code of a law whose file {document} itself names."
+    )
