@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cranectl.compare.agreement import Agreement, judge
     from cranectl.compare.runs import Comparison, compare_runs
     from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
+    from cranectl.controllers.doors.opening import open_law
     from cranectl.controllers.registry import controller_names, register_controller
     from cranectl.design import CONTROLLERS, Design, design_controller
     from cranectl.log import read_log, read_signal, write_log
@@ -56,6 +57,7 @@ _HOME = {
     "design_controller": "design",
     "judge": "compare.agreement",
     "load_scenario": "scenario",
+    "open_law": "controllers.doors.opening",
     "read_log": "log",
     "read_signal": "log",
     "register_controller": "controllers.registry",
@@ -92,6 +94,7 @@ __all__ = [
     "design_controller",
     "judge",
     "load_scenario",
+    "open_law",
     "read_log",
     "read_signal",
     "register_controller",

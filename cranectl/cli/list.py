@@ -17,7 +17,7 @@ def list_command(json_file: str | None) -> None:
     cranectl list --json -
     """
     from cranectl.cli.output import console, write_json
-    from cranectl.controllers.registry import controller_names
+    from cranectl.controllers.registry import described_controllers
     from cranectl.plants.plant import DRIVES
     from cranectl.plants.registry import PLANTS
     from cranectl.report.table import Table, cells
@@ -27,9 +27,11 @@ def list_command(json_file: str | None) -> None:
     out = console(json_file)
     rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
     out.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
+    laws = [(name, origin, title) for name, (origin, title) in described_controllers().items()]
+    rows = tuple(cells(*law) for law in laws)
+    out.print(Table("Controllers", ("name", "from", "what it is"), rows, labels=3))
     registries: dict[str, tuple[str, ...]] = {
         "rigs": tuple(rig_names()),
-        "controllers": controller_names(),
         "plants": tuple(PLANTS),
         "drives": DRIVES,
     }
@@ -38,6 +40,5 @@ def list_command(json_file: str | None) -> None:
     listed: list[dict[str, Any]] = [
         scenario.model_dump(include={"name", "title", "duration", "controller"}) for scenario in scenarios
     ]
-    write_json(
-        json_file, {"scenarios": listed, **{name: list(entries) for name, entries in registries.items()}}
-    )
+    told = {name: list(entries) for name, entries in registries.items()}
+    write_json(json_file, {"scenarios": listed, "controllers": [name for name, *_ in laws], **told})

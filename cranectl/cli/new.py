@@ -8,7 +8,7 @@ import click
 from cranectl.cli.command import Command
 
 TEMPLATES = Path(__file__).parent / "templates"
-ENDINGS = {"scenario": "toml", "rig": "toml", "campaign": "toml", "controller": "py"}
+ENDINGS = {"scenario": "toml", "rig": "toml", "campaign": "toml", "controller": "py", "c-controller": "c"}
 
 
 @click.command("new", cls=Command)
@@ -26,34 +26,41 @@ def new_command(kind: str, name: str, directory: Path) -> None:
     """Write a small working example of a file, and its test.
 
     NAME is of lower case letters, digits and hyphens. Files that exist are never replaced. The test runs
-    with pytest.
+    with pytest. Beside a controller in C lies the header of its interface, cranectl.h.
 
     \b
     cranectl new scenario first-move
     cranectl new controller servo --in controllers
+    cranectl new c-controller servo
     cranectl new rig yard-crane
     cranectl new campaign unknown-load
     """
+    from cranectl.controllers.doors.c_law import HEADER
     from cranectl.support.errors import InputError
     from cranectl.support.extensions import check_name
     from cranectl.support.files import exists, write_text, writing
 
     check_name(kind, name)
     module = name.replace("-", "_")
-    stem = module if kind == "controller" else name
-    files = {
-        directory / f"{stem}.{ENDINGS[kind]}": f"{kind}.{ENDINGS[kind]}.txt",
-        directory / f"test_{module}.py": f"test_{kind}.py.txt",
+    stem = module if kind.endswith("controller") else name
+    templates = {
+        f"{stem}.{ENDINGS[kind]}": TEMPLATES / f"{kind}.{ENDINGS[kind]}.txt",
+        f"test_{module}.py": TEMPLATES / f"test_{kind}.py.txt",
+        **({HEADER.name: HEADER} if kind == "c-controller" else {}),
     }
-    for path in files:
-        if exists(path):
+    texts = {
+        directory / file: re.sub("NAME", name, re.sub("MODULE", module, template.read_text(encoding="utf-8")))
+        for file, template in templates.items()
+    }
+    for path, text in texts.items():
+        same = path.name == HEADER.name and path.is_file() and path.read_text(encoding="utf-8") == text
+        if exists(path) and not same:
             raise InputError(
                 f"{path} exists", allowed="a name that is free", remedy="choose another name, or another --in"
             )
-    for path, template in files.items():
-        text = (TEMPLATES / template).read_text(encoding="utf-8")
+    for path, text in texts.items():
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_text(path, re.sub("NAME", name, re.sub("MODULE", module, text)))
+            write_text(path, text)
         click.echo(f"written: {path}")
     click.echo(f"try it: python -m pytest {directory / f'test_{module}.py'}")

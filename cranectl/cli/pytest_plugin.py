@@ -41,8 +41,9 @@ def closed_loop(
     """A function that runs a scenario in closed loop on the plants and returns the runs, by plant.
 
     `closed_loop(scenario, controller=None, *, plants, drive="ideal", rig=None, overrides=())`: scenario and
-    rig by name or as TOML files relative to the file of the test; the controller, by default the scenario's;
-    names of plants, by default all; `overrides` as "rig.load_mass=2.5". Raises InputError for what is wrong.
+    rig by name or as TOML files relative to the file of the test; the controller, by default the scenario's,
+    by name or as the file of a law, `law.py:NAME` or `law.so`, so too; names of plants, by default all;
+    `overrides` as "rig.load_mass=2.5". Raises InputError for what is wrong.
     """
     config, here = request.config, request.path.parent
     chosen = config.getoption("cranectl_logs")
@@ -62,6 +63,7 @@ def closed_loop(
         from cranectl.analysis.budget.predicted_limits import predicted_limits
         from cranectl.cases.assertions import CaseRuns
         from cranectl.cases.case import make_case
+        from cranectl.cli.laws import opened
         from cranectl.scenario import load_scenario
         from cranectl.simulate import checked_drive
         from cranectl.support.errors import InputError
@@ -73,7 +75,7 @@ def closed_loop(
                     rig=None if rig is None else _beside(here, rig),
                     overrides=list(overrides),
                 ),
-                controller=controller,
+                controller=controller and opened(controller, here),
                 drive=checked_drive(drive),
                 plants=plants or (),
                 predict=predicted_limits,

@@ -5,11 +5,11 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.design import Design, design_controller
+from cranectl.design import TITLES, Design, design_controller
 from cranectl.scenario import Scenario
 from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.extensions import check_free, loaded, with_extensions
+from cranectl.support.extensions import check_free, loaded, packages, with_extensions
 from cranectl.support.provenance import DIGITS
 
 if TYPE_CHECKING:
@@ -44,6 +44,16 @@ def _added() -> dict[str, "Controller"]:
     from cranectl.controllers.controller import Controller
 
     return with_extensions({}, Controller, extensions.CONTROLLERS, taken=(*FLAT_FAMILY, *WHERE))
+
+
+def described_controllers() -> dict[str, tuple[str, str]]:
+    """Where each controller is from, and what it is in a line, by name."""
+    found = {name: ("cranectl", title) for name, title in TITLES.items()}
+    origins = {**dict.fromkeys(WHERE, "cranectl"), **packages(extensions.CONTROLLERS)}
+    for name in controller_names()[len(FLAT_FAMILY) :]:
+        law = load_controller(name)
+        found[name] = (law.origin.reference if law.origin else origins.get(name, "this process"), law.title)
+    return found
 
 
 def checked_controller(name: str) -> str:

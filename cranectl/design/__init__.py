@@ -1,6 +1,6 @@
 """Controller designs: state feedback per axis on z'''' = v, with margins, as one record."""
 
-from cranectl.design.controllers import CONTROLLERS, design_controller, with_gain
+from cranectl.design.controllers import CONTROLLERS, TITLES, design_controller, with_gain
 from cranectl.design.records import Design, Robustifier
 
-__all__ = ["CONTROLLERS", "Design", "Robustifier", "design_controller", "with_gain"]
+__all__ = ["CONTROLLERS", "TITLES", "Design", "Robustifier", "design_controller", "with_gain"]

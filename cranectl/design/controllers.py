@@ -25,12 +25,22 @@ from cranectl.support.provenance import provenance
 if TYPE_CHECKING:
     import control
 
-FEEDBACKS = ("pole-placement", "lqr")
-ROBUSTIFIERS = ("hinf", "loop-shaping")
+FEEDBACKS = {
+    "pole-placement": "flatness-based tracker, poles placed",
+    "lqr": "flatness-based tracker, linear-quadratic regulator",
+}
+ROBUSTIFIERS = {
+    "": "",
+    "hinf": ", robustified by mixed sensitivity",
+    "loop-shaping": ", robustified by loop shaping",
+}
 BY_HAND = ", gains by hand"  # follows the name of a design whose gains were changed
-CONTROLLERS = tuple(
-    f"{feedback}{suffix}" for feedback in FEEDBACKS for suffix in ("", *(f"+{r}" for r in ROBUSTIFIERS))
-)
+TITLES = {
+    f"{feedback}+{robustifier}".rstrip("+"): title + by
+    for feedback, title in FEEDBACKS.items()
+    for robustifier, by in ROBUSTIFIERS.items()
+}
+CONTROLLERS = tuple(TITLES)
 
 
 @functools.lru_cache(maxsize=64)

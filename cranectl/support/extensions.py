@@ -66,3 +66,12 @@ def with_extensions(
             ) from error
         found[added.name] = added
     return found
+
+
+def packages(group: str) -> dict[str, str]:
+    """Which package, of which version, brings an object of `group`, by the object's name."""
+    found = {}
+    for entry in entry_points(group=group):
+        origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
+        found[entry.load().name] = origin
+    return found

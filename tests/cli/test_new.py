@@ -26,12 +26,13 @@ def test_examples_work_and_prove_it() -> None:
     for kind, ending in ENDINGS.items():
         assert main(["new", kind, f"own-{kind}", "--in", kind]) == 0
         written = {path.name: path.read_text() for path in Path(kind).iterdir()}
-        stem = "own_controller" if kind == "controller" else f"own-{kind}"
-        assert set(written) == {f"{stem}.{ending}", f"test_own_{kind}.py"}
+        stem = f"own-{kind}".replace("-", "_") if kind.endswith("controller") else f"own-{kind}"
+        beside = {"cranectl.h"} if kind == "c-controller" else set()
+        assert set(written) == {f"{stem}.{ending}", f"test_own_{kind}.py".replace("-", "_"), *beside}
         assert not any(word in text for text in written.values() for word in ("NAME", "MODULE"))
         if kind in DOCUMENTS:
             assert problems(kind, written[f"{stem}.toml"]) == []
-    assert "9 passed" in run_pytest(Path(), *ENDINGS)
+    assert "11 passed" in run_pytest(Path(), *ENDINGS)
 
 
 def test_nothing_is_replaced_and_names_are_checked(capsys: pytest.CaptureFixture[str]) -> None:

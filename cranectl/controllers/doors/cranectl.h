@@ -28,7 +28,7 @@ enum { CRANECTL_STATE, CRANECTL_ENCODERS };                        /* measured *
 
 typedef struct {
     const char *name, *unit, *description;
-    double initial, lowest, highest; /* --set controller.LAW.NAME=..., within these */
+    double initial, lowest, highest; /* --set controller.LAW.PARAMETER=..., within these */
 } cranectl_parameter;
 
 typedef struct {
