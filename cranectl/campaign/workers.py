@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from time import perf_counter
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,17 +18,21 @@ from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
 from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.flat import Tracker
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import controller_design, law_digests
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants.plant import Plant
 from cranectl.plants.registry import check_effects
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import PlannedReference, law_of, make_plant, plan_reference, plan_run
+from cranectl.simulate.child import PATIENCE
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import Block, start_run, stream_run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+
+if TYPE_CHECKING:
+    from cranectl.campaign.child_worker import ChildWorker
 
 Stop = Callable[[], bool]
 
@@ -99,6 +103,9 @@ class Worker:
         """The rows of `batch`; raises StoppedError soon after `stop` says so."""
         return [self._row(batch, sample, stop) for sample in range(batch.first, batch.last)]
 
+    def close(self) -> None:
+        """Nothing to end."""
+
     def _row(self, batch: Batch, sample: int, stop: Stop) -> Row:
         """One run; whatever goes wrong in it is the reason of a failed row."""
         campaign, values = self._prepared.campaign, self._prepared.values(sample)
@@ -110,16 +117,7 @@ class Worker:
         except Exception as error:
             self._plants.clear()  # one of them is in an unknown state
             status, reason, end_s, metrics = FAILED, _reason(error), 0.0, None
-        return {
-            "sample": sample,
-            "plant": batch.plant,
-            "controller": batch.controller,
-            "status": status,
-            "reason": reason,
-            "end_s": end_s,
-            **dict(zip(campaign.names, map(float, values), strict=True)),
-            **metric_values(metrics),
-        }
+        return row_of(self._prepared, batch, sample, status, reason, end_s, metrics)
 
     def _run(self, batch: Batch, scenario: Scenario, stop: Stop) -> tuple[str, str, float, RunMetrics | None]:
         """How a run ended: status, why it stopped, simulated time [s], metrics."""
@@ -142,6 +140,9 @@ class Worker:
                 raise StoppedError
 
         record = self._records.setdefault(controller.width, np.zeros((BLOCK, controller.width)))
+        run.advance(run.inputs, run.path, record, run.memory, 0, 0)  # compiled, from here on it is quick
+        if stop():
+            raise StoppedError
         end_ns, status = stream_run(run, plan, record, measure)
         metrics = finish(setup, accumulator, status, end_ns)
         reason = status.explanation if status.stopped else ""
@@ -159,6 +160,28 @@ class Worker:
         return made
 
 
+def row_of(
+    prepared: Prepared,
+    batch: Batch,
+    sample: int,
+    status: str,
+    reason: str,
+    end_s: float,
+    metrics: RunMetrics | None,
+) -> Row:
+    """The row of a run that ended so."""
+    return {
+        "sample": sample,
+        "plant": batch.plant,
+        "controller": batch.controller,
+        "status": status,
+        "reason": reason,
+        "end_s": end_s,
+        **dict(zip(prepared.campaign.names, map(float, prepared.values(sample)), strict=True)),
+        **metric_values(metrics),
+    }
+
+
 def _reason(error: Exception) -> str:
     """An error on one line, with its type."""
     text = (
@@ -168,9 +191,11 @@ def _reason(error: Exception) -> str:
 
 
 def run_batches(
-    campaign: Campaign, batches: Sequence[Batch], *, workers: int = 1
+    campaign: Campaign, batches: Sequence[Batch], *, workers: int = 1, patience: float = PATIENCE
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
     """Run `batches` in `workers` threads; yields each with all its rows, in the order in which they end.
+
+    With laws from outside each thread has them run in a process of its own; `patience` [s] for a block.
 
     Once the caller leaves the loop, as it does with Ctrl-C, the workers leave their batches within
     milliseconds; what they had of them is lost. Raises InputError where the nominal crane cannot be run, and
@@ -178,12 +203,14 @@ def run_batches(
     """
     prepared = Prepared(campaign, tuple(dict.fromkeys(batch.controller for batch in batches)))
     left, own = threading.Event(), threading.local()
+    made: list[Worker | ChildWorker] = []
 
     def run(batch: Batch) -> tuple[Batch, list[Row]]:
         if left.is_set():
             raise StoppedError
         if not hasattr(own, "worker"):
-            own.worker = Worker(prepared)
+            own.worker = _made_worker(prepared, patience)
+            made.append(own.worker)
         return batch, own.worker.run_batch(batch, left.is_set)
 
     with ThreadPoolExecutor(max(1, min(workers, len(batches))), thread_name_prefix="worker") as pool:
@@ -193,6 +220,16 @@ def run_batches(
         finally:
             left.set()
             pool.shutdown(cancel_futures=True)
+            for worker in made:
+                worker.close()
+
+
+def _made_worker(prepared: Prepared, patience: float = PATIENCE) -> "Worker | ChildWorker":
+    if not law_digests(prepared.campaign.settings.controllers):
+        return Worker(prepared)
+    from cranectl.campaign.child_worker import ChildWorker
+
+    return ChildWorker(prepared, patience)
 
 
 def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
@@ -200,7 +237,7 @@ def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
 
     It is run once before it counts, which loads and compiles.
     """
-    worker = Worker(Prepared(campaign))
+    worker = _made_worker(Prepared(campaign))
     total = 0.0
     for plant, controller in campaign.groups:
         batch = Batch(plant, controller, 0, 1)
@@ -208,4 +245,5 @@ def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
         start = perf_counter()
         worker.run_batch(batch)
         total += perf_counter() - start
+    worker.close()
     return total * campaign.runs / workers

@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from cranectl.cases.places import LOG_DIRECTORY, default_log
 from cranectl.compare.agreement import (
     Agreement,
     Predict,
@@ -31,10 +32,10 @@ from cranectl.plants.plant import Drive
 from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import Scenario
 from cranectl.simulate import Plan, Run, law_of, plan_scenario, simulate_run
+from cranectl.simulate.child import PATIENCE
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
-LOG_DIRECTORY = Path("logs")
 Keep = Literal["all", "failed", "none"]
 
 
@@ -51,6 +52,7 @@ class Case:
     predict: Predict | None = None  # finds the limits of a scenario that is not shipped
     keep: Keep = "all"  # which logs stay
     pairwise: bool = False  # whether every plant is compared with every other
+    patience: float = PATIENCE  # [s] for a block of a run with a law from outside
 
     @property
     def simulated_seconds(self) -> float:
@@ -213,6 +215,7 @@ def make_case(
     predict: Predict | None = None,
     keep: Keep = "all",
     pairwise: bool = False,
+    patience: float = PATIENCE,
 ) -> Case:
     """A case with the scenario's own controller and name, the usual plants and place for its log by default.
 
@@ -222,7 +225,9 @@ def make_case(
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, plants, log, source or scenario.name, predict, keep, pairwise)
+    return Case(
+        scenario, controller, drive, plants, log, source or scenario.name, predict, keep, pairwise, patience
+    )
 
 
 def check_logs_differ(cases: Sequence[Case]) -> None:
@@ -236,11 +241,6 @@ def check_logs_differ(cases: Sequence[Case]) -> None:
                 allowed="scenarios of different names, each of them once",
                 remedy="change the 'name' in one of the files, or run them one by one with other --out",
             )
-
-
-def default_log(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:
-    """`DIRECTORY/SCENARIO/CONTROLLER-DRIVE.mcap`."""
-    return directory / scenario.name / f"{controller}-{drive}.mcap"
 
 
 class PreparedCase(NamedTuple):
@@ -263,7 +263,7 @@ def simulate_case(
 ) -> list[Run]:
     """A run on each plant; an interrupted one is the last."""
     runs: list[Run] = []
-    shared = prepared._asdict()
+    shared = {**prepared._asdict(), "patience": case.patience}
     for plant in case.plants:
         runs.append(simulate_run(case.scenario, plant=plant, drive=case.drive, progress=progress, **shared))
         if runs[-1].status == RunStatus.INTERRUPTED:

@@ -2,13 +2,10 @@
 
 import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import forkserver, resource_tracker
-from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
 from multiprocessing.synchronize import Event
 from typing import NamedTuple
@@ -17,7 +14,7 @@ from cranectl.cases.case import Case, CaseResult, Failure, try_case
 from cranectl.controllers.doors.law_file import LawFile
 from cranectl.controllers.doors.opening import OPENED, open_again
 from cranectl.plants.registry import PLANTS
-from cranectl.support.interrupts import SIGNALS, interrupts_blocked, interrupts_wait
+from cranectl.support.interrupts import interrupts_blocked, interrupts_wait, serve_parent
 
 # Loaded once, before workers are forked; without it each worker would import for two seconds.
 PRELOADED = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
@@ -130,16 +127,7 @@ def _start(stop: Event, laws: tuple[LawFile, ...]) -> None:
     """
     global _stop
     _stop = stop
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def end_with_parent() -> None:
-        wait([parent.sentinel])
-        os._exit(1)
-
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    serve_parent()
     open_again(laws)
 
 

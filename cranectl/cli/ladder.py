@@ -54,7 +54,7 @@ def ladder_command(
     cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
     """
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
-    from cranectl.cases.case import LOG_DIRECTORY
+    from cranectl.cases.places import LOG_DIRECTORY
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.log import check_writable
     from cranectl.log.overlay import Layer, write_overlay

@@ -66,6 +66,16 @@ def controllers_option(help_text: str) -> Callable[[F], F]:
     )
 
 
+patience_option = click.option(
+    "--patience",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="S",
+    default=10.0,
+    show_default=True,
+    help="Seconds in which the law of a file must get on, or its run ends.",
+)
+
+
 def trust_option(document: str) -> Callable[[F], F]:
     """`--trust`."""
     return click.option(

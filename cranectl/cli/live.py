@@ -65,7 +65,7 @@ def live_command(
     cranectl live settled-trajectory --layout view.json
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
-    from cranectl.cases.case import LOG_DIRECTORY, default_log
+    from cranectl.cases.places import LOG_DIRECTORY, default_log
     from cranectl.controllers.registry import controller_design
     from cranectl.live.commands import Controls
     from cranectl.live.guard import checked_origin, complaints

@@ -32,7 +32,7 @@ def overlay_command(
     cranectl overlay logs/fixed-position/lqr-ideal.mcap logs/fixed-position/pole-placement-ideal.mcap
     cranectl overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
     """
-    from cranectl.cases.case import LOG_DIRECTORY
+    from cranectl.cases.places import LOG_DIRECTORY
     from cranectl.cli.output import console, styled, write_json
     from cranectl.compare.runs import against_first
     from cranectl.log.overlay import gathered, write_overlay

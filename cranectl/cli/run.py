@@ -17,7 +17,7 @@ from cranectl.cli.command import (
     run_plants_option,
     scenario_options,
 )
-from cranectl.cli.laws import controller_option
+from cranectl.cli.laws import controller_option, patience_option
 from cranectl.support.files import MCAP
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 @drive_option(default="ideal")
 @scenario_options
 @every_option
+@patience_option
 @output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
 @predict_option
 @json_option
@@ -42,6 +43,7 @@ def run_command(
     rig: Path | None,
     overrides: tuple[str, ...],
     every: int | None,
+    patience: float,
     out: Path | None,
     predict: "Predict | None",
     json_file: str | None,
@@ -77,6 +79,7 @@ def run_command(
         plants=plants,
         log=out,
         predict=predict,
+        patience=patience,
     )
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with progress_bar(case.simulated_seconds) as (advance, describe):

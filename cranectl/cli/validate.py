@@ -18,7 +18,7 @@ from cranectl.cli.command import (
     run_plants_option,
     scenario_options,
 )
-from cranectl.cli.laws import Law
+from cranectl.cli.laws import controllers_option, patience_option
 from cranectl.support.files import HTML, XML
 
 if TYPE_CHECKING:
@@ -33,14 +33,7 @@ SHOWN = 10  # failures, broken limits and notes shown on the screen
 
 @click.command("validate", cls=Command)
 @click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
-@click.option(
-    "--controller",
-    "controllers",
-    metavar="NAME",
-    type=Law(),
-    multiple=True,
-    help="Default: the six of the flat family; all: every controller; law.py:NAME; repeatable.",
-)
+@controllers_option("Default: the six of the flat family; all: every one; law.py:NAME; repeatable.")
 @run_plants_option
 @drive_option(default="both")
 @scenario_options
@@ -57,6 +50,7 @@ SHOWN = 10  # failures, broken limits and notes shown on the screen
 )
 @predict_option
 @every_option
+@patience_option
 @click.option(
     "--keep",
     type=click.Choice(["all", "failed", "none"]),
@@ -81,6 +75,7 @@ def validate_command(
     jobs: int | None,
     predict: "Predict | None",
     every: int | None,
+    patience: float,
     keep: "Keep",
     pairwise: bool,
     junit: Path | None,
@@ -107,7 +102,8 @@ def validate_command(
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
-    from cranectl.cases.case import check_logs_differ, default_log, make_case
+    from cranectl.cases.case import check_logs_differ, make_case
+    from cranectl.cases.places import default_log
     from cranectl.cases.validation import Validation, junit_xml
     from cranectl.cases.workers import available_cores, run_cases
     from cranectl.cli.output import console, progress_bar, write_json
@@ -138,6 +134,7 @@ def validate_command(
             predict=predict,
             keep=keep,
             pairwise=pairwise,
+            patience=patience,
         )
         for source, scenario in loaded.items()
         for name in names

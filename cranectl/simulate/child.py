@@ -63,12 +63,12 @@ def blocks_in_child(
             ready, _, _ = select.select([reading], [], [], patience)
             report = os.read(reading, _REPORT.size) if ready else b""
             if len(report) < _REPORT.size:
-                why = "ended its process" if ready else f"took more than {patience:g} s for a block"
                 os.kill(child, signal.SIGKILL)
                 _, code = os.waitpid(child, 0)
                 child = -1
-                if ready and os.WIFSIGNALED(code):
-                    why += f" with {signal.Signals(os.WTERMSIG(code)).name}"
+                why = f"took more than {patience:g} s for a block"
+                if ready:
+                    why = how_it_ended(os.waitstatus_to_exitcode(code))
                 print(f"cranectl: {name} {why}", file=sys.stderr)
                 yield rows, rows, int(RunStatus.CONTROLLER_FAILED)
                 return
@@ -82,6 +82,12 @@ def blocks_in_child(
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
+
+
+def how_it_ended(exit_code: int) -> str:
+    """What became of a process with this exit code, -N after signal N."""
+    how = signal.Signals(-exit_code).name if exit_code < 0 else f"exit code {exit_code}"
+    return f"ended its process with {how}"
 
 
 def _fork() -> int:
@@ -103,8 +109,12 @@ def _work(advance: Advance, total: int, writing: int) -> None:
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
+    code = 1
     try:
         for report in blocks_here(advance, total):
             os.write(writing, _REPORT.pack(*report))
+        code = 0
+    except Exception as error:
+        os.write(2, f"cranectl: {type(error).__name__}: {error}\n".encode())
     finally:
-        os._exit(0)
+        os._exit(code)

@@ -51,6 +51,7 @@ def simulate_run(
     plan: Plan | None = None,
     law: Tracker | AddressedLaw | None = None,
     compiled: bool = True,
+    patience: float = PATIENCE,
     progress: Progress | None = None,
 ) -> Run:
     """Run `scenario` on one plant and record every sample.
@@ -58,7 +59,8 @@ def simulate_run(
     `controller`: a name from `controller_names()`, by default the scenario's; or give a finished `design`.
     `nominal`: what the controller takes the crane for, by default what it is; reference, feedback, observer
     are made for it. It may differ from `scenario` in rig, effects, initial and disturbances only. `plan`
-    and `law`, as `law_of` gives it, save making the same twice. Raises InputError for wrong names and for a
+    and `law`, as `law_of` gives it, save making the same twice. `patience`: time [s] after which a law from
+    outside that has not returned is given up. Raises InputError for wrong names and for a
     reference that the rig cannot follow. A run that has to stop early, Ctrl-C included, returns what it has,
     with the reason in its status.
     """
@@ -82,7 +84,7 @@ def simulate_run(
         enter=outside is None,
     )
     record = zeros((samples, width))
-    rows, last, status = _run_blocks(run, record, plan, outside, progress)
+    rows, last, status = _run_blocks(run, record, plan, outside, patience, progress)
     return Run(
         scenario=scenario,
         design=design,
@@ -236,7 +238,12 @@ def law_from_outside(design: Design | LawDesign) -> Controller | None:
 
 
 def _run_blocks(
-    run: PreparedRun, record: Array, plan: Plan, outside: Controller | None, progress: Progress | None
+    run: PreparedRun,
+    record: Array,
+    plan: Plan,
+    outside: Controller | None,
+    patience: float,
+    progress: Progress | None,
 ) -> tuple[int, int, RunStatus]:
     """Returns (complete rows, index of the sample at which the run ended, status)."""
     rows, status, total, inputs = 0, RunStatus.RUNNING, len(plan.time_ns), run.inputs
@@ -252,7 +259,7 @@ def _run_blocks(
             blocks = blocks_here(advance, total)
         else:
             run.advance(run.inputs, run.path, record, run.memory, 0, 0)  # compiled before it is timed
-            blocks = blocks_in_child(advance, total, outside.name, PATIENCE)
+            blocks = blocks_in_child(advance, total, outside.name, patience)
         for complete, ended_at, code in blocks:
             done, rows, end, status = rows, complete, ended_at, RunStatus(code)
             if progress is not None:

@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cranectl.campaign.child_worker import ChildWorker
+from cranectl.campaign.definition import Batch
+from cranectl.campaign.workers import Prepared
 from cranectl.cli.main import main
 from cranectl.controllers.doors.opening import close_laws, open_law
 from cranectl.controllers.registry import controller_design
@@ -14,6 +17,7 @@ from cranectl.log import read_log
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import child, law_of, plan_scenario, simulate_run
 from cranectl.support.errors import InputError
+from tests.campaign.campaigns import campaign, choice
 from tests.controllers.law_files import LAW, built
 
 SHORT = ["duration=3.2", "disturbances=[]"]
@@ -170,6 +174,26 @@ def test_what_a_compiled_law_writes_where_it_must_not_harms_itself_only(law: Pat
     assert np.array_equal(first.reference, plan_scenario(short).reference[: len(first.reference)])
 
 
+def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) -> None:
+    """Where the rope starts on one side; runs before and after are simulated."""
+    when = "(m[3] < 100.0 && q[6] > 0.01 && q[6] < 0.06)"
+    crash, hang = f"if {when} *(volatile int *)0 = 1;", f"while {when} u[0] = 0.5 * (u[0] + m[3]);"
+    for broken, found in (
+        (crash, "ended its process with SIGSEGV"),
+        (hang, "took more than 1 s for a block"),
+    ):
+        name = open_law(str(built(law.parent, broken=broken)))
+        side = {"initial.alpha_offset": choice(-0.03, 0.03)}
+        made = campaign(side, controllers=[name], plants=["analytic"], runs=5, set=SHORT)
+        worker = ChildWorker(Prepared(made), patience=1.0)
+        rows = worker.run_batch(Batch("analytic", name, 0, 5))
+        worker.close()
+        failing = [row["initial.alpha_offset"] > 0.0 for row in rows]
+        assert 0 < sum(failing) < 5
+        assert [row["reason"] for row in rows] == [f"{name} {found}" if each else "" for each in failing]
+        close_laws()
+
+
 # Broken ones
 
 
@@ -231,16 +255,27 @@ def test_what_is_no_library_is_refused(law: Path) -> None:
     ],
 )
 def test_a_law_that_fails_ends_its_run_only(
-    symbol: str, said: str, law: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    symbol: str, said: str, law: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """With a sentence, exit code 3 and a closed log that has what came before."""
-    monkeypatch.setattr("cranectl.simulate.runner.PATIENCE", 2.0)
     crash = "if (m[3] > 1200.0) *(volatile int *)0 = 1;"
     asked = f"{law}:{symbol}" if symbol != "segfault" else str(built(law.parent, broken=crash))
     short = [part for text in SHORT for part in ("--set", text)]
     log = law.parent / "run.mcap"
     assert child.CAN_FORK
-    run = ["run", "fast-diagonal", "--controller", asked, "--plants", "analytic", *short, "--every", "1"]
+    run = [
+        "run",
+        "fast-diagonal",
+        "--controller",
+        asked,
+        "--plants",
+        "analytic",
+        *short,
+        "--every",
+        "1",
+        "--patience",
+        "2",
+    ]
     assert main([*run, "--out", str(log)]) == 3
     assert said in capfd.readouterr().err
     (found,) = read_log(log).values()

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import campaign_argument
 from cranectl.cli.command import Command, json_option
+from cranectl.cli.laws import patience_option
 from cranectl.cli.output import progress
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ BAR = (
     "which runs were made by what.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace a result that is there.")
+@patience_option
 @json_option
 def run_campaign(
     campaign: "Campaign",
@@ -72,6 +74,7 @@ def run_campaign(
     resume: bool,
     despite_differences: bool,
     overwrite: bool,
+    patience: float,
     json_file: str | None,
 ) -> int:
     """Run CAMPAIGN, a name or a TOML file; keep what every run did.
@@ -105,7 +108,7 @@ def run_campaign(
     options = {"resume": resume, "despite_differences": despite_differences, "overwrite": overwrite}
     screen = console(json_file)
     with (
-        _engine(scheduler, cluster, workers) as engine,
+        _engine(scheduler, cluster, workers, patience) as engine,
         open_store(campaign, directory, **options) as store,
     ):
         for note in store.quarantined:
@@ -121,7 +124,9 @@ def run_campaign(
 
 
 @contextmanager
-def _engine(scheduler: str | None, cluster: str | None, workers: int | None) -> Iterator["Engine"]:
+def _engine(
+    scheduler: str | None, cluster: str | None, workers: int | None, patience: float
+) -> Iterator["Engine"]:
     """What runs batches: threads, or a cluster, which must be there before anything is overwritten."""
     from cranectl.cases.workers import available_cores
 
@@ -134,7 +139,7 @@ def _engine(scheduler: str | None, cluster: str | None, workers: int | None) -> 
     else:
         from cranectl.campaign.workers import run_batches
 
-        yield functools.partial(run_batches, workers=workers)
+        yield functools.partial(run_batches, workers=workers, patience=patience)
 
 
 def _run(campaign: "Campaign", store: "Store", engine: "Engine") -> bool:
