@@ -12,7 +12,7 @@ import cranectl
 from tests.conftest import ROOT
 
 HEAVY = ("mujoco", "numba", "control", "matplotlib", "scipy", "pydantic")
-HEAVY += ("foxglove", "mcap", "pyarrow", "filelock", "PIL", "av", "pydrake")
+HEAVY += ("foxglove", "mcap", "pyarrow", "filelock", "PIL", "av", "pydrake", "fmpy")
 
 
 def run_lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
@@ -56,6 +56,7 @@ def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
         ("plants/drake/model.py", "import cranectl.plants.mujoco.model", "the Drake plant knows neither"),
         ("metrics/summary.py", "import mujoco", "only the MuJoCo plant"),
         ("metrics/summary.py", "import pydrake", "only the Drake plant"),
+        ("controllers/doors/opening.py", "import fmpy", "only the door for FMUs"),
         ("metrics/summary.py", "import mcap", "only logs and live sessions"),
     ],
 )

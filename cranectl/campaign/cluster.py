@@ -198,7 +198,7 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
 
 def packed(manifest: Table, laws: Sequence[LawFile]) -> bytes:
     """What is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
-    files = [(law.reference, str(law.path), law.symbol, law.content.hex()) for law in laws]
+    files = [(law.reference, str(law.path), law.symbol, law.content.hex(), law.table.hex()) for law in laws]
     return zlib.compress(json.dumps({"manifest": manifest, "laws": files}).encode())
 
 
@@ -237,8 +237,8 @@ def _prepared(packed_manifest: bytes) -> Prepared:
     sent = json.loads(zlib.decompress(packed_manifest))
     manifest = sent["manifest"]
     open_again(
-        LawFile(reference, Path(path), symbol, bytes.fromhex(content))
-        for reference, path, symbol, content in sent["laws"]
+        LawFile(reference, Path(path), symbol, *map(bytes.fromhex, contents))
+        for reference, path, symbol, *contents in sent["laws"]
     )
     here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")

@@ -38,7 +38,7 @@ def controller_option(function: F) -> F:
         "--controller",
         metavar="NAME",
         type=Law(),
-        help="A controller, or the file of one: law.py:NAME, law.so. Default: the scenario's own.",
+        help="A controller, or the file of one: law.py:NAME, law.so, law.fmu. Default: the scenario's own.",
     )
     @trust_option("SCENARIO")
     @functools.wraps(function)

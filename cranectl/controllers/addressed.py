@@ -48,7 +48,7 @@ class AddressedLaw(NamedTuple):
     outside: bool  # the package's and other packages' are trusted to write nothing but memory and command
 
 
-ENTRIES: list[tuple[Callable[[Sizes], int], Sizes]] = []  # what gives addresses to laws from outside
+ENTRIES: list[tuple[Callable[[Sizes, Array], int], Sizes]] = []  # what gives addresses to laws from outside
 
 
 def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
@@ -83,11 +83,11 @@ def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
 
 
 def entered(law: AddressedLaw) -> AddressedLaw:
-    """`law` with an address in this process, which runs what it was made of."""
+    """`law`, which is `at_start`, with an address in this process, which runs what it was made of."""
     if law.address:
         return law
     entry, sizes = ENTRIES[law.entry]
-    return law._replace(address=entry(sizes))
+    return law._replace(address=entry(sizes, law.parameters))
 
 
 def _compiled(controller: Controller) -> int:

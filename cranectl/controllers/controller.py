@@ -125,7 +125,9 @@ class Controller:
     parameters: tuple[Parameter, ...] = ()
     logged: tuple[Logged, ...] = ()
     linearise: Callable[[Nominal, float], LinearLaw] | None = None  # at a rope length [m]
-    entry: Callable[[Sizes], int] | None = None  # address of the step, where Numba is not to compile it
+    # Where Numba is not to compile the step: its address in the process and for the run that these parameters
+    # are of, which it may write to.
+    entry: Callable[[Sizes, Array], int] | None = None
     origin: Origin | None = None
 
     def __post_init__(self) -> None:

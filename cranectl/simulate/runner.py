@@ -119,12 +119,12 @@ def start_run(
     crane.check_length(plan.shortest_rope)
     start = plan.initial_state
     crane.reset(start)
-    if enter and isinstance(law, AddressedLaw):
-        law = entered(law)
     samples = len(plan.time_ns)
     return PreparedRun(
         advance=compiled_loop(crane) if compiled else python_loop(crane),
-        inputs=inputs_of(scenario, law, make_actuation(nominal, start, crane.drive), plan, crane.drive),
+        inputs=inputs_of(
+            scenario, law, make_actuation(nominal, start, crane.drive), plan, crane.drive, enter=enter
+        ),
         path=make_signal_path(
             scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
         ),
@@ -182,11 +182,12 @@ def _known(
     )
 
 
-def by_kind(law: Tracker | AddressedLaw) -> dict[str, Any]:
-    """The law in its place among the inputs of a loop, at the start of a run."""
+def by_kind(law: Tracker | AddressedLaw, *, enter: bool = True) -> dict[str, Any]:
+    """The law in its place among the inputs of a loop, at the start of a run; `enter` as `start_run`."""
     if isinstance(law, Tracker):
         return {"tracker": law, "law": None}
-    return {"tracker": None, "law": at_start(law)}
+    law = at_start(law)
+    return {"tracker": None, "law": entered(law) if enter else law}
 
 
 def memory_of(law: Tracker | AddressedLaw, reference: Array) -> Array:
@@ -215,11 +216,17 @@ def checked_drive(name: str) -> Drive:
 
 
 def inputs_of(
-    scenario: Scenario, law: Tracker | AddressedLaw, actuation: Actuation, plan: Plan, drive: Drive
+    scenario: Scenario,
+    law: Tracker | AddressedLaw,
+    actuation: Actuation,
+    plan: Plan,
+    drive: Drive,
+    *,
+    enter: bool,
 ) -> LoopInputs:
     """What a loop needs to run `plan` from its first row to its last."""
     return LoopInputs(
-        **by_kind(law),
+        **by_kind(law, enter=enter),
         actuation=actuation,
         reference=plan.reference,
         disturbance=plan.disturbance,

@@ -230,7 +230,7 @@ def test_what_is_no_law_is_refused(text: str, symbol: str, found: str, law: Path
 def test_a_library_that_breaks_the_rules_is_refused(
     declared: str, broken: str, step: str, found: str, law: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cranectl.controllers.doors.c_law.PATIENCE", 2.0)
+    monkeypatch.setattr("cranectl.controllers.doors.asking.PATIENCE", 2.0)
     with pytest.raises(InputError, match=found):
         open_law(str(built(law.parent, declared=declared, broken=broken, step=step)))
 

@@ -5,11 +5,6 @@ which a run goes calls its step by address.
 """
 
 import ctypes
-import json
-import signal
-import subprocess
-import sys
-import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,13 +13,13 @@ import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
 from cranectl.controllers.doors import library
-from cranectl.controllers.doors.law_file import LawFile
+from cranectl.controllers.doors.asking import answer
+from cranectl.controllers.doors.law_file import LawFile, directory_of
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 HEADER = Path(__file__).parent / "cranectl.h"
-PATIENCE = 10.0  # [s] for an answer
 
 
 def open_library(file: LawFile) -> Controller:
@@ -50,7 +45,7 @@ def open_library(file: LawFile) -> Controller:
             Logged(place, Signal(name, name, unit, description))
             for place, name, unit, description in told["signals"]
         ),
-        entry=lambda _: _address(file),
+        entry=lambda *_: _address(file),
     )
 
 
@@ -72,22 +67,10 @@ def _plain(nominal: Nominal) -> dict[str, Any]:
 
 def _ask(file: LawFile, values: list[float] | None, nominal: dict[str, Any] | None) -> dict[str, Any]:
     """What the library says, in a program of its own; raises InputError with what is wrong with it."""
-    command = [sys.executable, "-I", library.__file__, str(_copy(file))]
-    question = json.dumps({"values": values, "nominal": nominal})
     try:
-        done = subprocess.run(
-            command, input=question, capture_output=True, text=True, timeout=PATIENCE, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise _wrong(file, f"gives no answer within {PATIENCE:g} s") from None
-    try:
-        told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    except (IndexError, ValueError):
-        how = signal.Signals(-done.returncode).name if done.returncode < 0 else f"exit code {done.returncode}"
-        raise _wrong(file, f"ended the process that asked it what it declares, with {how}") from None
-    if "error" in told:
-        raise _wrong(file, told["error"].replace(str(_copy(file)), str(file.path)))
-    return told
+        return answer(library.__file__, _copy(file), {"values": values, "nominal": nominal})
+    except ValueError as error:
+        raise _wrong(file, str(error).replace(str(_copy(file)), str(file.path))) from None
 
 
 def _wrong(file: LawFile, what: str) -> InputError:
@@ -99,15 +82,9 @@ def _wrong(file: LawFile, what: str) -> InputError:
 
 
 @cache
-def _folder() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="cranectl-laws-")
-
-
-@cache
 def _copy(file: LawFile) -> Path:
     """The content as it was read, whatever becomes of the file."""
-    path = Path(_folder().name) / file.digest[:16] / file.path.name
-    path.parent.mkdir(exist_ok=True)
+    path = directory_of(file) / file.path.name
     path.write_bytes(file.content)
     return path
 

@@ -1,6 +1,9 @@
 """A file with a law, as it was read: what travels to other processes."""
 
 import hashlib
+import re
+import tempfile
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,8 +15,27 @@ class LawFile(NamedTuple):
     path: Path
     symbol: str  # what of the file; may be empty
     content: bytes
+    table: bytes = b""  # of an FMU: the TOML file beside it
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the content, hexadecimal."""
-        return hashlib.sha256(self.content).hexdigest()
+        """SHA-256 of the content and of the table, hexadecimal."""
+        return hashlib.sha256(self.content + self.table).hexdigest()
+
+
+def directory_of(file: LawFile) -> Path:
+    """A directory of its own as long as this process runs."""
+    path = Path(_directory().name) / file.digest[:16]
+    path.mkdir(exist_ok=True)
+    return path
+
+
+@cache
+def _directory() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="cranectl-laws-")
+
+
+def slug(name: str) -> str:
+    """The name of a controller from that of a function, class or model: `SlowLaw` is slow-law."""
+    parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name)
+    return re.sub(r"[^a-z0-9]+", "-", parted.lower()).strip("-")

@@ -1,4 +1,4 @@
-"""What is named on the command line becomes a controller of this process: `law.py:NAME`, `law.so`.
+"""What is named on the command line becomes a controller of this process: `law.py:NAME`, `law.so`, `law.fmu`.
 
 Code runs only because somebody named it there; never because a log or a scenario does. Worker processes get
 the files by content, so that all run the same.
@@ -20,6 +20,7 @@ DOORS = {  # by ending; imported only when asked for
     ".so": "cranectl.controllers.doors.c_law:open_library",
     ".dylib": "cranectl.controllers.doors.c_law:open_library",
     ".dll": "cranectl.controllers.doors.c_law:open_library",
+    ".fmu": "cranectl.controllers.doors.fmu:open_fmu",
 }
 _REFERENCE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, DOORS))}))(:(?P<symbol>\w*))?")
 
@@ -45,13 +46,15 @@ def open_law(reference: str) -> str:
             remedy="name the file, and for .py what of it: law.py:NAME",
         )
     path = Path(match["path"])
+    beside = path.with_suffix(".toml")
     try:
         content = path.read_bytes()
+        table = beside.read_bytes() if path.suffix == ".fmu" and beside.exists() else b""
     except OSError as error:
         raise InputError(
             f"{path}: {error.strerror or error}", allowed="a file with a law", remedy="correct the path"
         ) from error
-    return _register(LawFile(reference, path, match["symbol"] or "", content))
+    return _register(LawFile(reference, path, match["symbol"] or "", content, table))
 
 
 def open_again(files: Iterable[LawFile]) -> None:
@@ -62,10 +65,10 @@ def open_again(files: Iterable[LawFile]) -> None:
 
 def _register(file: LawFile) -> str:
     for name, known in OPENED.items():
-        if (known.symbol, known.content) == (file.symbol, file.content):
+        if (known.symbol, known.content, known.table) == (file.symbol, file.content, file.table):
             return name
     controller: Controller = loaded(DOORS[file.path.suffix])(file)
-    source = file.content.decode("utf-8", "replace") if file.path.suffix == ".py" else ""
+    source = (file.content if file.path.suffix == ".py" else file.table).decode("utf-8", "replace")
     if REGISTERED.get(controller.name) is controller:  # the file may say so itself
         del REGISTERED[controller.name]
     register_controller(replace(controller, origin=Origin(file.reference, file.digest, source)))

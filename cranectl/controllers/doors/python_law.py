@@ -7,7 +7,6 @@ which holds the interpreter's lock and takes microseconds: it is told once, and 
 import inspect
 import linecache
 import multiprocessing
-import re
 import sys
 import traceback
 from collections.abc import Callable, Mapping
@@ -20,7 +19,7 @@ import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
 from cranectl.controllers.doors.called_back import called_back
-from cranectl.controllers.doors.law_file import LawFile
+from cranectl.controllers.doors.law_file import LawFile, slug
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -46,7 +45,7 @@ def open_python(file: LawFile) -> Controller:
     if inspect.isclass(found) and callable(getattr(found, "step", None)):
         return _callable(_of_class(found, file), file)
     if inspect.isfunction(found):
-        name = _slug(file.symbol)
+        name = slug(file.symbol)
         law = Controller(name, _title(found, name), _checked(found, file), _nothing)
         return _callable(law, file)
     raise InputError(
@@ -101,11 +100,6 @@ def _laws(module: ModuleType) -> list[str]:
     ]
 
 
-def _slug(name: str) -> str:
-    """The name of a controller from that of a function or class: `SlowLaw` is slow-law."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).replace("_", "-").lower().strip("-")
-
-
 def _title(found: Any, name: str) -> str:
     return (inspect.getdoc(found) or name).splitlines()[0].rstrip(".")
 
@@ -131,7 +125,7 @@ def _of_class(found: Any, file: LawFile) -> Controller:
     Besides, `parameters` may be {name: number} and `logged` {name: place of the memory}; `memory` is where it
     starts, or how many zeros. Without a `prepare` the step gets the parameters' numbers in their order.
     """
-    name = getattr(found, "name", _slug(file.symbol))
+    name = getattr(found, "name", slug(file.symbol))
     start = getattr(found, "memory", MEMORY)
     parameters = getattr(found, "parameters", {})
     if isinstance(parameters, Mapping):
@@ -167,5 +161,5 @@ def _callable(law: Controller, file: LawFile) -> Controller:
                 f"sample: Numba cannot compile it: {where}: {said}",
                 file=sys.stderr,
             )
-        return replace(law, entry=lambda sizes: called_back(law.step, file.reference, sizes))
+        return replace(law, entry=lambda sizes, _: called_back(law.step, file.reference, sizes))
     return law

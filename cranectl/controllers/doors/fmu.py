@@ -1,0 +1,199 @@
+"""The door for FMUs: co-simulation of FMI 2.0 and 3.0, with a binary for this machine.
+
+FMPy unpacks one and reads its description; its functions are called by address. This process never loads its
+binary: a program of its own tries it, and the child in which a run goes makes an instance for the run.
+"""
+
+import ctypes
+import stat
+import weakref
+import zipfile
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, Logged, Nominal
+from cranectl.controllers.doors import fmi, fmu_step
+from cranectl.controllers.doors.asking import answer
+from cranectl.controllers.doors.fmu_variables import Variables, variables_of
+from cranectl.controllers.doors.law_file import LawFile, directory_of, slug
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+from cranectl.support.jit import address_of
+
+MAX_BYTES = 2**30  # unpacked
+_TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)
+
+
+class Fmu:
+    """One that is unpacked."""
+
+    def __init__(self, file: LawFile) -> None:
+        """Raises InputError where it is none, or is not for co-simulation on this machine."""
+        fmpy = _library()
+        place = _unpacked(file, fmpy)
+        try:
+            told = fmpy.read_model_description(str(place))
+        except Exception as error:  # of many classes
+            raise wrong(file, f"its description cannot be read: {' '.join(str(error).split())}") from None
+        if told.fmiVersion not in ("2.0", "3.0"):
+            raise wrong(file, f"it has version {told.fmiVersion} of FMI")
+        if told.coSimulation is None:
+            raise wrong(file, "it is for model exchange only: it would need a solver of its importer")
+        self.file, self.told, self.kind = file, told, told.coSimulation
+        self.fmi = int(told.fmiVersion[0])
+        platform = fmpy.platform if self.fmi == 2 else fmpy.platform_tuple
+        name = f"{self.kind.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        self.binary = place / "binaries" / platform / name
+        if not self.binary.is_file():
+            there = ", ".join(sorted(path.name for path in (place / "binaries").glob("*"))) or "none at all"
+            raise wrong(file, f"it has no binary binaries/{platform}/{name}, it has {there}")
+        self.resources = place / "resources"
+        self.variables: Variables = variables_of(file, told.modelVariables)
+
+    def model(self) -> fmi.Plain:
+        """As `fmi` takes it."""
+        return {
+            "fmi": self.fmi,
+            "name": "cranectl",
+            "token": self.told.guid,
+            "resources": str(self.resources),
+            "references": self.variables.parameter_references,
+            "values": [parameter.default for parameter in self.variables.parameters],
+        }
+
+
+def open_fmu(file: LawFile) -> Controller:
+    """The law of an FMU; raises InputError where it is none, or cannot be initialised."""
+    fmu = Fmu(file)
+    try:
+        answer(fmi.__file__, fmu.binary, fmu.model())
+    except ValueError as error:
+        raise wrong(file, str(error)) from None
+    address_of(fmu_step.step)  # compiled before any run
+    variables, table = fmu.variables, fmu.variables.table
+
+    def prepare(nominal: Nominal) -> tuple[Array, Array]:
+        fixed = np.zeros(fmu_step.SOURCES)
+        fixed[[fmu_step.FMI, fmu_step.PERIOD]] = fmu.fmi, nominal.period
+        counts = len(variables.input_references), len(variables.output_references)
+        fixed[[fmu_step.INPUTS, fmu_step.OUTPUTS]] = counts
+        values = [float(value) for value in nominal.parameters.values()]
+        return np.array([*fixed, *variables.sources, *values]), np.zeros(fmu_step.VALUES + sum(counts))
+
+    return Controller(
+        name=table.name or slug(fmu.told.modelName),
+        title=table.title or fmu.told.description or fmu.told.modelName,
+        step=fmu_step.step,
+        prepare=prepare,
+        command=table.command,
+        follows=table.follows,
+        measures=variables.measures,
+        every=table.every,
+        parameters=variables.parameters,
+        logged=tuple(Logged(fmu_step.VALUES + 3 + k, signal) for k, signal in enumerate(variables.logged)),
+        entry=lambda _, parameters: _entry(fmu, parameters),
+    )
+
+
+def wrong(file: LawFile, what: str) -> InputError:
+    """The error for a file that is no FMU to run."""
+    return InputError(
+        f"{file.reference}: {what}",
+        allowed="an FMU for co-simulation, FMI 2.0 or 3.0, with a binary for this machine",
+        remedy="export it again; other tools than cranectl say whether it is whole",
+    )
+
+
+def _library() -> Any:
+    try:
+        import fmpy
+        import fmpy.model_description
+    except ImportError as error:
+        raise InputError(
+            f"no reader of FMUs: {error}",
+            allowed="laws in .py and .so without it",
+            remedy="pip install 'cranectl[fmi]' (FMPy)",
+        ) from None
+    return fmpy
+
+
+def _unpacked(file: LawFile, fmpy: Any) -> Path:
+    """Where it is; raises InputError for what would be written elsewhere, as zip files can have it."""
+    whole, place = directory_of(file) / "law.fmu", directory_of(file) / "fmu"
+    try:
+        with zipfile.ZipFile(BytesIO(file.content)) as archive:
+            items = archive.infolist()
+        for item in items:
+            if ".." in Path(item.filename).parts:
+                raise wrong(file, f"it would write outside of its directory: '{item.filename}'")
+            if stat.S_ISLNK(item.external_attr >> 16):
+                raise wrong(file, f"it has a link: '{item.filename}'")
+        if sum(item.file_size for item in items) > MAX_BYTES:
+            raise wrong(file, f"it has more than {MAX_BYTES} bytes when it is unpacked")
+        whole.write_bytes(file.content)
+        fmpy.extract(whole, place)
+    except InputError:
+        raise
+    except Exception as error:  # of many classes
+        raise wrong(file, f"it cannot be unpacked: {error}") from None
+    return place
+
+
+class _Process:
+    """The binary of an FMU in this process, and its instances."""
+
+    def __init__(self, fmu: Fmu) -> None:
+        """Raises OSError or ValueError where it cannot be loaded."""
+        self._fmu = fmu
+        self._functions = fmi.functions(str(fmu.binary), fmu.fmi)
+        self._tell = _TELL(self._failed)
+        exchanged = (fmu.variables.input_references, fmu.variables.output_references)
+        self._references = [np.array(references, dtype=np.uint32) for references in exchanged]
+        self._made = False
+        self._lost: set[int] = set()  # after what is fatal nothing may be called
+
+    def begin(self, parameters: Array) -> None:
+        """Make an instance for the run that has these parameters, and for as long; raises ValueError."""
+        if self._made and self._fmu.kind.canBeInstantiatedOnlyOncePerProcess:
+            raise ValueError(
+                "it can be instantiated only once in a process, of which run and validate take one for each "
+                "run, campaign and live do not"
+            )
+        first = fmu_step.SOURCES + len(self._fmu.variables.sources)
+        instance = fmi.initialised(self._functions, self._fmu.model(), parameters[first:])
+        self._made = True
+        known = self._functions
+        called = (known["Set"], known["ExitInitializationMode"], known["DoStep"], known["Get"], self._tell)
+        parameters[: fmu_step.FMI] = (
+            instance,
+            *map(fmi.address, called),
+            *(references.ctypes.data for references in self._references),
+        )
+        weakref.finalize(parameters, self._free, instance).atexit = False
+
+    def _failed(self, instance: int, function: int, status: int, time: float) -> int:
+        """Called back from the step."""
+        if status >= fmi.FATAL:
+            self._lost.add(instance)
+        failure = fmi.failure(self._fmu.fmi, fmu_step.FUNCTIONS[function], status)
+        fmi.say(f"{self._fmu.file.reference}: {failure} at {time:.6g} s")
+        return 0
+
+    def _free(self, instance: int) -> None:
+        if instance not in self._lost:
+            self._functions["FreeInstance"](instance)
+
+
+_process = cache(_Process)
+
+
+def _entry(fmu: Fmu, parameters: Array) -> int:
+    try:
+        _process(fmu).begin(parameters)
+    except (OSError, ValueError) as error:  # the step, without an instance, fails
+        fmi.say(f"{fmu.file.reference}: {error}")
+    return address_of(fmu_step.step)
