@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 WHERE = {  # module and name of each law, imported only when asked for
     "pid": "cranectl.controllers.pid:PID",
     "lqr-integral": "cranectl.controllers.lqr_integral:LQR_INTEGRAL",
+    "flat-velocity": "cranectl.controllers.flat_velocity:FLAT_VELOCITY",
 }
 REGISTERED: dict[str, "Controller"] = {}  # in this process
 

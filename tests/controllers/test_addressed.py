@@ -154,7 +154,7 @@ def test_a_step_that_cannot_be_compiled_is_told_with_its_line() -> None:
     "scenario",
     [path(), path(*SENSED, "effects.limits.acceleration=[0.1,0.1,0.1]", f"effects.limits.force={[1e9] * 3}")],
 )
-@pytest.mark.parametrize("controller", ["pid", "lqr-integral"])
+@pytest.mark.parametrize("controller", ["pid", "lqr-integral", "flat-velocity"])
 def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: Scenario) -> None:
     one, other = (
         simulate_run(scenario, controller=controller, plant="analytic", drive="velocity", compiled=compiled)

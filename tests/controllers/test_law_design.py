@@ -2,15 +2,22 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import expm, solve_continuous_lyapunov
 
+from cranectl.controllers.controller import Nominal
+from cranectl.controllers.flat import control_step, initial_memory, make_tracker
+from cranectl.controllers.flat_velocity import lead_times, linear_gain, set_points
 from cranectl.controllers.lqr_integral import GAIN, STATES, feedback, matrices
 from cranectl.controllers.pid import VIBRATION, impulses
 from cranectl.controllers.registry import controller_design
+from cranectl.design import design_controller
 from cranectl.model.dynamics import angular_accelerations
+from cranectl.plants.plant import Drive
 from cranectl.scenario import default_scenario
-from cranectl.signals import ALPHA, BETA, BRIDGE, TROLLEY
+from cranectl.signals import ALPHA, BASE_WIDTH, BETA, BRIDGE, INPUT_COLUMN, ROPE, TROLLEY
 from cranectl.simulate import linearised_law
+from cranectl.status import RunStatus
+from tests.conftest import random_states
 
 LENGTH = 0.725  # [m], the middle of the rig's range
 PERIOD = 1.7  # [s]
@@ -89,3 +96,52 @@ def test_feedback_is_gain_times_deviation_between_two_lengths(joint: int, angle:
         gain = (1.0 - share) * gains[row] + share * gains[row + 1]
         given = feedback(parameters, measured, desired, 0.3, joint, angle, row, share)
         assert given == pytest.approx(gain @ deviation, rel=1e-12)
+
+
+FLAT = make_tracker(design_controller("pole-placement"), period=0.001, gravity=9.81)
+LEAD = np.array([0.02, 0.03, 0.05])
+
+
+def accelerations(measured: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """(w - x') / T of the drives, under the flat law."""
+    command, row = np.zeros(3), np.zeros(BASE_WIDTH)
+    set_points(FLAT, LEAD, measured, reference, initial_memory(FLAT, reference), row, command)
+    return (command - measured[1:6:2]) / LEAD
+
+
+def test_set_points_of_measured_velocity_bring_about_what_the_tracker_asks() -> None:
+    reference = np.append([1.0, 0.8, -0.7], 0.3 * np.random.default_rng(6).normal(size=12))
+    for state in random_states(20):
+        row = np.zeros(BASE_WIDTH)
+        control_step(FLAT, state, reference, initial_memory(FLAT, reference), row)
+        found = accelerations(np.append(state, [0.0, 0.0]), reference)
+        assert found == pytest.approx(row[INPUT_COLUMN : INPUT_COLUMN + 3], rel=1e-10, abs=1e-10)
+
+
+def test_a_tracker_that_asks_for_a_slack_rope_says_so() -> None:
+    reference, extension, row = np.zeros(15), np.array([-10.0, 0.0]), np.zeros(BASE_WIDTH)
+    measured = np.append(random_states(1)[0], [0.0, 0.0])
+    assert set_points(FLAT, LEAD, measured, reference, extension, row, np.zeros(3)) == RunStatus.SLACK_ROPE
+
+
+@pytest.mark.parametrize(("joint", "angle"), [(BRIDGE, BETA), (TROLLEY, ALPHA)])
+def test_the_linear_gain_of_the_flat_law_is_its_derivative_at_rest(joint: int, angle: int) -> None:
+    rest, reference, small = np.zeros(12), np.zeros(15), 1e-5
+    rest[ROPE], reference[2] = LENGTH, -LENGTH
+    gain = linear_gain(FLAT.gain, LENGTH, 9.81)
+    for k, place in enumerate((joint, joint + 1, angle, angle + 1)):
+        step = small * np.eye(12)[place]
+        change = accelerations(rest + step, reference) - accelerations(rest - step, reference)
+        assert gain[k] == pytest.approx(-change[joint // 2] / (2.0 * small), rel=1e-7)
+
+
+@pytest.mark.parametrize("drive", ["ideal", "velocity"])
+def test_leads_make_the_velocity_of_a_drive_rise_by_what_is_asked(drive: Drive) -> None:
+    """Of velocity drives held over a long period; what other drives are given is divided by the lag."""
+    rig, period, velocity, asked = default_scenario().rig, 0.01, 0.4, 0.7
+    nominal = Nominal(rig, drive, period, np.zeros((1, 15)), np.zeros(10), {})
+    for lag, lead in zip(rig.time_constants, lead_times(nominal), strict=True):
+        set_point = velocity + lead * asked
+        held = expm(period * np.array([[-1.0, 1.0], [0.0, 0.0]]) / lag) @ [velocity, set_point]
+        rise = held[0] - velocity if drive == "velocity" else (set_point - velocity) / lag * period
+        assert rise == pytest.approx(period * asked, rel=1e-12)
