@@ -94,7 +94,7 @@ high = 1.2
 
 
 @BOTH
-def test_a_campaign_in_threads_makes_an_instance_for_each_run_and_frees_it(
+def test_a_campaign_makes_an_instance_for_each_run_and_frees_it(
     fmi: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -109,7 +109,9 @@ def test_a_campaign_in_threads_makes_an_instance_for_each_run_and_frees_it(
         wanted, found = (results.table.take(results.rows(plant, law)) for law in ("damper", "fmu-damper"))
         assert found.drop(["controller"]).equals(wanted.drop(["controller"]))
         assert set(found["status"].to_pylist()) == {"completed"}
-    assert len(Path("made").read_text()) == len(Path("freed").read_text()) == 1 + 12
+    made = len(Path("made").read_text())
+    assert made == len(Path("freed").read_text())
+    assert made > 12  # and when it is opened
 
 
 def test_one_instance_in_a_process_where_it_says_so(
@@ -257,14 +259,12 @@ def test_an_fmu_that_fails_ends_its_run_only(
     replaced: Replaced,
     said: str,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """With a sentence, exit code 3 and a closed log that has what came before."""
-    monkeypatch.setattr("cranectl.simulate.runner.PATIENCE", 1.0)
     path, log = fmu(tmp_path / "law.fmu", fmi, library=binary(fmi, replaced)), tmp_path / "run.mcap"
     run = ["run", "fast-diagonal", "--controller", str(path), "--plants", "analytic", *ASKED, "--every", "1"]
-    assert main([*run, "--out", str(log)]) == 3
+    assert main([*run, "--patience", "1", "--out", str(log)]) == 3
     assert said in capfd.readouterr().err
     (found,) = read_log(log).values()
     assert found.status.label == "controller-failed"

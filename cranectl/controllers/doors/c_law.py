@@ -85,7 +85,8 @@ def _wrong(file: LawFile, what: str) -> InputError:
 def _copy(file: LawFile) -> Path:
     """The content as it was read, whatever becomes of the file."""
     path = directory_of(file) / file.path.name
-    path.write_bytes(file.content)
+    if not path.exists():
+        path.write_bytes(file.content)
     return path
 
 

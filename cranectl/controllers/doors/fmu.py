@@ -123,7 +123,9 @@ def _library() -> Any:
 
 def _unpacked(file: LawFile, fmpy: Any) -> Path:
     """Where it is; raises InputError for what would be written elsewhere, as zip files can have it."""
-    whole, place = directory_of(file) / "law.fmu", directory_of(file) / "fmu"
+    whole, part, place = (directory_of(file) / name for name in ("law.fmu", "part", "fmu"))
+    if place.is_dir():
+        return place
     try:
         with zipfile.ZipFile(BytesIO(file.content)) as archive:
             items = archive.infolist()
@@ -135,7 +137,8 @@ def _unpacked(file: LawFile, fmpy: Any) -> Path:
         if sum(item.file_size for item in items) > MAX_BYTES:
             raise wrong(file, f"it has more than {MAX_BYTES} bytes when it is unpacked")
         whole.write_bytes(file.content)
-        fmpy.extract(whole, place)
+        fmpy.extract(whole, part)
+        part.rename(place)
     except InputError:
         raise
     except Exception as error:  # of many classes

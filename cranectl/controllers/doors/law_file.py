@@ -1,6 +1,7 @@
 """A file with a law, as it was read: what travels to other processes."""
 
 import hashlib
+import os
 import re
 import tempfile
 from functools import cache
@@ -23,16 +24,22 @@ class LawFile(NamedTuple):
         return hashlib.sha256(self.content + self.table).hexdigest()
 
 
+INHERITED = "CRANECTL_LAWS"  # environment: the directory of the process that started this one
+
+
 def directory_of(file: LawFile) -> Path:
-    """A directory of its own as long as this process runs."""
-    path = Path(_directory().name) / file.digest[:16]
+    """A directory of its own as long as this process runs, or the one that started it and may kill it."""
+    above = os.environ.get(INHERITED)
+    path = Path(above if above and Path(above).is_dir() else _directory().name) / file.digest[:16]
     path.mkdir(exist_ok=True)
     return path
 
 
 @cache
 def _directory() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="cranectl-laws-")
+    made = tempfile.TemporaryDirectory(prefix="cranectl-laws-")
+    os.environ[INHERITED] = made.name
+    return made
 
 
 def slug(name: str) -> str:
