@@ -25,6 +25,7 @@ from cranectl.campaign.table import Row
 from cranectl.campaign.workers import Prepared, Stop, Worker
 from cranectl.controllers.doors.law_file import LawFile
 from cranectl.controllers.doors.opening import OPENED, open_again
+from cranectl.controllers.registry import runs_alone
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.interrupts import SIGNALS
@@ -73,6 +74,12 @@ def run_batches_on(
     """
     from distributed import as_completed
 
+    if runs_alone(campaign.settings.controllers):
+        raise InputError(
+            "there is only one of a law at an address, for one run at a time",
+            allowed="laws that every worker can have for itself",
+            remedy="run the campaign here, or let a TOML file name its program",
+        )
     manifest = manifest_of(campaign)
     _check_installed(client, manifest["versions"])
     sent = packed(manifest, [OPENED[name] for name in campaign.settings.controllers if name in OPENED])

@@ -18,7 +18,7 @@ from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
 from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.flat import Tracker
-from cranectl.controllers.registry import controller_design, law_digests
+from cranectl.controllers.registry import controller_design, law_digests, runs_alone
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants.plant import Plant
 from cranectl.plants.registry import check_effects
@@ -213,7 +213,8 @@ def run_batches(
             made.append(own.worker)
         return batch, own.worker.run_batch(batch, left.is_set)
 
-    with ThreadPoolExecutor(max(1, min(workers, len(batches))), thread_name_prefix="worker") as pool:
+    count = 1 if runs_alone(campaign.settings.controllers) else max(1, min(workers, len(batches)))
+    with ThreadPoolExecutor(count, thread_name_prefix="worker") as pool:
         try:
             for future in as_completed([pool.submit(run, batch) for batch in batches]):  # none is kept
                 yield future.result()

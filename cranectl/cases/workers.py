@@ -13,6 +13,7 @@ from typing import NamedTuple
 from cranectl.cases.case import Case, CaseResult, Failure, try_case
 from cranectl.controllers.doors.law_file import LawFile
 from cranectl.controllers.doors.opening import OPENED, open_again
+from cranectl.controllers.registry import runs_alone
 from cranectl.plants.registry import PLANTS
 from cranectl.support.interrupts import interrupts_blocked, interrupts_wait, serve_parent
 
@@ -41,7 +42,7 @@ def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> 
     Ctrl-C, SIGTERM and SIGHUP end all workers after they have closed their logs; the cases they were at
     say so in their results. A case that cannot be run is a failure, the others run.
     """
-    jobs = min(jobs, len(cases))
+    jobs = 1 if runs_alone(case.controller for case in cases) else min(jobs, len(cases))
     return _in_workers(cases, jobs, done) if jobs > 1 else _one_by_one(cases, done)
 
 

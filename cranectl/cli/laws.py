@@ -24,11 +24,14 @@ class Law(click.ParamType):  # type: ignore[type-arg]
 
 def opened(name: str, directory: Path = Path()) -> str:
     """`name`, or that of the law in the file that it names, seen from `directory`."""
-    if "." not in name:
+    if not {".", ":"} & set(name):
         return name
+    from cranectl.controllers.doors.law_file import UDP
     from cranectl.controllers.doors.opening import is_reference, open_law
 
-    return open_law(str(directory / name)) if is_reference(name) else name
+    if not is_reference(name):
+        return name
+    return open_law(name if name.startswith(UDP) else str(directory / name))
 
 
 def controller_option(function: F) -> F:

@@ -129,6 +129,7 @@ class Controller:
     # are of, which it may write to.
     entry: Callable[[Sizes, Array], int] | None = None
     origin: Origin | None = None
+    alone: bool = False  # there is one of it, for one run at a time
 
     def __post_init__(self) -> None:
         """Raises InputError for a name that logs and TOML cannot have."""

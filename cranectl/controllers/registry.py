@@ -95,6 +95,11 @@ def law_digests(names: Iterable[str]) -> dict[str, str]:
     return {f"law {name}": origin.sha256[:DIGITS] for name, origin in laws.items() if origin}
 
 
+def runs_alone(names: Iterable[str]) -> bool:
+    """Whether there is only one of one of these laws, for one run at a time."""
+    return any(REGISTERED[name].alone for name in names if name in REGISTERED)
+
+
 def controller_design(name: str, scenario: Scenario) -> "Design | LawDesign":
     """The controller `name` as `scenario` sets it: a design of the flat family, or a law's parameters.
 

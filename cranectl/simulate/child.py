@@ -57,18 +57,16 @@ def blocks_in_child(
         os.close(reading)
         _work(advance, total, writing)
     os.close(writing)
+    with contextlib.suppress(PermissionError, ProcessLookupError):
+        os.setpgid(child, child)  # as the child does: whoever is first
     rows = 0
     try:
         while True:
             ready, _, _ = select.select([reading], [], [], patience)
             report = os.read(reading, _REPORT.size) if ready else b""
             if len(report) < _REPORT.size:
-                os.kill(child, signal.SIGKILL)
-                _, code = os.waitpid(child, 0)
-                child = -1
-                why = f"took more than {patience:g} s for a block"
-                if ready:
-                    why = how_it_ended(os.waitstatus_to_exitcode(code))
+                code, child = _end(child), -1
+                why = how_it_ended(code) if ready else f"took more than {patience:g} s for a block"
                 print(f"cranectl: {name} {why}", file=sys.stderr)
                 yield rows, rows, int(RunStatus.CONTROLLER_FAILED)
                 return
@@ -79,15 +77,20 @@ def blocks_in_child(
     finally:
         os.close(reading)
         if child > 0:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
+            _end(child)
 
 
 def how_it_ended(exit_code: int) -> str:
     """What became of a process with this exit code, -N after signal N."""
     how = signal.Signals(-exit_code).name if exit_code < 0 else f"exit code {exit_code}"
     return f"ended its process with {how}"
+
+
+def _end(child: int) -> int:
+    """End it and what it has started; returns its exit code."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(child, signal.SIGKILL)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 def _fork() -> int:
@@ -98,6 +101,7 @@ def _fork() -> int:
 
 def _work(advance: Advance, total: int, writing: int) -> None:
     """In the child: all blocks; whatever goes wrong in here is told by its end."""
+    os.setpgid(0, 0)  # what it starts ends with it
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)  # the parent alone takes them
     faulthandler.disable()  # the parent says how it ended

@@ -39,8 +39,10 @@ def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:
             return int(step(*(array(address, k) for k, address in enumerate(addresses))))
         except Exception as error:
             last = traceback.extract_tb(error.__traceback__)[-1]
-            where = f"{last.filename.rpartition('/')[2]}:{last.lineno}"
-            text = f"cranectl: {name} failed in {where}: {type(error).__name__}: {error}\n"
+            where = f" in {last.filename.rpartition('/')[2]}:{last.lineno}"
+            if isinstance(error, OSError):  # comes from outside
+                where = ""
+            text = f"cranectl: {name} failed{where}: {type(error).__name__}: {error}\n"
             os.write(2, text.encode())  # a forked process may not wait for the lock of sys.stderr
             return FAILED
 

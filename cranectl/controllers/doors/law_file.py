@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+UDP = "udp://"  # of what is no file, but an address: its text is its content
+
 
 class LawFile(NamedTuple):
     """As somebody named it on the command line."""

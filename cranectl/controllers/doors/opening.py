@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cranectl.controllers.controller import Controller, Origin
-from cranectl.controllers.doors.law_file import LawFile
+from cranectl.controllers.doors.law_file import UDP, LawFile
 from cranectl.controllers.registry import REGISTERED, register_controller
 from cranectl.support.errors import InputError
 from cranectl.support.extensions import loaded
@@ -21,6 +21,7 @@ DOORS = {  # by ending; imported only when asked for
     ".dylib": "cranectl.controllers.doors.c_law:open_library",
     ".dll": "cranectl.controllers.doors.c_law:open_library",
     ".fmu": "cranectl.controllers.doors.fmu:open_fmu",
+    ".toml": "cranectl.controllers.doors.process_law:open_process",
 }
 _REFERENCE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, DOORS))}))(:(?P<symbol>\w*))?")
 
@@ -30,7 +31,7 @@ OPENED: dict[str, LawFile] = {}  # by the name of the controller
 
 def is_reference(text: str) -> bool:
     """Whether `text` names a law in a file, rather than a controller."""
-    return _REFERENCE.fullmatch(text) is not None
+    return text.startswith(UDP) or _REFERENCE.fullmatch(text) is not None
 
 
 def open_law(reference: str) -> str:
@@ -38,11 +39,13 @@ def open_law(reference: str) -> str:
 
     Raises InputError for a file that is not there, or not a law.
     """
+    if reference.startswith(UDP):
+        return _register(LawFile(reference, Path(), "", reference.encode()))
     match = _REFERENCE.fullmatch(reference)
     if match is None:
         raise InputError(
             f"'{reference}' names no law in a file",
-            allowed=f"PATH:NAME with a path that ends in {', '.join(DOORS)}",
+            allowed=f"PATH:NAME with a path that ends in {', '.join(DOORS)}; {UDP}HOST:PORT",
             remedy="name the file, and for .py what of it: law.py:NAME",
         )
     path = Path(match["path"])
@@ -67,11 +70,13 @@ def _register(file: LawFile) -> str:
     for name, known in OPENED.items():
         if (known.symbol, known.content, known.table) == (file.symbol, file.content, file.table):
             return name
-    controller: Controller = loaded(DOORS[file.path.suffix])(file)
-    source = (file.content if file.path.suffix == ".py" else file.table).decode("utf-8", "replace")
+    controller: Controller = loaded(DOORS[file.path.suffix or ".toml"])(file)
+    text = file.content if file.path.suffix in (".py", ".toml") else file.table
     if REGISTERED.get(controller.name) is controller:  # the file may say so itself
         del REGISTERED[controller.name]
-    register_controller(replace(controller, origin=Origin(file.reference, file.digest, source)))
+    register_controller(
+        replace(controller, origin=Origin(file.reference, file.digest, text.decode("utf-8", "replace")))
+    )
     OPENED[controller.name] = file
     return controller.name
 
