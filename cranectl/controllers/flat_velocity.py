@@ -16,12 +16,21 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 
 from cranectl.controllers.controller import CRANE_STATES, Controller, LinearLaw, Logged, Nominal, Parameter
-from cranectl.controllers.flat import Tracker, control_step, initial_memory, make_tracker
+from cranectl.controllers.flat import Tracker, control_step, make_tracker
 from cranectl.controllers.lqr_integral import matrices
 from cranectl.design import design_controller
 from cranectl.scenario import DesignSettings
 from cranectl.scenario.design import FASTEST, SLOWEST
-from cranectl.signals import BASE_WIDTH, INPUT_COLUMN, VIRTUAL_INPUT, VIRTUAL_INPUT_COLUMN, controller_group
+from cranectl.signals import (
+    ACCELERATION,
+    BASE_WIDTH,
+    INPUT_COLUMN,
+    JERK,
+    VIRTUAL_INPUT,
+    VIRTUAL_INPUT_COLUMN,
+    Z,
+    controller_group,
+)
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
@@ -29,7 +38,7 @@ POLES = tuple(f"pole_{k}" for k in range(1, 5))
 
 # Places of parameters and memory, of which the last is a row of the tracker's record.
 GAIN, PERIOD, GRAVITY, LEAD, PARAMETERS = 0, 4, 5, 6, 9
-EXTENSION, ROW, MEMORY = 0, 2, 2 + BASE_WIDTH
+EXTENSION, BEGUN, ROW, MEMORY = 0, 2, 3, 3 + BASE_WIDTH
 VIRTUAL = ROW + VIRTUAL_INPUT_COLUMN
 
 
@@ -48,6 +57,9 @@ def set_points(tracker, lead, measured, reference, extension, row, command):
 def step(parameters, measured, reference, memory, command):
     """One sample; see `controller`. State and path in, set-points of velocity out."""
     given, held = carray(parameters, (PARAMETERS,)), carray(memory, (MEMORY,))
+    if held[BEGUN] == 0.0:  # live sessions change laws on the way
+        held[EXTENSION], held[EXTENSION + 1] = reference[ACCELERATION + Z], reference[JERK + Z]
+        held[BEGUN] = 1.0
     none = carray(parameters, (0, 2, 2))
     tracker = Tracker(given[GAIN:PERIOD], none, none[:, 0], none[:, 0], 0.0, given[PERIOD], given[GRAVITY])
     return set_points(
@@ -55,7 +67,7 @@ def step(parameters, measured, reference, memory, command):
         given[LEAD:PARAMETERS],
         carray(measured, (12,)),
         carray(reference, (15,)),
-        held[EXTENSION:ROW],
+        held[EXTENSION:BEGUN],
         held[ROW:MEMORY],
         carray(command, (3,)),
     )
@@ -80,8 +92,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     """Parameters and memory."""
     tracker = tracker_of(nominal)
     head = (*tracker.gain, tracker.period, tracker.gravity)
-    extension = initial_memory(tracker, nominal.reference[0])
-    return np.append(head, lead_times(nominal)), np.append(extension, np.zeros(BASE_WIDTH))
+    return np.append(head, lead_times(nominal)), np.zeros(MEMORY)
 
 
 def linear_gain(flat_gain: Array, rope_length: float, gravity: float) -> Array:

@@ -100,6 +100,15 @@ def test_from_one_kind_of_law_to_another_the_drives_do_not_jump(short: Scenario)
         assert np.array_equal(after.reference[0], running.plan.reference[min(running._samples - 1, 500)])
 
 
+def test_a_law_with_an_extension_of_its_own_begins_it_where_the_path_is() -> None:
+    running = session(load_scenario("fast-diagonal"), "lqr", plants=["analytic"])
+    running.advance(700)
+    running.use(controller_design("flat-velocity", running.scenario))
+    (run,) = running.advance(2)
+    assert abs(run.reference[1, 8]) > 0.1
+    assert run.block("controller")[0, :2] == pytest.approx(run.reference[1, [8, 11]], abs=5e-3)
+
+
 def test_gains_change_the_motion(short: Scenario) -> None:
     running, alone = session(short), session(short)
     for one in (running, alone):
