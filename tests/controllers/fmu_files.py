@@ -40,9 +40,11 @@ static void step(Law *m) {
 static void *make(void) { MADE return calloc(1, sizeof(Law)); }
 """
 FMI2 = """
+static fmi2CallbackLogger log_;
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *f, fmi2Boolean visible, fmi2Boolean log) {
     f->freeMemory(f->allocateMemory(1, 8));
+    log_ = f->logger;
     SAID
     return make();
 }
@@ -54,6 +56,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) { return INITIALISED; }
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean final) {
     if (t - ((Law *)c)->steps * h > 1e-9) return fmi2Error;
     step(c);
+    if (((Law *)c)->steps > 1200) log_(0, "", fmi2Error, "", "no more, %s", "never");
     return ((Law *)c)->steps > 1200 ? AFTER : fmi2OK;
 }
 #define EXTRA
@@ -62,14 +65,17 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean final
 typedef fmi2ValueReference Reference;
 """
 FMI3 = """
+static fmi3LogMessageCallback say;
 fmi3Instance fmi3InstantiateCoSimulation(
     fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean log,
     fmi3Boolean event, fmi3Boolean early, const fmi3ValueReference r[], size_t n, fmi3InstanceEnvironment e,
-    fmi3LogMessageCallback say, fmi3IntermediateUpdateCallback update) {
+    fmi3LogMessageCallback told, fmi3IntermediateUpdateCallback update) {
+    say = told;
     return make();
 }
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean a, fmi3Float64 b, fmi3Float64 t,
                                        fmi3Boolean d, fmi3Float64 e) {
+    say(0, fmi3Error, "", "not today");
     return t == 0.0 ? INITIALISED : fmi3Error;
 }
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 h, fmi3Boolean final, fmi3Boolean *event,

@@ -2,6 +2,7 @@
 
 import json
 import stat
+import sys
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,8 @@ import pytest
 from cranectl.campaign.results import read_results
 from cranectl.cli.main import main
 from cranectl.controllers.doors.opening import close_laws, open_law
+from cranectl.controllers.registry import controller_design
+from cranectl.live.session import Session
 from cranectl.log import read_log
 from cranectl.scenario import Scenario, load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -139,6 +142,27 @@ def test_workers_run_it(fmi: int, tmp_path: Path) -> None:
     assert [agreement["passed"] for agreement in told["agreements"]] == [True]
 
 
+def test_steps_of_its_own_fit_into_those_of_the_law(tmp_path: Path) -> None:
+    path = fmu(tmp_path / "law.fmu", 3, kind='fixedInternalStepSize="0.004"')
+    with pytest.raises(InputError, match=r"steps of 0\.004 s, its law is given 0\.001 s"):
+        simulate_run(scenario(), plant="analytic", controller=open_law(str(path)))
+    path.with_suffix(".toml").write_text("every = 8\nname = 'slow'")
+    run = simulate_run(scenario(), plant="analytic", controller=open_law(str(path)))
+    assert run.status.label == "completed"
+
+
+def test_a_live_session_goes_over_to_one_and_starts_again(tmp_path: Path) -> None:
+    crane = scenario()
+    session = Session(crane, controller_design("lqr", crane), plants=["analytic"], drive="ideal")
+    session.advance(300)
+    session.use(controller_design(open_law(str(fmu(tmp_path / "law.fmu", 2))), crane))
+    for _ in range(2):
+        (run,) = session.advance(200)
+        error = run.reference[:, 0] - run.signal("state.bridge_position")
+        assert np.array_equal(run.signal("controller.error_1_"), error)
+        session.reset()
+
+
 # Broken ones
 
 
@@ -156,6 +180,15 @@ def test_what_would_be_written_elsewhere_is_refused(tmp_path: Path) -> None:
     refused(fmu(tmp_path / "b.fmu", 2, more=[(link, "/etc/passwd")]), "link: 'resources/link'")
     refused(fmu(tmp_path / "c.fmu", 2, more=[("/evil", "x")]), "/evil")
     assert not list(tmp_path.rglob("evil"))
+
+
+def test_what_is_too_large_or_without_a_reader_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cranectl.controllers.doors.fmu.MAX_BYTES", 10)
+    refused(fmu(tmp_path / "law.fmu", 2, more=[("large", "x")]), "more than 10 bytes")
+    monkeypatch.setitem(sys.modules, "fmpy", None)
+    refused(tmp_path / "law.fmu", "pip install 'cranectl[fmi]'")
 
 
 def _no_zip(path: Path) -> Path:
@@ -211,7 +244,7 @@ BAD: dict[str, tuple[Any, str]] = {
     ),
     "not initialised": (
         lambda path: fmu(path, 3, library=binary(3, Replaced(initialised="3"))),
-        "fmi3EnterInitializationMode returns fmi3Error",
+        "fmi3EnterInitializationMode returns fmi3Error: not today",
     ),
     "crash": (lambda path: fmu(path, 2, library=binary(2, Replaced(made="abort();"))), "with SIGABRT"),
     "other functions": (lambda path: fmu(path, 2, library=binary(3)), "no function fmi2"),
@@ -246,9 +279,9 @@ def test_a_table_that_is_wrong_is_refused(table: str, found: str, tmp_path: Path
 @pytest.mark.parametrize(
     ("fmi", "replaced", "said"),
     [
-        (2, Replaced(after="3"), "fmi2DoStep returns fmi2Error at 1.2 s"),
-        (3, Replaced(after="4"), "fmi3DoStep returns fmi3Fatal at 1.2 s"),
-        (3, Replaced(terminated="1"), "fmi3DoStep returns fmi3Discard at 1.2 s"),
+        (2, Replaced(after="3"), "at 1.2 s its fmi2DoStep returns fmi2Error: no more, %s"),
+        (3, Replaced(after="4"), "at 1.2 s its fmi3DoStep returns fmi3Fatal"),
+        (3, Replaced(terminated="1"), "at 1.2 s its fmi3DoStep returns fmi3Discard"),
         (2, Replaced(broken="if (m->steps > 1200) p[0] = 0.0 / 0.0;"), ""),
         (2, Replaced(broken="if (m->steps > 1200) abort();"), "ended its process with SIGABRT"),
         (3, Replaced(broken="while (m->steps > 1200) m->v[17] *= 0.5;"), "took more than 1 s for a block"),

@@ -8,6 +8,7 @@ import ctypes
 import json
 import os
 import sys
+from collections import deque
 from collections.abc import Iterable
 from ctypes import CFUNCTYPE, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p
 from functools import cache
@@ -100,16 +101,17 @@ def initialised(known: Functions, model: Plain, values: Iterable[float]) -> int:
 
 def _check(fmi: int, name: str, status: int) -> None:
     if status >= STATUS.index("Discard"):
-        raise ValueError(f"its {failure(fmi, name, status)}{_because()}")
+        raise ValueError(f"its {failure(fmi, name, status)}")
 
 
 def failure(fmi: int, name: str, status: int) -> str:
-    """Which function has returned what."""
+    """Which function has returned what, and what the FMU says of it."""
     exact = name + {2: "Real", 3: "Float64"}[fmi] if name in ("Set", "Get") else name
-    return f"fmi{fmi}{exact} returns fmi{fmi}{STATUS[status] if status < len(STATUS) else status}"
+    told = STATUS[status] if status < len(STATUS) else status
+    return f"fmi{fmi}{exact} returns fmi{fmi}{told}{_because()}"
 
 
-_said: list[str] = []  # by the FMU, of errors
+_said: deque[str] = deque(maxlen=1)  # by an FMU, of errors
 
 
 def _because() -> str:
@@ -131,7 +133,6 @@ def _logger(fmi: int) -> Any:
         if status >= ERROR and message is not None:
             text = message.decode("utf-8", "replace")
             _said.append("".join(c if c.isprintable() else " " for c in text.strip()))
-            say(f"the FMU says: {_said[-1]}")
 
     names = (c_char_p,) if fmi == 2 else ()
     return CFUNCTYPE(None, c_void_p, *names, c_int, c_char_p, c_char_p)(log)

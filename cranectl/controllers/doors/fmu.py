@@ -10,6 +10,7 @@ import weakref
 import zipfile
 from functools import cache
 from io import BytesIO
+from math import isclose
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,16 @@ class Fmu:
         self.resources = place / "resources"
         self.variables: Variables = variables_of(file, told.modelVariables)
 
+    def check_period(self, period: float) -> None:
+        """Raise InputError unless `period` [s] is one or more of its own steps, where it tells them."""
+        own = float(self.kind.fixedInternalStepSize or 0.0)
+        if own > 0.0 and not (period > 0.5 * own and isclose(period / own, round(period / own))):
+            raise InputError(
+                f"{self.file.reference} has steps of {own:g} s, its law is given {period:g} s",
+                allowed="one or more of its steps",
+                remedy=f"every = N in {self.file.path.with_suffix('.toml')}, a law step in control periods",
+            )
+
     def model(self) -> fmi.Plain:
         """As `fmi` takes it."""
         return {
@@ -77,6 +88,7 @@ def open_fmu(file: LawFile) -> Controller:
     variables, table = fmu.variables, fmu.variables.table
 
     def prepare(nominal: Nominal) -> tuple[Array, Array]:
+        fmu.check_period(nominal.period)
         fixed = np.zeros(fmu_step.SOURCES)
         fixed[[fmu_step.FMI, fmu_step.PERIOD]] = fmu.fmi, nominal.period
         counts = len(variables.input_references), len(variables.output_references)
@@ -183,7 +195,7 @@ class _Process:
         if status >= fmi.FATAL:
             self._lost.add(instance)
         failure = fmi.failure(self._fmu.fmi, fmu_step.FUNCTIONS[function], status)
-        fmi.say(f"{self._fmu.file.reference}: {failure} at {time:.6g} s")
+        fmi.say(f"{self._fmu.file.reference}: at {time:.6g} s its {failure}")
         return 0
 
     def _free(self, instance: int) -> None:
