@@ -36,7 +36,8 @@ test: setup cluster video fmi ## run the tests, those of these three extras too
 	@tests/install
 	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake
 
-test-docs: setup cluster video ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
+test-docs: setup cluster video fmi ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
+	@tests/install
 	$(call limit,600) $(BIN)/python -m pytest tests/docs tests/thesis
 
 test-drake: setup drake ## hold the plant in Drake to the one in MuJoCo; minutes, DRAKE_CASES=12 takes as many of the cases

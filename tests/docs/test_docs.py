@@ -2,13 +2,16 @@
 
 import re
 import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from cranectl.cli.main import main
 from cranectl.controllers import registry
+from cranectl.controllers.doors import opening
 from tests.conftest import ROOT
+from tests.controllers.fmu_files import fmu
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 WITHOUT_CODE = {"mutations.md", "performance.md", "errata.md", "thesis.md", "reliability.md"}  # results
@@ -28,9 +31,15 @@ def test_there_are_pages_and_blocks() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the order of the page and in one directory; a TOML block is saved under its scenario's name."""
+    """In the order of the page and in one directory.
+
+    A TOML block is saved under its name, and one of Python that begins with the name of a file under that.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(registry, "REGISTERED", {})  # what a page registers is not known to later tests
+    monkeypatch.setattr(opening, "OPENED", {})
+    if any("law.fmu" in text for _, text in blocks(page)):
+        fmu(tmp_path / "law.fmu", 2)  # as a tool would export it
     for language, text in blocks(page):
         if language == "toml":
             name = re.search(r'^name = "(.*)"', text, re.MULTILINE)
@@ -39,8 +48,13 @@ def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
         elif language == "sh":
             for line in text.strip().splitlines():
                 program, *arguments = shlex.split(line, comments=True)
-                assert program == "cranectl"
-                assert main(arguments) == 0, line
+                if program == "cc":
+                    subprocess.run([program, *arguments], check=True)
+                else:
+                    assert program == "cranectl"
+                    assert main(arguments) == 0, line
+        elif file := re.match(r"# (\w+\.py)\n", text):
+            Path(file.group(1)).write_text(text, encoding="utf-8")
         else:
             exec(compile(text, page.name, "exec"), {})
 
