@@ -64,3 +64,5 @@ def test_the_wheel_runs_away_from_the_checkout(wheel: Path, tmp_path: Path) -> N
     for scenario in ALL_SCENARIOS:
         assert scenario in listed
     assert not list(work.iterdir())
+    python(site, work, "-m", "cranectl", "new", "c-controller", "servo")
+    assert {path.name for path in work.iterdir()} == {"servo.c", "cranectl.h", "test_servo.py"}

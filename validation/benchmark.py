@@ -27,6 +27,7 @@ from campaign_benchmark import (
 )
 from figures import Figure, figure, interleaved, seconds
 from foxglove.mcap import MCAPWriteOptions
+from law_benchmark import laws_from_outside
 from scaling import result_costs, scaling
 
 from cranectl.cases.workers import available_cores
@@ -202,6 +203,7 @@ PARTS = (
     other_ways,
     log_against_library,
     control_step_alone,
+    laws_from_outside,
     commands,
 )
 

@@ -235,11 +235,16 @@ def test_a_library_that_breaks_the_rules_is_refused(
         open_law(str(built(law.parent, declared=declared, broken=broken, step=step)))
 
 
-def test_what_is_no_library_is_refused(law: Path) -> None:
-    text = law.parent / "law.so"
-    text.write_bytes(b"\x7fELF of another machine")
-    with pytest.raises(InputError, match=r"law\.so"):
-        open_law(str(text))
+def test_what_is_no_library_of_this_machine_is_refused(law: Path) -> None:
+    library = built(law.parent)
+    content = bytearray(library.read_bytes())
+    arm, intel = 0xB7, 0x3E
+    others = {"machine": (18, intel if content[18] == arm else arm), "bits": (4, 1)}
+    for name, (place, value) in others.items():
+        other = law.parent / f"{name}.so"
+        other.write_bytes(bytes([*content[:place], value, *content[place + 1 :]]))
+        with pytest.raises(InputError, match=rf"{name}\.so"):
+            open_law(str(other))
     with pytest.raises(InputError, match=r"absent\.so"):
         open_law(str(law.parent / "absent.so"))
 

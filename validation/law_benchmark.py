@@ -1,0 +1,74 @@
+"""What a law from outside costs a sample, by the door through which it comes."""
+
+import contextlib
+import io
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from figures import Figure, figure, interleaved
+
+from cranectl.cli.main import main as cranectl
+from cranectl.controllers.addressed import _call, entered
+from cranectl.controllers.doors.opening import open_law
+from cranectl.controllers.registry import controller_design
+from cranectl.scenario import load_scenario
+from cranectl.simulate import law_of, plan_scenario
+from cranectl.support.jit import jit
+
+SAMPLES = 1_000_000
+
+
+@jit
+def _by_address(address, parameters, measured, reference, memory, command):
+    for k in range(SAMPLES):
+        _call(address, parameters, measured[k % 100], reference[k % 100], memory, command)
+
+
+def _inlined(step: Callable[..., int]) -> Callable[..., None]:
+    step = jit(step)
+
+    @jit
+    def loop(parameters, measured, reference, memory, command):
+        for k in range(SAMPLES):
+            step(parameters, measured[k % 100], reference[k % 100], memory, command)
+
+    return loop
+
+
+def laws_from_outside(repeats: int) -> list[Figure]:
+    """The law that `cranectl new` writes, in C by address and in the loop itself, taking turns."""
+    with tempfile.TemporaryDirectory() as folder:
+        with contextlib.redirect_stdout(io.StringIO()):
+            for kind, name in (("controller", "twin"), ("c-controller", "servo")):
+                cranectl(["new", kind, name, "--in", folder])
+        source = Path(folder, "servo.c")
+        library = source.with_suffix(".so")
+        subprocess.run(
+            ["cc", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-o", library, source], check=True
+        )
+        twin = ModuleType("twin")
+        twin.__file__ = str(Path(folder, "twin.py"))
+        exec(compile(Path(twin.__file__).read_text(), twin.__file__, "exec"), twin.__dict__)
+        scenario = load_scenario("settled-trajectory")
+        design = controller_design(open_law(str(library)), scenario)
+        law = entered(law_of(scenario, design, "ideal", plan_scenario(scenario)))
+        rng = np.random.default_rng(1)
+        measured, reference = rng.normal(size=(100, 12)), rng.normal(size=(100, 15))
+        given = (law.parameters, measured, reference, np.zeros(3), np.zeros(3))
+        inlined = _inlined(twin.step)
+        works = {
+            "address": lambda: _by_address(law.address, *given),
+            "inlined": lambda: inlined(*given),
+        }
+        times = interleaved(works, repeats)
+    ns = 1e9 / SAMPLES
+    by, within = times["address"], times["inlined"]
+    more = [ns * (a - b) for a, b in zip(by, within, strict=True)]
+    return [
+        figure("law in C by address, more than its twin inlined by Numba", more, "ns", 10.0),
+        figure("law in C by address", [ns * each for each in by], "ns"),
+    ]
