@@ -82,6 +82,24 @@ def test_variables_by_a_table_the_rest_is_declared_and_logged(fmi: int, tmp_path
     assert np.ptp(commanded) > 0.1
 
 
+def test_encoders_are_measured_where_the_table_says_so(tmp_path: Path) -> None:
+    path = fmu(tmp_path / "law.fmu", 2)
+    read = {"trolley_position": "encoders.trolley_position", "rope_length": "encoders.rope_length"}
+    read |= {"bridge_position": "encoders.beta", "bridge_velocity": "encoders.alpha"}
+    read |= {"trolley_velocity": "reference.load_z_dot", "rope_length_rate": "reference.load_x_d4"}
+    rows = "".join(f"'state.{name}' = '{signal}'\n" for name, signal in read.items())
+    path.with_suffix(".toml").write_text(f"[inputs]\n{rows}")
+    run = simulate_run(scenario(), plant="analytic", controller=open_law(str(path)))
+    state, wanted = run.block("state"), run.reference
+    given = [(0, 8, state[:, 6]), (1, 2, wanted[:, 5]), (2, 4, wanted[:, 12])]
+    assert len(state) > 200  # until the rope is too short
+    for axis, measured, rate in given:
+        sign = -1.0 if axis == 2 else 1.0
+        spring = 16.0 * (sign * wanted[:, axis] - state[:, measured])
+        expected = spring + 8.0 * (sign * wanted[:, 3 + axis] - rate)
+        assert np.allclose(run.block("input")[:, axis], expected, rtol=0.0, atol=1e-9)
+
+
 CAMPAIGN = """
 name = "own"
 scenario = "fast-diagonal"
