@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, sync_playwright
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
 from viewer import tools
-from viewer.logs import CUT_OFF, KINDS, OVERLAYS, truncated
+from viewer.logs import CUT_OFF, FOUR, KINDS, OVERLAYS, four_cranes, truncated
 from viewer.serving import HERE, STUDIO, serve
 from viewer.studio import Studio
 
@@ -39,12 +39,13 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def logs(files: Path) -> dict[str, Path]:
     """A log of every kind, made by the commands that users give."""
-    paths = {kind: files / f"{kind}.mcap" for kind in (*KINDS, *OVERLAYS, CUT_OFF)}
+    paths = {kind: files / f"{kind}.mcap" for kind in (*KINDS, *OVERLAYS, CUT_OFF, FOUR)}
     for kind, arguments in {**KINDS, **OVERLAYS}.items():
         if CUT_OFF in arguments:
             truncated(paths["one-plant"], paths[CUT_OFF])
         code = main([argument.format_map(paths) for argument in arguments.split()])
         assert code == (exit_codes.RUN_STOPPED if kind == "stopped-early" else exit_codes.GOOD), kind
+    four_cranes(paths[FOUR])
     return paths
 
 

@@ -1,10 +1,13 @@
 """Which logs are opened: one of every kind, and some with parts missing or broken."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from mcap.reader import make_reader
 from mcap.writer import Writer
+
+from cranectl import load_scenario, simulate_run, write_log
 
 # What `cranectl` is called with for a log of every kind; a name in braces is that log's file.
 KINDS = {
@@ -26,7 +29,24 @@ OVERLAYS = {
     "ladder": "ladder fixed-position --set duration=13 --set log.every=20 --out {ladder}",
     "overlay": "overlay {one-plant} {robustified} --label one,lqr+hinf --out {overlay}",
 }
+FOUR = "four"  # cranes, apart
 CUT_OFF = "cut-off"  # half of the log of one plant, as a process that is killed leaves it
+
+
+def four_cranes(target: Path) -> None:
+    """A log of four plants that move apart, each by other weights; `elastic` stands in for Drake."""
+    weights = {"analytic": 0.1, "elastic": 1.0, "mujoco": 0.03, "drake": 10.0}
+    runs = [
+        simulate_run(
+            load_scenario("off-reference", overrides=[f"design.input_weight={weight}"]),
+            plant="elastic" if plant == "drake" else plant,
+            controller="lqr",
+        )
+        for plant, weight in weights.items()
+    ]
+    told = {"scenario": runs[0].scenario, "design": runs[0].design}
+    apart = [replace(run, plant=plant, **told) for plant, run in zip(weights, runs, strict=True)]
+    write_log(target, apart, every=20)
 
 
 def rewrite(

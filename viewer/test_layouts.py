@@ -1,6 +1,7 @@
 """The shipped layouts, each with a log that it is for: everything listed, every line drawn, no complaint."""
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from viewer.studio import Studio, eventually
 CASES = [
     ("single", "one-plant"),
     ("comparison", "comparison"),
+    ("comparison", "four"),
     ("controller", "robustified"),
     ("ladder", "ladder"),
     ("overlay", "overlay"),
@@ -33,7 +35,7 @@ class Shown:
     layout: Layout
 
 
-@pytest.fixture(scope="module", params=CASES, ids=lambda case: case[0])
+@pytest.fixture(scope="module", params=CASES, ids=lambda case: case[1])
 def shown(request: pytest.FixtureRequest, studio: Studio, files: Path, logs: dict[str, Path]) -> Shown:
     """Each shipped layout in turn."""
     name, kind = request.param
@@ -95,6 +97,26 @@ def test_every_plot_draws_curves(shown: Shown) -> None:
             lambda name=name, plot=plot: curve_pixels(shown.studio, name, plot), lambda n: n >= CURVE
         )
         assert drawn >= CURVE, plot["foxglovePanelTitle"]
+
+
+def test_the_distance_of_every_crane_from_the_one_compared_against_is_drawn(shown: Shown) -> None:
+    distances = {topic for topic in counts(shown.log) if re.fullmatch("/diff(/.*)?/distance", topic)}
+    assert len(distances) == {"comparison": 1, "four": 3}.get(shown.log.stem, 0)
+    for what in ("load_distance", "angle_distance"):
+        drawn = {
+            path["value"]
+            for plot in panels.of_type(shown.layout, "Plot").values()
+            for path in plot["paths"]
+            if what in path["value"]
+        }
+        assert {value.partition(".")[0] for value in drawn} >= distances
+
+
+def test_the_3d_panel_has_room(shown: Shown) -> None:
+    (name,) = panels.of_type(shown.layout, "3D")
+    box = shown.studio.panel(name).bounding_box()
+    assert box is not None
+    assert min(box["width"], box["height"]) > 280.0, "pixels of a window of 1280 by 800"
 
 
 def test_status_is_drawn_as_bars(shown: Shown) -> None:

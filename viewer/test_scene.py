@@ -3,11 +3,15 @@
 import copy
 from pathlib import Path
 
+import matplotlib.colors
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import cranectl
 from cranectl.log.topics import FORMER
+from cranectl.plants.registry import plant_entry
+from cranectl.support.colours import VIEWER
 from viewer import panels, pictures
 from viewer.logs import rewrite
 from viewer.panels import Layout
@@ -40,6 +44,17 @@ def plain(scene: Layout) -> Layout:
 def differing(a: Picture, b: Picture) -> int:
     """Number of pixels that are not the same."""
     return int((a != b).any(axis=2).sum())
+
+
+def hue_of(colour: ArrayLike) -> float:
+    """From 0 to 1, of red, green, blue in any scale."""
+    return float(matplotlib.colors.rgb_to_hsv(np.asarray(colour) / np.max(colour))[0])
+
+
+def settled(studio: Studio, name: str) -> Picture | None:
+    """The panel, if it does not change."""
+    before = studio.picture(name)
+    return before if differing(before, studio.picture(name)) == 0 else None
 
 
 def open_scene(studio: Studio, log: Path, scene: Layout) -> str:
@@ -142,6 +157,32 @@ def test_the_analytic_crane_is_a_ghost(
     assert not pictures.bridge(shown["ghost"]).any()
     assert pictures.bridge(shown["comparison"]).sum() > 1000
     assert shown["ghost"][ghost].max(axis=1).mean() < 160.0
+
+
+def test_of_four_cranes_each_ghost_has_the_colour_of_its_plant(
+    studio: Studio, files: Path, logs: dict[str, Path]
+) -> None:
+    """What goes with a ghost is of its colour, but for the white of its edges."""
+    layout = panels.shipped("comparison", files, "--log", str(logs["four"]))
+    (name,) = panels.of_type(layout, "3D")
+    open_scene(studio, logs["four"], panels.alone(layout, name))
+    studio.seek(0.1)
+    crane(studio, name)
+    studio.open_settings(name)
+    for plant in ("analytic", "elastic", "drake"):
+        studio.hide(f"/{plant}/trail")  # moves on while it is loaded
+    for plant in ("analytic", "elastic", "drake"):
+        before = eventually(lambda: settled(studio, name), lambda seen: seen is not None)
+        assert before is not None
+        studio.hide(f"/{plant}/model")
+        after = eventually(
+            lambda: studio.picture(name),
+            lambda seen, before=before: differing(before, seen) > GONE,
+        )
+        gone = before.astype(float) - after
+        shade = gone[gone.min(axis=2) > 0.0].mean(axis=0)
+        wanted = matplotlib.colors.to_rgb(VIEWER[plant_entry(plant).colour])
+        assert hue_of(shade) == pytest.approx(hue_of(wanted), abs=0.05), plant
 
 
 @pytest.mark.parametrize("name", ["single", "comparison"])

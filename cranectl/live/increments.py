@@ -200,7 +200,7 @@ class Increments:
             trail = np.vstack([shown.trail, run.load_position[dots]])
             opacity = self._opacities[run.plant]
             streams.append(scene.rope(run, opacity, rows))
-            streams.append(scene.trail(run.plant, run.time_ns[dots], trail, ghost=opacity < 1.0))
+            streams.append(scene.trail(run.plant, run.time_ns[dots], trail, opacity))
             shown.trail = trail[-scene.TRAIL_POINTS :]
         return streams
 

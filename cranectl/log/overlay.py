@@ -241,4 +241,4 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
             opacity = 1.0 if run.plant == solid else scene.GHOST
             yield scene.model(run.plant, run.scenario.rig, opacity, colour=colour)
             yield scene.rope(run, opacity, scene.rows_apart(run, 1.0 / scene.RATE))
-            yield scene.whole_trail(run, ghost=False, colour=colour)
+            yield scene.whole_trail(run, 1.0, colour=colour)

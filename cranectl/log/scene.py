@@ -83,7 +83,7 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
         result += [
             model(run.plant, run.scenario.rig, shown[run.plant]),
             rope(run, shown[run.plant], rows_apart(run, 1.0 / RATE)),
-            whole_trail(run, ghost=shown[run.plant] < 1.0),
+            whole_trail(run, shown[run.plant]),
             all_arrows(run),
         ]
     return result
@@ -175,10 +175,10 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     return _scene(topics.plant_topic(run.plant, topics.ROPE), run.time_ns[rows].tolist(), updates)
 
 
-def whole_trail(run: Run, *, ghost: bool, colour: str | None = None) -> Stream:
+def whole_trail(run: Run, opacity: float, *, colour: str | None = None) -> Stream:
     """The trail of a whole run."""
     rows = rows_apart(run, trail_step(run.scenario.rig))
-    return trail(run.plant, run.time_ns[rows], run.load_position[rows], ghost=ghost, colour=colour)
+    return trail(run.plant, run.time_ns[rows], run.load_position[rows], opacity, colour=colour)
 
 
 def trail_step(rig: RigParameters) -> float:
@@ -187,7 +187,7 @@ def trail_step(rig: RigParameters) -> float:
 
 
 def trail(
-    plant: str, time_ns: NDArray[np.int64], load: Array, *, ghost: bool, colour: str | None = None
+    plant: str, time_ns: NDArray[np.int64], load: Array, opacity: float, *, colour: str | None = None
 ) -> Stream:
     """Where the load has been, fading: a message for each time.
 
@@ -195,7 +195,7 @@ def trail(
     """
     points = points_of(load.tolist())
     shade = rgb(colour or VIEWER[plant_entry(plant).colour])
-    opacity, width = (GHOST, GHOST_TRAIL_WIDTH) if ghost else (1.0, TRAIL_WIDTH)
+    width = TRAIL_WIDTH if opacity == 1.0 else GHOST_TRAIL_WIDTH
     fading = [colour_of(shade, opacity * k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     updates = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):
