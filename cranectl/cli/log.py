@@ -70,8 +70,8 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     "--log",
     metavar="LOG",
     type=click.Path(path_type=Path),
-    help="What is to be shown: its plants or labels, and a camera that sees the whole of its rig. Default: "
-    "a log of the laboratory's rig.",
+    help="What is to be shown: its plants or labels, what its law logs, and a camera that sees the whole of "
+    "its rig. Default: a log of the flat family on the laboratory's rig.",
 )
 def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None) -> None:
     """Write the layout NAME for Foxglove or Lichtblick to OUT.
@@ -91,6 +91,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     cranectl log layout overlay view.json --log logs/fixed-position/overlay.mcap
     """
     from cranectl.cli.output import console
+    from cranectl.controllers.controller import LawDesign
     from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.report.viewer_layouts import layout_json
     from cranectl.scenario.drawn_size import LABORATORY
@@ -101,7 +102,14 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     labels = tuple(layers) if is_overlay(layers) else ()
     if layers and not labels:
         plants = plants or tuple(layers)
-    content = layout_json(name, plants=plants, labels=labels, rig=rigs[0] if rigs else LABORATORY)
+    design = next(iter(layers.values())).run.design if layers else None
+    content = layout_json(
+        name,
+        plants=plants,
+        labels=labels,
+        rig=rigs[0] if rigs else LABORATORY,
+        law=design.signals if isinstance(design, LawDesign) else None,
+    )
     with writing(out):
         write_text(out, content)
     console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")

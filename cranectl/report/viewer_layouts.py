@@ -5,7 +5,6 @@ Plots take their fields and units from the table of signals, topics from the log
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 from cranectl.analysis.levels import NAMES
@@ -13,11 +12,14 @@ from cranectl.log import topics
 from cranectl.log.overlay import STEP, TARGET
 from cranectl.plants.registry import PLANTS, default_plants, in_order, reference_plant
 from cranectl.report.viewer_panels import (
+    Layout,
     Panel,
+    column,
     events,
     field_of,
     panel,
     plot,
+    row,
     scene_panel,
     service,
     show_rig,
@@ -30,14 +32,13 @@ from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
 from cranectl.support.errors import InputError, unknown_name
 
-Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side
-
 SIGNALS: dict[tuple[str, str], Signal] = {
     (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
 }
 LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
 ROUNDING = -14.0  # power of ten of the least distance that logs tell
 TITLE, ROW, MOST = 8.0, 8.0, 64.0  # [%] of a window of 900 pixels: standings take so much of its height
+MOST_UNITS = 4  # of what a law logs
 FOLLOWED = 30.0  # [s] that a live session's plots show
 
 
@@ -47,19 +48,22 @@ def layout_json(
     plants: Iterable[str] = (),
     labels: Sequence[str] = (),
     rig: RigParameters = LABORATORY,
+    law: Sequence[Signal] | None = None,
 ) -> str:
     """The layout `name` as a file's content, for a log of `plants`, by default those that are run by default.
 
     What shows one run shows the reference plant's.
 
-    `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`. Raises
-    InputError for an unknown name, and for an overlay without labels.
+    `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`.
+    `law`: what a controller that is not of the flat family logs under its own names. Raises InputError for an
+    unknown name, and for an overlay without labels.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
     shown = labels if name in ("overlay", "ladder") else in_order(plants or default_plants())
-    layout = _numbered(LAYOUTS[name](shown), panels)
+    drawn = _controller(shown, law) if name == "controller" else LAYOUTS[name](shown)
+    layout = _numbered(drawn, panels)
     for configuration in panels.values():
         if "cameraState" in configuration:
             show_rig(configuration, rig)
@@ -95,8 +99,8 @@ def _single(plants: Sequence[str]) -> Layout:
         plot("rope tension", [_path(plant, "load", "rope_tension")]),
     ]
     scene = scene_panel(_cranes([plant]))
-    left = _column([scene, standings([plant]), events()], (48, 36, 16))
-    return _row([left, _column(plots, (25, 19, 19, 19, 18))], (54, 46))
+    left = column([scene, standings([plant]), events()], (48, 36, 16))
+    return row([left, column(plots, (25, 19, 19, 19, 18))], (54, 46))
 
 
 def _comparison(plants: Sequence[str]) -> Layout:
@@ -108,25 +112,48 @@ def _comparison(plants: Sequence[str]) -> Layout:
     angles = (plot(name, _of_each(plants, "state", name)) for name in ("alpha", "beta"))
     y, z, alpha, beta = map(without_legend, [*load, *angles])
     left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
-    return _row([left, _several([x, y, z, alpha, beta], _row(_distance_plots(plants)))], (42, 58))
+    return row([left, _several([x, y, z, alpha, beta], row(_distance_plots(plants)))], (42, 58))
 
 
-def _controller(plants: Sequence[str]) -> Layout:
-    """What the controller thought: errors, the linear input and its parts, its states, its commands."""
+def _controller(plants: Sequence[str], law: Sequence[Signal] | None = None) -> Layout:
+    """What the controller thought: errors, its commands, and of what it logs the flat family's or a law's."""
     plant = reference_plant(plants)
     plots = [
         _axes_plot(plant, "error", "error", "error e"),
         _axes_plot(plant, "error", "error", "its rate", "_dot"),
-        _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
-        _axes_plot(plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
-        plot("dynamic extension", [_path(plant, "controller", "zeta")]),
+        *(_flat_plots(plant) if law is None else _law_plots(plant, law)),
         _drive_plot(plant),
-        _axes_plot(plant, "flat_output", "load", "acceleration of the load", "_ddot"),
         _joint_plot(plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
     left = _crane_and_standings(scene_panel(_cranes([plant]), distance=6.2), [plant])
-    right = _column([_row([_column(plots[:4]), _column(plots[4:])]), events()], (85, 15))
-    return _row([left, right], (34, 66))
+    half = len(plots) // 2
+    right = column([row([column(plots[:half]), column(plots[half:])]), events()], (85, 15))
+    return row([left, right], (34, 66))
+
+
+def _flat_plots(plant: str) -> list[Panel]:
+    """The linear input and its parts, the states."""
+    return [
+        _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
+        _axes_plot(plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
+        plot("dynamic extension", [_path(plant, "controller", "zeta")]),
+        _axes_plot(plant, "flat_output", "load", "acceleration of the load", "_ddot"),
+    ]
+
+
+def _law_plots(plant: str, law: Sequence[Signal]) -> list[Panel]:
+    """What a law logs, a plot for each unit, of the first ones."""
+    units = list(dict.fromkeys(signal.unit for signal in law))[:MOST_UNITS]
+    topic = topics.plant_topic(plant, "controller")
+    plots = []
+    for unit in units:
+        signals = [signal for signal in law if signal.unit == unit][: len(VIEWER_SERIES)]
+        lines = [
+            _line(field_of(topic, signal.name), signal, signal.name, VIEWER_SERIES[k])
+            for k, signal in enumerate(signals)
+        ]
+        plots.append(plot("of the law", lines))
+    return plots
 
 
 def _live(plants: Sequence[str]) -> Layout:
@@ -141,9 +168,9 @@ def _live(plants: Sequence[str]) -> Layout:
     for _, configuration in plots:
         configuration["followingViewWidth"] = FOLLOWED
     left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
-    services = _row([service("pulse"), service("reset")])
-    steering = _column([panel("Parameters", "steering"), services, events()], (52, 26, 22))
-    return _row([left, _column(plots), steering], (40, 31, 29))
+    services = row([service("pulse"), service("reset")])
+    steering = column([panel("Parameters", "steering"), services, events()], (52, 26, 22))
+    return row([left, column(plots), steering], (40, 31, 29))
 
 
 def _overlay(labels: Sequence[str]) -> Layout:
@@ -167,7 +194,7 @@ def _overlay(labels: Sequence[str]) -> Layout:
     shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]
     shown.append(topics.plant_topic(labels[0], topics.ARROW))
     left = _crane_and_standings(scene_panel(shown), labels)
-    return _row([left, _several([x, y, z, alpha, beta], far)], (42, 58))
+    return row([left, _several([x, y, z, alpha, beta], far)], (42, 58))
 
 
 def _ladder(labels: Sequence[str]) -> Layout:
@@ -186,8 +213,8 @@ def _ladder(labels: Sequence[str]) -> Layout:
     shown = [topics.plant_topic(labels[0], kind) for kind in ("model", topics.ROPE, topics.ARROW)]
     shown += [topics.plant_topic(label, "trail") for label in labels]
     left = _crane_and_standings(scene_panel(shown), labels[-1:])
-    right = _column([added, without_legend(orders), without_legend(metres), events()], (44, 20, 20, 16))
-    return _row([left, right], (42, 58))
+    right = column([added, without_legend(orders), without_legend(metres), events()], (44, 20, 20, 16))
+    return row([left, right], (42, 58))
 
 
 LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
@@ -203,14 +230,14 @@ LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
 def _several(signals: Sequence[Panel], distances: Layout) -> Layout:
     """Signals of several runs; the plot that has the legend is as wide as two others."""
     x, y, z, alpha, beta = signals
-    return _column([x, _row([y, z]), _row([alpha, beta]), distances, events()], (21, 21, 21, 21, 16))
+    return column([x, row([y, z]), row([alpha, beta]), distances, events()], (21, 21, 21, 21, 16))
 
 
 def _crane_and_standings(scene: Panel, names: Sequence[str]) -> Layout:
     """How the runs stand below the crane, as high as its rows need, but the crane is to be seen."""
     told = standings(names)
     share = min(TITLE + ROW * len(told[1]["paths"]), MOST)
-    return _column([scene, told], (100.0 - share, share))
+    return column([scene, told], (100.0 - share, share))
 
 
 def _axes_plot(plant: str, group: str, stem: str, title: str, suffix: str = "") -> Panel:
@@ -286,19 +313,3 @@ def _cranes(plants: Sequence[str]) -> list[str]:
     """Topics of everything that is drawn of these plants."""
     kinds = ("model", topics.ROPE, "trail", topics.ARROW, *topics.FORMER)
     return [topics.plant_topic(plant, name) for plant in plants for name in kinds]
-
-
-def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:
-    """Parts one after the other with these shares, by default equal ones, as nested pairs."""
-    if len(parts) == 1:
-        return parts[0]
-    shares = shares or [1.0] * len(parts)
-    return {
-        "direction": direction,
-        "first": parts[0],
-        "second": _split(direction, parts[1:], shares[1:]),
-        "splitPercentage": round(100.0 * shares[0] / sum(shares), 2),
-    }
-
-
-_row, _column = partial(_split, "row"), partial(_split, "column")

@@ -1,6 +1,7 @@
 """Panels of layouts for viewers: of each kind what it shows, in the configuration that viewers read."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from cranectl.scenario.drawn_size import drawn_as_filed, drawn_box, drawn_eye, d
 from cranectl.scenario.rig import RigParameters
 
 Panel = tuple[str, dict[str, Any]]  # its kind and configuration
+Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side
 
 CAMERA = {  # looks at the middle of the rig from outside a long side, past the posts
     "perspective": True, "phi": 68.0, "thetaOffset": 18.0, "fovy": 40.0, "near": 0.05, "far": 100.0,
@@ -72,7 +74,7 @@ def plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
     lines = [{key: value for key, value in path.items() if key != "unit"} for path in paths]
     return panel(
         "Plot",
-        f"{title} [{unit}]",
+        f"{title} [{unit or 1}]",
         paths=lines,
         showXAxisLabels=True,
         showYAxisLabels=True,
@@ -128,3 +130,19 @@ def standings(plants: Sequence[str]) -> Panel:
 def panel(kind: str, title: str, **configuration: Any) -> Panel:
     """Both open viewers have their own key for the title."""
     return kind, {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
+
+
+def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:
+    """Parts one after the other with these shares, by default equal ones, as nested pairs."""
+    if len(parts) == 1:
+        return parts[0]
+    shares = shares or [1.0] * len(parts)
+    return {
+        "direction": direction,
+        "first": parts[0],
+        "second": _split(direction, parts[1:], shares[1:]),
+        "splitPercentage": round(100.0 * shares[0] / sum(shares), 2),
+    }
+
+
+row, column = partial(_split, "row"), partial(_split, "column")

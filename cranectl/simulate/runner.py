@@ -222,7 +222,7 @@ def inputs_of(
     plan: Plan,
     drive: Drive,
     *,
-    enter: bool,
+    enter: bool = True,
 ) -> LoopInputs:
     """What a loop needs to run `plan` from its first row to its last."""
     return LoopInputs(

@@ -71,6 +71,14 @@ def test_a_law_is_logged_with_its_file_its_signals_and_its_parameters(law: Path)
     assert run.design.origin.source == LAW
     assert np.abs(run.signal("controller.bridge_error")).max() > 1e-3
     assert main(["compare", str(log)]) == 0
+    view = law.parent / "view.json"
+    assert main(["log", "layout", "controller", str(view), "--log", str(log)]) == 0
+    drawn = [
+        plot["paths"] for name, plot in json.loads(view.read_text())["configById"].items() if "Plot" in name
+    ]
+    values = [path["value"] for paths in drawn for path in paths]
+    assert "/mujoco/controller.bridge_error" in values
+    assert not any("zeta" in value or "virtual_input" in value for value in values)
 
 
 def test_workers_know_what_their_parent_was_given(law: Path) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import socket
 import struct
 import sys
@@ -183,6 +184,8 @@ def test_a_program_ends_with_its_run_even_if_it_reads_nothing_more(tmp_path: Pat
         ('address = "udp://localhost:1"\nprogram = ["x"]', "needs an address or a program"),
         ('program = ["no-such-program"]', "no program 'no-such-program'"),
         ('address = "tcp://localhost:1"', "the address 'tcp://localhost:1'"),
+        ('address = "udp://["', "the address 'udp://['"),
+        ('name = "\udcff"', "a controller named"),
         ('address = "udp://localhost:99999"', "the address 'udp://localhost:99999'"),
         ('address = "udp://localhost:1"\nspeed = 3', "unknown key 'speed'"),
         ('address = "udp://localhost:1"\nname = "Mine"', "named 'Mine'"),
@@ -191,9 +194,11 @@ def test_a_program_ends_with_its_run_even_if_it_reads_nothing_more(tmp_path: Pat
 )
 def test_what_tells_of_no_process_is_refused(text: str, found: str, tmp_path: Path) -> None:
     law = tmp_path / "law.toml"
-    law.write_text(text)
-    with pytest.raises(InputError, match=found):
+    law.write_text(text, errors="surrogateescape")
+    with pytest.raises(InputError, match=re.escape(found)):
         open_law(str(law))
+    with pytest.raises(InputError, match="holds one law"):
+        open_law(f"{law}:NAME")
 
 
 def test_an_address_is_asked_by_one_run_at_a_time(

@@ -49,6 +49,12 @@ def open_law(reference: str) -> str:
             remedy="name the file, and for .py what of it: law.py:NAME",
         )
     path = Path(match["path"])
+    if match["symbol"] is not None and path.suffix != ".py":
+        raise InputError(
+            f"'{reference}' names something in {path}",
+            allowed=f"{path}, which holds one law; a name only of what is in a .py",
+            remedy=f"name it: {path}",
+        )
     beside = path.with_suffix(".toml")
     try:
         content = path.read_bytes()

@@ -61,7 +61,11 @@ class ProcessSettings(Settings):
 def open_process(file: LawFile) -> Controller:
     """The law that a TOML file, or a UDP address, tells of; raises InputError."""
     at_address = file.reference.startswith(UDP)
-    table = {"address": file.reference} if at_address else parse_toml(file.content.decode(), str(file.path))
+    table = (
+        {"address": file.reference}
+        if at_address
+        else parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
+    )
     settings = parse_settings(ProcessSettings, table, file.reference)
     check_name("controller", settings.name)
     connect = _connector(settings, file)
@@ -156,8 +160,8 @@ def _connector(settings: ProcessSettings, file: LawFile) -> Callable[[], Connect
                 remedy="correct 'program'",
             )
         return lambda: _Program([found, *arguments], str(file.path.parent))
-    where = urlsplit(settings.address)
     try:
+        where = urlsplit(settings.address)
         if where.scheme != "udp" or not where.hostname or not where.port or where.path or where.query:
             raise ValueError
     except ValueError:
