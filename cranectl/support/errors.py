@@ -61,7 +61,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = ""
     return InputError(
         f"unknown {kind} '{name}'",
         allowed=", ".join(names),
-        remedy=did_you_mean(name, names) or remedy or f"choose one of the {kind}s listed above",
+        remedy=did_you_mean(name, names) or remedy or "choose one of those listed above",
     )
 
 

@@ -1,6 +1,7 @@
 """Laws from outside: what a file must have, that all doors give the same bits, what a broken law leaves."""
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from cranectl.campaign.child_worker import ChildWorker
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.workers import Prepared
 from cranectl.cli.main import main
+from cranectl.compare.runs import differing_fields
 from cranectl.controllers.doors.opening import close_laws, open_law
 from cranectl.controllers.registry import controller_design
 from cranectl.log import read_log
@@ -71,6 +73,11 @@ def test_a_law_is_logged_with_its_file_its_signals_and_its_parameters(law: Path)
     assert run.design.origin.source == LAW
     assert np.abs(run.signal("controller.bridge_error")).max() > 1e-3
     assert main(["compare", str(log)]) == 0
+    law.write_text(LAW + "# edited\n")
+    again = law.parent / "again.mcap"
+    assert main(["run", "fast-diagonal", "--controller", asked, *short, *stiff, "--out", str(again)]) == 0
+    (told,) = differing_fields(read_log(log)["mujoco"], read_log(again)["mujoco"])
+    assert re.fullmatch(r"controller\.origin\.sha256: \w{64} and \w{64}", told)
     view = law.parent / "view.json"
     assert main(["log", "layout", "controller", str(view), "--log", str(log)]) == 0
     drawn = [

@@ -68,6 +68,21 @@ def test_what_differs_is_named_and_nothing_else() -> None:
     assert settings.title == f"Settings that are not the default: {len(settings.rows)}"
 
 
+def test_parameters_of_one_law_are_told_like_settings() -> None:
+    pid = "controller.name='pid'"
+    two = logs() | {"b": logs(pid, "controller.pid.proportional=30")["b"], "c": logs(pid)["b"]}
+    same = {label: two[label] for label in ("b", "c")}
+    table = what_differs(same)
+    assert table is not None
+    default = str(same["c"]["analytic"].design.to_json()["parameters"]["proportional"])
+    assert rows(table) == {"controller.pid.proportional": ["30", default.removesuffix(".0")]}
+    _, settings = what_was_run(same, {})
+    assert rows(settings)["controller.pid.proportional"] == ["30", "default"]
+    table = what_differs(two)
+    assert table is not None
+    assert list(rows(table)) == ["controller"], "of different laws there is nothing to compare"
+
+
 def test_page_info_and_compare_say_it(capsys: pytest.CaptureFixture[str]) -> None:
     for label, log in logs("rig.load_mass=3").items():
         write_log(Path(f"{label}.mcap"), list(log.values()))

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cranectl.controllers.controller import LawDesign
 from cranectl.report.table import Table, cells
 from cranectl.scenario import changed_from_default
 from cranectl.simulate import Run
@@ -18,7 +19,7 @@ SAME = "Scenario, controller and drives are the same in all logs."
 def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple[Table, Table]:
     """In short, and the settings that not all logs have at their default. `versions`: by label."""
     first = [next(iter(log.values())) for log in logs.values()]
-    changed = [changed_from_default(run.scenario) for run in first]
+    changed = [changed_from_default(run.scenario) | _given(run) for run in first]
     facts: dict[str, list[str]] = {
         "scenario": [run.scenario.name for run in first],
         "controller": [run.controller for run in first],
@@ -42,9 +43,11 @@ def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple
 def what_differs(logs: Logs) -> Table | None:
     """What is not the same in all logs, a column each; None if all is, or for a single log."""
     tables = []
+    one_law = len({next(iter(log.values())).design.name for log in logs.values()}) == 1
     for log in logs.values():
         run = next(iter(log.values()))
-        asked = {"plants": list(log), "drives": run.drive, "controller": run.controller}
+        asked: dict[str, Any] = _parameters(run) if one_law else {}
+        asked |= {"plants": list(log), "drives": run.drive, "controller": run.controller}
         tables.append(asked | {"scenario": run.scenario.model_dump(mode="json", exclude={"controller"})})
     flat = [dict(leaves(table)) for table in tables]
     names = dict.fromkeys(name for each in flat for name in each)
@@ -54,6 +57,19 @@ def what_differs(logs: Logs) -> Table | None:
         for name in differing
     }
     return _by_log("What differs", logs, rows) if rows else None
+
+
+def _parameters(run: Run) -> dict[str, Any]:
+    """Those of a law, by their dotted names; the flat family's are settings of [design]."""
+    design = run.design
+    given = design.parameters if isinstance(design, LawDesign) else {}
+    return {f"controller.{design.name}.{name}": value for name, value in given.items()}
+
+
+def _given(run: Run) -> dict[str, Any]:
+    """Parameters of the law that the scenario gives."""
+    given = run.scenario.controller.parameters.get(run.design.name, {})
+    return {name: value for name, value in _parameters(run).items() if name.rpartition(".")[2] in given}
 
 
 def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
