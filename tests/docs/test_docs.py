@@ -3,13 +3,14 @@
 import re
 import shlex
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from cranectl.cli.main import main
 from cranectl.controllers import registry
-from cranectl.controllers.doors import opening
+from cranectl.controllers.doors.opening import close_laws
 from tests.conftest import ROOT
 from tests.controllers.fmu_files import fmu
 
@@ -23,12 +24,23 @@ def blocks(page: Path) -> list[tuple[str, str]]:
     return BLOCK.findall(page.read_text(encoding="utf-8"))
 
 
+@pytest.fixture
+def forgotten() -> Iterator[None]:
+    """What a page registers is not known to later tests."""
+    before = dict(registry.REGISTERED)
+    yield
+    close_laws()
+    registry.REGISTERED.clear()
+    registry.REGISTERED.update(before)
+
+
 def test_there_are_pages_and_blocks() -> None:
     assert len(PAGES) >= 4
     assert all(blocks(page) for page in PAGES if page.name not in WITHOUT_CODE)
     assert {language for page in PAGES for language, _ in blocks(page)} == {"python", "sh", "toml"}
 
 
+@pytest.mark.usefixtures("forgotten")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the order of the page and in one directory.
@@ -36,8 +48,6 @@ def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     A TOML block is saved under its name, and one of Python that begins with the name of a file under that.
     """
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(registry, "REGISTERED", {})  # what a page registers is not known to later tests
-    monkeypatch.setattr(opening, "OPENED", {})
     if any("law.fmu" in text for _, text in blocks(page)):
         fmu(tmp_path / "law.fmu", 2)  # as a tool would export it
     for language, text in blocks(page):
