@@ -66,7 +66,9 @@ def live_command(
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases.places import LOG_DIRECTORY, default_log
+    from cranectl.controllers.doors.opening import OPENED
     from cranectl.controllers.registry import controller_design
+    from cranectl.live.child_session import ChildSession
     from cranectl.live.commands import Controls
     from cranectl.live.guard import checked_origin, complaints
     from cranectl.live.recorder import own_place
@@ -86,7 +88,8 @@ def live_command(
 
         with writing(layout):
             write_text(layout, layout_json("live", plants=plants, rig=loaded.rig))
-    session = Session(loaded, design, plants=plants, drive=checked_drive(drive))
+    made = ChildSession if OPENED else Session
+    session = made(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     wanted = record or log.with_stem(f"{log.stem}-live")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import foxglove
 
+from cranectl.live.child_session import ChildSession
 from cranectl.live.commands import Command, Controls, Pulse, Reset, Say, Use, Value, tunable
 from cranectl.live.increments import Increments
 from cranectl.live.recorder import Recorder
@@ -51,7 +52,9 @@ SOURCE = "live"  # of lines in the log that no plant says
 class LiveServer:
     """A session, its viewers and its recording."""
 
-    def __init__(self, session: Session, controls: Controls, address: Address, record: Path) -> None:
+    def __init__(
+        self, session: Session | ChildSession, controls: Controls, address: Address, record: Path
+    ) -> None:
         """Listens at once, or raises InputError; records at `record`, which must be the session's own."""
         session.prepare()
         self._session, self._controls = session, controls

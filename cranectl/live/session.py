@@ -54,11 +54,12 @@ class Session:
         *,
         plants: Iterable[str] = (),
         drive: Drive = "ideal",
+        origin_ns: int = 0,
     ) -> None:
-        """Ready at time zero; raises InputError as `simulate_run` does."""
+        """Ready at the time `origin_ns`; raises InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive
         self.plan = plan_scenario(scenario)
-        self.origin_ns = 0  # time of the last start
+        self.origin_ns = origin_ns  # time of the last start
         self._samples = 0  # since the last start
         self._pulses: list[_Pulse] = []
         self._law = law_of(scenario, design, drive, self.plan)

@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import NamedTuple
 
 import fmpy
@@ -119,9 +119,14 @@ class Replaced(NamedTuple):
 
 
 @cache
+def _folder() -> TemporaryDirectory[str]:
+    return TemporaryDirectory(prefix="cranectl-fmu-")  # as long as the tests run
+
+
+@cache
 def binary(fmi: int, replaced: Replaced = Replaced()) -> Path:  # noqa: B008 - immutable
     """The library."""
-    folder = Path(mkdtemp(prefix="cranectl-fmu-"))
+    folder = Path(mkdtemp(dir=_folder().name))
     text = SOURCE % {"fmi": fmi} + (FMI2 if fmi == 2 else FMI3) + BOTH
     for name, value in {**replaced._asdict(), "status": f"fmi{fmi}Status"}.items():
         text = text.replace(name.upper(), value)

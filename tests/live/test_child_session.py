@@ -1,0 +1,76 @@
+"""A session with a law from outside: as any other, and what remains when the law ends it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.controllers.doors.opening import close_laws, open_law
+from cranectl.controllers.registry import controller_design
+from cranectl.live.child_session import ChildSession
+from cranectl.live.session import Session
+from cranectl.scenario import load_scenario
+from cranectl.status import RunStatus
+from tests.controllers.law_files import LAW, built
+
+SCENARIO = load_scenario("fast-diagonal")
+PLANTS = ("analytic", "mujoco")
+
+
+@pytest.fixture(autouse=True)
+def forgotten() -> Iterator[None]:
+    yield
+    close_laws()
+
+
+def test_it_goes_as_a_session_does(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(LAW)
+    design = controller_design(open_law(f"{tmp_path}/law.py:damper"), SCENARIO)
+    here = Session(SCENARIO, design, plants=PLANTS)
+    there = ChildSession(SCENARIO, design, plants=PLANTS)
+    for session in (here, there):
+        session.prepare()
+    for act in (
+        lambda session: session.pulse((0.5, 0.0), 0.1),
+        lambda session: session.use(controller_design("lqr", SCENARIO)),
+        lambda session: session.use(design),
+        lambda session: session.reset(),
+    ):
+        for session in (here, there):
+            act(session)
+        for samples in (20, 0, 30):
+            for run, other in zip(here.advance(samples), there.advance(samples), strict=True):
+                assert run.plant == other.plant
+                assert run.design.name == other.design.name
+                assert np.array_equal(run.time_ns, other.time_ns)
+                assert np.array_equal(run.table, other.table)
+        assert (here.now_ns, here.origin_ns, here.moving) == (there.now_ns, there.origin_ns, there.moving)
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        ("if (m[3] > 300.0) *(volatile int *)0 = 1;", "ended its process with SIGSEGV"),
+        ("while (m[3] > 300.0) u[0] = 0.5 * (u[0] + m[3]);", "took more than 1 s for a block"),
+    ],
+)
+def test_a_law_that_fails_stops_the_plants_until_the_next_start(
+    broken: str, said: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    design = controller_design(open_law(str(built(tmp_path, broken=broken))), SCENARIO)
+    session = ChildSession(SCENARIO, design, plants=PLANTS, patience=1.0)
+    session.prepare()
+    assert all(len(run.time_ns) == 250 for run in session.advance(250))
+    for _ in range(2):
+        for run in session.advance(100):
+            assert run.status == RunStatus.CONTROLLER_FAILED
+            assert len(run.time_ns) == 0
+            assert run.end_ns == session.now_ns == 250 * SCENARIO.period_ns
+    assert not session.moving
+    assert capfd.readouterr().err.count(said) == 1
+    session.reset()
+    assert session.moving
+    again = session.advance(10)
+    assert [run.time_ns[0] for run in again] == [250 * SCENARIO.period_ns] * 2
+    assert session.origin_ns == 250 * SCENARIO.period_ns
