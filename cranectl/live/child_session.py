@@ -146,7 +146,10 @@ def _work(laws: tuple[LawFile, ...], made: tuple[Any, ...], connection: Connecti
     answer: Any = None
     while True:
         connection.send((answer, session.origin_ns, session.now_ns, session.moving))
-        what, given = connection.recv()
+        try:
+            what, given = connection.recv()
+        except EOFError:  # the end of the session
+            return
         try:
             answer = getattr(session, what)(*given)
         except InputError as error:

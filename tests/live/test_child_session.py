@@ -24,7 +24,7 @@ def forgotten() -> Iterator[None]:
     close_laws()
 
 
-def test_it_goes_as_a_session_does(tmp_path: Path) -> None:
+def test_it_goes_as_a_session_does(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "law.py").write_text(LAW)
     design = controller_design(open_law(f"{tmp_path}/law.py:damper"), SCENARIO)
     here = Session(SCENARIO, design, plants=PLANTS)
@@ -46,6 +46,12 @@ def test_it_goes_as_a_session_does(tmp_path: Path) -> None:
                 assert np.array_equal(run.time_ns, other.time_ns)
                 assert np.array_equal(run.table, other.table)
         assert (here.now_ns, here.origin_ns, here.moving) == (there.now_ns, there.origin_ns, there.moving)
+    assert there._child is not None
+    process, connection = there._child
+    connection.close()  # as where the parent has ended
+    process.join(10.0)
+    assert process.exitcode == 0
+    assert "Traceback" not in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
