@@ -4,7 +4,6 @@ Such a law may end its process or never return: the run then has a row that says
 process. One that is called back holds the interpreter's lock, which threads would share.
 """
 
-import multiprocessing
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from time import monotonic
@@ -15,7 +14,7 @@ from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.workers import Prepared, Stop, StoppedError, Worker, row_of
 from cranectl.controllers.doors.law_file import LawFile
 from cranectl.controllers.doors.opening import OPENED, open_again
-from cranectl.simulate.child import how_it_ended
+from cranectl.simulate.child import how_it_ended, spawned
 from cranectl.support.documents import Table
 from cranectl.support.interrupts import serve_parent
 
@@ -45,7 +44,9 @@ class ChildWorker:
             self._child = None
 
     def _row(self, batch: Batch, stop: Stop) -> Row:
-        process, connection = self._child = self._child or self._started()
+        process, connection = self._child = self._child or spawned(
+            _work, manifest_of(self._prepared.campaign), tuple(OPENED.values())
+        )
         connection.send(batch)
         patience = COMPILING
         while True:
@@ -68,15 +69,6 @@ class ChildWorker:
     def _failed(self, batch: Batch, what: str) -> Row:
         self.close()
         return row_of(self._prepared, batch, batch.first, FAILED, f"{batch.controller} {what}", 0.0, None)
-
-    def _started(self) -> tuple[BaseProcess, Connection]:
-        context = multiprocessing.get_context("spawn")
-        here, there = context.Pipe()
-        given = manifest_of(self._prepared.campaign), tuple(OPENED.values()), there
-        process = context.Process(target=_work, args=given, daemon=True)
-        process.start()
-        there.close()
-        return process, here
 
 
 def _work(manifest: Table, laws: tuple[LawFile, ...], connection: Connection) -> None:

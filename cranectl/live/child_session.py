@@ -1,6 +1,5 @@
 """A session whose law is from outside: in a process of its own, which may end or fall silent without it."""
 
-import multiprocessing
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
@@ -16,7 +15,7 @@ from cranectl.live.session import Session
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import Scenario
-from cranectl.simulate.child import PATIENCE, how_it_ended
+from cranectl.simulate.child import PATIENCE, how_it_ended, spawned
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run
 from cranectl.status import RunStatus
@@ -43,7 +42,8 @@ class ChildSession:
         self.plan = plan_scenario(scenario)
         self.origin_ns, self.now_ns, self.moving = 0, 0, True
         self._names, self._patience = plants_to_run(plants), patience
-        self._child = self._started()
+        self._child: tuple[BaseProcess, Connection] | None = None
+        self._start()
         self._runs: list[Run] = self._ask("advance", 0) or []
         if not self._runs:
             raise InputError(
@@ -74,7 +74,7 @@ class ChildSession:
         """As of a session; in a new process where the one before has ended."""
         if self._child is None:
             self.origin_ns = self.now_ns
-            self._child = self._started()
+            self._start()
         else:
             self._ask("reset")
 
@@ -117,20 +117,15 @@ class ChildSession:
             for run in self._runs
         ]
 
-    def _started(self) -> tuple[BaseProcess, Connection] | None:
-        context = multiprocessing.get_context("spawn")
-        here, there = context.Pipe()
+    def _start(self) -> None:
         made = (self.scenario, self.design, self._names, self.drive, self.origin_ns)
-        process = context.Process(target=_work, args=(tuple(OPENED.values()), made, there), daemon=True)
-        process.start()
-        there.close()
-        self._child = process, here
+        self._child = spawned(_work, tuple(OPENED.values()), made)
+        _, connection = self._child
         try:
-            if here.poll(STARTING):
-                self._told(here)
+            if connection.poll(STARTING):
+                self._told(connection)
         except EOFError:
             self._ask("advance", 0)  # which says how it ended
-        return self._child
 
 
 def _work(laws: tuple[LawFile, ...], made: tuple[Any, ...], connection: Connection) -> None:

@@ -7,6 +7,7 @@ be forked the blocks run here.
 import contextlib
 import faulthandler
 import mmap
+import multiprocessing
 import os
 import select
 import signal
@@ -15,6 +16,9 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any
 
 import numpy as np
 
@@ -78,6 +82,16 @@ def blocks_in_child(
         os.close(reading)
         if child > 0:
             _end(child)
+
+
+def spawned(work: Callable[..., None], *given: Any) -> tuple[BaseProcess, Connection]:
+    """A process that does `work` with what is `given` and its end of a pipe, and the other end."""
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    process = context.Process(target=work, args=(*given, there), daemon=True)
+    process.start()
+    there.close()
+    return process, here
 
 
 def how_it_ended(exit_code: int) -> str:

@@ -5,12 +5,10 @@ Ctrl-C for what it starts in the background.
 """
 
 import contextlib
-import multiprocessing
 import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from multiprocessing.connection import wait
 from types import FrameType
 from typing import Any
 
@@ -94,9 +92,12 @@ def interrupts_blocked() -> Iterator[None]:
 
 def serve_parent() -> None:
     """In a worker process: leave signals to its parent, and end with it."""
+    from multiprocessing import parent_process  # which every command would load
+    from multiprocessing.connection import wait
+
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
+    parent = parent_process()
     assert parent is not None
 
     def end_with_parent() -> None:

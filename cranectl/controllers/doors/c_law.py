@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
+from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter, by_address
 from cranectl.controllers.doors import library
 from cranectl.controllers.doors.asking import answer
-from cranectl.controllers.doors.law_file import LawFile, directory_of
+from cranectl.controllers.doors.law_file import LawFile, copy_of
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -33,7 +33,7 @@ def open_library(file: LawFile) -> Controller:
     return Controller(
         name=told["name"],
         title=told["title"],
-        step=_never,
+        step=by_address,
         prepare=prepare,
         command=("acceleration", "velocity", "force")[told["command"]],
         follows=("path", "set-point")[told["follows"]],
@@ -47,10 +47,6 @@ def open_library(file: LawFile) -> Controller:
         ),
         entry=lambda *_: _address(file),
     )
-
-
-def _never(*_: Any) -> int:
-    raise NotImplementedError("it is called by address")
 
 
 def _plain(nominal: Nominal) -> dict[str, Any]:
@@ -68,9 +64,9 @@ def _plain(nominal: Nominal) -> dict[str, Any]:
 def _ask(file: LawFile, values: list[float] | None, nominal: dict[str, Any] | None) -> dict[str, Any]:
     """What the library says, in a program of its own; raises InputError with what is wrong with it."""
     try:
-        return answer(library.__file__, _copy(file), {"values": values, "nominal": nominal})
+        return answer(library.__file__, copy_of(file), {"values": values, "nominal": nominal})
     except ValueError as error:
-        raise _wrong(file, str(error).replace(str(_copy(file)), str(file.path))) from None
+        raise _wrong(file, str(error).replace(str(copy_of(file)), str(file.path))) from None
 
 
 def _wrong(file: LawFile, what: str) -> InputError:
@@ -82,17 +78,8 @@ def _wrong(file: LawFile, what: str) -> InputError:
 
 
 @cache
-def _copy(file: LawFile) -> Path:
-    """The content as it was read, whatever becomes of the file."""
-    path = directory_of(file) / file.path.name
-    if not path.exists():
-        path.write_bytes(file.content)
-    return path
-
-
-@cache
 def _address(file: LawFile) -> int:
-    step = library.step_of(library.load(str(_copy(file))))
+    step = library.step_of(library.load(str(copy_of(file))))
     address = ctypes.cast(step, ctypes.c_void_p).value
     assert address is not None
     return address

@@ -37,6 +37,14 @@ def directory_of(file: LawFile) -> Path:
     return path
 
 
+def copy_of(file: LawFile) -> Path:
+    """The content as it was read, whatever becomes of the file."""
+    path = directory_of(file) / file.path.name
+    if not path.exists():
+        path.write_bytes(file.content)
+    return path
+
+
 @cache
 def _directory() -> tempfile.TemporaryDirectory[str]:
     made = tempfile.TemporaryDirectory(prefix="cranectl-laws-")

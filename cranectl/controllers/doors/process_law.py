@@ -21,7 +21,7 @@ from urllib.parse import urlsplit
 import numpy as np
 from pydantic import Field
 
-from cranectl.controllers.controller import Controller, Logged
+from cranectl.controllers.controller import Controller, Logged, by_address
 from cranectl.controllers.doors.called_back import called_back
 from cranectl.controllers.doors.law_file import UDP, LawFile
 from cranectl.scenario.settings import Settings, parse_settings
@@ -76,7 +76,7 @@ def open_process(file: LawFile) -> Controller:
     return Controller(
         name=settings.name,
         title=f"in another process, {settings.address or ' '.join(settings.program)}",
-        step=_never,
+        step=by_address,
         prepare=lambda _: (np.zeros(1), memory.copy()),
         command=settings.command,
         follows=settings.follows,
@@ -86,10 +86,6 @@ def open_process(file: LawFile) -> Controller:
         entry=lambda sizes, _: called_back(_step(settings, connect, answer), file.reference, sizes),
         alone=bool(settings.address),
     )
-
-
-def _never(*_: object) -> int:
-    raise NotImplementedError("it is called by address")
 
 
 def _step(

@@ -19,11 +19,11 @@ import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
 from cranectl.controllers.doors.called_back import called_back
-from cranectl.controllers.doors.law_file import LawFile, slug
+from cranectl.controllers.doors.law_file import LawFile, copy_of, slug
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-from cranectl.support.jit import address_of, cache_directory, why_not_compiled
+from cranectl.support.jit import address_of, why_not_compiled
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember
@@ -59,9 +59,7 @@ def _load(file: LawFile) -> ModuleType:
     """The module, run; of a worker on another machine from a copy."""
     path = file.path.absolute()
     if not path.is_file() or path.read_bytes() != file.content:
-        path = cache_directory() / "laws" / file.digest[:16] / file.path.name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(file.content)
+        path = copy_of(file)
     module = ModuleType(f"_law_{file.digest[:16]}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module
