@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from cranectl.log import read_log, read_signal, write_log
     from cranectl.metrics import RunMetrics, run_metrics
     from cranectl.plants.registry import PlantEntry, register_plant
-    from cranectl.scenario import Scenario, load_scenario, scenario_names
+    from cranectl.reference import load_scenario
+    from cranectl.scenario import Scenario, scenario_names
     from cranectl.scenario.rig import RigParameters
     from cranectl.signals import Signal
     from cranectl.simulate import Run, simulate_run
@@ -56,7 +57,7 @@ _HOME = {
     "controller_names": "controllers.registry",
     "design_controller": "design",
     "judge": "compare.agreement",
-    "load_scenario": "scenario",
+    "load_scenario": "reference",
     "open_law": "controllers.doors.opening",
     "read_log": "log",
     "read_signal": "log",

@@ -13,7 +13,8 @@ import pytest
 
 from cranectl.design import CONTROLLERS
 from cranectl.plants.registry import default_plants
-from cranectl.scenario import Scenario, load_scenario, scenario_names
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario, scenario_names
 from cranectl.simulate import Run, simulate_run
 
 ROOT = Path(__file__).parent.parent

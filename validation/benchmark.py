@@ -36,7 +36,7 @@ from cranectl.design import CONTROLLERS, design_controller
 from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.messages import streams
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run, tracker_of
 from cranectl.support.jit import jit
 

@@ -25,7 +25,7 @@ from cranectl.campaign.workers import BLOCK, Prepared, Worker, run_batches
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
 from cranectl.plants.mujoco.step import mj_step
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import make_plant, plan_scenario, tracker_of
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import start_run, stream_run

@@ -15,7 +15,7 @@ from cranectl.cli.main import main as cranectl
 from cranectl.controllers.addressed import _call, entered
 from cranectl.controllers.doors.opening import open_law
 from cranectl.controllers.registry import controller_design
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import law_of, plan_scenario
 from cranectl.support.jit import jit
 

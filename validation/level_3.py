@@ -15,7 +15,8 @@ from multiprocessing import get_context
 from cranectl.analysis.budget.predicted_limits import PlantDifference, predict_plant_difference
 from cranectl.compare.agreement import Limits, agreement_limits
 from cranectl.design import CONTROLLERS
-from cranectl.scenario import load_scenario, scenario_names
+from cranectl.reference import load_scenario
+from cranectl.scenario import scenario_names
 
 
 def rounded_up(value: float) -> float:

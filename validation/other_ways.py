@@ -20,7 +20,7 @@ from cranectl.plants.mujoco.model import (
     rate_addresses,
     state_addresses,
 )
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import make_actuation
 

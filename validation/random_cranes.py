@@ -23,8 +23,9 @@ from cranectl.cli.output import console
 from cranectl.controllers.registry import controller_names
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import check_effects, plants_to_run
+from cranectl.reference import load_scenario
 from cranectl.report.validation import pair_tables
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import make_plant, plan_scenario
 from cranectl.support.errors import InputError
 

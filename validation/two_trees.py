@@ -40,7 +40,7 @@ WORKER = """
 import inspect, sys, time
 import numpy as np
 from cranectl.design import design_controller
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import runner
 from cranectl.simulate.plan import plan_reference, plan_run
 try:

@@ -19,7 +19,8 @@ from cranectl.campaign.sampling import gaussian_copula, sample_values
 from cranectl.campaign.settings import COUNTED, INDEPENDENT, MAX_RUNS, CampaignSettings, read_campaign
 from cranectl.controllers.registry import checked_controller
 from cranectl.plants.registry import check_effects, plant_entry
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
 

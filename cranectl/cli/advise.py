@@ -53,8 +53,8 @@ def advise_command(
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import flat_design
     from cranectl.design import CONTROLLERS
+    from cranectl.reference import load_scenario
     from cranectl.report.rig.tables import controllers_table, improvements_table, recommendation
-    from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     chosen = [flat_design(name, loaded).name for name in controllers] or list(CONTROLLERS)

@@ -50,8 +50,8 @@ def budget_command(
     """
     from cranectl.analysis.budget.error_budget import error_budget, simulated_seconds
     from cranectl.cli.output import console, progress_bar, write_json
+    from cranectl.reference import load_scenario
     from cranectl.report.rig.tables import budget_table
-    from cranectl.scenario import load_scenario
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):

@@ -94,8 +94,9 @@ def certify_command(
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import controller_design
     from cranectl.design import Design
+    from cranectl.reference import load_scenario
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
-    from cranectl.scenario import default_scenario, load_scenario
+    from cranectl.scenario import default_scenario
     from cranectl.scenario.similarity import length_scale, rounded
     from cranectl.simulate import checked_drive
 

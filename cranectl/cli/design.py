@@ -42,13 +42,13 @@ def design_command(
     from cranectl.controllers.registry import controller_design, load_controller, only_flat
     from cranectl.design import Design
     from cranectl.report.design_tables import design_tables, designs_table, law_tables
-    from cranectl.scenario import default_scenario, load_scenario
+    from cranectl.scenario import default_scenario, read_scenario
     from cranectl.simulate import linearised_law, tracker_of
 
     if scenario is None:
         loaded = default_scenario(rig=rig, overrides=overrides)
     else:
-        loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+        loaded = read_scenario(scenario, rig=rig, overrides=overrides)
     designs = [controller_design(name, loaded) for name in dict.fromkeys(names)]
     screen = console(json_file)
     if not isinstance(designs[0], Design) and len(designs) == 1 and plot is None:

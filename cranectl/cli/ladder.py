@@ -58,8 +58,8 @@ def ladder_command(
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.log import check_writable
     from cranectl.log.overlay import Layer, write_overlay
+    from cranectl.reference import load_scenario
     from cranectl.report.rig.tables import ladder_table
-    from cranectl.scenario import load_scenario
     from cranectl.support.provenance import provenance
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)

@@ -47,9 +47,9 @@ def controller_option(function: F) -> F:
     @functools.wraps(function)
     def command(*, trust: bool, controller: str | None, scenario: str, **given: Any) -> Any:
         if trust and controller is None:
-            from cranectl.scenario import load_scenario, scenario_file
+            from cranectl.scenario import read_scenario, scenario_file
 
-            named = load_scenario(scenario).controller.name
+            named = read_scenario(scenario).controller.name
             controller = opened(named, scenario_file(scenario).parent)
         return function(controller=controller, scenario=scenario, **given)
 

@@ -21,9 +21,9 @@ def list_command(json_file: str | None) -> None:
     from cranectl.plants.plant import DRIVES
     from cranectl.plants.registry import PLANTS
     from cranectl.report.table import Table, cells
-    from cranectl.scenario import load_scenario, rig_names, scenario_names
+    from cranectl.scenario import read_scenario, rig_names, scenario_names
 
-    scenarios = [load_scenario(name) for name in scenario_names()]
+    scenarios = [read_scenario(name) for name in scenario_names()]
     out = console(json_file)
     rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
     out.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))

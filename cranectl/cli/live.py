@@ -76,7 +76,7 @@ def live_command(
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
     from cranectl.plants.registry import plants_to_run
-    from cranectl.scenario import load_scenario
+    from cranectl.reference import load_scenario
     from cranectl.simulate import checked_drive
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)

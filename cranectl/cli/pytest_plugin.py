@@ -64,7 +64,7 @@ def closed_loop(
         from cranectl.cases.assertions import CaseRuns
         from cranectl.cases.case import make_case
         from cranectl.cli.laws import opened
-        from cranectl.scenario import load_scenario
+        from cranectl.reference import load_scenario
         from cranectl.simulate import checked_drive
         from cranectl.support.errors import InputError
 

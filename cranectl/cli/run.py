@@ -59,6 +59,7 @@ def run_command(
     """
     from cranectl.cases.case import make_case, run_case
     from cranectl.cli.output import console, progress_bar, styled, write_json
+    from cranectl.reference import load_scenario
     from cranectl.report.run.tables import (
         agreement_table,
         limit_notes,
@@ -67,7 +68,6 @@ def run_command(
         run_notes,
         run_table,
     )
-    from cranectl.scenario import load_scenario
     from cranectl.simulate import checked_drive
 
     if every is not None:

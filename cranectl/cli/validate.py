@@ -236,7 +236,7 @@ def _loaded(
     """The scenarios by the names they were asked for, and why others cannot be loaded."""
     from cranectl.cases.case import Failure
     from cranectl.metrics.limits import limits_of
-    from cranectl.scenario import load_scenario
+    from cranectl.reference import load_scenario
 
     loaded, unloaded = {}, {}
     for name in names:

@@ -17,7 +17,8 @@ from cranectl.compare.runs import Comparison, compare_runs
 from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
 from cranectl.plants.registry import plant_entry, reference_plant
-from cranectl.scenario import NANOSECONDS, Scenario, load_scenario, scenario_names
+from cranectl.reference import load_scenario
+from cranectl.scenario import NANOSECONDS, Scenario, scenario_names
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cranectl.metrics import workspace_excess
 from cranectl.scenario import Scenario, nanoseconds
+from cranectl.scenario.segments import seconds
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
@@ -93,7 +94,7 @@ def phases(scenario: Scenario) -> list[tuple[int, Phase]]:
     starts, start = [], 0.0
     for segment in scenario.reference.segments:
         starts.append((nanoseconds(start), Phase.__members__.get(segment.kind.upper(), Phase.ADDED)))
-        start += segment.duration
+        start += seconds(segment)
     return [*starts, (nanoseconds(start), Phase.HOLD)]
 
 

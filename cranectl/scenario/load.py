@@ -35,7 +35,7 @@ def scenario_file(name_or_path: str | Path) -> Path:
     return resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
 
 
-def load_scenario(
+def read_scenario(
     name_or_path: str | Path, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
 ) -> Scenario:
     """Load a scenario by name or from a TOML file.

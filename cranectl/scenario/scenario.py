@@ -8,8 +8,9 @@ from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Wind
+from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.segments import Duration, Point3, Segment
+from cranectl.scenario.segments import Duration, Point3, Segment, is_planned, seconds
 from cranectl.scenario.settings import Settings
 
 STILL = Wind(gust=0.0, drag_area=0.0)
@@ -27,6 +28,11 @@ class ReferenceSettings(Settings):
     segments: Annotated[tuple[Segment, ...], Field(strict=False)] = Field(
         (), description="one after the other; the last point is held to the end of the run"
     )
+
+    @property
+    def planned(self) -> bool:
+        """Whether all segments say at what time the load is where; else `cranectl.planning` finds out."""
+        return all(map(is_planned, self.segments))
 
 
 class InitialSettings(Settings):
@@ -124,6 +130,8 @@ class Scenario(Settings):
         Field("completed", description="how every run must end for a validation to pass")
     )
     reference: ReferenceSettings = Field(description="the desired path of the load")
+    planning: PlanningSettings = PlanningSettings()
+    obstacles: Annotated[tuple[Obstacle, ...], Field(strict=False, max_length=100)] = ()
     initial: InitialSettings = InitialSettings()
     disturbances: Annotated[tuple[Disturbance, ...], Field(strict=False)] = ()
     rig: RigParameters = RigParameters()
@@ -163,7 +171,7 @@ class Scenario(Settings):
                 raise ValueError(f"{name} must lie before the end of the run, {self.duration} s")
         if self.effects.delay:
             _check_multiple("effects.delay.seconds", self.effects.delay.seconds, period)
-        length = sum(segment.duration for segment in self.reference.segments)
+        length = sum(seconds(segment) for segment in self.reference.segments if is_planned(segment))
         if length > self.duration * (1.0 + 1e-12):
             raise ValueError(f"the segments last {length} s, longer than duration {self.duration} s")
         return self

@@ -4,6 +4,7 @@ Another package adds a kind by an entry point of the group `cranectl.segments` t
 """
 
 import functools
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -19,9 +20,33 @@ from cranectl.support.extensions import with_extensions
 MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms
 
 Duration = Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
+SHORTEST = "shortest"
+# Seconds, or a word; tags of no letters, so that errors name the field and no more.
+Timed = Annotated[
+    Annotated[Duration, Tag("")] | Annotated[Literal["shortest"], Tag(" ")],
+    Discriminator(lambda value: " " if isinstance(value, str) else ""),
+]
 Point2 = Annotated[tuple[Position, Position], Field(strict=False)]
 Point3 = Annotated[tuple[Position, Position, Position], Field(strict=False)]
-TimeLaw = Literal["degree-9", "degree-5"]
+MOST_COEFFICIENTS = 20_000
+
+
+class SplineLaw(Settings):
+    """How far along its path a motion was planned to be: a B-spline of degree 7 on uniform knots, C⁶."""
+
+    coefficients: Annotated[
+        tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...],
+        Field(strict=False, min_length=8, max_length=MOST_COEFFICIENTS),
+    ] = Field(description="of s from 0 to 1 over the duration")
+
+
+MINIMUM_TIME = "minimum-time"
+TimeLaw = Annotated[
+    Annotated[Literal["degree-9", "degree-5", "minimum-time"], Tag("")] | Annotated[SplineLaw, Tag(" ")],
+    Discriminator(lambda value: "" if isinstance(value, str) else " "),
+]
+TIME_LAW = "degree-9: C⁴; degree-5: C²; minimum-time: planned, C⁴, without a duration"
+DURATION = "[s], or shortest: the least within the limits"
 
 
 class Hold(Settings):
@@ -31,16 +56,35 @@ class Hold(Settings):
     duration: Duration = Field(description="[s]")
 
 
-class Line(Settings):
+class AlongPath(Settings):
+    """A segment whose path is given; how fast it is gone along is, or is planned."""
+
+    duration: Timed | None = Field(None, description=DURATION)
+    time_law: TimeLaw = Field("degree-9", description=TIME_LAW)
+
+    @model_validator(mode="after")
+    def _timed_once(self) -> "AlongPath":
+        if self.time_law == MINIMUM_TIME and self.duration is not None:
+            raise ValueError(
+                f"duration = {self.duration!r} and time_law = 'minimum-time', which finds the duration: "
+                "leave one of them out"
+            )
+        if self.time_law != MINIMUM_TIME and self.duration is None:
+            raise ValueError(
+                f"a segment of kind '{self.kind}' has no duration: give it in seconds, or as 'shortest', or "  # type: ignore[attr-defined]
+                "time_law = 'minimum-time' to have it planned"
+            )
+        return self
+
+
+class Line(AlongPath):
     """Straight line from where the last segment ended."""
 
     kind: Literal["line"]
     to: Point3 = Field(description="end point (x, y, z) [m]")
-    duration: Duration = Field(description="[s]")
-    time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
 
 
-class Arc(Settings):
+class Arc(AlongPath):
     """Horizontal circular arc from where the last segment ended."""
 
     kind: Literal["arc"]
@@ -48,8 +92,52 @@ class Arc(Settings):
     angle: Annotated[float, Field(ge=-1e3, le=1e3)] = Field(
         description="angle travelled [rad], positive counter-clockwise from above"
     )
-    duration: Duration = Field(description="[s]")
-    time_law: TimeLaw = Field("degree-9", description="degree-9: C⁴; degree-5: C²")
+
+
+class Move(Settings):
+    """To a point in minimum time, by whatever path the limits allow: `[planning]`, `[[obstacles]]`."""
+
+    kind: Literal["move"]
+    to: Point3 = Field(description="end point (x, y, z) [m]")
+    via: Annotated[tuple[Point3, ...], Field(strict=False, max_length=20)] = Field(
+        (), description="points on the way, passed without a stop"
+    )
+    plane: bool = Field(False, description="stay in the vertical plane through start and end")
+    constant_rope: bool = Field(False, description="keep the length of the rope; start and end must have one")
+    duration: Literal["shortest"] | None = Field(
+        None, description="shortest: straight, with a stop at each point of via, by the law of degree 9"
+    )
+
+
+class Spline(Settings):
+    """A motion that is there already: a B-spline over time with simple knots, at rest at both ends."""
+
+    kind: Literal["spline"]
+    degree: Literal[5, 7, 9]
+    breaks: Annotated[tuple[float, ...], Field(strict=False, min_length=2)] = Field(
+        description="knots, each once, from 0 to the duration [s]"
+    )
+    coefficients: Annotated[
+        tuple[Point3, ...], Field(strict=False, min_length=6, max_length=MOST_COEFFICIENTS)
+    ] = Field(description="(x, y, z) [m]; the first and the last five are equal")
+    made_from: dict[str, Any] = Field({}, description="the segment that was asked for")
+
+    @model_validator(mode="after")
+    def _is_a_spline(self) -> "Spline":
+        steps = [b - a for a, b in itertools.pairwise(self.breaks)]
+        if self.breaks[0] != 0.0 or min(steps) <= 0.0 or self.breaks[-1] > MAX_DURATION:
+            raise ValueError(f"breaks must increase from 0 to at most {MAX_DURATION:g} s")
+        if len(self.coefficients) != len(steps) + self.degree:
+            raise ValueError(
+                f"{len(self.coefficients)} coefficients: {len(steps)} spans of degree {self.degree} have "
+                f"{len(steps) + self.degree}"
+            )
+        return self
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return self.breaks[-1]
 
 
 @dataclass(frozen=True)
@@ -61,7 +149,7 @@ class SegmentKind:
     path: Callable[[Any, Any], Any]  # (settings, start (3,) [m]) → `cranectl.reference.Path`
 
 
-OWN = ("hold", "line", "arc")
+OWN = ("hold", "line", "arc", "move", "spline")
 
 
 @functools.cache
@@ -110,6 +198,20 @@ Segment = Annotated[
     Annotated[Hold, Tag("hold")]
     | Annotated[Line, Tag("line")]
     | Annotated[Arc, Tag("arc")]
+    | Annotated[Move, Tag("move")]
+    | Annotated[Spline, Tag("spline")]
     | Annotated[AddedSegment, Tag("added")],
     Discriminator(_kind_of),
 ]
+
+
+def is_planned(segment: Segment) -> bool:
+    """Whether a segment says at what time the load is where."""
+    return isinstance(segment.duration, float) and getattr(segment, "time_law", "") != MINIMUM_TIME
+
+
+def seconds(segment: Segment) -> float:
+    """How long a planned segment lasts [s]."""
+    assert is_planned(segment), f"a segment of kind '{segment.kind}' that is not planned"
+    assert isinstance(segment.duration, float)
+    return segment.duration

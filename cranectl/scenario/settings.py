@@ -64,7 +64,7 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
 def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, str]:
     """(found, allowed, remedy) for one pydantic error."""
     location, value = details["loc"], details["input"]
-    where = ".".join(str(part) for part in location)
+    where = ".".join(str(part) for part in location if str(part).strip())
     if details["type"] == "extra_forbidden":
         key = str(location[-1])
         parent = _model_at(model, location[:-1])

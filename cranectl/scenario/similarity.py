@@ -7,6 +7,7 @@ pendulum on the larger crane then moves as on the smaller one, slower by √L, a
 
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.effects import EffectSettings
+from cranectl.scenario.planning import PlanningSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import MetricSettings
 from cranectl.support.documents import Table, assign, leaves, mapped, merged
@@ -48,6 +49,7 @@ POWERS: dict[str, tuple[float, float]] = {
     "effects.frame.frequency": (-0.5, 0.0),
     "effects.frame.mass": (0.0, 1.0),
     "metrics.settling_tolerance": (1.0, 0.0),
+    "planning.clearance": (1.0, 0.0),
     # Of chains z⁗ = v: frequencies by 1/√L, so gains by powers of it.
     "design.poles": (-0.5, 0.0),
     "design.state_weights.0": (-4.0, 0.0),
@@ -68,7 +70,7 @@ def completed_rig(given: Table) -> Table:
 
 def completed_scenario(table: Table, rig: Table) -> Table:
     """The table of a scenario on a `rig` of its own: designs and the settling tolerance scaled to it."""
-    usual = {"design": DesignSettings(), "metrics": MetricSettings()}
+    usual = {"design": DesignSettings(), "metrics": MetricSettings(), "planning": PlanningSettings()}
     scaled = {name: settings.model_dump(mode="json") for name, settings in usual.items()}
     return {**_completed(scaled, rig, table), "rig": rig}
 

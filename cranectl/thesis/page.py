@@ -10,13 +10,12 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.reference import time_law
+from cranectl.reference import load_scenario, time_law
 from cranectl.report.design_figures import loop_shaping_figure
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.figures import FAMILIES, WIDTH, Curve
 from cranectl.report.run.page import agreement, caption
 from cranectl.report.theme import SERIES
-from cranectl.scenario import load_scenario
 from cranectl.simulate import Run
 from cranectl.support import resources
 from cranectl.support.documents import read_toml

@@ -8,7 +8,8 @@ from typing import Any
 from cranectl.design import Design, design_controller
 from cranectl.metrics import WorkspaceViolation, workspace_violations
 from cranectl.plants.plant import Drive
-from cranectl.scenario import DesignSettings, Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import DesignSettings, Scenario
 from cranectl.signals import LOAD
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.support import resources

@@ -14,7 +14,8 @@ from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, with_effects
 from cranectl.cli.main import main
 from cranectl.log.overlay import read_layers
 from cranectl.plants.plant import StepError
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run

@@ -10,7 +10,7 @@ from cranectl.campaign import Campaign
 from cranectl.campaign.definition import PERIOD, PHYSICAL, Batch, numbers_of
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, fixed, run_batch, uniform

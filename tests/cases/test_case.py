@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from cranectl.cases.case import make_case, run_case
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import runner
 from tests.conftest import PLANTS

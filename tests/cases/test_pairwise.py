@@ -7,7 +7,7 @@ import pytest
 from cranectl.cases.case import make_case
 from cranectl.cases.pairwise import convergence, energy_drift
 from cranectl.cli.main import main
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 
 PLANTS = ["--plants", "analytic,elastic,mujoco"]
 

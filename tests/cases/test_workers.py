@@ -14,7 +14,7 @@ import pytest
 from cranectl.cases.case import Case, CaseResult, Failure, check_logs_differ, make_case
 from cranectl.cases.workers import run_cases
 from cranectl.log import read_log
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
 

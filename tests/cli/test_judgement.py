@@ -9,7 +9,7 @@ from cranectl.analysis.budget.predicted_limits import predicted_limits
 from cranectl.cli.main import main
 from cranectl.compare.agreement import Limits
 from cranectl.design import design_controller
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from tests.cli.arguments import STOP
 from tests.log.test_log import messages_of
 

@@ -25,7 +25,8 @@ from cranectl.compare.agreement import (
 )
 from cranectl.design import design_controller
 from cranectl.plants import registry
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.documents import read_toml

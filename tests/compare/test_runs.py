@@ -14,7 +14,8 @@ from cranectl.compare.runs import (
     named_signals,
     refuse_differences,
 )
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError

@@ -8,8 +8,8 @@ import pytest
 
 from cranectl.model.dynamics import axis_masses, forced_accelerations
 from cranectl.plants.analytic import AnalyticPlant
-from cranectl.reference import build_trajectory
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import build_trajectory, load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, loops, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError

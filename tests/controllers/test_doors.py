@@ -16,7 +16,8 @@ from cranectl.compare.runs import differing_fields
 from cranectl.controllers.doors.opening import close_laws, open_law
 from cranectl.controllers.registry import controller_design
 from cranectl.log import read_log
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import child, law_of, plan_scenario, simulate_run
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, choice

@@ -9,7 +9,8 @@ from scipy.linalg import expm
 from cranectl.compare.agreement import judge
 from cranectl.controllers.registry import controller_design
 from cranectl.model.flatness import flat_output
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, linearised_law, plan_scenario, simulate_run
 from cranectl.support.errors import InputError
 

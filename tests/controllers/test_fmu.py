@@ -17,7 +17,8 @@ from cranectl.controllers.doors.opening import close_laws, open_law
 from cranectl.controllers.registry import controller_design
 from cranectl.live.session import Session
 from cranectl.log import read_log
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.controllers.fmu_files import Replaced, binary, description, fmu

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cranectl.metrics import run_metrics
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import simulate_run
 
 

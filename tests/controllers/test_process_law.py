@@ -17,7 +17,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.controllers.doors.opening import close_laws, open_law
 from cranectl.log import read_log
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.controllers.law_files import LAW

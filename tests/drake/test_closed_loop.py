@@ -14,7 +14,8 @@ from cranectl.compare.agreement import agreement_limits
 from cranectl.compare.runs import compare_runs
 from cranectl.plants.drake.plant import DrakePlant
 from cranectl.plants.plant import DRIVES
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS
 

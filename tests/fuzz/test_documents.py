@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from cranectl.campaign import load_campaign
 from cranectl.compare.golden import load_tolerances
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.support import resources
 from cranectl.support.errors import InputError
 from tests.fuzz.oracle import LONGEST, UNFIT, check_command, fuzzed, in_time

@@ -10,7 +10,7 @@ from cranectl.controllers.doors.opening import close_laws, open_law
 from cranectl.controllers.registry import controller_design
 from cranectl.live.child_session import ChildSession
 from cranectl.live.session import Session
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.status import RunStatus
 from tests.controllers.law_files import LAW, built
 

@@ -7,7 +7,8 @@ import pytest
 
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls, Pulse, Reset, Say, Use
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 
 NAMES = ["pause", "speed", "controller", "k0", "k1", "k2", "k3", "pulse_alpha", "pulse_beta"]
 

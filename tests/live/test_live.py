@@ -28,7 +28,8 @@ from cranectl.live.session import Session
 from cranectl.live.viewers import Address
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.log.messages import streams
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.signals import DISTURBANCE, STATE
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus

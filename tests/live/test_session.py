@@ -7,7 +7,8 @@ from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller, with_gain
 from cranectl.live.session import Session
 from cranectl.plants.plant import DRIVES
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError

@@ -18,7 +18,8 @@ from cranectl.log.consistency import Clock, check_design, check_run, check_runs
 from cranectl.log.header import LogHeader, parse_header
 from cranectl.log.writer import file_attachments, file_metadata, write_logged
 from cranectl.mcap_columns.records import DamageError
-from cranectl.scenario import DesignSettings, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import DesignSettings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError

@@ -277,7 +277,7 @@ MANY = """
 import gc, sys
 from pathlib import Path
 from cranectl.log import write_log
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import simulate_run
 
 def resident():

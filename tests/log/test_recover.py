@@ -18,7 +18,7 @@ from cranectl.cli.log import recover_log_command
 from cranectl.log import describe_log, read_log, recover_log, schema, topics, write_log
 from cranectl.log.writer import CHUNK_SIZE
 from cranectl.mcap_columns.records import MAGIC
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError

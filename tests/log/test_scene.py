@@ -16,8 +16,9 @@ from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.scene import GHOST
 from cranectl.plants.mujoco.geometry import rig_solids
 from cranectl.plants.registry import PLANTS
+from cranectl.reference import load_scenario
 from cranectl.report.viewer_layouts import layout_json
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -26,10 +26,11 @@ from cranectl.metrics import (
 )
 from cranectl.metrics.setup import FLAG_COLUMN
 from cranectl.model.dynamics import kinetic_energy, potential_energy, rope_direction
+from cranectl.reference import load_scenario
 from cranectl.report.run.page import log_page
 from cranectl.report.run.tables import metrics_table, run_table
 from cranectl.report.table import Cell
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Friction
 from cranectl.scenario.settings import parse_settings
 from cranectl.signals import BASE_WIDTH, DISTURBANCE_COLUMN, INPUT_COLUMN, LOAD_COLUMN, TENSION_COLUMN

@@ -13,7 +13,7 @@ from cranectl.model import dynamics
 from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.mujoco.model import JOINTS, model_spec, state_addresses
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from cranectl.compare.runs import compare_runs
 from cranectl.plants.surroundings import air_velocity
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.scenario.effects import Wind
 from cranectl.simulate import Run, simulate_run
 

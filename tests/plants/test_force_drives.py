@@ -13,7 +13,7 @@ from cranectl.plants.mujoco.disturbed_step import push_load
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.registry import check_effects
 from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.scenario.effects import (
     NO_LIMIT,
     DriveLimits,

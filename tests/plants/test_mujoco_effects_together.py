@@ -152,7 +152,7 @@ def test_the_driven_joints_and_drives_keep_their_names_under_all_effects() -> No
 
 
 def test_a_closed_loop_runs_through_with_all_effects() -> None:
-    from cranectl.scenario import load_scenario
+    from cranectl.reference import load_scenario
     from cranectl.simulate import simulate_run
 
     tables = [f"effects.{name}={{}}" for name in (*PHYSICAL, "wind")]

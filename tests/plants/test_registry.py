@@ -15,7 +15,7 @@ from cranectl.plants.registry import (
     reference_plant,
     register_plant,
 )
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.colours import LIGHT, VIEWER
 from cranectl.support.errors import InputError

@@ -6,7 +6,7 @@ import pytest
 from cranectl.compare.agreement import agreement_limits, judge
 from cranectl.compare.runs import compare_runs
 from cranectl.metrics import run_metrics
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PAIR, PLANTS, STILL, closed_loop

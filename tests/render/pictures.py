@@ -7,9 +7,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from cranectl.reference import load_scenario
 from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
-from cranectl.scenario import load_scenario
 from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import resources

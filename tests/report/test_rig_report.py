@@ -16,6 +16,7 @@ from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 from cranectl.cli.output import FILE_WIDTH, screen_table
+from cranectl.reference import load_scenario
 from cranectl.report.rig.page import deviation_dots
 from cranectl.report.rig.tables import (
     budget_table,
@@ -25,7 +26,6 @@ from cranectl.report.rig.tables import (
     recommendation,
 )
 from cranectl.report.table import Table
-from cranectl.scenario import load_scenario
 from cranectl.status import RunStatus
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")

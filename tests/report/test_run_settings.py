@@ -7,9 +7,10 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log import write_log
+from cranectl.reference import load_scenario
 from cranectl.report.run.settings import what_differs, what_was_run
 from cranectl.report.table import Table
-from cranectl.scenario import changed_from_default, default_scenario, load_scenario
+from cranectl.scenario import changed_from_default, default_scenario
 from cranectl.simulate import Run, simulate_run
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")

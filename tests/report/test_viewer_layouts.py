@@ -14,8 +14,8 @@ from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 from cranectl.log import describe_log, topics, write_log
 from cranectl.log.overlay import Layer, write_overlay
+from cranectl.reference import load_scenario
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
-from cranectl.scenario import load_scenario
 from cranectl.scenario.drawn_size import LABORATORY
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.scenario import load_scenario, scenario_names
+from cranectl.reference import load_scenario
+from cranectl.scenario import scenario_names
 from cranectl.support.errors import InputError
 from tests.conftest import ALL_SCENARIOS
 

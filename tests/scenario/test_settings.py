@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.disturbances import Disturbance
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Arc

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.scenario import load_rig, load_scenario, rig_names
+from cranectl.reference import load_scenario
+from cranectl.scenario import load_rig, rig_names
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
@@ -68,12 +69,14 @@ def test_a_larger_crane_moves_as_the_laboratory_s_slower(tmp_path: Path) -> None
 
 def test_every_power_is_of_something_that_there_is() -> None:
     from cranectl.scenario.design import DesignSettings
+    from cranectl.scenario.planning import PlanningSettings
     from cranectl.scenario.scenario import MetricSettings
     from cranectl.scenario.similarity import POWERS
     from cranectl.support.documents import leaves
 
     usual = RigParameters().model_dump(mode="json")
     usual |= {"design": DesignSettings().model_dump(mode="json"), "metrics": MetricSettings().model_dump()}
+    usual |= {"planning": PlanningSettings().model_dump(mode="json")}
     names = {name for name, _ in leaves(usual)}
     assert all(power in names or f"{power}.0" in names for power in POWERS)
 

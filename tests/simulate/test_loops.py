@@ -10,7 +10,8 @@ import pytest
 from cranectl import signals
 from cranectl.controllers.registry import controller_names
 from cranectl.plants.plant import DRIVES
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, make_plant, simulate_run
 from cranectl.simulate import runner as runner_module
 from cranectl.simulate.loops import LoopInputs, judge_sample
@@ -239,7 +240,7 @@ def test_a_second_process_compiles_nothing() -> None:
     script = """
 import numba
 import numba.core.event as event
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 compiled = []
 class Count(event.Listener):
     def on_start(self, event): compiled.append(event.data["dispatcher"])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import plan_scenario
 from cranectl.support.errors import InputError
 from tests.conftest import ALL_SCENARIOS

@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from cranectl.live.session import Session
 from cranectl.log import read_log, write_log
 from cranectl.plants.plant import DRIVES
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.simulate.actuation import forces_at_rest
 from cranectl.status import RunStatus

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.support.documents import (
     MAX_BYTES,
     MAX_DEPTH,

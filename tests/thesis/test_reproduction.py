@@ -21,8 +21,9 @@ from cranectl import design
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.cli.main import main
 from cranectl.design import Design, design_controller
+from cranectl.reference import load_scenario
 from cranectl.report.page import render
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run
 from cranectl.support import resources
 from cranectl.thesis.page import FIRST_FIGURE, ChapterFigures, thesis_page

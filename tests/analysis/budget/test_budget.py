@@ -15,7 +15,7 @@ from cranectl.analysis.budget.propagation import no_errors, plant_errors, propag
 from cranectl.analysis.budget.trajectory_loop import Nominal, nominal_run
 from cranectl.analysis.ladder import Size, size_of
 from cranectl.cli.main import main
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import simulate_run
 
 FREE = ("velocity", "acceleration", "force")

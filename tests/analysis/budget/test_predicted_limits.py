@@ -9,7 +9,7 @@ import pytest
 from cranectl.analysis.budget.predicted_limits import predict_plant_difference, predicted_limits
 from cranectl.compare.agreement import Limits, agreement_limits, judge
 from cranectl.design import design_controller
-from cranectl.scenario import load_scenario
+from cranectl.reference import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import PAIR, ROOT
 

@@ -6,7 +6,8 @@ import pytest
 from cranectl.compare.agreement import agreement_limits, judge
 from cranectl.controllers.registry import controller_design
 from cranectl.plants.plant import DRIVES
-from cranectl.scenario import Scenario, load_scenario
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ALL_SCENARIOS, closed_loop

@@ -1,0 +1,46 @@
+"""Scenarios that can be run: as they are read, with what is to be planned planned."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cranectl.reference.trajectory import end_point
+from cranectl.scenario import Scenario, Segment, read_scenario, scenario_file
+from cranectl.scenario.segments import is_planned
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+
+def load_scenario(
+    name_or_path: str | Path, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
+) -> Scenario:
+    """Load a scenario by name or from a TOML file, as `read_scenario` does, and plan it."""
+    scenario = read_scenario(name_or_path, rig=rig, overrides=overrides)
+    return planned(scenario, scenario_file(name_or_path).parent)
+
+
+def planned(scenario: Scenario, directory: Path = Path()) -> Scenario:
+    """The scenario with segments that say when the load is where, in place of those that do not.
+
+    `directory`: where the scenario's file is, to which files that it names are relative. Raises InputError
+    for what cannot be planned.
+    """
+    if scenario.reference.planned:
+        return scenario
+    segments: list[Segment] = []
+    here = np.array(scenario.reference.start)
+    for index, segment in enumerate(scenario.reference.segments):
+        where = f"reference.segments.{index}"
+        ready = segment if is_planned(segment) else _planned(segment, here, scenario, directory, where)
+        segments.append(ready)
+        here = end_point(ready, here)
+    reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
+    return scenario.model_copy(update={"reference": reference})
+
+
+def _planned(segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str) -> Segment:
+    raise InputError(
+        f"{where}: nothing plans a segment of kind '{segment.kind}' from {start.tolist()} in {scenario.name}",
+        remedy=f"look beside {directory}",
+    )

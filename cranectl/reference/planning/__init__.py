@@ -1,0 +1,1 @@
+"""Motions in minimum time within limits that are proven at all times."""

@@ -1,0 +1,53 @@
+"""How far along a path a motion is: s(tau) from 0 to 1 over 0 <= tau <= 1, at rest at both ends.
+
+`degree-9`: position and four derivatives given at each end, so rest-to-rest motions are C⁴, which the tracker
+needs. `degree-5`: the thesis's quintic (4.3), C² only, for reproduction. What was planned has a spline.
+"""
+
+import functools
+
+import numpy as np
+from scipy.interpolate import BPoly, BSpline
+
+from cranectl.support.arrays import Array
+
+# Derivatives that vanish at both ends.
+REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}
+
+
+Law = str | tuple[float, ...]  # a name, or the coefficients of a spline that was planned
+PLANNED_DEGREE = 7  # with simple knots C⁶: also the fifth derivative, which the drives feel, is continuous
+
+
+@functools.lru_cache(maxsize=256)
+def _polynomials(law: Law) -> tuple[BPoly | BSpline, ...]:
+    """The time law and its first four derivatives; named ones in the Bernstein basis, exact at both ends."""
+    if isinstance(law, str):
+        rest = [0.0] * REST_DERIVATIVES[law]
+        curve = BPoly.from_derivatives([0.0, 1.0], [[0.0, *rest], [1.0, *rest]])
+    else:
+        spans = len(law) - PLANNED_DEGREE
+        curve = spline(np.linspace(0.0, 1.0, spans + 1), np.array(law), PLANNED_DEGREE)
+    return derivatives(curve)
+
+
+def spline(breaks: Array, coefficients: Array, degree: int) -> BSpline:
+    """The B-spline with knots at `breaks`, simple but for its ends; coefficients (n,) or (n, 3)."""
+    ends = (np.full(degree, breaks[0]), breaks, np.full(degree, breaks[-1]))
+    return BSpline(np.concatenate(ends), coefficients, degree, extrapolate=False)
+
+
+def derivatives(curve: BPoly | BSpline) -> tuple[BPoly | BSpline, ...]:
+    """A curve and its first four derivatives."""
+    return tuple(curve if order == 0 else curve.derivative(order) for order in range(5))
+
+
+def time_law(law: Law, tau: Array) -> Array:
+    """S and its first four derivatives with respect to tau, shape (5, len(tau))."""
+    return np.array([polynomial(tau) for polynomial in _polynomials(law)])
+
+
+def progress(law: Law, time: Array, duration: float) -> Array:
+    """Time law and its derivatives in real time, shape (5, N)."""
+    scale = duration ** -np.arange(5.0)
+    return scale[:, np.newaxis] * time_law(law, np.clip(time / duration, 0.0, 1.0))

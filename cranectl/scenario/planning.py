@@ -1,0 +1,74 @@
+"""Within which limits a reference is planned, `[planning]`, and what stands in its way, `[[obstacles]]`.
+
+What the drives can do is in `[effects.limits]`, or, without such an effect, in the rig's numbers of it.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cranectl.scenario.rig import Range
+from cranectl.scenario.segments import Point3
+from cranectl.scenario.settings import Settings
+
+Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+Ratio = Annotated[float, Field(gt=0.0, le=1e3)]
+Jerk = Annotated[float, Field(gt=0.0, le=1e9)]
+
+
+class PlanningSettings(Settings):
+    """Limits of motions whose duration is planned."""
+
+    share: Share | None = Field(
+        None,
+        description="of the limits of drives, lean and tension that the plan may use, the rest is for "
+        "feedback; by default 0.95, with sensing, delay or friction 0.9: measured",
+    )
+    lean: Annotated[float, Field(gt=0.0, lt=1.5)] = Field(
+        0.35, description="of the rope from the vertical [rad]; assumed: 20 degrees"
+    )
+    tension: Annotated[tuple[Ratio, Ratio], Field(strict=False)] = Field(
+        (0.2, 2.0),
+        description="of the rope, in weights of the load; assumed: taut with room, twice its weight",
+    )
+    jerk: Annotated[tuple[Jerk, Jerk, Jerk], Field(strict=False)] | None = Field(
+        None, description="of bridge, trolley, rope [m/s³]; without it none is limited"
+    )
+    clearance: Annotated[float, Field(ge=0.0, le=1e3)] = Field(
+        0.05, description="of the load from the ends of the rig and from its floor [m]; assumed: its radius"
+    )
+    load_box: Annotated[tuple[Range, Range, Range], Field(strict=False)] | None = Field(
+        None, description="where the load may be, x, y, z [m]; by default the rig less the clearance"
+    )
+    solver: Literal["clarabel", "ipopt"] = Field(
+        "clarabel", description="clarabel: linear programs in sequence; ipopt: by the extra `plan`"
+    )
+
+    @model_validator(mode="after")
+    def _can_hang(self) -> "PlanningSettings":
+        low, high = self.tension
+        if not low < 1.0 < high:
+            raise ValueError(
+                f"planning.tension = {[low, high]}: a load at rest pulls with 1, its weight, which must lie "
+                "between"
+            )
+        for axis, (low, high) in zip("xyz", self.load_box or (), strict=False):
+            if not low < high:
+                raise ValueError(
+                    f"planning.load_box: {axis} must increase from its first to its second value"
+                )
+        return self
+
+
+class Obstacle(Settings):
+    """A box that stands on the floor or in the way: load and rope keep clear of it."""
+
+    name: Annotated[str, Field(min_length=1, max_length=60)] = Field(description="for messages")
+    low: Point3 = Field(description="its corner with the lowest x, y, z [m]")
+    high: Point3 = Field(description="its corner with the highest x, y, z [m]")
+
+    @model_validator(mode="after")
+    def _has_volume(self) -> "Obstacle":
+        if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
+            raise ValueError(f"obstacle '{self.name}': low must be below high in x, y and z")
+        return self
