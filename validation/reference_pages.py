@@ -102,6 +102,9 @@ def _fields(schema: bytes, name: str) -> list[str]:
     return [f"`{field.name}`" for field in types[name].field]
 
 
+NO_BRACKETS = str.maketrans("", "", "[]")
+
+
 def settings() -> str:
     """A section for each table of a scenario, of the laws in it, then of a campaign."""
     scenario, campaign = (_sections(model.model_json_schema()) for model in (Scenario, CampaignSettings))
@@ -138,10 +141,10 @@ def _sections(schema: dict[str, Any]) -> Iterator[str]:
         rows, inner = [], []
         for key, value in node["properties"].items():
             kind = _not_null(value)
-            title, alternatives = _tables(f"{path}.{key}".strip(".[]"), kind)
+            title, alternatives = _tables(f"{path}.{key}".strip(".").translate(NO_BRACKETS), kind)
             below = [entry["$ref"] for entry in alternatives if "$ref" in entry]
             inner += [(title, schema["$defs"][reference.rpartition("/")[2]]) for reference in below]
-            if not below:
+            if len(below) < len(alternatives):
                 default = "" if key in node.get("required", ()) else _text(value.get("default")) or "absent"
                 rows.append((f"`{key}`", default, _allowed(kind), value.get("description", "")))
         waiting = inner + waiting
@@ -157,7 +160,7 @@ def _not_null(value: dict[str, Any]) -> dict[str, Any]:
 
 def _tables(path: str, kind: dict[str, Any]) -> tuple[str, list[dict[str, Any]]]:
     """How the tables that stand for a key are headed, and the kinds of them there are."""
-    if "additionalProperties" in kind:
+    if isinstance(kind.get("additionalProperties"), dict):
         path, kind = f"{path}.NAME", kind["additionalProperties"]
     elif "items" in kind:
         path, kind = f"[{path}]", kind["items"]
@@ -180,8 +183,10 @@ def _allowed(kind: dict[str, Any]) -> str:
         return f"{len(elements)} of: {_allowed(elements[0])}"
     if "items" in kind:
         return f"list of: {_allowed(kind['items'])}"
-    if "anyOf" in kind:
-        return " or ".join(map(_allowed, kind["anyOf"]))
+    if entries := kind.get("anyOf") or kind.get("oneOf"):
+        return " or ".join(_allowed(entry) for entry in entries if entry.get("type") != "null")
+    if "$ref" in kind or kind["type"] == "object":
+        return "table"
     bounds = [f"{sign} {_text(float(kind[word]))}" for word, sign in BOUNDS.items() if word in kind]
     return " ".join([KINDS[kind["type"]], ", ".join(bounds)]).rstrip()
 
