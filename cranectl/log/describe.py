@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.log.header import OVERLAY
 from cranectl.log.overlay import headers_of
-from cranectl.log.reader import open_contents, opened
+from cranectl.mcap_columns.opening import open_contents, opened
 from cranectl.scenario import NANOSECONDS
 
 

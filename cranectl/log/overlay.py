@@ -20,10 +20,11 @@ from cranectl.log.consistency import Clock, check_design, check_run
 from cranectl.log.events import events, status_changes
 from cranectl.log.header import OVERLAY, LogHeader, parse_header
 from cranectl.log.messages import distances, log_lines, recorded, signals, status
-from cranectl.log.reader import assembled, blocks_of, header_of, opened, read_contents, runs_of
+from cranectl.log.reader import assembled, blocks_of, header_of, read_contents, runs_of
 from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, file_attachments, file_metadata, write_container
 from cranectl.mcap_columns.contents import Contents
+from cranectl.mcap_columns.opening import opened
 from cranectl.mcap_columns.records import DamageError
 from cranectl.plants.registry import PLANTS, reference_plant
 from cranectl.signals import REFERENCE

@@ -1,7 +1,7 @@
 """Read logs back to NumPy, bit for bit what was written, or say what is wrong with them."""
 
 import contextlib
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -9,19 +9,20 @@ import numpy as np
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from cranectl.log import schema, topics
+from cranectl.log import topics
 from cranectl.log.consistency import Outcome, check_numbers, check_run, check_times, finite_samples
 from cranectl.log.header import LogHeader, parse_header
-from cranectl.mcap_columns.contents import Contents, End, check_end, columns_of, read_end
-from cranectl.mcap_columns.records import BUFFER, MAGIC, Column, DamageError
+from cranectl.mcap_columns.contents import Contents
+from cranectl.mcap_columns.opening import opened
+from cranectl.mcap_columns.records import Column, DamageError
+from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, groups_of
 from cranectl.support.arrays import Array
-from cranectl.support.errors import LogError, nearest_first, unknown_name
+from cranectl.support.errors import nearest_first, unknown_name
 
 NEAREST = 8  # names listed, of a log's 200, where one is unknown
-ALLOWED = "closed logs that cranectl wrote"
 
 
 class Block(NamedTuple):
@@ -68,43 +69,6 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
         return block.time_ns / NANOSECONDS, block.values[:, known[topic].index(field)].copy()
 
 
-@contextlib.contextmanager
-def opened(path: str | Path, *, remedy: str = "") -> Iterator[BinaryIO]:
-    """The file at `path`; every mishap with it becomes a LogError."""
-    with contextlib.ExitStack() as stack:
-        try:
-            stream = stack.enter_context(Path(path).open("rb", buffering=BUFFER))
-        except (OSError, ValueError) as error:  # ValueError: a null character in the name
-            raise _unreadable(path, error) from None
-        try:
-            yield stream
-        except (OSError, MemoryError) as error:
-            raise _unreadable(path, error) from None
-        except DamageError as error:
-            remedy = remedy or _recover(path)
-            raise LogError(f"{path} is damaged: {error}", allowed=ALLOWED, remedy=remedy) from None
-
-
-def check_begin(path: str | Path, stream: BinaryIO) -> None:
-    """Raise LogError for a file that does not begin as an MCAP file."""
-    begin = stream.read(len(MAGIC))
-    if not begin:
-        raise LogError(f"{path} is empty", allowed=ALLOWED, remedy="run the scenario again")
-    if not MAGIC.startswith(begin):
-        raise LogError(f"{path} is no MCAP file", allowed=ALLOWED, remedy="name a log that cranectl wrote")
-
-
-def open_contents(path: str | Path, stream: BinaryIO) -> tuple[Contents, End]:
-    """Of a closed log, before its data are read; raises LogError for another file, DamageError."""
-    check_begin(path, stream)
-    size = stream.seek(0, 2)
-    stream.seek(max(size - len(MAGIC), 0))
-    if size == len(MAGIC) or stream.read() != MAGIC:
-        error = f"{path} is truncated: it does not end as a closed log does"
-        raise LogError(error, allowed=ALLOWED, remedy=_recover(path))
-    return Contents(size), read_end(stream, size)
-
-
 def header_of(path: str | Path, contents: Contents) -> LogHeader:
     """What a file that has been read says of its runs; raises LogError, DamageError."""
     attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
@@ -117,22 +81,7 @@ def read_contents(
     wanted: Callable[[str], bool] = lambda topic: not topic.startswith(topics.DIFFERENCES),
 ) -> tuple[Contents, dict[int, Column]]:
     """All of a closed log, and the rows of signals of the topics `wanted` by channel."""
-    contents, end = open_contents(path, stream)
-    columns = columns_of(
-        contents,
-        contents.chunks(stream),
-        lambda channel, definition: row_width(channel, definition) if wanted(channel.topic) else 0,
-    )
-    check_end(contents, end)
-    return contents, columns
-
-
-def row_width(channel: Channel, definition: Schema) -> int:
-    """The bytes of a message of a channel; 0 if it does not carry rows of signals."""
-    try:
-        return schema.row_layout(len(schema.signal_names(channel, definition))).itemsize
-    except DamageError:
-        return 0
+    return read_rows(path, stream, wanted)
 
 
 def blocks_of(
@@ -160,7 +109,7 @@ def _checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> 
 
 
 def _check_group(channel: Channel, definition: Schema, group: SignalGroup) -> None:
-    names = schema.signal_names(channel, definition)
+    names = signal_names(channel, definition)
     if names != group.names:
         raise DamageError(f"{channel.topic} has the signals {', '.join(names)[:200]} instead of its own")
     for signal in group.signals:
@@ -185,7 +134,7 @@ def _decoded(topic: str, column: Column, n_signals: int) -> Block:
     if (np.diff(column.time_ns) <= 0).any():
         raise DamageError(f"the times of {topic} do not increase")
     try:
-        return Block(column.time_ns, schema.decode_table(column.messages, n_signals))
+        return Block(column.time_ns, decode_table(column.messages, n_signals))
     except ValueError as error:
         raise DamageError(f"a message of {topic} is not what it should be: {error}") from None
 
@@ -249,13 +198,5 @@ def _signals(contents: Contents) -> dict[str, tuple[str, ...]]:
     names = {}
     for channel in contents.channels.values():
         with contextlib.suppress(DamageError):  # of another kind
-            names[channel.topic] = schema.signal_names(channel, contents.schemas[channel.schema_id])
+            names[channel.topic] = signal_names(channel, contents.schemas[channel.schema_id])
     return names
-
-
-def _unreadable(path: str | Path, error: Exception) -> LogError:
-    return LogError(f"cannot read {path}: {error}", allowed=ALLOWED, remedy="name a log that cranectl wrote")
-
-
-def _recover(path: str | Path) -> str:
-    return f"run the scenario again, or save what is whole with: cranectl log recover {path}"

@@ -13,11 +13,13 @@ from cranectl.log import topics
 from cranectl.log.consistency import Outcome
 from cranectl.log.header import LogHeader
 from cranectl.log.messages import streams
-from cranectl.log.reader import Block, assembled, blocks_of, check_begin, header_of, opened, row_width
+from cranectl.log.reader import Block, assembled, blocks_of, header_of
 from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, outcome_metadata, write_container
 from cranectl.mcap_columns.contents import Contents, columns_of
+from cranectl.mcap_columns.opening import check_begin, opened
 from cranectl.mcap_columns.records import Content, DamageError
+from cranectl.mcap_columns.rows import row_width
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from cranectl.log.schema import decode_table
+from cranectl.mcap_columns.rows import decode_table
 
 TIMEOUT = 30.0  # [s] for anything to arrive
 PATIENCE = 3.0  # [s] until topics are subscribed to again

@@ -1,0 +1,98 @@
+"""Rows of signals: messages whose type is a protobuf of `optional double`, each always present."""
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from google.protobuf import descriptor_pb2
+from google.protobuf.message import DecodeError
+from mcap.records import Channel, Schema
+from numpy.typing import NDArray
+
+from cranectl.mcap_columns.contents import Contents, check_end, columns_of
+from cranectl.mcap_columns.opening import open_contents
+from cranectl.mcap_columns.records import Column, DamageError
+
+MAX_DEFINITION = 2**16  # [bytes] of the type of a row of signals; the longest have about 1000
+Field = descriptor_pb2.FieldDescriptorProto
+
+_FIXED64 = 1  # protobuf wire type of a double
+
+
+def read_rows(
+    path: str | Path, stream: BinaryIO, wanted: Callable[[str], bool]
+) -> tuple[Contents, dict[int, Column]]:
+    """All of a closed file, and by channel the rows of signals of the topics `wanted`.
+
+    Raises LogError as `open_contents` does, DamageError for what is not whole.
+    """
+    contents, end = open_contents(path, stream)
+    columns = columns_of(
+        contents,
+        contents.chunks(stream),
+        lambda channel, definition: row_width(channel, definition) if wanted(channel.topic) else 0,
+    )
+    check_end(contents, end)
+    return contents, columns
+
+
+def row_width(channel: Channel, definition: Schema) -> int:
+    """The bytes of a message of a channel; 0 if it does not carry rows of signals."""
+    try:
+        return row_layout(len(signal_names(channel, definition))).itemsize
+    except DamageError:
+        return 0
+
+
+def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
+    """The signals of a channel, from its type; raises DamageError if it does not carry rows of signals."""
+    if {channel.message_encoding, definition.encoding} != {"protobuf"}:
+        raise DamageError(f"{channel.topic} is not protobuf")
+    if len(definition.data) > MAX_DEFINITION:
+        raise DamageError(f"the type of {channel.topic} takes {len(definition.data)} bytes")
+    try:
+        files = descriptor_pb2.FileDescriptorSet.FromString(definition.data).file
+    except DecodeError:
+        raise DamageError(f"the type of {channel.topic} is no protobuf") from None
+    types = [
+        message.field
+        for file in files
+        for message in file.message_type
+        if f"{file.package}.{message.name}" == definition.name
+    ]
+    if len(types) != 1:
+        raise DamageError(f"the type of {channel.topic} has {len(types)} such types: {definition.name}")
+    for number, field in enumerate(types[0], start=1):
+        signal = (number, Field.TYPE_DOUBLE, Field.LABEL_OPTIONAL)
+        # Protobuf hands out a name that is no UTF-8 as bytes.
+        if (field.number, field.type, field.label) != signal or not isinstance(field.name, str):
+            raise DamageError(f"the type of {channel.topic} is no row of signals: its field {field.name}")
+    return tuple(field.name for field in types[0])
+
+
+@functools.cache
+def row_layout(n_signals: int) -> np.dtype[Any]:
+    """Byte layout of one message: for each field its tag, then the double."""
+    fields: list[Any] = []
+    for number in range(1, n_signals + 1):
+        fields += [(f"tag{number}", "u1", len(tag(number))), (f"value{number}", "<f8")]
+    return np.dtype(fields)
+
+
+def decode_table(data: NDArray[np.uint8], n_signals: int) -> NDArray[np.float64]:
+    """Values (N, signals) of messages by `encode_rows`, one after the other; ValueError for other bytes."""
+    rows = data.view(row_layout(n_signals)).reshape(-1)
+    values = np.empty((len(rows), n_signals))
+    for number in range(1, n_signals + 1):
+        if (rows[f"tag{number}"] != np.frombuffer(tag(number), dtype="u1")).any():
+            raise ValueError(f"field {number} is missing or out of order")
+        values[:, number - 1] = rows[f"value{number}"]
+    return values
+
+
+def tag(number: int) -> bytes:
+    """Protobuf tag of a double field, at most the 2047th: a varint of field number and wire type."""
+    key = number << 3 | _FIXED64
+    return bytes([key]) if key < 0x80 else bytes([key & 0x7F | 0x80, key >> 7])
