@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.effects import Delay, EffectNumbers, EffectSettings
+from cranectl.scenario.held_files import held_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.scenario.similarity import check_size
 
@@ -57,7 +58,10 @@ def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
         **scenario.model_dump(mode="json"),
         "effects": {name: getattr(effects, name).model_dump(mode="json") for name in effects.names},
     }
-    return parse_settings(Scenario, table, f"{scenario.name} with {', '.join(effects.names) or 'no effects'}")
+    added = parse_settings(
+        Scenario, table, f"{scenario.name} with {', '.join(effects.names) or 'no effects'}"
+    )
+    return with_files(added, held_files(scenario))
 
 
 def with_effects(scenario: Scenario, names: Iterable[str]) -> Scenario:

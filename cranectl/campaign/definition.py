@@ -17,6 +17,7 @@ from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.effects import ALL_EFFECTS
+from cranectl.scenario.held_files import held_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.support.arrays import Array
 from cranectl.support.documents import assign, leaves, mapped
@@ -123,7 +124,7 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     table = mapped(campaign.nominal.model_dump())
     for parameter, value in zip(campaign.parameters, values, strict=True):
         assign(table, parameter.name, int(value) if parameter.whole else float(value), source)
-    return parse_settings(Scenario, table, source)
+    return with_files(parse_settings(Scenario, table, source), held_files(campaign.nominal))
 
 
 def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:

@@ -118,6 +118,8 @@ def _lines(
     software: Sequence[str],
 ) -> list[str]:
     """What a log is, a line a fact; `software` is what differs from what is installed."""
+    from cranectl.reference.origin import origins
+
     scenario = runs[0].scenario
     facts = [
         ("file", description.path),
@@ -128,6 +130,7 @@ def _lines(
         (run.plant, f"{run.status.label} at {run.end_s:g} s, {len(run.time_ns)} samples") for run in runs
     ]
     facts += [
+        *(("reference", f"{name}: {origin}") for name, origin in origins(scenario).items()),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),

@@ -19,6 +19,7 @@ from cranectl.mcap_columns.records import DamageError
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
+from cranectl.scenario.held_files import with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import checked_drive, groups_of
@@ -111,7 +112,8 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     OverflowError or RecursionError where it is no such header.
     """
     declared = metadata["cranectl"]
-    scenario = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
+    asked = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
+    scenario = with_files(asked, attachments)
     plants = declared["plants"].split(",")
     if not set(plants) <= set(PLANTS) or len(set(plants)) < len(plants):
         raise ValueError(f"unknown plants {declared['plants']}")

@@ -23,6 +23,7 @@ from cranectl.log.messages import streams
 from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns.contents import read_end
 from cranectl.mcap_columns.records import DamageError
+from cranectl.scenario.held_files import held_files
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError
 from cranectl.support.files import MCAP, check_place, replacing
@@ -163,9 +164,12 @@ def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
         is_xml = run.model.startswith("<")
         name, kind = ("xml", "application/xml") if is_xml else ("txt", "text/plain")
         texts.append((f"{run.plant}.{name}", kind, run.model))
+    attached = [(name, media_type, text.encode()) for name, media_type, text in texts]
+    files = held_files(first.scenario)
+    attached += [(name, "application/octet-stream", content) for name, content in files.items()]
     return [
-        Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=text.encode())
-        for name, media_type, text in texts
+        Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
+        for name, media_type, data in attached
     ]
 
 

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from cranectl.reference.given import samples, way_points
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario, Segment, read_scenario, scenario_file
-from cranectl.scenario.segments import is_planned
+from cranectl.scenario.segments import Samples, WayPoints, is_planned, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -35,11 +36,25 @@ def planned(scenario: Scenario, directory: Path = Path()) -> Scenario:
         ready = segment if is_planned(segment) else _planned(segment, here, scenario, directory, where)
         segments.append(ready)
         here = end_point(ready, here)
+    _check_length(sum(map(seconds, segments)), scenario)
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
     return scenario.model_copy(update={"reference": reference})
 
 
+def _check_length(length: float, scenario: Scenario) -> None:
+    if length > scenario.duration * (1.0 + 1e-12):
+        raise InputError(
+            f"{scenario.name}: the segments last {length:.6g} s, longer than its {scenario.duration:g} s",
+            allowed="a run that its reference fits into",
+            remedy=f"duration = {np.ceil(length):g}, or more to see the load come to rest",
+        )
+
+
 def _planned(segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str) -> Segment:
+    if isinstance(segment, WayPoints):
+        return way_points(segment, start, scenario, directory, where)
+    if isinstance(segment, Samples):
+        return samples(segment, start, scenario, directory, where)
     raise InputError(
         f"{where}: nothing plans a segment of kind '{segment.kind}' from {start.tolist()} in {scenario.name}",
         remedy=f"look beside {directory}",

@@ -9,11 +9,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationError, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    PrivateAttr,
+    Tag,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from cranectl.scenario.rig import Position
 from cranectl.scenario.settings import Settings
+from cranectl.scenario.tables import FitNumbers, FromFile, Source
 from cranectl.support import extensions
 from cranectl.support.extensions import with_extensions
 
@@ -29,6 +39,8 @@ Timed = Annotated[
 Point2 = Annotated[tuple[Position, Position], Field(strict=False)]
 Point3 = Annotated[tuple[Position, Position, Position], Field(strict=False)]
 MOST_COEFFICIENTS = 20_000
+MOST_POINTS = 2000  # of a spline through all of them
+MOST_SPANS = 1000  # of a spline near samples
 
 
 class SplineLaw(Settings):
@@ -109,6 +121,53 @@ class Move(Settings):
     )
 
 
+Speed = Annotated[float, Field(ge=0.0, le=1e3)]
+
+
+class WayPoints(FromFile):
+    """Through given points, the first where the last segment ended, by one spline of degree 9."""
+
+    kind: Literal["waypoints"]
+    file: str | None = Field(None, description="with the points, by its path from the scenario's file")
+    points: (
+        Annotated[tuple[Point3, ...], Field(strict=False, min_length=2, max_length=MOST_POINTS)] | None
+    ) = Field(None, description="or the points themselves (x, y, z) [m]")
+    times: Annotated[tuple[Annotated[float, Field(ge=-1e9, le=1e9)], ...], Field(strict=False)] | None = (
+        Field(None, description="of `points` [s]; only their differences count")
+    )
+    speed: (
+        Annotated[
+            Annotated[Speed, Tag("")] | Annotated[tuple[Speed, ...], Field(strict=False), Tag(" ")],
+            Discriminator(lambda value: " " if isinstance(value, list | tuple) else ""),
+        ]
+        | None
+    ) = Field(
+        None, description="in place of times: mean along the chords, or a list of it at each point [m/s]"
+    )
+
+    @model_validator(mode="after")
+    def _is_timed_once(self) -> "WayPoints":
+        if (self.file is None) == (self.points is None):
+            raise ValueError("a segment of kind 'waypoints' has either a file or points")
+        timed = [self.times is not None, self.speed is not None, self.columns.speed is not None]
+        if sum(timed) > 1 or (self.points is not None and not any(timed[:2])):
+            raise ValueError(
+                "a segment of kind 'waypoints' takes its times from a column of its file, from times or from "
+                "speed: give one of them"
+            )
+        return self
+
+
+class Samples(FromFile):
+    """A recorded motion, as a hand led the load: a spline of degree 7 near it, at rest at both ends."""
+
+    kind: Literal["samples"]
+    file: str = Field(description="with the samples, by its path from the scenario's file")
+    spans: Annotated[int, Field(ge=4, le=MOST_SPANS)] | None = Field(
+        None, description="of the spline; by default as many as foretell best the samples that are left out"
+    )
+
+
 class Spline(Settings):
     """A motion that is there already: a B-spline over time with simple knots, at rest at both ends."""
 
@@ -121,6 +180,9 @@ class Spline(Settings):
         tuple[Point3, ...], Field(strict=False, min_length=6, max_length=MOST_COEFFICIENTS)
     ] = Field(description="(x, y, z) [m]; the first and the last five are equal")
     made_from: dict[str, Any] = Field({}, description="the segment that was asked for")
+    source: Source | None = Field(None, description="its file, if it is from one")
+    fit: FitNumbers | None = Field(None, description="what came of it, if it is near samples")
+    _held: bytes = PrivateAttr(b"")  # what it was made from, as the log attaches it: too large for a table
 
     @model_validator(mode="after")
     def _is_a_spline(self) -> "Spline":
@@ -139,6 +201,17 @@ class Spline(Settings):
         """[s]."""
         return self.breaks[-1]
 
+    @property
+    def held(self) -> bytes:
+        """What a log attaches of `source`."""
+        return self._held
+
+    def holding(self, content: bytes) -> "Spline":
+        """The same with `content` as `held`."""
+        spline = self.model_copy()
+        spline._held = content
+        return spline
+
 
 @dataclass(frozen=True)
 class SegmentKind:
@@ -149,7 +222,7 @@ class SegmentKind:
     path: Callable[[Any, Any], Any]  # (settings, start (3,) [m]) → `cranectl.reference.Path`
 
 
-OWN = ("hold", "line", "arc", "move", "spline")
+OWN = ("hold", "line", "arc", "move", "waypoints", "samples", "spline")
 
 
 @functools.cache
@@ -199,6 +272,8 @@ Segment = Annotated[
     | Annotated[Line, Tag("line")]
     | Annotated[Arc, Tag("arc")]
     | Annotated[Move, Tag("move")]
+    | Annotated[WayPoints, Tag("waypoints")]
+    | Annotated[Samples, Tag("samples")]
     | Annotated[Spline, Tag("spline")]
     | Annotated[AddedSegment, Tag("added")],
     Discriminator(_kind_of),
@@ -207,11 +282,14 @@ Segment = Annotated[
 
 def is_planned(segment: Segment) -> bool:
     """Whether a segment says at what time the load is where."""
-    return isinstance(segment.duration, float) and getattr(segment, "time_law", "") != MINIMUM_TIME
+    return (
+        isinstance(getattr(segment, "duration", None), float)
+        and getattr(segment, "time_law", "") != MINIMUM_TIME
+    )
 
 
 def seconds(segment: Segment) -> float:
     """How long a planned segment lasts [s]."""
     assert is_planned(segment), f"a segment of kind '{segment.kind}' that is not planned"
-    assert isinstance(segment.duration, float)
-    return segment.duration
+    length: float = segment.duration  # type: ignore[union-attr, assignment]
+    return length

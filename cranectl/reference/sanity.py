@@ -1,0 +1,73 @@
+"""What a recorded motion must be before a spline is laid near it: numbers, times that increase, no holes."""
+
+import numpy as np
+
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+LEAST_SAMPLES = 50  # ten folds of five to leave out
+GAP = 5.0  # of the usual step
+# [m/s²]; of a load, between three neighbours: four times what a drive's ramp usually is
+HARDEST = 16.0
+# Of the distances of samples from the line between their neighbours 80 % are smaller than this quantile, for
+# normal noise 1.3 standard deviations; eight of them are ten of those, whatever a tenth of jumps adds.
+USUAL, BEYOND = 0.8, 8.0
+
+
+def check_numbers(time: Array, points: Array, where: str) -> None:
+    """Raise InputError for NaN or infinity and for times that do not increase."""
+    wrong = np.flatnonzero(~np.isfinite(np.column_stack([time, points])).all(axis=1))
+    if len(wrong):
+        raise InputError(
+            f"{where}: sample {wrong[0] + 1} is no number: time {time[wrong[0]]:g} s, "
+            f"x, y, z = {_told(points[wrong[0]])}"
+            + (f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""),
+            allowed="numbers in all rows",
+            remedy="leave these rows out, or record the motion again",
+        )
+    late = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(late):
+        k = late[0]
+        raise InputError(
+            f"{where}: time does not increase: sample {k + 1} is at {time[k]:.9g} s, "
+            f"the next at {time[k + 1]:.9g} s",
+            allowed="times that increase from each sample to the next",
+            remedy="sort the rows, and keep one of each time",
+        )
+
+
+def check_samples(time: Array, points: Array, tolerance: float, where: str) -> None:
+    """Raise InputError for too few samples, gaps and jumps; `tolerance` [m]: a jump of no concern."""
+    if len(time) < LEAST_SAMPLES:
+        raise InputError(
+            f"{where}: {len(time)} samples",
+            allowed=f"at least {LEAST_SAMPLES}, of which a tenth at a time is left out to choose the knots",
+            remedy='record more often, or take them as points: kind = "waypoints"',
+        )
+    steps = np.diff(time)
+    usual, longest = float(np.median(steps)), int(np.argmax(steps))
+    if steps[longest] > GAP * usual:
+        raise InputError(
+            f"{where}: a gap of {steps[longest]:.3g} s after {time[longest]:.6g} s, where the usual "
+            f"step is {usual:.3g} s",
+            allowed=f"steps of at most {GAP:g} times the usual one",
+            remedy="fill it in, or cut the file there into two",
+        )
+    before, after = steps[:-1], steps[1:]
+    between = (after[:, np.newaxis] * points[:-2] + before[:, np.newaxis] * points[2:]) / (before + after)[
+        :, np.newaxis
+    ]
+    off = np.linalg.norm(points[1:-1] - between, axis=1)
+    bound = tolerance + 0.5 * HARDEST * before * after + BEYOND * np.quantile(off, USUAL)
+    worst = int(np.argmax(off / bound))
+    if off[worst] > bound[worst]:
+        raise InputError(
+            f"{where}: a jump at {time[worst + 1]:.6g} s: sample {worst + 2} lies {1e3 * off[worst]:.3g} mm "
+            "beside the line between its neighbours",
+            allowed=f"at most {1e3 * bound[worst]:.3g} mm there: {HARDEST:g} m/s² and the noise of this file",
+            remedy="leave such samples out, or record the motion again",
+        )
+
+
+def _told(point: Array) -> str:
+    return ", ".join(f"{number:g}" for number in point)
