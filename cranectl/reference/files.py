@@ -15,6 +15,7 @@ from cranectl.support.errors import InputError, unknown_name
 
 MAX_BYTES = 32 * 2**20  # of a table; ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP, PARQUET = b"\x89MCAP", b"PAR1"
+MOST_ROWS = 2_000_000
 SEPARATORS = ",;\t"
 FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
@@ -73,10 +74,8 @@ def read_motion(path: Path, settings: FromFile, wanted: Sequence[str], where: st
             remedy="leave out columns and samples, or write it as Parquet",
         )
     factors = _factors(settings, wanted, where)
-    table = _parsed(content, where)
-    columns = {
-        kind: factors[kind] * _numbers(table, getattr(settings.columns, kind), kind, where) for kind in wanted
-    }
+    read = _read(content, {kind: getattr(settings.columns, kind) for kind in wanted}, where)
+    columns = {kind: factors[kind] * numbers for kind, numbers in read.items()}
     return Motion(_signed(columns, settings), path.name, digest(content), content)
 
 
@@ -94,50 +93,63 @@ def _factors(settings: FromFile, wanted: Sequence[str], where: str) -> dict[str,
     return {kind: FACTORS[getattr(settings.units, quantity)] for kind, quantity in quantities.items()}
 
 
-def _parsed(content: bytes, where: str) -> Any:
-    """The table in a CSV or Parquet file."""
+def _read(content: bytes, named: Mapping[str, str], where: str) -> dict[str, Array]:
+    """The columns of a CSV or Parquet file, by what they are."""
     import pyarrow as pa
-    from pyarrow import csv, parquet
 
     try:
-        if content[: len(PARQUET)] == PARQUET:
-            return parquet.read_table(pa.BufferReader(content))
-        first = content.splitlines()[0].decode("utf-8-sig")
-        separator = max(SEPARATORS, key=first.count)
-        options = csv.ParseOptions(delimiter=separator)
-        decimal = "," if separator == ";" and b"." not in content else "."
-        return csv.read_csv(
-            pa.BufferReader(content),
-            parse_options=options,
-            convert_options=csv.ConvertOptions(decimal_point=decimal),
-        )
-    except (pa.ArrowException, OSError, ValueError, IndexError) as error:
+        table = _parquet(content, named, where) if content[:4] == PARQUET else _csv(content, named, where)
+        columns = {kind: table[name] for kind, name in named.items()}
+    except (pa.ArrowException, KeyError, OSError, ValueError, IndexError) as error:
         raise InputError(
             f"cannot read {where}: {error}",
             allowed="a CSV file with the names of its columns in the first line, a Parquet file, or a log",
             remedy="write the file again",
         ) from None
+    for kind, column in columns.items():
+        if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
+            raise InputError(
+                f"{where}: column '{named[kind]}' holds {column.type}",
+                allowed="numbers",
+                remedy="write numbers, with a point before decimals, or with ; between columns and a comma",
+            )
+    return {kind: column.to_numpy().astype(np.float64) for kind, column in columns.items()}
 
 
-def _numbers(table: Any, name: str, kind: str, where: str) -> Array:
+def _csv(content: bytes, named: Mapping[str, str], where: str) -> Any:
     import pyarrow as pa
+    from pyarrow import csv
 
-    if name not in table.column_names:
-        error = unknown_name("column", name, table.column_names)
-        raise InputError(
-            f"{where}: {error.found}, for {kind}",
-            allowed=error.allowed,
-            remedy=error.remedy if "mean" in error.remedy else f"map it: columns = {{{kind} = '…'}}",
-        )
-    column = table[name]
-    if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
-        raise InputError(
-            f"{where}: column '{name}' holds {column.type}",
-            allowed="numbers",
-            remedy="write numbers, with a point before decimals, or with ; between columns and a comma",
-        )
-    numbers: Array = column.to_numpy().astype(np.float64)
-    return numbers
+    separator = max(SEPARATORS, key=content.splitlines()[0].decode("utf-8-sig").count)
+    decimal = "," if separator == ";" and b"." not in content else "."
+    table = csv.read_csv(
+        pa.BufferReader(content),
+        parse_options=csv.ParseOptions(delimiter=separator),
+        convert_options=csv.ConvertOptions(decimal_point=decimal),
+    )
+    table = table.rename_columns([name.strip("# ") for name in table.column_names])
+    _check_names(table.column_names, named, where)
+    return table
+
+
+def _parquet(content: bytes, named: Mapping[str, str], where: str) -> Any:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    file = parquet.ParquetFile(pa.BufferReader(content))
+    if file.metadata.num_rows > MOST_ROWS:
+        raise ValueError(f"it has {file.metadata.num_rows} rows, more than {MOST_ROWS}")
+    _check_names(file.schema_arrow.names, named, where)
+    return file.read(columns=list(named.values()))
+
+
+def _check_names(names: Sequence[str], named: Mapping[str, str], where: str) -> None:
+    for kind, name in named.items():
+        if name not in names:
+            error = unknown_name("column", name, names, remedy=f"map it: columns = {{{kind} = '…'}}")
+            raise InputError(
+                f"{where}: {error.found}, for {kind}", allowed=error.allowed, remedy=error.remedy
+            )
 
 
 def _signed(columns: dict[str, Array], settings: FromFile) -> dict[str, Array]:

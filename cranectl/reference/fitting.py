@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_matrix
 
 from cranectl.reference.time_laws import spline
@@ -26,6 +26,7 @@ BLOCK = 5  # samples left out together, so that noise with some memory cannot fo
 GROWTH = 1.2  # from one number of spans to the next that is tried
 RISES = 3  # worse by GROWTH so many times in a row: finer knots only follow noise
 DRAWS = 200
+RIDGE = 1e-13
 BAND = 0.975  # quantile: of the magnitude's upper end
 
 
@@ -64,12 +65,14 @@ class Recorded:
         """Mean square of the distance [m²] of each fold from the spline near all the others (FOLDS,)."""
         design = self._design(spans)
         parts = [design[fold] for fold in self._folds]
-        grams = [(part.T @ part).toarray() for part in parts]
+        grams = [_banded(part) for part in parts]
         sides = [part.T @ self.points[fold] for part, fold in zip(parts, self._folds, strict=True)]
         gram, side = sum(grams), sum(sides)
         found = []
         for part, fold, own, right in zip(parts, self._folds, grams, sides, strict=True):
-            coefficients = np.linalg.lstsq(gram - own, side - right)[0]
+            remaining = gram - own
+            remaining[NEAR] += RIDGE * gram[NEAR].max()  # where a fold has all samples of a span
+            coefficients = _solve(cholesky_banded(remaining), side - right)
             found.append(((part @ coefficients - self.points[fold]) ** 2).sum(axis=1).mean())
         return np.array(found)
 
@@ -100,15 +103,15 @@ class Recorded:
         fixed = np.zeros((known, 3)) if start is None else start[np.newaxis]
         rest = design[:, known:]
         side = self.points - design[:, :known] @ fixed
-        factor = cho_factor((rest.T @ rest).toarray())
-        free = np.vstack([fixed, cho_solve(factor, rest.T @ side)])
+        factor = cholesky_banded(_banded(rest))
+        free = np.vstack([fixed, _solve(factor, rest.T @ side)])
         residual = self.points - design @ free
         breaks = _breaks(self.time[-1], spans)
         # Signs at random, a block together: keeps how large the noise was there, and for how long it lasts.
         signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(DRAWS, self._block[-1] + 1))
         drawn = [
             np.vstack(
-                [np.zeros_like(fixed), cho_solve(factor, rest.T @ (sign[self._block, np.newaxis] * residual))]
+                [np.zeros_like(fixed), _solve(factor, rest.T @ (sign[self._block, np.newaxis] * residual))]
             )
             for sign in signs
         ]
@@ -139,6 +142,20 @@ class Fit:
         """Standard error of its first point (3,) [m]."""
         error: Array = np.std([curve.c[0] for curve in self.drawn], axis=0)
         return error
+
+
+def _banded(design: csr_matrix) -> Array:
+    """The matrix of the normal equations, its diagonals as SciPy has them."""
+    gram = design.T @ design
+    bands = np.zeros((NEAR + 1, gram.shape[0]))
+    for k in range(min(NEAR + 1, gram.shape[0])):
+        bands[NEAR - k, k:] = gram.diagonal(k)
+    return bands
+
+
+def _solve(factor: Array, side: Array) -> Array:
+    solution: Array = cho_solve_banded((factor, False), side)
+    return solution
 
 
 def _breaks(end: float, spans: int) -> Array:

@@ -11,12 +11,13 @@ from cranectl.reference.fitting import Fit, Recorded, through_points
 from cranectl.reference.sanity import check_numbers, check_samples
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import MOST_POINTS, MOST_SPANS, Samples, Spline, WayPoints
+from cranectl.scenario.settings import parse_settings
 from cranectl.scenario.tables import TO_START, FitNumbers, FromFile
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 NEGLIGIBLE = 0.2  # of the error below which a load counts as settled: 1 mm on the laboratory rig
-EXACT = 1e-4  # of that: a leave-out error below which no finer knots are tried, 0.1 µm
+EXACT = 1e-4  # of that, 0.1 µm: below it knots would follow what is left of a simulated load's swing
 BAND_POINTS = 16  # in each span, where the band is looked at
 
 
@@ -38,9 +39,17 @@ def way_points(segment: WayPoints, start: Array, scenario: Scenario, directory: 
     check_numbers(np.arange(len(points), dtype=np.float64), points, where)
     time = _times(segment, motion, points, where)
     check_numbers(time, points, where)
+    _check_length(time, scenario, where)
     points = _moved(points, points[0], segment, start, scenario, np.zeros(3), where)
     points[0] = start
-    curve = through_points(time - time[0], points)
+    time = time - time[0]
+    curve = through_points(time, points)
+    if not np.abs(curve(time) - points).max() < EXACT * _negligible(scenario):
+        raise InputError(
+            f"{where}: no spline of degree 9 can be computed through points so uneven in time",
+            allowed=f"steps of time alike: now {np.diff(time).min():.2g} to {np.diff(time).max():.2g} s",
+            remedy="leave out points that are close together, or add some between those far apart",
+        )
     check_demand([curve], scenario, where)
     return _segment(segment, curve, motion)
 
@@ -52,17 +61,34 @@ def samples(segment: Samples, start: Array, scenario: Scenario, directory: Path,
     tolerance = _negligible(scenario)
     check_numbers(motion.columns["time"], motion.points, where)
     check_samples(motion.columns["time"], motion.points, tolerance, where)
+    _check_length(motion.columns["time"], scenario, where)
     time = motion.columns["time"] - motion.columns["time"][0]
     recorded = Recorded(time, motion.points)
     spans = segment.spans or recorded.best_spans(MOST_SPANS, EXACT * tolerance)
-    free = recorded.fitted(spans)
+    try:
+        free = recorded.fitted(spans)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            f"{where}: {len(time)} samples do not determine a spline of {spans} spans",
+            allowed="samples in every span",
+            remedy="leave out spans: it is chosen then, or take fewer",
+        ) from None
     points = _moved(motion.points, free.curve.c[0], segment, start, scenario, free.start_error(), where)
     recorded = Recorded(time, points)
     fit = recorded.fitted(spans, start)
     at = np.linspace(0.0, time[-1], BAND_POINTS * spans + 1)
-    check_demand([fit.curve], scenario, where)
-    check_demand(fit.drawn, scenario, where, at)
+    check_demand((fit.curve, *fit.drawn), scenario, where, at)
     return _segment(segment, fit.curve, motion, _numbers(fit, recorded, spans, at))
+
+
+def _check_length(time: Array, scenario: Scenario, where: str) -> None:
+    length = time[-1] - time[0]
+    if length > scenario.duration * (1.0 + 1e-12):
+        raise InputError(
+            f"{where} lasts {length:.6g} s, longer than the run, {scenario.duration:g} s",
+            allowed="a run that its reference fits into",
+            remedy=f"duration = {np.ceil(length):g} or more, or correct units.time",
+        )
 
 
 def _times(segment: WayPoints, motion: Motion | None, points: Array, where: str) -> Array:
@@ -141,12 +167,15 @@ def _numbers(fit: Fit, recorded: Recorded, spans: int, at: Array) -> FitNumbers:
 def _segment(
     segment: WayPoints | Samples, curve: BSpline, motion: Motion | None, fit: FitNumbers | None = None
 ) -> Spline:
-    return Spline(
-        kind="spline",
-        degree=curve.k,
-        breaks=tuple(np.unique(curve.t).tolist()),
-        coefficients=tuple(map(tuple, curve.c.tolist())),
-        made_from=segment.model_dump(mode="json", exclude_defaults=True),
-        source=motion.source if motion else None,
-        fit=fit,
-    ).holding(motion.held if motion else b"")
+    made = {
+        "kind": "spline",
+        "degree": curve.k,
+        "breaks": np.unique(curve.t).tolist(),
+        "coefficients": curve.c.tolist(),
+        "made_from": segment.model_dump(mode="json", exclude_defaults=True),
+        "source": motion.source if motion else None,
+        "fit": fit,
+    }
+    return parse_settings(Spline, made, f"the spline of {segment.kind}").holding(
+        motion.held if motion else b""
+    )

@@ -6,6 +6,7 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 LEAST_SAMPLES = 50  # ten folds of five to leave out
+NEAR_END = 10  # samples, or more within 0.1 s
 GAP = 5.0  # of the usual step
 # [m/s²]; of a load, between three neighbours: four times what a drive's ramp usually is
 HARDEST = 16.0
@@ -67,6 +68,24 @@ def check_samples(time: Array, points: Array, tolerance: float, where: str) -> N
             allowed=f"at most {1e3 * bound[worst]:.3g} mm there: {HARDEST:g} m/s² and the noise of this file",
             remedy="leave such samples out, or record the motion again",
         )
+    check_rest(time, points, tolerance, where)
+
+
+def check_rest(time: Array, points: Array, tolerance: float, where: str) -> None:
+    """Raise InputError for samples that begin or end in motion: a spline at rest there could not be near."""
+    count = max(NEAR_END, int(np.searchsorted(time, time[0] + 0.1)))
+    for end, part in (("begin", slice(None, count)), ("end", slice(-count, None))):
+        own = time[part] - time[part].mean()
+        away = points[part] - points[part].mean(axis=0)
+        speed = own @ away / (own @ own)
+        noise = np.linalg.norm((away - np.outer(own, speed)).std(axis=0))
+        moved = np.linalg.norm(speed) * np.ptp(own)
+        if moved > tolerance + 4.0 * np.sqrt(12.0 / count) * noise:  # its standard error
+            raise InputError(
+                f"{where}: the samples {end} in motion, with {np.linalg.norm(speed):.3g} m/s",
+                allowed="a motion from rest to rest",
+                remedy="record it with a rest before and after, or cut it there",
+            )
 
 
 def _told(point: Array) -> str:

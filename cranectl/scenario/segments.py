@@ -201,6 +201,9 @@ class Spline(Settings):
         """[s]."""
         return self.breaks[-1]
 
+    def __hash__(self) -> int:
+        return hash((self.degree, self.breaks, self.coefficients))  # a table has no hash
+
     @property
     def held(self) -> bytes:
         """What a log attaches of `source`."""

@@ -1,0 +1,51 @@
+"""Files that a hand, a tool or a run could have written, and scenarios that take them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import parquet
+
+from cranectl.reference import load_scenario
+from cranectl.reference.time_laws import progress
+from cranectl.scenario import Scenario
+
+START = np.array([0.4, 0.5, -0.6])
+TO = np.array([1.2, 0.9, -0.9])
+SAMPLES = """
+kind = "samples"
+file = "teach.csv"
+columns = {time = "t", x = "X", y = "Y", z = "Z"}
+units = {time = "ms", length = "mm"}
+"""
+
+
+def motion(seconds: float = 8.0, rate: float = 50.0, noise: float = 0.0) -> np.ndarray:
+    """Times [s] and load positions [m] (N, 4) of a line from START to TO."""
+    time = np.arange(0.0, seconds + 1e-9, 1.0 / rate)
+    points = START + progress("degree-9", time, seconds)[0][:, np.newaxis] * (TO - START)
+    return np.column_stack([time, points + np.random.default_rng(0).normal(0.0, noise, points.shape)])
+
+
+def write_csv(path: Path, rows: np.ndarray, *, header: str = "t,X,Y,Z", comma: str = ".") -> None:
+    """Milliseconds and millimetres."""
+    separator = ";" if comma == "," else ","
+    lines = [separator.join(f"{1e3 * number:.4f}".replace(".", comma) for number in row) for row in rows]
+    path.write_text("\n".join([header.replace(",", separator), *lines, ""]), encoding="utf-8")
+
+
+def write_parquet(path: Path, rows: np.ndarray) -> None:
+    table = {name: 1e3 * column for name, column in zip(("t", "X", "Y", "Z"), rows.T, strict=True)}
+    parquet.write_table(pa.table(table), path)
+
+
+def scenario_of(directory: Path, segment: str, **changes: Any) -> Scenario:
+    """The scenario of one segment, planned."""
+    path = directory / "taken.toml"
+    start = changes.pop("start", START.tolist())
+    path.write_text(
+        f'name = "taken"\nduration = 10.0\n[reference]\nstart = {start}\n[[reference.segments]]\n{segment}',
+        encoding="utf-8",
+    )
+    return load_scenario(path, overrides=[f"{name}={value}" for name, value in changes.items()])

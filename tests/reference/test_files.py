@@ -1,0 +1,179 @@
+"""What files become: mapped, in their units; and what is refused, by name, with a remedy."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.reference import build_trajectory
+from cranectl.scenario import Scenario
+from cranectl.scenario.segments import Spline
+from cranectl.support.errors import InputError
+from tests.reference.recordings import SAMPLES, motion, scenario_of, write_csv, write_parquet
+
+TIME = np.linspace(0.0, 8.0, 801)
+
+
+def positions(scenario: Scenario) -> np.ndarray:
+    return build_trajectory(scenario.reference).sample(TIME)[:, :3]
+
+
+def truth() -> np.ndarray:
+    return motion(rate=100.0)[:, 1:]
+
+
+@pytest.mark.parametrize(
+    ("write", "segment"),
+    [
+        (write_csv, SAMPLES),
+        (lambda path, rows: write_csv(path, rows, comma=","), SAMPLES),
+        (lambda path, rows: write_csv(path, rows, header="# t, X, Y, Z"), SAMPLES),
+        (write_parquet, SAMPLES),
+        (lambda path, rows: write_csv(path, rows * [1, 1, -1, 1] + [9, 0, 1, 0]),
+         f"{SAMPLES}signs = [1, -1, 1]\noffset = [0.0, 1.0, 0.0]"),
+        (lambda path, rows: write_csv(path, 1.0 * rows + [9, 1, 2, 3]), f"{SAMPLES}offset = 'to-start'"),
+        (lambda path, rows: write_csv(path, rows[::20]), SAMPLES.replace("samples", "waypoints")),
+    ],
+    ids=["csv", "decimal comma", "comment", "parquet", "signs and offset", "to start", "way points"],
+)  # fmt: skip
+def test_a_file_becomes_its_motion(
+    tmp_path: Path, write: Callable[[Path, np.ndarray], None], segment: str
+) -> None:
+    write(tmp_path / "teach.csv", motion())
+    # Written to 0.1 µm; through a spline of degree 7 with at most 133 spans that is what remains.
+    assert positions(scenario_of(tmp_path, segment)) == pytest.approx(truth(), abs=2e-6)
+
+
+POINTS = (
+    "kind = 'waypoints'\npoints = [[0.4, 0.5, -0.6], [0.4, 0.9, -0.6], [0.8, 0.9, -0.6], [0.8, 0.5, -0.6]]"
+)
+
+
+@pytest.mark.parametrize(
+    ("timing", "breaks"),
+    [
+        ("times = [3.0, 5.0, 6.5, 9.0]", [0.0, 2.0, 3.5, 6.0]),
+        ("speed = 0.2", [0.0, 4.0, 6.0, 10.0]),  # at rest at both ends, where half of it is the mean
+        ("speed = [0.0, 0.4, 0.4, 0.0]", [0.0, 2.0, 3.0, 5.0]),
+    ],
+)
+def test_way_points_are_passed_when_they_are_to_be(tmp_path: Path, timing: str, breaks: list[float]) -> None:
+    scenario = scenario_of(tmp_path, f"{POINTS}\n{timing}")
+    (spline,) = scenario.reference.segments
+    assert isinstance(spline, Spline)
+    assert spline.breaks == pytest.approx(breaks)
+    passed = build_trajectory(scenario.reference).sample(np.array(spline.breaks))[:, :3]
+    assert passed == pytest.approx(np.array(spline.made_from["points"]), abs=1e-12)
+
+
+def test_speeds_can_be_a_column(tmp_path: Path) -> None:
+    text = "X,Y,Z,v\n400,500,-600,0\n400,900,-600,24\n800,900,-600,24\n800,500,-600,0\n"
+    (tmp_path / "teach.csv").write_text(text)
+    columns = "columns = {x = 'X', y = 'Y', z = 'Z', speed = 'v'}"
+    units = "units = {length = 'mm', speed = 'm/min'}"
+    segment = f"kind = 'waypoints'\nfile = 'teach.csv'\n{columns}\n{units}"
+    (spline,) = scenario_of(tmp_path, segment).reference.segments
+    assert spline.duration == pytest.approx(5.0)
+
+
+def spoiled(row: int, column: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
+    def spoil(rows: np.ndarray) -> np.ndarray:
+        rows[row, column] = value
+        return rows
+
+    return spoil
+
+
+def same(rows: np.ndarray) -> np.ndarray:
+    return rows
+
+
+def noisy(rows: np.ndarray) -> np.ndarray:
+    return rows + [0, 4e-3, 0, 0] * np.random.default_rng(2).normal(size=rows.shape)
+
+
+AT_ONCE = {"kind": "waypoints", "speed": 1.0, "times": "[1.0]"}
+WRONG = {
+    "time stands": (spoiled(7, 0, 0.12), {}, "time does not increase: sample 7 is at 0.12 s", "sort"),
+    "not a number": (spoiled(7, 2, np.nan), {}, "sample 8 is no number", "leave these rows out"),
+    "infinite": (spoiled(7, 2, np.inf), {}, "sample 8 is no number", "leave these rows out"),
+    "gap": (lambda rows: np.delete(rows, slice(100, 106), axis=0), {}, "a gap of 0.14 s after 1.98", "fill"),
+    "spike": (spoiled(70, 3, -0.5), {}, "a jump at 1.4 s: sample 71 lies", "leave such samples out"),
+    "few": (lambda rows: rows[::10], {}, "41 samples", "waypoints"),
+    "in motion": (lambda rows: rows[100:], {}, "the samples begin in motion, with", "rest"),
+    "elsewhere": (
+        lambda rows: rows + np.array([0, 0, 0.05, 0]),
+        {},
+        "starts at [0.4000, 0.5500",
+        "start = [0.4000",
+    ),
+    "long": (lambda rows: rows * [2, 1, 1, 1], {}, "lasts 16 s, longer than the run", "duration = 16"),
+    "fast": (lambda rows: rows * [0.15, 1, 1, 1], {}, "set-point of the bridge for", "more time"),
+    "noisy": (noisy, {"spans": 100}, "the upper end of what its noise leaves open", "fewer knots"),
+    "all knots": (same, {"spans": 900}, "do not determine a spline of 900 spans", "fewer"),
+    "no unit": (same, {"units": "{length = 'mm'}"}, "the unit of time is not given", "units = {time = 's'"),
+    "odd unit": (same, {"units.length": "inch"}, "units.length = 'inch'", ""),
+    "no column": (same, {"columns.z": "ZZ"}, "unknown column 'ZZ'", "mean 'Z'?"),
+    "no file": (same, {"file": "tech.csv"}, "cannot read", "name such a file"),
+    "timed twice": (same, AT_ONCE, "a segment of kind 'waypoints' takes its times from", ""),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_cannot_be_meant_is_refused(tmp_path: Path, case: str) -> None:
+    spoil, changes, found, remedy = WRONG[case]
+    write_csv(tmp_path / "teach.csv", spoil(motion()))
+    with pytest.raises(InputError) as error:
+        scenario_of(tmp_path, SAMPLES, **{f"reference.segments.0.{key}": to for key, to in changes.items()})
+    assert found in error.value.found
+    assert remedy in error.value.remedy
+    assert "segment" in error.value.found
+    assert error.value.allowed or not remedy
+
+
+def test_what_noise_leaves_open_counts(tmp_path: Path) -> None:
+    """Both fits ask the bridge for 0.110 m/s²; the noisy one could as well ask for more."""
+    limits = {"reference.segments.0.spans": 8, "effects.limits.acceleration": [0.1105, 4.0, 6.0]}
+    write_csv(tmp_path / "teach.csv", motion())
+    assert scenario_of(tmp_path, SAMPLES, **limits).reference.planned
+    write_csv(tmp_path / "teach.csv", noisy(motion()))
+    with pytest.raises(InputError, match="upper end"):
+        scenario_of(tmp_path, SAMPLES, **limits)
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"", "is empty"),
+        (b"\xff\xfe\x00\x01", "cannot read"),
+        (b"PAR1 and no more", "cannot read"),
+        (b"\x89MCAP0\r\n and no more", "is truncated"),
+        (b"t,X,Y,Z\n1,2\n", "cannot read"),
+        (b"t,X,X,Z\n1,2,3,4\n", "unknown column 'Y'"),
+        (b"t,X,Y,Z\nnow,2,3,4\n", "column 't' holds string"),
+        (b"t,X,Y,Z\n", "column 't' holds null"),
+    ],
+)
+def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes, found: str) -> None:
+    (tmp_path / "teach.csv").write_bytes(content)
+    with pytest.raises(InputError) as error:
+        scenario_of(tmp_path, SAMPLES)
+    assert found in error.value.found
+
+
+def test_points_that_take_no_time_are_refused(tmp_path: Path) -> None:
+    segment = POINTS.replace("[0.8, 0.9", "[0.4, 0.9").replace("-0.6], [0.8", "-0.6], [0.8")
+    with pytest.raises(InputError, match="no way from point 2 to the next"):
+        scenario_of(tmp_path, f"{segment}\nspeed = 0.2")
+    with pytest.raises(InputError, match="2 times for 4 points"):
+        scenario_of(tmp_path, f"{POINTS}\ntimes = [0.0, 1.0]")
+
+
+def test_the_command_line_says_so_with_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_csv(tmp_path / "teach.csv", motion())
+    scenario_of(tmp_path, SAMPLES)
+    (tmp_path / "teach.csv").unlink()
+    assert main(["run", str(tmp_path / "taken.toml"), "--out", str(tmp_path / "a.mcap")]) == 2
+    assert "segments.0" in capsys.readouterr().err

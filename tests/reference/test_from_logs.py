@@ -1,0 +1,138 @@
+"""A run's log as a reference, and a log that holds the file its reference was made from."""
+
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.analysis.levels import replace_effects
+from cranectl.campaign.definition import sampled_scenario
+from cranectl.cli.main import main
+from cranectl.log import describe_log, read_log, write_log
+from cranectl.reference import build_trajectory
+from cranectl.scenario import Scenario
+from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.scenario.held_files import held_files, with_files
+from cranectl.scenario.segments import Spline
+from cranectl.scenario.settings import parse_settings
+from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import InputError
+from tests.campaign.campaigns import MASS, campaign
+from tests.reference.recordings import SAMPLES, START, TO, motion, scenario_of, write_csv
+
+OF_LOG = "kind = 'samples'\nfile = 'run.mcap'\n"
+
+
+@pytest.fixture(scope="module")
+def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
+    directory = tmp_path_factory.mktemp("logged")
+    scenario = scenario_of(directory, f"kind = 'line'\nto = {TO.tolist()}\nduration = 6.0", duration=8.0)
+    run = simulate_run(scenario, plant="analytic")
+    return write_log(directory / "run.mcap", [run]).parent, run
+
+
+@pytest.fixture(scope="module")
+def taught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
+    directory = tmp_path_factory.mktemp("taught")
+    write_csv(directory / "teach.csv", motion(2.0, noise=1e-4))
+    return directory, simulate_run(scenario_of(directory, SAMPLES, duration=2.0), plant="analytic")
+
+
+@pytest.mark.parametrize(
+    ("topic", "position", "snap"),
+    [
+        # Knots are refined to 0.1 µm; z'''' errs by 8 % of its peak in the span where the rest begins and
+        # the law of degree 9 has a kink in it.
+        ("reference/load", 5e-7, 0.1),
+        # What the plant made of it: sampling at 1 ms costs 31 µm.
+        ("analytic/load", 4e-5, 0.1),
+    ],
+)
+def test_what_a_log_has_is_driven_again(
+    logged: tuple[Path, Run], topic: str, position: float, snap: float
+) -> None:
+    directory, run = logged
+    scenario = scenario_of(directory, f"{OF_LOG}topic = '{topic}'")
+    rows = build_trajectory(scenario.reference).sample(run.time_ns / 1e9)
+    assert rows[:, :3] == pytest.approx(run.reference[:, :3], abs=position)
+    peak = np.abs(run.reference[:, 12:]).max()
+    assert np.abs(rows[:, 12:] - run.reference[:, 12:]).max() < snap * peak
+    assert simulate_run(scenario, plant="analytic").status.label == "completed"
+
+
+def test_an_unknown_topic_lists_those_of_loads(logged: tuple[Path, Run]) -> None:
+    with pytest.raises(InputError) as error:
+        scenario_of(logged[0], f"{OF_LOG}topic = 'analytic/laod'")
+    assert "unknown topic 'analytic/laod'" in error.value.found
+    assert error.value.allowed == "analytic/flat_output, analytic/load, reference/load"
+    assert "'analytic/load'?" in error.value.remedy
+
+
+def test_the_log_holds_the_file_and_replays_to_the_bit(taught: tuple[Path, Run], tmp_path: Path) -> None:
+    directory, run = taught
+    content = (directory / "teach.csv").read_bytes()
+    first = write_log(tmp_path / "first.mcap", [run])
+    again = read_log(first)["analytic"].scenario
+    assert again == run.scenario
+    assert list(held_files(again).values()) == [content]
+    second = write_log(tmp_path / "second.mcap", [simulate_run(again, plant="analytic")])
+    assert second.read_bytes() == first.read_bytes()
+    (name,) = (name for name in describe_log(second).attachments if name.startswith("reference/"))
+    assert name.endswith("-teach.csv")
+
+
+def test_of_a_log_the_columns_taken_are_held(logged: tuple[Path, Run], tmp_path: Path) -> None:
+    scenario = scenario_of(logged[0], OF_LOG)
+    (content,) = held_files(scenario).values()
+    assert len(content) < 0.2 * (logged[0] / "run.mcap").stat().st_size
+    (tmp_path / "columns.parquet").write_bytes(content)
+    segment = "kind = 'samples'\nfile = 'columns.parquet'\nunits = {time = 's', length = 'm'}"
+    again = scenario_of(tmp_path, segment).reference.segments[0]
+    taken = scenario.reference.segments[0]
+    assert isinstance(again, Spline)
+    assert isinstance(taken, Spline)
+    assert again.coefficients == taken.coefficients
+
+
+def table_and_back(scenario: Scenario) -> Scenario:
+    read = parse_settings(Scenario, scenario.model_dump(mode="json"), "a table")
+    return with_files(read, held_files(scenario))
+
+
+def sampled(scenario: Scenario) -> Scenario:
+    return sampled_scenario(replace(campaign({"rig.load_mass": MASS}), nominal=scenario), [1.2])
+
+
+@pytest.mark.parametrize(
+    "travel",
+    [
+        lambda scenario: pickle.loads(pickle.dumps(scenario)),
+        lambda scenario: replace_effects(scenario, NO_EFFECTS),
+        table_and_back,
+        sampled,
+    ],
+    ids=["to a worker", "with effects", "by a table", "to a sample"],
+)
+def test_the_file_travels_with_its_scenario(
+    taught: tuple[Path, Run], travel: Callable[[Scenario], Any]
+) -> None:
+    scenario = taught[1].scenario
+    assert held_files(travel(scenario)) == held_files(scenario) != {}
+
+
+def test_info_tells_where_the_reference_is_from(
+    taught: tuple[Path, Run], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = write_log(tmp_path / "run.mcap", [taught[1]])
+    assert main(["info", str(log)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    (spline,) = taught[1].scenario.reference.segments
+    assert isinstance(spline, Spline)
+    assert spline.fit is not None
+    assert "segment 0: samples from teach.csv (SHA-256" in told
+    assert f"attached): 101 samples, {spline.fit.spans} spans; samples left out are" in told
+    assert START.tolist() == list(spline.coefficients[0])
