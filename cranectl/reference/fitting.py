@@ -67,7 +67,7 @@ class Recorded:
         parts = [design[fold] for fold in self._folds]
         grams = [_banded(part) for part in parts]
         sides = [part.T @ self.points[fold] for part, fold in zip(parts, self._folds, strict=True)]
-        gram, side = sum(grams), sum(sides)
+        gram, side = np.sum(grams, axis=0), np.sum(sides, axis=0)
         found = []
         for part, fold, own, right in zip(parts, self._folds, grams, sides, strict=True):
             remaining = gram - own
