@@ -8,7 +8,7 @@ import numpy as np
 from cranectl.reference.given import samples, way_points
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario, Segment, read_scenario, scenario_file
-from cranectl.scenario.segments import Samples, WayPoints, is_planned, seconds
+from cranectl.scenario.segments import Arc, Line, Move, Samples, WayPoints, is_planned, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -55,7 +55,9 @@ def _planned(segment: Segment, start: Array, scenario: Scenario, directory: Path
         return way_points(segment, start, scenario, directory, where)
     if isinstance(segment, Samples):
         return samples(segment, start, scenario, directory, where)
-    raise InputError(
-        f"{where}: nothing plans a segment of kind '{segment.kind}' from {start.tolist()} in {scenario.name}",
-        remedy=f"look beside {directory}",
-    )
+    from cranectl.reference.planning.plan import planned_along, planned_move  # a solver: as it is needed
+
+    if isinstance(segment, Move):
+        return planned_move(segment, start, scenario, where)
+    assert isinstance(segment, Line | Arc)
+    return planned_along(segment, start, scenario, where)

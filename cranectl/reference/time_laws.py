@@ -42,9 +42,10 @@ def derivatives(curve: BPoly | BSpline) -> tuple[BPoly | BSpline, ...]:
     return tuple(curve if order == 0 else curve.derivative(order) for order in range(5))
 
 
-def time_law(law: Law, tau: Array) -> Array:
-    """S and its first four derivatives with respect to tau, shape (5, len(tau))."""
-    return np.array([polynomial(tau) for polynomial in _polynomials(law)])
+def time_law(law: Law, tau: Array, orders: int = 5) -> Array:
+    """S and its first derivatives with respect to tau, shape (orders, len(tau)); orders up to 6."""
+    curves = _polynomials(law)
+    return np.array([curve(tau) for curve in (*curves, curves[4].derivative())[:orders]])
 
 
 def progress(law: Law, time: Array, duration: float) -> Array:

@@ -1,0 +1,68 @@
+"""Numbers that carry their derivatives with respect to some inputs: forward differentiation over arrays."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cranectl.support.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Gradient:
+    """Values at N points, and at each their gradient with respect to M inputs."""
+
+    value: Array  # (N,)
+    slope: Array  # (N, M)
+
+    def __add__(self, other: "Operand") -> "Gradient":
+        if isinstance(other, Gradient):
+            return Gradient(self.value + other.value, self.slope + other.slope)
+        return Gradient(self.value + other, self.slope)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> "Gradient":
+        return Gradient(-self.value, -self.slope)
+
+    def __sub__(self, other: "Operand") -> "Gradient":
+        return self + -other
+
+    def __rsub__(self, other: float) -> "Gradient":
+        return -self + other
+
+    def __mul__(self, other: "Operand") -> "Gradient":
+        if isinstance(other, Gradient):
+            slope = self.value[:, None] * other.slope + other.value[:, None] * self.slope
+            return Gradient(self.value * other.value, slope)
+        return Gradient(self.value * other, self.slope * other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: "Operand") -> "Gradient":
+        if isinstance(other, Gradient):
+            value = self.value / other.value
+            return Gradient(value, (self.slope - value[:, None] * other.slope) / other.value[:, None])
+        return Gradient(self.value / other, self.slope / other)
+
+    def sqrt(self) -> "Gradient":
+        """The square root; of positive values."""
+        value = np.sqrt(self.value)
+        return Gradient(value, self.slope / (2.0 * value[:, None]))
+
+    def cos(self) -> "Gradient":
+        return Gradient(np.cos(self.value), -np.sin(self.value)[:, None] * self.slope)
+
+    def sin(self) -> "Gradient":
+        return Gradient(np.sin(self.value), np.cos(self.value)[:, None] * self.slope)
+
+
+Operand = Gradient | float
+
+
+def inputs(columns: Array) -> list[Gradient]:
+    """Each column of (N, M) as an input."""
+    unit = np.eye(columns.shape[1])
+    return [
+        Gradient(column, np.broadcast_to(row, (len(column), len(row))))
+        for column, row in zip(columns.T, unit, strict=True)
+    ]
