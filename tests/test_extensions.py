@@ -64,7 +64,8 @@ HIGHEST = Metric(
 SEGMENT = """\
 from typing import Literal
 import numpy as np
-from cranectl.scenario.segments import Duration, SegmentKind
+from cranectl.scenario.quantities import Duration
+from cranectl.scenario.segments import SegmentKind
 from cranectl.scenario.settings import Settings
 
 class Bow(Settings):

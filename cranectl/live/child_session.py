@@ -70,6 +70,19 @@ class ChildSession:
         """As of a session."""
         self._ask("pulse", acceleration, seconds)
 
+    def wish(self, velocity: tuple[float, float, float]) -> None:
+        """As of a session."""
+        self._ask("wish", velocity)
+
+    def go(self, point: tuple[float, float, float]) -> None:
+        """As of a session."""
+        self._ask("go", point)
+
+    def driven(self) -> Scenario | None:
+        """As of a session; None also where its process has ended."""
+        scenario: Scenario | None = self._ask("driven")
+        return scenario
+
     def reset(self) -> None:
         """As of a session; in a new process where the one before has ended."""
         if self._child is None:

@@ -18,6 +18,9 @@ import numpy as np
 from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.design import Design, with_gain
+from cranectl.live.wishes import Go, Wish, Wishes, checked_number
+from cranectl.reference import hand_limits
+from cranectl.reference.driven import HandLimits
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import length_scale, rounded
 from cranectl.simulate import PlannedReference, checked_drive, law_of, plan_reference
@@ -63,16 +66,22 @@ class Reset:
     """Start again."""
 
 
-Command = Say | Use | Pulse | Reset
+Command = Say | Use | Pulse | Wish | Go | Reset
 
 
 class Controls:
     """The parameters of a session by name, and the commands that follow from changing them."""
 
     def __init__(
-        self, scenario: Scenario, design: Design | LawDesign, *, drive: str = "ideal", speed: float = 1.0
+        self,
+        scenario: Scenario,
+        design: Design | LawDesign,
+        *,
+        drive: str = "ideal",
+        speed: float = 1.0,
     ) -> None:
         """Raises InputError for a speed that is not allowed."""
+        self._wishes, self._refused = Wishes(), ""
         self._scenario, self._design, self._drive = scenario, design, checked_drive(drive)
         self._lock = threading.Lock()
         self._commands: SimpleQueue[Command] = SimpleQueue()
@@ -106,7 +115,7 @@ class Controls:
 
     def commands(self) -> list[Command]:
         """What has been asked for since the last call."""
-        return list(taken(self._commands))
+        return [*taken(self._commands), *self._wishes.taken()]
 
     def set(self, changes: Mapping[str, object]) -> None:
         """Change parameters by name. A wrong value is refused with a line in the log and changes nothing.
@@ -134,12 +143,39 @@ class Controls:
         """Start the scenario again."""
         self._commands.put(Reset())
 
+    def refuse(self, what: str, allowed: str) -> None:
+        """Say that `what` a client sends is of no use."""
+        self._say(refused(what, InputError("nobody listens", allowed=allowed)), warning=True)
+
+    def wish(self, message: bytes) -> None:
+        """Drive as the Twist in a message says, until the next one comes or none has for too long."""
+        self._steer(self._wishes.hear, message)
+
+    def go(self, message: bytes) -> None:
+        """Drive to the point {x, y, z}."""
+        self._steer(self._wishes.hear_point, message)
+
+    @functools.cached_property
+    def hand_limits(self) -> HandLimits:
+        """Of driving by hand; raises InputError where there is no room for it."""
+        return hand_limits(self._scenario)
+
+    def _steer(self, hear: Callable[[bytes, HandLimits], None], message: bytes) -> None:
+        """What is refused is said once, however often it comes."""
+        refusal = ""
+        try:
+            hear(message, self.hand_limits)
+        except InputError as error:
+            refusal = refused("driving by hand", error)
+        if refusal and refusal != self._refused:
+            self._say(refusal, warning=True)
+        self._refused = refusal
+
     def _try(self, what: str, change: Callable[..., None], *arguments: Any) -> None:
         try:
             change(*arguments)
         except InputError as error:
-            parts = (error.found, error.allowed and f"allowed: {error.allowed}", error.remedy)
-            self._say(f"{printable(what)} refused: {'; '.join(filter(None, parts))}", warning=True)
+            self._say(refused(what, error), warning=True)
 
     def _set(self, name: str, value: object) -> None:
         if name not in self._values:
@@ -189,16 +225,10 @@ def taken(queue: "SimpleQueue[T]") -> Iterator[T]:
             yield queue.get_nowait()
 
 
-def checked_number(name: str, value: object, low: float, high: float) -> float:
-    """`value` as a number from `low` to `high`; raises InputError for anything else."""
-    number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
-    if not low <= number <= high:
-        raise InputError(
-            f"{name} = {value!r}",
-            allowed=f"a number from {low:g} to {high:g}",
-            remedy=f"choose another {name}",
-        )
-    return number
+def refused(what: str, error: InputError) -> str:
+    """What `/log` says of it."""
+    parts = (error.found, error.allowed and f"allowed: {error.allowed}", error.remedy)
+    return f"{printable(what)} refused: {'; '.join(filter(None, parts))}"
 
 
 def _checked_bool(name: str, value: object) -> bool:

@@ -27,14 +27,17 @@ from cranectl.log.writer import (
     outcome_metadata,
     unfinished,
 )
+from cranectl.scenario import Scenario
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.documents import toml_text
 from cranectl.support.errors import LogError
-from cranectl.support.files import check_replaceable, replacing, writing
+from cranectl.support.files import check_replaceable, replacing, write_text, writing
 from cranectl.support.interrupts import interrupts_wait
 
 REMEDY = "choose another place with --record"
 LOCK = ".lock"
+DRIVEN = "driven.toml"  # the scenario that repeats what was driven by hand
 
 
 @contextlib.contextmanager
@@ -127,10 +130,11 @@ class Recorder:
             raise unfinished(path, self._part, error, remedy=REMEDY) from None
         self._before = self._publisher.sent.copy()
 
-    def finish(self, runs: Sequence[Run], completed: bool) -> None:
+    def finish(self, runs: Sequence[Run], completed: bool, driven: Scenario | None = None) -> None:
         """Close the file, which then says how `runs` ended; one of a single sample or none is not kept.
 
-        `completed`: whether runs that have not stopped had reached the end of the scenario. Raises LogError.
+        `completed`: whether runs that have not stopped had reached the end of the scenario. `driven`: the
+        scenario that repeats what was driven, which goes into the file and beside it. Raises LogError.
         """
         if self._file is None:
             return
@@ -146,10 +150,21 @@ class Recorder:
                     status = run.status if run.status.stopped else running
                     outcome = Outcome(status, run.end_ns, samples[run.plant])
                     file.write_metadata(f"run/{run.plant}", outcome_metadata(outcome))
+                text = "" if driven is None else toml_text(driven.model_dump(exclude_unset=True))
+                if text:
+                    file.attach(
+                        log_time=0,
+                        create_time=0,
+                        name=DRIVEN,
+                        media_type="application/toml",
+                        data=text.encode(),
+                    )
                 file.close()
                 if max(samples.values()) <= 1 and not any(run.status.stopped for run in runs):
                     raise _DiscardedError
                 check_complete(part, sent.total())
                 self.files.append(path)
+                if text:
+                    write_text(path.with_suffix(f".{DRIVEN}"), text)
         except FAILURES as error:
             raise unfinished(path, self._part, error, remedy=REMEDY) from None

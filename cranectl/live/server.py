@@ -11,14 +11,26 @@ from pathlib import Path
 import foxglove
 
 from cranectl.live.child_session import ChildSession
-from cranectl.live.commands import Command, Controls, Pulse, Reset, Say, Use, Value, tunable
+from cranectl.live.commands import (
+    Command,
+    Controls,
+    Pulse,
+    Reset,
+    Say,
+    Use,
+    Value,
+    refused,
+    tunable,
+)
 from cranectl.live.increments import Increments
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
 from cranectl.live.viewers import Address, Listener, Publisher, as_parameters, listen
+from cranectl.live.wishes import Go, Wish
 from cranectl.log.events import Event
 from cranectl.log.messages import log_lines
 from cranectl.scenario import NANOSECONDS
+from cranectl.support.errors import InputError
 
 PATIENCE = 0.5  # [s] that a run may fall behind and still catch up
 
@@ -131,6 +143,8 @@ class LiveServer:
             self._say(command.message, warning=command.warning)
         elif isinstance(command, Pulse):
             self._pulse(command)
+        elif isinstance(command, Wish | Go):
+            self._drive(command)
         elif isinstance(command, Use):
             self._finish()
             self._session.use(command.design)
@@ -151,6 +165,18 @@ class LiveServer:
             self._say(text)
         else:
             self._say(f"{text} refused: the run has stopped; call /reset", warning=True)
+
+    def _drive(self, command: Wish | Go) -> None:
+        try:
+            if not self._session.moving:
+                raise InputError("the run has stopped", remedy="call /reset")
+            if isinstance(command, Go):
+                self._session.go(command.point)
+                self._say(f"goes to ({', '.join(map(_short, command.point))}) m")
+            else:
+                self._session.wish(command.velocity)
+        except InputError as error:
+            self._say(refused("driving by hand", error), warning=True)
 
     def _say(self, message: str, *, warning: bool = False) -> None:
         """A line in `/log`, as of the newest message: a sample may yet follow before the next block."""
@@ -173,7 +199,8 @@ class LiveServer:
         session = self._session
         duration_ns = session.scenario.steps * session.scenario.period_ns
         completed = session.now_ns - session.origin_ns > duration_ns
-        self._recorder.finish([run for run in self._runs if run.plant in self._recorded], completed)
+        runs = [run for run in self._runs if run.plant in self._recorded]
+        self._recorder.finish(runs, completed, session.driven())
 
 
 def _short(value: Value) -> str:

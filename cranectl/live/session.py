@@ -1,7 +1,8 @@
 """A run without an end: plants side by side, block by block, under a controller that may change in between.
 
-Left alone it gives the numbers of `simulate_run`, bit for bit. At the end of the scenario its last reference
-point and its last disturbances are held. Time never goes back, also not with a new start.
+Left alone it gives the numbers of `simulate_run`, bit for bit, and driven by hand those of the scenario that
+`driven` then is. At the end of the scenario its last reference point and its last disturbances are held. Time
+never goes back, also not with a new start.
 """
 
 from collections.abc import Iterable
@@ -10,19 +11,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.controller import LawDesign
-from cranectl.controllers.flat import ROBUSTIFIER
+from cranectl.controllers.flat import ROBUSTIFIER, Tracker
 from cranectl.design import Design
+from cranectl.live.hand import Asked, Hand
 from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import PATH_WIDTH
+from cranectl.signals import PATH_WIDTH, Z
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.runner import PreparedRun, by_kind, law_of, make_plant, memory_of, start_run
 from cranectl.simulate.signal_path import whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
 
 
 @dataclass
@@ -62,6 +66,7 @@ class Session:
         self.origin_ns = origin_ns  # time of the last start
         self._samples = 0  # since the last start
         self._pulses: list[_Pulse] = []
+        self._hand: Hand | None = None  # that drives
         self._law = law_of(scenario, design, drive, self.plan)
         self._plants = [make_plant(name, scenario, drive) for name in plants_to_run(plants)]
         self._start()
@@ -86,7 +91,7 @@ class Session:
         """The next increment of every plant's run, without rows where it had stopped before."""
         index = np.arange(self._samples, self._samples + samples)
         time_ns = self.origin_ns + index * self.scenario.period_ns
-        reference = self.plan.reference[np.minimum(index, self.scenario.steps)]
+        reference = self._reference(index)
         disturbance = self._disturbance(index)
         wind = self.plan.wind[np.minimum(index, self.scenario.steps)]
         runs = [self._increment(state, time_ns, reference, disturbance, wind) for state in self._states]
@@ -100,11 +105,14 @@ class Session:
         The set-points carry over. From one of the flat family to another the dynamic extension does as well,
         and so do the states of a robustifier that stays; any other law begins at the reference as it is now.
         """
-        self._law = law = law_of(self.scenario, design, self.drive, self.plan)
+        law = law_of(self.scenario, design, self.drive, self.plan)
+        if self._hand:
+            _check_can_be_driven(law, design)
+        self._law = law
         before, self.design = self.design, design
         for state in self._states:
             old, inputs = state.run.memory, state.run.inputs._replace(**by_kind(law))
-            memory = memory_of(law, self.plan.reference[min(self._samples, self.scenario.steps)])
+            memory = memory_of(law, self._row())
             if inputs.law is not None:
                 inputs.law.clock[0] = self._samples
             elif isinstance(before, Design) and isinstance(design, Design):
@@ -117,9 +125,25 @@ class Session:
         length = max(1, round(seconds * NANOSECONDS / self.scenario.period_ns))
         self._pulses.append(_Pulse(self._samples, self._samples + length, acceleration))
 
+    def wish(self, velocity: tuple[float, float, float]) -> None:
+        """Drive the load by hand from the next sample on, with a velocity of its stopping point [m/s].
+
+        Raises InputError where a hand may not take over.
+        """
+        if self._hand or any(velocity):
+            self._ask((0.0, *velocity))
+
+    def go(self, point: tuple[float, float, float]) -> None:
+        """Drive the load to a point [m] by the filter of the hand; raises InputError as `wish`."""
+        self._ask((1.0, *point))
+
+    def driven(self) -> Scenario | None:
+        """The scenario that repeats what was driven since the start; None where nothing was."""
+        return self._hand.scenario(self._samples, self.design.name) if self._hand else None
+
     def reset(self) -> None:
         """Start the scenario again from its initial state, at the time that it is now."""
-        self.origin_ns, self._samples, self._pulses = self.now_ns, 0, []
+        self.origin_ns, self._samples, self._pulses, self._hand = self.now_ns, 0, [], None
         self._start()
 
     def _start(self) -> None:
@@ -131,6 +155,29 @@ class Session:
             )
             for plant in self._plants
         ]
+
+    def _ask(self, asked: Asked) -> None:
+        if self._hand is None:
+            _check_can_be_driven(self._law, self.design)
+            hand = Hand(self.scenario, self._samples)
+            for state in self._states:
+                state.plant.check_length(-float(hand.limits.high[Z]))
+            self._hand = hand
+        self._hand.ask(self._samples, asked)
+
+    def _reference(self, index: NDArray[np.intp]) -> Array:
+        """What is desired at the next samples `index` (n,): shape (n, 15)."""
+        return (
+            self._hand.rows(index)
+            if self._hand
+            else self.plan.reference[np.minimum(index, self.scenario.steps)]
+        )
+
+    def _row(self) -> Array:
+        """What is desired at the next sample: shape (15,)."""
+        return (
+            self._hand.row() if self._hand else self.plan.reference[min(self._samples, self.scenario.steps)]
+        )
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
         """The scenario's and the pulses' at samples `index` (n,): shape (n, 2)."""
@@ -167,4 +214,13 @@ class Session:
             reference=reference[:rows],
             status=state.status,
             end_ns=state.end_ns,
+        )
+
+
+def _check_can_be_driven(law: Tracker | AddressedLaw, design: Design | LawDesign) -> None:
+    if isinstance(law, AddressedLaw):
+        raise InputError(
+            f"{design.name} knows its reference beforehand and cannot be driven by hand",
+            allowed="controllers of the flat family",
+            remedy="choose another controller, for example lqr",
         )

@@ -12,6 +12,7 @@ from foxglove.websocket import (
     Capability,
     ChannelView,
     Client,
+    ClientChannel,
     MessageSchema,
     Parameter,
     ServerListener,
@@ -28,6 +29,7 @@ from cranectl.log.topics import Stream, in_order
 from cranectl.log.writer import open_channel
 from cranectl.support.errors import InputError
 
+WISH = "/wish"  # the topic on which clients drive by hand
 BACKLOG = 8192  # messages a slow viewer may fall behind before it loses some: almost two seconds
 
 
@@ -46,6 +48,20 @@ class Listener(ServerListener):
     def __init__(self, controls: Controls) -> None:
         self._controls = controls
         self._subscribed: SimpleQueue[str] = SimpleQueue()
+        self._wishing: set[tuple[int, int]] = set()  # clients and their channels
+
+    def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
+        if channel.topic == WISH and channel.encoding == "json":
+            self._wishing.add((client.id, channel.id))
+        else:
+            self._controls.refuse(f"messages on {channel.topic} in {channel.encoding}", f"JSON on {WISH}")
+
+    def on_client_unadvertise(self, client: Client, client_channel_id: int) -> None:
+        self._wishing.discard((client.id, client_channel_id))
+
+    def on_message_data(self, client: Client, client_channel_id: int, data: bytes) -> None:
+        if (client.id, client_channel_id) in self._wishing:
+            self._controls.wish(data)
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002 (SDK's signature)
         self._subscribed.put(channel.topic)
@@ -75,12 +91,14 @@ class Listener(ServerListener):
         return set(taken(self._subscribed))
 
     def services(self) -> list[Service]:
-        """What viewers can call, with a request of `{}`."""
+        """What viewers can call, with a request of `{}` or, to go somewhere, of the point."""
+        controls, number = self._controls, {"type": "number"}
         return [
-            _service("pulse", self._controls.pulse, "pulse_alpha and pulse_beta say how strong"),
-            _service("reset", self._controls.reset, "the scenario starts again, time goes on"),
-            _service("pause", lambda: self._controls.set({"pause": True}), "/resume goes on"),
-            _service("resume", lambda: self._controls.set({"pause": False}), "the run goes on"),
+            _service("pulse", lambda _: controls.pulse(), "pulse_alpha and pulse_beta say how strong"),
+            _service("reset", lambda _: controls.reset(), "the scenario starts again, time goes on"),
+            _service("pause", lambda _: controls.set({"pause": True}), "/resume goes on"),
+            _service("resume", lambda _: controls.set({"pause": False}), "the run goes on"),
+            _service("go", controls.go, "/log says if it cannot", dict.fromkeys("xyz", number)),
         ]
 
 
@@ -93,7 +111,12 @@ def listen(
         name=f"cranectl live {name}",
         host=host,
         port=0,
-        capabilities=[Capability.Parameters, Capability.Services, Capability.Time],
+        capabilities=[
+            Capability.Parameters,
+            Capability.Services,
+            Capability.Time,
+            Capability.ClientPublish,
+        ],
         server_listener=listener,
         supported_encodings=["json"],
         services=listener.services(),
@@ -116,9 +139,11 @@ def as_parameters(values: Mapping[str, Value]) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
-def _service(name: str, act: Callable[[], None], answer: str) -> Service:
-    def handle(_request: ServiceRequest) -> bytes:
-        act()
+def _service(
+    name: str, act: Callable[[bytes], None], answer: str, fields: Mapping[str, object] = {}
+) -> Service:
+    def handle(request: ServiceRequest) -> bytes:
+        act(request.payload)
         return json.dumps({"message": answer}).encode()
 
     title = name.capitalize()
@@ -127,7 +152,7 @@ def _service(name: str, act: Callable[[], None], answer: str) -> Service:
         f"/{name}",
         schema=ServiceSchema(
             f"{schema.PACKAGE}.{title}",
-            request=_json_schema(f"{title}Request", {}),
+            request=_json_schema(f"{title}Request", fields),
             response=_json_schema(f"{title}Response", text),
         ),
         handler=handle,

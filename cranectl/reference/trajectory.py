@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.reference.driven import DrivenPath, HandLimits
 from cranectl.reference.paths import ArcPath, HoldPath, LinePath, Path, SplinePath
 from cranectl.reference.time_laws import Law
 from cranectl.scenario import AddedSegment, Hold, Line, ReferenceSettings, Segment
+from cranectl.scenario.driven import Driven
 from cranectl.scenario.segments import AlongPath, Arc, Spline, SplineLaw, added_kinds, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -100,6 +102,10 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         return LinePath(start, end, seconds(segment), _law(segment))
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
+    if isinstance(segment, Driven):
+        box = np.array([segment.speed, segment.low, segment.high])
+        limits = HandLimits(segment.bandwidth, *box)
+        return DrivenPath(start, limits, segment.period, tuple(segment.changes), segment.duration)
     if isinstance(segment, AddedSegment):
         added: Path = added_kinds()[segment.kind].path(segment.settings, start)
         return added

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from cranectl.scenario.segments import MAX_DURATION, Duration
+from cranectl.scenario.quantities import MAX_DURATION, Duration
 from cranectl.scenario.settings import Settings
 
 NANOSECONDS = 1_000_000_000

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from cranectl.scenario.quantities import Point3
 from cranectl.scenario.rig import Range
-from cranectl.scenario.segments import Point3
 from cranectl.scenario.settings import Settings
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]

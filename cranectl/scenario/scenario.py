@@ -9,8 +9,9 @@ from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Wind
 from cranectl.scenario.planning import Obstacle, PlanningSettings
+from cranectl.scenario.quantities import Duration, Point3
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.segments import Duration, Point3, Segment, is_planned, seconds
+from cranectl.scenario.segments import Segment, is_planned, seconds
 from cranectl.scenario.settings import Settings
 
 STILL = Wind(gust=0.0, drag_area=0.0)

@@ -21,23 +21,19 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from cranectl.scenario.rig import Position
+from cranectl.scenario.driven import Driven
+from cranectl.scenario.quantities import MAX_DURATION, Duration, Point2, Point3
 from cranectl.scenario.settings import Settings
 from cranectl.scenario.tables import FitNumbers, FromFile, Source
 from cranectl.support import extensions
 from cranectl.support.extensions import with_extensions
 
-MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms
-
-Duration = Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
 SHORTEST = "shortest"
 # Seconds, or a word; tags of no letters, so that errors name the field and no more.
 Timed = Annotated[
     Annotated[Duration, Tag("")] | Annotated[Literal["shortest"], Tag(" ")],
     Discriminator(lambda value: " " if isinstance(value, str) else ""),
 ]
-Point2 = Annotated[tuple[Position, Position], Field(strict=False)]
-Point3 = Annotated[tuple[Position, Position, Position], Field(strict=False)]
 MOST_COEFFICIENTS = 20_000
 MOST_POINTS = 2000  # of a spline through all of them
 MOST_SPANS = 1000  # of a spline near samples
@@ -225,7 +221,7 @@ class SegmentKind:
     path: Callable[[Any, Any], Any]  # (settings, start (3,) [m]) → `cranectl.reference.Path`
 
 
-OWN = ("hold", "line", "arc", "move", "waypoints", "samples", "spline")
+OWN = ("hold", "line", "arc", "move", "waypoints", "samples", "spline", "driven")
 
 
 @functools.cache
@@ -278,6 +274,7 @@ Segment = Annotated[
     | Annotated[WayPoints, Tag("waypoints")]
     | Annotated[Samples, Tag("samples")]
     | Annotated[Spline, Tag("spline")]
+    | Annotated[Driven, Tag("driven")]
     | Annotated[AddedSegment, Tag("added")],
     Discriminator(_kind_of),
 ]

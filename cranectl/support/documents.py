@@ -194,3 +194,17 @@ def _index(node: Any, key: str, source: str) -> int:
             allowed=f"an index from 0 to {len(node) - 1}" if node else "nothing, the list is empty",
         )
     return int(key)
+
+
+def toml_text(table: Mapping[str, Any], above: str = "") -> str:
+    """The TOML of a table of plain values; what is None, which TOML has not, is left out."""
+    lines, below = [], []
+    for name, value in table.items():
+        key = name if re.fullmatch(r"[\w-]+", name, re.ASCII) else json.dumps(name)
+        if isinstance(value, Mapping):
+            below.append(f"\n[{above}{key}]\n{toml_text(value, f'{above}{key}.')}")
+        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
+            below += [f"\n[[{above}{key}]]\n{toml_text(each, f'{above}{key}.')}" for each in value]
+        elif value is not None:
+            lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}\n")
+    return "".join([*lines, *below])

@@ -597,3 +597,31 @@ def test_pace_gives_up_what_cannot_be_caught_up() -> None:
     clock.now += 5.0
     pace.restart()
     assert pace.wait(0.02) == (pytest.approx(0.02), 0.0)
+
+
+def twist(x: float, y: float = 0.0, z: float = 0.0) -> dict:
+    return {"linear": {"x": x, "y": y, "z": z}, "angular": {"x": 0.0, "y": 0.0, "z": 1.0}}
+
+
+def test_a_wish_drives_and_silence_stops(tmp_path: Path) -> None:
+    record = tmp_path / "live.mcap"
+    with live(record, *QUIET) as (running, viewer):
+        viewer.subscribe("/reference/load", "/log")
+        viewer.advertise("/wish")
+        for _ in range(10):
+            viewer.publish(twist(-0.4))
+            viewer.rest(0.1)
+        viewer.rest(2.0)
+        viewer.call("/go", {"x": 0.6, "y": 0.6, "z": -0.9})
+        viewer.rest(2.0)
+        files = running.end()
+        print(viewer.said(), files, list(tmp_path.iterdir()))
+    print((tmp_path / "live.driven.toml").read_text())
+    recorded = read_log(record)
+    scenario = load_scenario(tmp_path / "live.driven.toml")
+    for plant, run in recorded.items():
+        again = simulate_run(scenario, plant=plant).every(4)
+        n = len(run.time_ns)
+        print(n, len(again.time_ns))
+        assert np.array_equal(run.reference[:-1], again.reference[: n - 1])
+        assert np.array_equal(run.table[:-1], again.table[: n - 1])

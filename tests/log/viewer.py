@@ -108,6 +108,16 @@ class Viewer:
         answer: dict[str, Any] = json.loads(self.answers[call])
         return answer
 
+    def advertise(self, topic: str, *, encoding: str = "json") -> None:
+        """As a panel that publishes does."""
+        channel = {"id": 1, "topic": topic, "encoding": encoding, "schemaName": "geometry_msgs/Twist"}
+        self._send(op="advertise", channels=[channel])
+
+    def publish(self, message: object) -> None:
+        """On the topic that was advertised; bytes as they are."""
+        data = message if isinstance(message, bytes) else json.dumps(message).encode()
+        self._socket.send(struct.pack("<BI", 1, 1) + data)
+
     def send_nonsense(self, times: int) -> None:
         for _ in range(times):
             self._socket.send("nonsense")

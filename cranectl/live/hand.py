@@ -1,0 +1,125 @@
+"""Driving by hand: a session's reference from when a hand took over, and the scenario that repeats it."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.controllers.registry import controller_names
+from cranectl.reference import build_trajectory, hand_limits
+from cranectl.reference.driven import asked_at, at_rest, derivatives, drive
+from cranectl.scenario import NANOSECONDS, Hold, ReferenceSettings, Scenario
+from cranectl.scenario.driven import AT_REST, Driven
+from cranectl.scenario.quantities import MAX_DURATION
+from cranectl.scenario.segments import seconds
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+Asked = tuple[float, float, float, float]  # 0 for a velocity or 1 for a point, and its x, y, z
+RELEASED = (0.0, 0.0, 0.0, 0.0)
+
+
+class Hand:
+    """Takes over where the scenario's reference is at rest for good, and keeps what it is asked."""
+
+    def __init__(self, scenario: Scenario, sample: int) -> None:
+        """Takes over at `sample` since the start; raises InputError where it may not."""
+        self.limits = hand_limits(scenario)
+        self._scenario, self._first = scenario, sample
+        self._period = scenario.period_ns / NANOSECONDS
+        self._before = _at_rest_by(scenario.reference, sample * self._period)
+        trajectory = build_trajectory(self._before)
+        self._start = trajectory.sample(trajectory.joints[-1:])[0, :3]
+        low, high = self.limits.low, self.limits.high
+        if ((self._start < low) | (self._start > high)).any():
+            raise InputError(
+                f"the load rests at {_point(self._start)} m, outside of where it may be driven",
+                allowed=f"{_point(low)} to {_point(high)} m",
+                remedy="choose a scenario that ends there, or reduce planning.clearance",
+            )
+        self._rest = math.ceil(AT_REST / self.limits.bandwidth / self._period)
+        # From here on a run could not tell how the load comes to rest.
+        self._end = round(MAX_DURATION / self._period) - self._rest
+        if sample >= self._end:
+            raise _too_late()
+        self._state, self._asked = at_rest(self._start), RELEASED
+        self._changes: dict[int, Asked] = {}  # by sample since the hand took over
+
+    def ask(self, sample: int, asked: Asked) -> None:
+        """From `sample` on; raises InputError when it is too late for that."""
+        if sample >= self._end:
+            raise _too_late()
+        if asked != self._asked:
+            self._asked = self._changes[sample - self._first] = asked
+
+    def rows(self, index: NDArray[np.intp]) -> Array:
+        """The reference at the next samples `index` (n,) since the start: shape (n, 15)."""
+        asked = asked_at([(0, self._asked), (self._end, RELEASED)], index)
+        states = drive(self.limits, self._period, self._state, asked)
+        return derivatives(self.limits, states).reshape(len(index), 15)
+
+    def row(self) -> Array:
+        """The reference at the next sample: shape (15,)."""
+        return derivatives(self.limits, self._state[np.newaxis]).reshape(15)
+
+    def scenario(self, samples: int, controller: str) -> Scenario:
+        """What was driven until `samples` since the start, and released there, as a scenario."""
+        last = min(samples, self._end) - self._first
+        wishes, goals = (
+            [
+                (sample * self._period, *asked[1:])
+                for sample, asked in self._changes.items()
+                if asked[0] == goal and sample < last
+            ]
+            for goal in (0.0, 1.0)
+        )
+        limits, length = self.limits, (last + self._rest) * self._period
+        segment = Driven(
+            kind="driven",
+            duration=length,
+            period=self._period,
+            bandwidth=limits.bandwidth,
+            speed=tuple(limits.speed.tolist()),
+            low=tuple(limits.low.tolist()),
+            high=tuple(limits.high.tolist()),
+            wishes=(*wishes, (last * self._period, *RELEASED[1:])),
+            goals=tuple(goals),
+        )
+        reference = self._before.model_copy(update={"segments": (*self._before.segments, segment)})
+        update = {
+            "name": f"{self._scenario.name}-driven",
+            "duration": max(self._scenario.duration, (self._first + last + self._rest) * self._period),
+            "reference": reference,
+        }
+        if controller in controller_names():
+            update["controller"] = self._scenario.controller.model_copy(update={"name": controller})
+        return self._scenario.model_copy(update=update)
+
+
+def _at_rest_by(reference: ReferenceSettings, time: float) -> ReferenceSettings:
+    """The reference until `time` [s]; raises InputError if it is not at rest for good then."""
+    segments = list(reference.segments)
+    while segments and isinstance(segments[-1], Hold):
+        segments.pop()
+    end = sum(map(seconds, segments))
+    if time < end - 1e-9:
+        raise InputError(
+            f"the scenario's reference moves the load until {end:g} s after the start",
+            allowed="driving by hand from then on",
+            remedy="wait, or start with --set reference.segments=[]",
+        )
+    if time - end > 1e-9:
+        segments.append(Hold(kind="hold", duration=time - end))
+    return reference.model_copy(update={"segments": tuple(segments)})
+
+
+def _point(numbers: Array) -> str:
+    return f"({', '.join(f'{number:.4g}' for number in numbers)})"
+
+
+def _too_late() -> InputError:
+    return InputError(
+        "the run is as long as a run can be",
+        allowed=f"driving by hand until the load can be at rest {MAX_DURATION:g} s after the start",
+        remedy="call /reset",
+    )

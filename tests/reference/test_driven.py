@@ -1,0 +1,249 @@
+"""The filter behind a hand: what it is, where it stops, what it keeps within, and how surely."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.special import gammainc
+
+from cranectl.cases.case import run_case
+from cranectl.model.flatness import states_and_inputs
+from cranectl.reference import build_trajectory, hand_limits, load_scenario
+from cranectl.reference.driven import (
+    DrivenPath,
+    HandLimits,
+    at_rest,
+    derivatives,
+    drive,
+    stop_of,
+)
+from cranectl.reference.hand_limits import SHARE, Bound, _norm
+from cranectl.scenario import ReferenceSettings
+from cranectl.support.errors import InputError
+from validation import random_joystick
+
+PERIOD = 1e-3
+WIDE = np.full(3, 1e3)
+CRANES = {"laboratory": None, "workshop": "bridge-crane", "quay": "harbour-crane"}
+OPEN = HandLimits(3.7, np.array([0.45, 0.45, 0.27]), -WIDE, WIDE)  # no box is in the way
+
+
+def held(*wishes: tuple[float, ...], samples: int) -> np.ndarray:
+    """Velocities, each for so many samples, as a drive takes them."""
+    return np.repeat([(0.0, *wish) for wish in wishes], samples, axis=0)
+
+
+def bang_bang(kernel: np.ndarray) -> np.ndarray:
+    """The wish of size 1 under which the kernel's convolution ends at its L1 norm."""
+    return np.where(kernel[::-1] >= 0.0, 1.0, -1.0)
+
+
+def test_a_step_is_answered_as_the_formula_says() -> None:
+    """Four equal lags are Erlang's distribution: z' = v P(4, omega t), P the regularised gamma function."""
+    v, omega, t = 0.4, OPEN.bandwidth, PERIOD * np.arange(4000)
+    states = drive(OPEN, PERIOD, at_rest(np.zeros(3)), held((v, 0.0, -0.2), samples=4000))
+    rows = derivatives(OPEN, states)[:, :, 0]
+    a = omega * t
+    k = omega * np.exp(-a) * a**3 / 6.0
+    k1 = omega**2 * np.exp(-a) * (a**2 / 2.0 - a**3 / 6.0)
+    k2 = omega**3 * np.exp(-a) * (a - a**2 + a**3 / 6.0)
+    assert rows[:, 0] == pytest.approx(v * (t * gammainc(4, a) - 4.0 / omega * gammainc(5, a)), abs=1e-12)
+    assert rows[:, 1] == pytest.approx(v * gammainc(4, a), abs=1e-12)
+    for order, expected in ((2, k), (3, k1), (4, k2)):
+        assert rows[:, order] == pytest.approx(v * expected, abs=1e-11)
+    assert np.array_equal(derivatives(OPEN, states)[:, :, 1], np.zeros((4000, 5)))
+
+
+def test_it_comes_to_rest_where_it_is_said_to() -> None:
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        state = at_rest(random.uniform(-1.0, 1.0, 3))
+        drive(OPEN, PERIOD, state, held(*random.uniform(-0.4, 0.4, (5, 3)), samples=100))
+        predicted = stop_of(OPEN, state[np.newaxis])[0]
+        drive(OPEN, PERIOD, state, held((0.0, 0.0, 0.0), samples=12_000))
+        assert state[:, 0] == pytest.approx(predicted, abs=1e-12)
+        assert np.abs(state[:, 1:]).max() < 1e-12
+
+
+def test_the_fourth_derivative_is_continuous_whatever_is_asked() -> None:
+    """From one sample to the next it changes by no more than the period times the bound of its rate."""
+    random = np.random.default_rng(2)
+    wishes = OPEN.speed * random.choice([-1.0, 1.0], (3000, 3))
+    for samples in (1, 7, 300):
+        rows = derivatives(OPEN, drive(OPEN, PERIOD, at_rest(np.zeros(3)), held(*wishes, samples=samples)))
+        rate = OPEN.speed * OPEN.bandwidth**4 * _norm(4, 0.0)
+        assert (np.abs(np.diff(rows[:, 4], axis=0)) <= PERIOD * rate).all()
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_the_norms_bound_what_wishes_can_do_and_are_attained(order: int) -> None:
+    """The worst wish is the sign of the kernel, reversed in time; sampling it costs the last percent."""
+    impulse = drive(
+        OPEN, PERIOD, at_rest(np.zeros(3)), held(*[(1.0,) * 3, (0.0,) * 3], samples=1)[[0] + 6000 * [1]]
+    )
+    kernel = derivatives(OPEN, impulse)[1:, order, 0]
+    worst = np.zeros((len(kernel) + 1, 4))
+    worst[:-1, 1] = OPEN.speed[0] * bang_bang(kernel)
+    rows = derivatives(OPEN, drive(OPEN, PERIOD, at_rest(np.zeros(3)), worst))
+    bound = OPEN.speed[0] * OPEN.bandwidth ** (order - 1) * _norm(order - 1, 0.0)
+    assert 0.99 * bound < rows[-1, order, 0] <= bound
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.7, 2.0])
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_the_norms_are_those_of_the_kernel(order: int, mu: float) -> None:
+    """Against quadrature of k + mu k'', with the jump at 0 by hand; nowhere negative up to mu = 2."""
+    t = np.linspace(0.0, 60.0, 600_001)
+    k = [
+        np.polynomial.Polynomial(c)(t) * np.exp(-t)
+        for c in ([0, 0, 0, 1 / 6], [0, 0, 1 / 2, -1 / 6], [0, 1, -1, 1 / 6], [1, -3, 3 / 2, -1 / 6])
+    ] + [np.polynomial.Polynomial([-4, 6, -2, 1 / 6])(t) * np.exp(-t)]
+    kernel = k[order] + mu * k[order + 2]
+    jump = mu if order == 2 else 0.0
+    assert _norm(order, mu) == pytest.approx(np.trapezoid(np.abs(kernel), t) + jump, abs=1e-6)
+    if order == 0:
+        assert kernel.min() >= -1e-15
+        assert (k[0] + 2.01 * k[2]).min() < 0.0
+
+
+@pytest.mark.parametrize("crane", CRANES)
+def test_bounds_hold_under_the_worst_reversals(crane: str) -> None:
+    """Wishes made to swing bridge and trolley most, while the rope is hoisted or paid out at full speed."""
+    rig = CRANES[crane]
+    scenario = load_scenario("fixed-position", rig=rig)
+    limits = hand_limits(scenario)
+    free = HandLimits(limits.bandwidth, limits.speed, -WIDE, WIDE)
+    gravity, drop, period = scenario.rig.gravity, -limits.low[2], 0.02 / limits.bandwidth
+    bound = Bound(limits.bandwidth, limits.speed, drop, gravity)
+    samples = 1000
+    impulse = np.zeros((samples, 4))
+    impulse[0, 1:] = 1.0
+    kernels = derivatives(free, drive(free, period, at_rest(np.zeros(3)), impulse))[1:, :, 0]
+    found = np.zeros((3, 2))
+    for lead, order, hoist, sign in itertools.product(
+        (0.0, bound.overshoot), (1, 2), (-1.0, 0.0, 1.0), (1, -1)
+    ):
+        kernel = kernels[:, order] + lead / limits.bandwidth**2 * kernels[:, min(order + 2, 4)]
+        asked = np.zeros((samples, 4))
+        asked[:-1, 1:] = np.outer(sign * bang_bang(kernel), limits.speed)
+        asked[:, 3] = hoist * limits.speed[2]
+        start = np.array([0.0, 0.0, -drop if hoist >= 0.0 else -drop - asked[:, 3].sum() * period])
+        rows = derivatives(free, drive(free, period, at_rest(start), asked))
+        rows = rows[-drop - 1e-9 <= rows[:, 0, 2]]
+        rows = rows[rows[:, 0, 2] < 0.0]
+        states, inputs = states_and_inputs(rows.reshape(-1, 15), gravity)
+        found[:, 0] = np.maximum(found[:, 0], np.abs(states[:, 1:6:2]).max(axis=0))
+        found[:, 1] = np.maximum(found[:, 1], np.abs(inputs).max(axis=0))
+    allowed = np.array(bound.joints)[:, :2]
+    assert (found <= allowed * (1.0 + 1e-12)).all()
+    assert (found[:2] > 0.7 * allowed[:2]).all(), "the bounds are not far from what can be"
+
+
+@pytest.mark.parametrize("crane", CRANES)
+def test_the_filter_is_the_fastest_that_keeps_all_limits(crane: str) -> None:
+    scenario = load_scenario("fixed-position", rig=CRANES[crane])
+    limits, rig = hand_limits(scenario), scenario.rig
+    used = []
+    for bandwidth in (limits.bandwidth, 1.001 * limits.bandwidth):
+        bound = Bound(bandwidth, limits.speed, rig.rope_range[1] - scenario.planning.clearance, rig.gravity)
+        velocity, acceleration, rate = np.array(bound.joints).T
+        drives = rig.effects.limits
+        parts = [
+            *((velocity + rig.time_constants * acceleration) / drives.velocity / SHARE),
+            *((acceleration + rig.time_constants * rate) / drives.acceleration / SHARE),
+            bound.overshoot / 2.0,
+            bound.slope / np.tan(SHARE * scenario.planning.lean),
+        ]
+        used.append(max(parts))
+    assert used[0] <= 1.0 < used[1]
+
+
+def test_no_room_is_refused() -> None:
+    scenario = load_scenario("fixed-position", overrides=["planning.clearance=0.8"])
+    with pytest.raises(InputError, match="no room to drive by hand") as caught:
+        hand_limits(scenario)
+    assert "planning.clearance" in caught.value.remedy
+
+
+def test_random_wishes_stay_inside_the_limits() -> None:
+    """50 minutes at a joystick, others with every commit; the seed is in the message."""
+    seed = random_joystick.commit()
+    for scenario in itertools.islice(random_joystick.random_drives(seed), 50):
+        loads = random_joystick.load_of_limits(scenario)
+        assert max(loads.values()) <= 1.0 + random_joystick.ROUNDING, (seed, scenario.name, loads)
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_plants_bear_random_wishes(k: int) -> None:
+    seed = random_joystick.commit()
+    scenario = next(itertools.islice(random_joystick.random_drives(seed, "fixed-position"), k, None))
+    (pair,) = run_case(random_joystick.case_of(scenario)).pairs
+    assert pair.agreement.passed, (seed, k, pair.agreement)
+    assert pair.agreement.limit_m == 1e-7
+
+
+RELEASED = [9.0, 0.0, 0.0, 0.0]
+
+
+def driven(**changes: object) -> dict:
+    return {
+        "kind": "driven",
+        "duration": 20.0,
+        "period": PERIOD,
+        "bandwidth": 3.7,
+        "speed": [0.45, 0.45, 0.27],
+        "low": [0.1, 0.1, -1.3],
+        "high": [1.9, 1.4, -0.1],
+        "wishes": [[0.0, 0.4, 0.1, 0.0], [1.5, -0.4, 0.0, 0.2], [4.0, 0.0, 0.0, 0.0]],
+        **changes,
+    }
+
+
+def path(**changes: object) -> DrivenPath:
+    reference = {"start": [1.0, 0.7, -0.7], "segments": [driven(**changes)]}
+    return build_trajectory(ReferenceSettings.model_validate(reference)).paths[0]
+
+
+def test_it_is_as_exact_between_samples() -> None:
+    time = np.array([0.0, 0.0004, 0.5003, 1.4999, 1.50027, 3.2001, 7.1234])
+    fine = path(period=1e-5).sample(time)
+    assert path().sample(time).reshape(-1, 15) == pytest.approx(fine.reshape(-1, 15), abs=1e-10)
+
+
+def test_a_goal_is_gone_to_straight_without_overshoot() -> None:
+    start, goal = np.array([1.0, 0.7, -0.7]), np.array([0.3, 1.2, -1.1])
+    rows = path(wishes=[RELEASED], goals=[[0.0, *goal.tolist()]]).sample(PERIOD * np.arange(20_000))
+    assert rows[-1, 0] == pytest.approx(goal, abs=1e-6)
+    share = (rows[:, 0] - start) / (goal - start)
+    assert np.ptp(share, axis=1).max() < 1e-9, "on a straight line"
+    assert (np.diff(share[:, 0]) >= -1e-12).all(), "never back, so never beyond"
+
+
+def test_the_stopping_point_stays_in_the_box_and_the_load_with_it() -> None:
+    into = path(wishes=[[0.0, 0.45, -0.45, 0.27], [4.5, -0.45, 0.45, -0.27], RELEASED])
+    stop = stop_of(into.limits, into._states)
+    low, high = into.limits.low, into.limits.high
+    assert stop.min(axis=0) == pytest.approx(low, abs=1e-12)
+    assert stop.max(axis=0) == pytest.approx(high, abs=1e-12)
+    load = into.sample(PERIOD * np.arange(20_001))[:, 0]
+    assert (load >= low - 1e-12).all()
+    assert (load <= high + 1e-12).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"wishes": [[0.0005, 0.1, 0.0, 0.0], RELEASED]}, "must lie on samples, every 0.001 s"),
+        ({"wishes": [[20.0, 0.0, 0.0, 0.0]]}, "before the end"),
+        ({"wishes": [[-1.0, 0.1, 0.0, 0.0], RELEASED]}, "must lie on samples"),
+        ({"wishes": [[0.0, 0.5, 0.0, 0.0], RELEASED]}, "no wish may be above speed"),
+        ({"goals": [[0.1, 2.0, 1.0, -0.5]]}, "goals must lie between"),
+        ({"goals": [[0.0, 1.0, 1.0, -0.5]]}, "only one can begin at a time"),
+        ({"wishes": [[0.0, float("nan"), 0.0, 0.0]]}, "finite number"),
+        ({"duration": 14.8}, "by a wish of zeros, 10.81 s before the end"),
+        ({"wishes": [[0.0, 0.1, 0.0, 0.0]]}, "by a wish of zeros"),
+    ],
+)
+def test_what_nobody_drove_is_refused(changes: dict, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        path(**changes)
