@@ -18,6 +18,7 @@ import numpy as np
 from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.design import Design, with_gain
+from cranectl.live.hand import check_can_be_driven
 from cranectl.live.wishes import Go, Wish, Wishes, checked_number
 from cranectl.reference import hand_limits
 from cranectl.reference.driven import HandLimits
@@ -73,15 +74,10 @@ class Controls:
     """The parameters of a session by name, and the commands that follow from changing them."""
 
     def __init__(
-        self,
-        scenario: Scenario,
-        design: Design | LawDesign,
-        *,
-        drive: str = "ideal",
-        speed: float = 1.0,
+        self, scenario: Scenario, design: Design | LawDesign, *, drive: str = "ideal", speed: float = 1.0
     ) -> None:
         """Raises InputError for a speed that is not allowed."""
-        self._wishes, self._refused = Wishes(), ""
+        self._wishes, self._refused, self._driven = Wishes(), "", False
         self._scenario, self._design, self._drive = scenario, design, checked_drive(drive)
         self._lock = threading.Lock()
         self._commands: SimpleQueue[Command] = SimpleQueue()
@@ -115,7 +111,9 @@ class Controls:
 
     def commands(self) -> list[Command]:
         """What has been asked for since the last call."""
-        return [*taken(self._commands), *self._wishes.taken()]
+        commands, wishes = list(taken(self._commands)), self._wishes.taken()
+        self._driven = self._driven or bool(wishes)
+        return [*commands, *wishes]
 
     def set(self, changes: Mapping[str, object]) -> None:
         """Change parameters by name. A wrong value is refused with a line in the log and changes nothing.
@@ -141,6 +139,7 @@ class Controls:
 
     def reset(self) -> None:
         """Start the scenario again."""
+        self._driven = False
         self._commands.put(Reset())
 
     def refuse(self, what: str, allowed: str) -> None:
@@ -208,6 +207,8 @@ class Controls:
         if design is self._design or (isinstance(design, LawDesign) and design == self._design):
             return
         law_of(self._scenario, design, self._drive, self._planned)  # raises if unstable
+        if self._driven:
+            check_can_be_driven(design)
         for name in tunable(self._design):
             del self._values[name]
         self._design = design

@@ -5,11 +5,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.registry import controller_names
+from cranectl.controllers.controller import LawDesign
+from cranectl.controllers.registry import controller_names, load_controller
+from cranectl.design import Design
 from cranectl.reference import build_trajectory, hand_limits
 from cranectl.reference.driven import asked_at, at_rest, derivatives, drive
 from cranectl.scenario import NANOSECONDS, Hold, ReferenceSettings, Scenario
-from cranectl.scenario.driven import AT_REST, Driven
+from cranectl.scenario.driven import AT_REST, MOST_CHANGES, Driven
 from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.scenario.segments import seconds
 from cranectl.support.arrays import Array
@@ -43,20 +45,25 @@ class Hand:
         if sample >= self._end:
             raise _too_late()
         self._state, self._asked = at_rest(self._start), RELEASED
+        self.table = np.empty((self._end + self._rest + 1, 15))  # by sample since the start, as far as driven
         self._changes: dict[int, Asked] = {}  # by sample since the hand took over
 
     def ask(self, sample: int, asked: Asked) -> None:
-        """From `sample` on; raises InputError when it is too late for that."""
-        if sample >= self._end:
+        """From `sample` on; raises InputError when it is too late or too much for that, and lets go."""
+        full = sample >= self._end or len(self._changes) >= MOST_CHANGES - 2
+        now = RELEASED if full else asked
+        if now != self._asked:
+            self._asked = self._changes[sample - self._first] = now
+        if full and asked != RELEASED:
             raise _too_late()
-        if asked != self._asked:
-            self._asked = self._changes[sample - self._first] = asked
 
     def rows(self, index: NDArray[np.intp]) -> Array:
         """The reference at the next samples `index` (n,) since the start: shape (n, 15)."""
         asked = asked_at([(0, self._asked), (self._end, RELEASED)], index)
         states = drive(self.limits, self._period, self._state, asked)
-        return derivatives(self.limits, states).reshape(len(index), 15)
+        rows = derivatives(self.limits, states).reshape(len(index), 15)
+        self.table[index[index < len(self.table)]] = rows[index < len(self.table)]
+        return rows
 
     def row(self) -> Array:
         """The reference at the next sample: shape (15,)."""
@@ -96,6 +103,17 @@ class Hand:
         return self._scenario.model_copy(update=update)
 
 
+def check_can_be_driven(design: Design | LawDesign) -> None:
+    """Raise InputError for a law that must know beforehand where the load will be."""
+    law = load_controller(design.name) if isinstance(design, LawDesign) else None
+    if law and (law.preview or law.follows != "path"):
+        raise InputError(
+            f"{design.name} must know beforehand where the load will be, and cannot be driven by hand",
+            allowed="controllers that follow a path without preview",
+            remedy="choose another one, for example lqr, or call /reset",
+        )
+
+
 def _at_rest_by(reference: ReferenceSettings, time: float) -> ReferenceSettings:
     """The reference until `time` [s]; raises InputError if it is not at rest for good then."""
     segments = list(reference.segments)
@@ -119,7 +137,7 @@ def _point(numbers: Array) -> str:
 
 def _too_late() -> InputError:
     return InputError(
-        "the run is as long as a run can be",
-        allowed=f"driving by hand until the load can be at rest {MAX_DURATION:g} s after the start",
+        "no run could repeat any more",
+        allowed=f"{MAX_DURATION:g} s with the load at rest at the end, {MOST_CHANGES} wishes",
         remedy="call /reset",
     )

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.controller import LawDesign
-from cranectl.controllers.flat import ROBUSTIFIER, Tracker
+from cranectl.controllers.flat import ROBUSTIFIER
 from cranectl.design import Design
-from cranectl.live.hand import Asked, Hand
+from cranectl.live.hand import Asked, Hand, check_can_be_driven
 from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -26,7 +25,6 @@ from cranectl.simulate.runner import PreparedRun, by_kind, law_of, make_plant, m
 from cranectl.simulate.signal_path import whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
 
 
 @dataclass
@@ -107,7 +105,7 @@ class Session:
         """
         law = law_of(self.scenario, design, self.drive, self.plan)
         if self._hand:
-            _check_can_be_driven(law, design)
+            check_can_be_driven(design)
         self._law = law
         before, self.design = self.design, design
         for state in self._states:
@@ -119,6 +117,7 @@ class Session:
                 kept = len(old) if design.robustifier is before.robustifier else ROBUSTIFIER
                 memory[:kept] = old[:kept]
             state.run = state.run._replace(inputs=inputs, memory=memory)
+            self._hand_over(state)
 
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
@@ -158,12 +157,21 @@ class Session:
 
     def _ask(self, asked: Asked) -> None:
         if self._hand is None:
-            _check_can_be_driven(self._law, self.design)
+            check_can_be_driven(self.design)
             hand = Hand(self.scenario, self._samples)
             for state in self._states:
                 state.plant.check_length(-float(hand.limits.high[Z]))
             self._hand = hand
+            for state in self._states:
+                self._hand_over(state)
         self._hand.ask(self._samples, asked)
+
+    def _hand_over(self, state: _PlantState) -> None:
+        """Have a law that reads its own reference read what is driven."""
+        law = state.run.inputs.law
+        if self._hand and law is not None:
+            law = law._replace(reference=self._hand.table, samples=len(self._hand.table))
+            state.run = state.run._replace(inputs=state.run.inputs._replace(law=law))
 
     def _reference(self, index: NDArray[np.intp]) -> Array:
         """What is desired at the next samples `index` (n,): shape (n, 15)."""
@@ -214,13 +222,4 @@ class Session:
             reference=reference[:rows],
             status=state.status,
             end_ns=state.end_ns,
-        )
-
-
-def _check_can_be_driven(law: Tracker | AddressedLaw, design: Design | LawDesign) -> None:
-    if isinstance(law, AddressedLaw):
-        raise InputError(
-            f"{design.name} knows its reference beforehand and cannot be driven by hand",
-            allowed="controllers of the flat family",
-            remedy="choose another controller, for example lqr",
         )

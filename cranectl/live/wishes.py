@@ -12,6 +12,7 @@ from cranectl.support.documents import parse_json
 from cranectl.support.errors import InputError, printable
 
 LOST = 0.3  # [s] without a message after which a wish counts as zero
+DIGITS = 5  # of numbers that are kept: a stick has no more, and there are many of them
 Vector = tuple[float, float, float]
 
 
@@ -71,7 +72,9 @@ def _checked_vector(name: str, value: object, low: Array, high: Array) -> Vector
     if not isinstance(value, dict) or not {"x", "y", "z"} <= value.keys():
         raise InputError(f"{name} = {printable(repr(value), longest=80)}", allowed="an object of x, y, z")
     box = zip("xyz", low.tolist(), high.tolist(), strict=True)
-    x, y, z = (checked_number(f"{name}.{axis}", value[axis], least, most) for axis, least, most in box)
+    x, y, z = (
+        round(checked_number(f"{name}.{axis}", value[axis], least, most), DIGITS) for axis, least, most in box
+    )
     return x, y, z
 
 

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from cranectl.scenario.quantities import Duration, Point3
 from cranectl.scenario.settings import Settings
 
-MOST_CHANGES = 50_000
+MOST_CHANGES = 20_000  # so that the file of a scenario is not too large
 AT_REST = 40.0  # over the bandwidth [s]: then less than 1e-13 of a wish is left in four lags
 Speed = Annotated[float, Field(ge=1e-6, le=1e4)]
 Speed3 = Annotated[tuple[Speed, Speed, Speed], Field(strict=False)]
@@ -18,7 +18,7 @@ Changes = Annotated[
 
 
 class Driven(Settings):
-    """A motion that was driven by hand, from what was asked for: `reference/driven.py` has the filter."""
+    """A motion that was driven by hand in a live session: what was asked for, and of which filter."""
 
     kind: Literal["driven"]
     duration: Duration = Field(description="[s], to where the load was at rest again")

@@ -1,14 +1,18 @@
 """What may be changed in a session, and what is refused."""
 
+import json
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls, Pulse, Reset, Say, Use
+from cranectl.live.wishes import LOST, RELEASED, Go, Wish, Wishes
 from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
+from tests.controllers.laws import FOLLOWING, known
 
 NAMES = ["pause", "speed", "controller", "k0", "k1", "k2", "k3", "pulse_alpha", "pulse_beta"]
 
@@ -177,3 +181,77 @@ def test_a_wrong_value_does_not_spoil_the_others(controls: Controls) -> None:
     assert controls.paused
     assert controls.speed == 1.0
     assert controls.values()["k0"] == 31.0
+
+
+def twist(x: object, y: object = 0.0, z: object = 0.0) -> bytes:
+    return json.dumps({"linear": {"x": x, "y": y, "z": z}, "angular": {"x": 9.0}}).encode()
+
+
+def test_a_wish_counts_until_the_next_or_until_none_comes(controls: Controls) -> None:
+    now = 100.0
+    limits, wishes = controls.hand_limits, Wishes(clock=lambda: now)
+    assert wishes.taken() == []
+    wishes.hear(twist(0.3, -0.1), limits)
+    wishes.hear(twist(0.4, -0.1), limits)
+    assert wishes.taken() == [Wish((0.4, -0.1, 0.0))], "the newest of all since the last look"
+    now += 0.9 * LOST
+    wishes.hear(twist(0.4, -0.1), limits)
+    now += 0.9 * LOST
+    assert wishes.taken() == [], "it came again: nothing new"
+    now += 0.2 * LOST
+    assert wishes.taken() == [RELEASED]
+    assert wishes.taken() == []
+    for _ in range(2):
+        wishes.hear_point(b'{"x": 1, "y": 1, "z": -1}', limits)
+        assert wishes.taken() == [Go((1.0, 1.0, -1.0))], "also if it is where it went before"
+    now += 100.0
+    assert wishes.taken() == [], "a point needs no more messages"
+    wishes.hear(twist(0.0), limits)
+    assert wishes.taken() == [RELEASED], "who holds a stick stops it"
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        (twist(0.46), "linear.x = 0.46; allowed: a number from -0.45 to 0.45"),
+        (twist(0.0, z=-1e400), "linear.z = -inf"),
+        (b'{"linear": {"x": NaN, "y": 0, "z": 0}}', "linear.x = nan"),
+        (b'{"linear": {"x": 0.1, "y": 0}}', "linear = {'x': 0.1, 'y': 0}; allowed: an object of x, y, z"),
+        (b'{"linear": 3}', "linear = 3"),
+        (b"[1, 2, 3]", "linear = None"),
+        (twist("0.1"), "linear.x = '0.1'"),
+        (twist(True), "linear.x = True"),
+        (b"\xff\x00", "the message is not valid JSON"),
+        (b"[" * 100_000, "the message nests"),
+    ],
+)
+def test_what_is_no_wish_is_refused_once(controls: Controls, message: bytes, said: str) -> None:
+    for _ in range(100):
+        controls.wish(message)
+    (refusal,) = controls.commands()
+    assert isinstance(refusal, Say)
+    assert refusal.warning
+    assert "driving by hand refused: " in refusal.message
+    assert said in refusal.message
+    controls.wish(twist(0.1))
+    controls.wish(message)
+    assert [type(command) for command in controls.commands()] == [Say, Wish]
+
+
+def test_a_point_outside_is_refused(controls: Controls) -> None:
+    controls.go(b'{"x": 1.0, "y": 1.0, "z": -1.39}')
+    (refusal,) = controls.commands()
+    assert "the point.z = -1.39; allowed: a number from -1.34139 to -0.1" in refusal.message
+
+
+def test_while_driven_no_law_takes_over_that_must_look_ahead(controls: Controls) -> None:
+    with known(replace(FOLLOWING, preview=1)) as name:
+        controls.wish(twist(0.1))
+        assert controls.commands() == [Wish((0.1, 0.0, 0.0))]
+        controls.set({"controller": name})
+        (refusal,) = controls.commands()
+        assert "must know beforehand where the load will be" in refusal.message
+        assert controls.values()["controller"] == "lqr"
+        controls.reset()
+        controls.set({"controller": name})
+        assert [type(command) for command in controls.commands()] == [Reset, Use]

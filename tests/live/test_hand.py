@@ -1,39 +1,158 @@
 """Sessions that are driven by hand: from when on, until when, and that runs repeat them to the bit."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from cranectl.controllers.registry import controller_design
+from cranectl.live.hand import Hand
 from cranectl.live.session import Session
 from cranectl.reference import load_scenario
-from cranectl.simulate import simulate_run
+from cranectl.scenario import Scenario
+from cranectl.scenario.driven import MOST_CHANGES
+from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
+from cranectl.support.documents import MAX_BYTES, toml_text
+from cranectl.support.errors import InputError
+from tests.controllers.laws import FOLLOWING, known
 
-STILL = ("reference.segments=[]", "disturbances=[]", "duration=1.0")
+STILL = ("disturbances=[{joint='beta', start=0.3, end=0.5, magnitude=1.0}]", "duration=2.0")
+PLANTS = ("analytic", "mujoco")
+MOVE = "reference.segments=[{kind='line', to=[0.8, 0.6, -0.6], duration=1.5}, {kind='hold', duration=0.3}]"
 
 
-def session(*overrides: str, name: str = "fixed-position", drive: str = "ideal") -> Session:
-    scenario = load_scenario(name, overrides=[*STILL, *overrides])
-    return Session(scenario, controller_design("lqr", scenario), drive=drive, plants=("analytic", "mujoco"))
+def session(*overrides: str, controller: str = "lqr", **options: object) -> Session:
+    scenario = load_scenario("fixed-position", overrides=[*STILL, *overrides])
+    return Session(scenario, controller_design(controller, scenario), plants=PLANTS, **options)
 
 
-def test_what_was_driven_is_repeated_to_the_bit() -> None:
-    running = session()
-    runs = [running.advance(370)]
-    for samples, ask in (
-        (400, (0.3, -0.2, 0.1)),
-        (1234, (-0.45, 0.2, 0.0)),
-        (20, None),
-        (777, (0.1, 0.0, -0.2)),
-    ):
-        if ask:
-            running.wish(ask)
-        else:
-            running.go((0.5, 0.5, -1.0))
-        runs += [running.advance(7) for _ in range(samples // 7)]
+def drive(running: Session, block: int) -> list[list[Run]]:
+    """A few seconds of wishes and goals, taken between blocks."""
+    runs = []
+    asked = (
+        (340, lambda: running.wish((0.3, -0.2, 0.1))),
+        (900, lambda: running.wish((-0.45, 0.2, 0.0))),
+        (120, lambda: running.go((0.5, 0.5, -1.0))),
+        (600, lambda: running.wish((0.0, 0.0, 0.0))),
+        (300, lambda: running.go((1.5, 1.1, -0.4))),
+    )
+    for samples, ask in asked:
+        ask()
+        runs += [running.advance(block) for _ in range(samples // block)]
+    return runs
+
+
+@pytest.mark.parametrize(
+    ("overrides", "drive_kind", "controller"),
+    [((), "ideal", "lqr"), ((MOVE,), "velocity", "pole-placement+hinf"), ((), "force", "lqr-integral")],
+    ids=["from the start", "after a move", "a law by its address"],
+)
+def test_what_was_driven_is_repeated_to_the_bit(
+    overrides: tuple[str, ...], drive_kind: str, controller: str
+) -> None:
+    running = session(*overrides, controller=controller, drive=drive_kind)
+    runs = [running.advance(1700)] if overrides else []
+    runs += drive(running, 20)
     scenario = running.driven()
-    for k, plant in enumerate(("analytic", "mujoco")):
-        run = simulate_run(scenario, plant=plant)
-        reference = np.vstack([each[k].reference for each in runs])
-        assert np.array_equal(run.reference[: len(reference)], reference)
-        table = np.vstack([each[k].table for each in runs])
-        assert np.array_equal(run.table[: len(table)], table)
-        print(run.status, len(table), len(run.table), np.ptp(table, axis=0)[:5])
+    assert scenario is not None
+    assert scenario.controller.name == controller
+    for k, plant in enumerate(PLANTS):
+        again = simulate_run(scenario, plant=plant, drive=drive_kind)
+        table, reference = (
+            np.vstack([getattr(each[k], name) for each in runs]) for name in ("table", "reference")
+        )
+        assert np.array_equal(again.reference[: len(reference)], reference)
+        assert np.array_equal(again.table[: len(table)], table)
+        assert again.status == RunStatus.COMPLETED
+        assert np.ptp(reference[:, :3], axis=0).min() > 0.02, "it was driven along all axes"
+        assert np.array_equal(again.reference[-1, 3:], np.zeros(12)), "and comes to rest, released"
+
+
+def test_blocks_make_no_difference() -> None:
+    a, b = (np.vstack([runs[0].reference for runs in drive(session(), block)]) for block in (1, 20))
+    assert np.array_equal(a, b)
+
+
+def test_the_hand_takes_over_where_the_reference_is_at_rest_for_good() -> None:
+    running = session(MOVE)
+    running.advance(1499)
+    with pytest.raises(InputError, match=r"moves the load until 1.5 s") as caught:
+        running.wish((0.1, 0.0, 0.0))
+    assert "reference.segments=[]" in caught.value.remedy
+    assert running.driven() is None
+    running.advance(1)
+    running.wish((0.0, 0.0, 0.0))
+    assert running.driven() is None, "who wishes nothing does not drive"
+    running.wish((0.1, 0.0, 0.0))
+    (run, _) = running.advance(1)
+    assert run.reference[0, :3] == pytest.approx([0.8, 0.6, -0.6], abs=0.0)
+    assert [each.kind for each in running.driven().reference.segments] == ["line", "driven"]
+
+
+def test_a_reset_takes_the_hand_off() -> None:
+    running = session(MOVE)
+    running.advance(1600)
+    running.wish((0.4, 0.0, 0.0))
+    running.advance(300)
+    running.reset()
+    assert running.driven() is None
+    runs = running.advance(501)
+    assert np.array_equal(runs[0].reference, running.plan.reference[:501])
+
+
+def test_another_controller_goes_on_where_the_hand_has_led() -> None:
+    running = session("disturbances=[]")
+    running.wish((0.4, 0.0, 0.0))
+    running.advance(800)
+    for controller in ("pole-placement", "lqr-integral", "lqr"):
+        running.use(controller_design(controller, running.scenario))
+        runs = running.advance(400)
+        assert max(np.abs(run.block("error")[:, :3]).max() for run in runs) < 2e-3, controller
+
+
+@pytest.mark.parametrize("declared", [{"preview": 1}, {"follows": "set-point"}])
+def test_laws_that_must_know_where_it_will_be_cannot_be_driven(declared: dict) -> None:
+    with known(replace(FOLLOWING, **declared)) as name:
+        with pytest.raises(InputError, match="must know beforehand where the load will be"):
+            session(controller=name).wish((0.1, 0.0, 0.0))
+        running = session()
+        running.wish((0.1, 0.0, 0.0))
+        with pytest.raises(InputError, match="must know beforehand where the load will be"):
+            running.use(controller_design(name, running.scenario))
+        assert running.design.name == "lqr"
+
+
+def test_a_load_that_rests_at_the_edge_cannot_be_driven() -> None:
+    with pytest.raises(InputError, match=r"rests at \(1, 0.77, -1.39\) m, outside") as caught:
+        session("reference.start=[1.0, 0.77, -1.39]").wish((0.1, 0.0, 0.0))
+    assert "(0.05, 0.05, -1.341) to (1.95, 1.49, -0.1) m" in caught.value.allowed
+
+
+def test_the_hand_lets_go_before_the_longest_run_ends() -> None:
+    """What is left, 10.743 s, is for the load to come to rest, so that a run can repeat all of it."""
+    scenario = load_scenario("fixed-position", overrides=["reference.segments=[]", "control.period=0.01"])
+    hand = Hand(scenario, 0)
+    hand.ask(58_000, (0.0, 0.1, 0.0, 0.0))
+    rows = hand.rows(np.arange(58_000, 60_000))
+    assert rows[0, 0] < rows[800, 0] < rows[-1, 0]
+    assert np.abs(rows[-1, 3:]).max() < 1e-12, "at rest"
+    with pytest.raises(InputError, match="no run could repeat any more"):
+        hand.ask(58_930, (0.0, 0.1, 0.0, 0.0))
+    driven = hand.scenario(60_001, "lqr")
+    assert driven.duration == 600.0
+    assert isinstance(driven, Scenario)
+    with pytest.raises(InputError, match="no run could repeat any more"):
+        Hand(scenario, 58_930)
+
+
+def test_too_many_wishes_end_the_drive_at_rest() -> None:
+    hand = Hand(load_scenario("fixed-position", overrides=["reference.segments=[]"]), 0)
+    for sample in range(MOST_CHANGES - 2):
+        hand.ask(sample, (0.0, 0.1 + 1e-5 * (sample % 1000), -0.12345, 0.12345))
+    with pytest.raises(InputError, match="no run could repeat any more"):
+        hand.ask(MOST_CHANGES, (0.0, 0.2, 0.0, 0.0))
+    assert np.array_equal(hand.rows(np.arange(20_000, 35_000))[-1, 3:] < 1e-12, np.full(12, True))
+    text = toml_text(hand.scenario(35_000, "lqr").model_dump(exclude_unset=True))
+    assert len(text) < MAX_BYTES
+    assert len(hand.scenario(35_000, "lqr").reference.segments[-1].wishes) <= MOST_CHANGES

@@ -26,6 +26,7 @@ from cranectl.live.increments import Increments
 from cranectl.live.server import PATIENCE, LiveServer, Pace
 from cranectl.live.session import Session
 from cranectl.live.viewers import Address
+from cranectl.live.wishes import LOST
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.log.messages import streams
 from cranectl.reference import load_scenario
@@ -103,13 +104,19 @@ def states(viewer: Viewer, plant: str = "mujoco") -> np.ndarray:
 def test_everything_is_advertised(tmp_path: Path, short: Scenario) -> None:
     log = write_log(tmp_path / "a.mcap", [simulate_run(short, plant=p) for p in ("analytic", "mujoco")])
     with live(tmp_path / "live.mcap") as (_, viewer):
-        assert set(viewer.info["capabilities"]) >= {"parameters", "parametersSubscribe", "services", "time"}
+        assert set(viewer.info["capabilities"]) >= {
+            "parameters",
+            "parametersSubscribe",
+            "services",
+            "time",
+            "clientPublish",
+        }
         assert viewer.info["supportedEncodings"] == ["json"]
         expected = {topic.topic: topic.schema for topic in describe_log(log).topics}
         del expected["/diff/verdict"]
         viewer.until(lambda: len(viewer.channels) >= len(expected))
         assert {topic: c["schemaName"] for topic, c in viewer.channels.items()} == expected
-        assert set(viewer.services) == {"/pulse", "/reset", "/pause", "/resume"}
+        assert set(viewer.services) == {"/pulse", "/reset", "/pause", "/resume", "/go"}
         for service in viewer.services.values():
             assert service["request"]["encoding"] == "json"
             assert service["request"]["schemaEncoding"] == "jsonschema"
@@ -603,25 +610,60 @@ def twist(x: float, y: float = 0.0, z: float = 0.0) -> dict:
     return {"linear": {"x": x, "y": y, "z": z}, "angular": {"x": 0.0, "y": 0.0, "z": 1.0}}
 
 
-def test_a_wish_drives_and_silence_stops(tmp_path: Path) -> None:
+def test_wishes_drive_silence_stops_and_a_run_repeats_it(tmp_path: Path) -> None:
     record = tmp_path / "live.mcap"
     with live(record, *QUIET) as (running, viewer):
         viewer.subscribe("/reference/load", "/log")
         viewer.advertise("/wish")
-        for _ in range(10):
-            viewer.publish(twist(-0.4))
+        viewer.publish(twist(5.0))
+        viewer.wait_to_hear("linear.x = 5.0; allowed: a number from -0.45 to 0.45")
+        for _ in range(8):
+            viewer.publish(twist(-0.4, 0.1))
             viewer.rest(0.1)
-        viewer.rest(2.0)
-        viewer.call("/go", {"x": 0.6, "y": 0.6, "z": -0.9})
-        viewer.rest(2.0)
-        files = running.end()
-        print(viewer.said(), files, list(tmp_path.iterdir()))
-    print((tmp_path / "live.driven.toml").read_text())
-    recorded = read_log(record)
-    scenario = load_scenario(tmp_path / "live.driven.toml")
-    for plant, run in recorded.items():
-        again = simulate_run(scenario, plant=plant).every(4)
-        n = len(run.time_ns)
-        print(n, len(again.time_ns))
-        assert np.array_equal(run.reference[:-1], again.reference[: n - 1])
-        assert np.array_equal(run.table[:-1], again.table[: n - 1])
+        viewer.until(lambda: running.session._hand._asked == (0.0,) * 4)  # no more messages came
+        viewer.publish(b"nonsense")
+        viewer.wait_to_hear("the message is not valid JSON")
+        assert viewer.call("/go", {"x": 0.6, "y": 0.6, "z": -0.9})["message"]
+        viewer.wait_to_hear("goes to (0.6, 0.6, -0.9) m")
+        viewer.set(speed=10.0)
+        end = np.array([0.6, 0.6, -0.9])
+        load = [0.0]
+        while np.abs(load - end).max() > 1e-6:
+            viewer.forget()
+            viewer.until(lambda: viewer.of("/reference/load"))
+            load = decode_rows([viewer.of("/reference/load")[-1][1]], 15)[0, :3]
+        (file,) = running.end()
+    again = tmp_path / "live.driven.toml"
+    scenario = load_scenario(again)
+    first, second, last = scenario.reference.segments[-1].wishes
+    assert (first[1:], second[1:], last[1:]) == ((-0.4, 0.1, 0.0), (0.0,) * 3, (0.0,) * 3)
+    assert 0.8 + 0.2 < second[0] - first[0] < 0.8 + LOST + 0.5, "messages of 0.8 s and the silence after"
+    with file.open("rb") as stream:
+        attached = {each.name: each.data for each in make_reader(stream).iter_attachments()}
+    assert attached["driven.toml"] == again.read_bytes()
+    for plant, run in read_log(file).items():
+        repeated = simulate_run(scenario, plant=plant).every(4)
+        rows = len(run.time_ns) - 1  # the last one ends the log, on a sample that need not be one of four
+        assert np.array_equal(run.time_ns[:rows], repeated.time_ns[:rows])
+        assert np.array_equal(run.reference[:rows], repeated.reference[:rows])
+        assert np.array_equal(run.table[:rows], repeated.table[:rows])
+        assert scenario.controller.name == run.design.name
+
+
+def test_driving_waits_for_the_reference_and_ends_with_a_reset(tmp_path: Path) -> None:
+    move = "reference.segments=[{kind='line', to=[0.8, 0.6, -0.6], duration=1.5}]"
+    with live(tmp_path / "live.mcap", *QUIET, move) as (running, viewer):
+        viewer.subscribe("/log")
+        viewer.advertise("/elsewhere")
+        viewer.wait_to_hear("messages on /elsewhere in json refused: nobody listens; allowed: JSON on /wish")
+        viewer.call("/go", {"x": 1.0, "y": 1.0, "z": -1.0})
+        viewer.wait_to_hear("the scenario's reference moves the load until 1.5 s")
+        viewer.until(lambda: running.session.now_ns > 1_500_000_000)
+        viewer.call("/go", {"x": 1.0, "y": 1.0, "z": -1.0})
+        viewer.wait_to_hear("goes to (1, 1, -1) m")
+        viewer.call("/reset")
+        viewer.wait_to_hear("reset")
+        viewer.rest(0.2)
+        first, second = running.end()
+    assert first.with_suffix(".driven.toml").exists()
+    assert not second.with_suffix(".driven.toml").exists()

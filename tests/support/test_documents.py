@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from cranectl.reference import load_scenario
+from cranectl.scenario import scenario_names
 from cranectl.support.documents import (
     MAX_BYTES,
     MAX_DEPTH,
@@ -20,6 +21,7 @@ from cranectl.support.documents import (
     parse_toml,
     read_json,
     read_toml,
+    toml_text,
     toml_value,
 )
 from cranectl.support.errors import InputError
@@ -195,3 +197,20 @@ def test_missing_tables_are_made() -> None:
     tree: dict[str, Any] = {}
     assign(tree, "a.b.0", 1, "test")
     assert tree == {"a": {"b": {"0": 1}}}
+
+
+def test_tables_become_toml_and_come_back() -> None:
+    table = {
+        "name": "a \"b\" \\ ü\n", "none": None, "yes": True, "number": 1e-05, "list": [[0.1, 2], []],
+        "empty": {}, "a key": {"b.c": 1},
+        "rows": [{"x": 1, "deep": {"y": [1.5]}, "more": [{"z": "q"}]}, {"x": 2}],
+    }  # fmt: skip
+    expected = {name: value for name, value in table.items() if value is not None}
+    assert parse_toml(toml_text(table), "here") == expected
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_scenarios_become_toml_and_come_back(name: str, tmp_path: Path) -> None:
+    scenario = load_scenario(name)
+    (tmp_path / "a.toml").write_text(toml_text(scenario.model_dump(exclude_unset=True)))
+    assert load_scenario(tmp_path / "a.toml") == scenario
