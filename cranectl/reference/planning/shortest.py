@@ -8,7 +8,7 @@ from cranectl.reference.planning.problem import ORDERS
 from cranectl.reference.planning.proof import NEAR, Proof, prove
 from cranectl.reference.planning.series import from_derivatives
 from cranectl.reference.time_laws import time_law
-from cranectl.scenario.segments import MAX_DURATION
+from cranectl.scenario.quantities import MAX_DURATION
 
 DEGREE = 9
 COEFFICIENTS = np.repeat([0.0, 1.0], 5)[:, None]  # of the law as one Bernstein polynomial
