@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: help setup cluster video fmi drake validate test test-docs test-drake test-viewer lint fuzz bench mutations package clean
+.PHONY: help setup cluster video fmi plan drake validate test test-docs test-drake test-viewer lint fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -23,6 +23,7 @@ setup: .venv/ready ## create .venv and install cranectl into it
 cluster: .venv/extra-cluster ## add what campaigns on several machines need (Dask)
 video: .venv/extra-video ## add what renders videos (PyAV)
 fmi: .venv/extra-fmi ## add what reads FMUs (FMPy)
+plan: .venv/extra-plan ## add a second solver of plans, and oracle of the first (CasADi with IPOPT)
 drake: .venv/extra-drake ## add the plant in Drake, 270 MB
 
 .venv/extra-%: .venv/ready
@@ -32,7 +33,7 @@ drake: .venv/extra-drake ## add the plant in Drake, 270 MB
 validate: setup ## run every scenario with every controller on three plants and judge
 	$(call limit,600) $(BIN)/cranectl validate
 
-test: setup cluster video fmi ## run the tests, those of these three extras too
+test: setup cluster video fmi plan ## run the tests, those of these four extras too
 	@tests/install
 	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake
 
@@ -47,7 +48,7 @@ test-viewer: setup ## open logs in a real viewer, read them with other parsers
 	@viewer/install $(BIN)
 	$(call limit,900) $(BIN)/python -m pytest -n 0 viewer
 
-lint: setup cluster video ## format, style, types, import directions
+lint: setup cluster video plan ## format, style, types, import directions
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(call limit,600) $(BIN)/mypy

@@ -12,7 +12,7 @@ import cranectl
 from tests.conftest import ROOT
 
 HEAVY = ("mujoco", "numba", "control", "matplotlib", "scipy", "pydantic")
-HEAVY += ("foxglove", "mcap", "pyarrow", "filelock", "PIL", "av", "pydrake", "fmpy")
+HEAVY += ("foxglove", "mcap", "pyarrow", "filelock", "PIL", "av", "pydrake", "fmpy", "clarabel", "casadi")
 
 
 def run_lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
