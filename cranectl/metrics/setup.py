@@ -7,6 +7,7 @@ import numpy as np
 
 from cranectl.plants.plant import Drive
 from cranectl.reference import HoldPath, build_trajectory
+from cranectl.reference.paths import SplinePath
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
 from cranectl.signals import COMMAND_COLUMN
 from cranectl.simulate.signal_path import has_signal_path
@@ -15,6 +16,7 @@ from cranectl.support.arrays import Array
 FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in the record of a signal path
 NO_FLAGS = -1  # a run without a signal path
 BEFORE_END = 1e-3  # of a segment's duration before its end, where its direction is read
+RESTS = 0.01  # of the largest speed of a spline: slower than that it counts as at rest
 
 
 class MetricsSetup(NamedTuple):
@@ -62,5 +64,9 @@ def _rest(settings: ReferenceSettings) -> tuple[float, tuple[float, float, float
         return 0.0, (0.0, 0.0, 0.0)
     path = trajectory.paths[moving[-1]]
     velocity = path.sample(np.array([(1.0 - BEFORE_END) * path.duration]))[0, 1]
-    x, y, z = (velocity / np.linalg.norm(velocity)).tolist()
+    if isinstance(path, SplinePath):  # which may rest already, but for its noise
+        velocities = path.sample(np.linspace(0.0, path.duration, 1001))[:, 1]
+        speeds = np.linalg.norm(velocities, axis=1)
+        velocity = velocities[np.flatnonzero(speeds >= RESTS * speeds.max())[-1]]
+    x, y, z = (velocity / (np.linalg.norm(velocity) or 1.0)).tolist()
     return float(round(trajectory.joints[moving[-1] + 1] * NANOSECONDS)), (x, y, z)

@@ -1,18 +1,23 @@
 """Odd files of settings, and records of campaigns, are read or refused."""
 
+import io
 import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import strategies as st
+from pyarrow import parquet
 
 from cranectl.campaign import load_campaign
 from cranectl.compare.golden import load_tolerances
 from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
+from cranectl.simulate.plan import plan_scenario
 from cranectl.support import resources
 from cranectl.support.errors import InputError
 from tests.fuzz.oracle import LONGEST, UNFIT, check_command, fuzzed, in_time
@@ -109,3 +114,30 @@ def test_records_of_campaigns(template: Path, record: bytes, data: st.DataObject
     line = ["campaign", "run", "c.toml", "--out", "r", "--resume"]
     line = line if resume else ["campaign", "replay", "r", "--run", "0", "--plant", "analytic"]
     check_command(template, line, files={"r/campaign.json": content})
+
+
+TAKEN = """name = "t"
+duration = 3.0
+reference.start = [0.4, 0.5, -0.6]
+reference.segments = [
+  {kind = "KIND", file = "f.dat", offset = "to-start", units = {time = "s", length = "m"}},
+]
+"""
+
+
+def recordings() -> list[bytes]:
+    time = np.linspace(0.0, 2.0, 60)
+    table = {"time": time, **{axis: np.full(60, -0.5) for axis in "xyz"}}
+    lines = [",".join(table), *(",".join(map(str, row)) for row in np.column_stack([*table.values()]))]
+    packed = io.BytesIO()
+    parquet.write_table(pa.table(table), packed)
+    return ["\n".join(lines).encode(), packed.getvalue()]
+
+
+@fuzzed(
+    40, kind=st.sampled_from(["samples", "waypoints"]), content=st.sampled_from(recordings()).flatmap(damaged)
+)
+def test_recordings(tmp_path: Path, kind: str, content: bytes) -> None:
+    (tmp_path / "f.dat").write_bytes(content)
+    scenario: Scenario | None = read(load_scenario, tmp_path, TAKEN.replace("KIND", kind).encode())
+    assert scenario is None or plan_scenario(scenario).reference.shape == (3001, 15)

@@ -282,6 +282,15 @@ def test_limits_that_act_are_timed() -> None:
 ARC = {"kind": "arc", "centre": [0.8, 0.5], "angle": -pi, "duration": 3.0}
 LINE = {"kind": "line", "to": [0.7, 0.5, -0.7], "duration": 1.0}
 HOLD = {"kind": "hold", "duration": 0.5}
+# Along x, then as good as still, as a fit of noise is.
+TAUGHT = {
+    "kind": "spline",
+    "degree": 7,
+    "breaks": [0.5 * k for k in range(8)],
+    "coefficients": [
+        [x, 0.5 + y, -0.7] for x, y in zip([0.5] * 5 + [0.7] * 9, [0.0] * 8 + [1e-13] * 6, strict=True)
+    ],
+}
 
 
 @pytest.mark.parametrize(
@@ -292,6 +301,7 @@ HOLD = {"kind": "hold", "duration": 0.5}
         ([LINE, HOLD], 1.0, (1.0, 0.0, 0.0)),
         ([HOLD, LINE], 1.5, (1.0, 0.0, 0.0)),
         ([ARC], 3.0, (0.0, -1.0, 0.0)),  # over the top, down at the other end
+        ([TAUGHT], 3.5, (1.0, 0.0, 0.0)),
         ([LINE, HOLD, {**LINE, "to": [0.7, 0.5, -0.9]}, HOLD], 2.5, (0.0, 0.0, -1.0)),
     ],
 )
