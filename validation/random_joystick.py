@@ -19,7 +19,7 @@ from cranectl.cli.output import console
 from cranectl.live.hand import Hand
 from cranectl.model.flatness import states_and_inputs
 from cranectl.reference import hand_limits, load_scenario
-from cranectl.reference.hand_limits import SHARE
+from cranectl.reference.planning.limits import limits_of
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA
 from cranectl.simulate import plan_reference
@@ -68,17 +68,16 @@ def load_of_limits(scenario: Scenario) -> dict[str, float]:
     """How much of each limit the reference of a driven scenario needs, 1 is all of the share that it may."""
     reference = plan_reference(scenario).reference  # which refuses what leaves the workspace
     states, inputs = states_and_inputs(reference, scenario.rig.gravity)
-    limits, planning = scenario.effects.limits or scenario.rig.effects.limits, scenario.planning
-    share = planning.share or SHARE
+    limits = limits_of(scenario)
     setpoints = states[:, 1:6:2] + scenario.rig.time_constants * inputs
     rates = np.diff(setpoints, axis=0) / scenario.control.period
     lean = np.arccos(np.cos(states[:, ALPHA]) * np.cos(states[:, BETA]))
     low, high = scenario.rig.workspace.T
-    middle, half = 0.5 * (low + high), 0.5 * (high - low) - planning.clearance
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) - scenario.planning.clearance
     return {
-        "velocity": float(np.abs(setpoints / limits.velocity).max()) / share,
-        "acceleration": float(np.abs(rates / limits.acceleration).max()) / share,
-        "lean": float(lean.max()) / (share * planning.lean),
+        "velocity": float(np.abs(setpoints / limits.velocity).max()),
+        "acceleration": float(np.abs(rates / limits.acceleration).max()),
+        "lean": float(np.tan(lean.max()) / limits.lean),
         "workspace": float((np.abs(states[:, :5:2] - middle) / half).max()),
     }
 

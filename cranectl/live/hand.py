@@ -1,6 +1,7 @@
 """Driving by hand: a session's reference from when a hand took over, and the scenario that repeats it."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from cranectl.design import Design
 from cranectl.reference import build_trajectory, hand_limits
 from cranectl.reference.driven import asked_at, at_rest, derivatives, drive
 from cranectl.scenario import NANOSECONDS, Hold, ReferenceSettings, Scenario
+from cranectl.scenario.disturbances import Disturbance
 from cranectl.scenario.driven import AT_REST, MOST_CHANGES, Driven
 from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.scenario.segments import seconds
@@ -69,8 +71,8 @@ class Hand:
         """The reference at the next sample: shape (15,)."""
         return derivatives(self.limits, self._state[np.newaxis]).reshape(15)
 
-    def scenario(self, samples: int, controller: str) -> Scenario:
-        """What was driven until `samples` since the start, and released there, as a scenario."""
+    def scenario(self, samples: int, controller: str, pulses: Iterable[Disturbance] = ()) -> Scenario:
+        """What was driven until `samples` since the start, under `pulses`, and then released."""
         last = min(samples, self._end) - self._first
         wishes, goals = (
             [
@@ -93,10 +95,17 @@ class Hand:
             goals=tuple(goals),
         )
         reference = self._before.model_copy(update={"segments": (*self._before.segments, segment)})
+        duration = max(self._scenario.duration, (self._first + last + self._rest) * self._period)
+        ended = [
+            pulse.model_copy(update={"end": min(pulse.end or duration, duration)})
+            for pulse in pulses
+            if pulse.start < duration
+        ]
         update = {
             "name": f"{self._scenario.name}-driven",
-            "duration": max(self._scenario.duration, (self._first + last + self._rest) * self._period),
+            "duration": duration,
             "reference": reference,
+            "disturbances": (*self._scenario.disturbances, *ended),
         }
         if controller in controller_names():
             update["controller"] = self._scenario.controller.model_copy(update={"name": controller})

@@ -17,12 +17,15 @@ from cranectl.design import Design
 from cranectl.live.hand import Asked, Hand, check_can_be_driven
 from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import plants_to_run
+from cranectl.plants.surroundings import air_velocity
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.disturbances import Disturbance
+from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.signals import PATH_WIDTH, Z
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.runner import PreparedRun, by_kind, law_of, make_plant, memory_of, start_run
-from cranectl.simulate.signal_path import whole_record
+from cranectl.simulate.signal_path import SignalPath, make_encoders, whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 
@@ -64,8 +67,15 @@ class Session:
         self.origin_ns = origin_ns  # time of the last start
         self._samples = 0  # since the last start
         self._pulses: list[_Pulse] = []
+        self._pulsed: list[Disturbance] = []  # all of them
         self._hand: Hand | None = None  # that drives
         self._law = law_of(scenario, design, drive, self.plan)
+        period = scenario.period_ns / NANOSECONDS
+        samples = round(MAX_DURATION / period) + 1  # as in the longest run: noise and gusts go on
+        still = scenario.effects.wind is None
+        self._air = air_velocity(scenario.effects.wind, 1 if still else samples, period)
+        sensing = scenario.effects.sensing
+        self._encoders = make_encoders(sensing, samples) if sensing else None
         self._plants = [make_plant(name, scenario, drive) for name in plants_to_run(plants)]
         self._start()
 
@@ -92,6 +102,7 @@ class Session:
         reference = self._reference(index)
         disturbance = self._disturbance(index)
         wind = self.plan.wind[np.minimum(index, self.scenario.steps)]
+        wind[:, :3] = self._air[np.minimum(index, len(self._air) - 1)]
         runs = [self._increment(state, time_ns, reference, disturbance, wind) for state in self._states]
         self._samples += samples
         self._pulses = [pulse for pulse in self._pulses if pulse.end > self._samples]
@@ -122,7 +133,12 @@ class Session:
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
         length = max(1, round(seconds * NANOSECONDS / self.scenario.period_ns))
-        self._pulses.append(_Pulse(self._samples, self._samples + length, acceleration))
+        first, end = self._samples, self._samples + length
+        self._pulses.append(_Pulse(first, end, acceleration))
+        period = self.scenario.period_ns / NANOSECONDS
+        for joint, size in zip(("alpha", "beta"), acceleration, strict=True):
+            table = {"joint": joint, "start": first * period, "end": end * period, "magnitude": size}
+            self._pulsed.append(Disturbance.model_validate(table))
 
     def wish(self, velocity: tuple[float, float, float]) -> None:
         """Drive the load by hand from the next sample on, with a velocity of its stopping point [m/s].
@@ -138,22 +154,26 @@ class Session:
 
     def driven(self) -> Scenario | None:
         """The scenario that repeats what was driven since the start; None where nothing was."""
-        return self._hand.scenario(self._samples, self.design.name) if self._hand else None
+        return self._hand.scenario(self._samples, self.design.name, self._pulsed) if self._hand else None
 
     def reset(self) -> None:
         """Start the scenario again from its initial state, at the time that it is now."""
-        self.origin_ns, self._samples, self._pulses, self._hand = self.now_ns, 0, [], None
+        self.origin_ns, self._samples, self._hand = self.now_ns, 0, None
+        self._pulses, self._pulsed = [], []
         self._start()
 
     def _start(self) -> None:
-        self._states = [
-            _PlantState(
-                plant,
-                start_run(plant, self.scenario, self._law, self.plan, nominal=self.scenario),
-                self.origin_ns,
-            )
+        runs = (
+            start_run(plant, self.scenario, self._law, self.plan, nominal=self.scenario)
             for plant in self._plants
+        )
+        self._states = [
+            _PlantState(plant, run._replace(path=self._noisy(run.path)), self.origin_ns)
+            for plant, run in zip(self._plants, runs, strict=True)
         ]
+
+    def _noisy(self, path: SignalPath | None) -> SignalPath | None:
+        return path._replace(encoders=self._encoders) if path and self._encoders else path
 
     def _ask(self, asked: Asked) -> None:
         if self._hand is None:

@@ -46,13 +46,13 @@ class Wishes:
         """A Twist, whose `linear` is a wish; raises InputError for what is none within the limits."""
         said = parse_json(message, "the message")
         linear = said.get("linear") if isinstance(said, dict) else None
-        wish = Wish(_checked_vector("linear", linear, -limits.speed, limits.speed))
+        wish = Wish(_checked_vector("linear.", linear, -limits.speed, limits.speed))
         with self._lock:
             self._newest, self._heard = wish, self._clock()
 
     def hear_point(self, message: bytes, limits: HandLimits) -> None:
         """A point {x, y, z} to go to; raises InputError for what is none within the limits."""
-        point = _checked_vector("the point", parse_json(message, "the request"), limits.low, limits.high)
+        point = _checked_vector("", parse_json(message, "the request"), limits.low, limits.high)
         with self._lock:
             self._newest, self._taken = Go(point), None
 
@@ -70,10 +70,12 @@ class Wishes:
 def _checked_vector(name: str, value: object, low: Array, high: Array) -> Vector:
     """The numbers x, y, z of a message; raises InputError for anything else."""
     if not isinstance(value, dict) or not {"x", "y", "z"} <= value.keys():
-        raise InputError(f"{name} = {printable(repr(value), longest=80)}", allowed="an object of x, y, z")
+        found = f"{name.rstrip('.') or 'the point'} = {printable(repr(value), longest=80)}"
+        raise InputError(found, allowed="an object of x, y, z")
     box = zip("xyz", low.tolist(), high.tolist(), strict=True)
     x, y, z = (
-        round(checked_number(f"{name}.{axis}", value[axis], least, most), DIGITS) for axis, least, most in box
+        min(max(round(checked_number(name + axis, value[axis], least, most), DIGITS), least), most)
+        for axis, least, most in box
     )
     return x, y, z
 

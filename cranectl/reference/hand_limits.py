@@ -13,23 +13,18 @@ the rope does, adds.
 """
 
 import functools
-from math import comb, hypot, sqrt, tan
+from math import comb, hypot, sqrt
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from cranectl.reference.driven import HandLimits
+from cranectl.reference.planning.limits import Limits, limits_of
 from cranectl.scenario import Scenario
-from cranectl.scenario.effects import DriveLimits
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-SPEED = (
-    0.5  # of what the drives can do: the faster, the longer the way to stop, 4 v / omega; half leaves both
-)
-SHARE = (
-    0.9  # of the limits of the drives, the rest for feedback; measured for planned motions with all effects
-)
+SPEED = 0.5  # of what the drives can do: the faster, the longer the way to stop, 4 v / omega
 NO_OVERSHOOT = 2.0  # largest mu
 HALVINGS = 30
 
@@ -39,25 +34,19 @@ Bounds = list[float]  # on a quantity and its derivatives, in the order of the d
 def hand_limits(scenario: Scenario) -> HandLimits:
     """The fastest filter that keeps all limits whatever is wished, with wishes up to half the drives' speed.
 
-    The limits: of set-points and their rate `effects.limits`, or the rig's numbers of them; lean and tension
-    of `planning`; the rig's ranges less its `clearance`, its `load_box`. Raises InputError for a rig without
+    The limits: those of planned motions, but of forces and obstacles. Raises InputError for a rig without
     room in between.
     """
-    planning, rig = scenario.planning, scenario.rig
-    limits = scenario.effects.limits or rig.effects.limits
-    inside = rig.workspace + planning.clearance * np.array([1.0, -1.0])
-    longest = float(inside[2, 1])
-    inside[2] = -inside[2, ::-1]
-    for axis, (least, most) in enumerate(planning.load_box or ()):
-        inside[axis] = max(inside[axis, 0], least), min(inside[axis, 1], most)
-    low, high = inside.T.copy()
-    speed = SPEED * (planning.share or SHARE) * np.array(limits.velocity)
-    slow, fast = 0.0, sqrt(NO_OVERSHOOT * rig.gravity / longest)
+    limits, gap = limits_of(scenario), scenario.planning.clearance * np.array([1.0, -1.0])
+    x, y, rope = limits.axes + gap
+    low = np.maximum(limits.load[:, 0], (x[0], y[0], -rope[1]))
+    high = np.minimum(limits.load[:, 1], (x[1], y[1], -rope[0]))
+    speed, slow, fast = SPEED * limits.velocity, 0.0, sqrt(NO_OVERSHOOT * limits.gravity / rope[1])
     for _ in range(HALVINGS):
         middle = 0.5 * (slow + fast)
-        fits = _keeps(Bound(middle, speed, longest, rig.gravity), scenario, limits)
+        fits = _keeps(Bound(middle, speed, rope[1], limits.gravity), limits)
         slow, fast = (middle, fast) if fits else (slow, middle)
-    low[2] = max(low[2], -longest / Bound(slow, speed, longest, rig.gravity).stretch[0])
+    low[2] = max(low[2], -rope[1] / Bound(slow, speed, rope[1], limits.gravity).stretch[0])
     if not (low < high).all():
         raise InputError(
             f"there is no room to drive by hand: from {low.tolist()} to {high.tolist()} m",
@@ -67,22 +56,18 @@ def hand_limits(scenario: Scenario) -> HandLimits:
     return HandLimits(slow, speed, low, high)
 
 
-def _keeps(bound: "Bound", scenario: Scenario, limits: DriveLimits) -> bool:
-    """Whether what is bounded stays within the share of all limits that is not left to feedback."""
-    planning, rig = scenario.planning, scenario.rig
-    share = planning.share or SHARE
-    lightest, heaviest = (1.0 + share * (ratio - 1.0) for ratio in planning.tension)
-    if bound.lift < lightest * rig.gravity or bound.overshoot > NO_OVERSHOOT:
-        return False
-    if bound.stretch[0] * (2.0 * rig.gravity - bound.lift) > heaviest * rig.gravity:
-        return False
-    if bound.slope > tan(share * planning.lean):
-        return False
+def _keeps(bound: "Bound", limits: Limits) -> bool:
+    """Whether what is bounded stays within the limits."""
+    lightest, heaviest = (tension / limits.masses[3] for tension in limits.tension)
     velocity, acceleration, rate = np.array(bound.joints).T
-    lag = rig.time_constants
     return bool(
-        (velocity + lag * acceleration <= share * np.array(limits.velocity)).all()
-        and (acceleration + lag * rate <= share * np.array(limits.acceleration)).all()
+        bound.lift >= lightest
+        and bound.stretch[0] * (2.0 * limits.gravity - bound.lift) <= heaviest
+        and bound.overshoot <= NO_OVERSHOOT
+        and bound.slope <= limits.lean
+        and (velocity + limits.lag * acceleration <= limits.velocity).all()
+        and (acceleration + limits.lag * rate <= limits.acceleration).all()
+        and (rate <= limits.jerk).all()
     )
 
 

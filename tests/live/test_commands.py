@@ -213,7 +213,7 @@ def test_a_wish_counts_until_the_next_or_until_none_comes(controls: Controls) ->
 @pytest.mark.parametrize(
     ("message", "said"),
     [
-        (twist(0.46), "linear.x = 0.46; allowed: a number from -0.45 to 0.45"),
+        (twist(0.48), "linear.x = 0.48; allowed: a number from -0.475 to 0.475"),
         (twist(0.0, z=-1e400), "linear.z = -inf"),
         (b'{"linear": {"x": NaN, "y": 0, "z": 0}}', "linear.x = nan"),
         (b'{"linear": {"x": 0.1, "y": 0}}', "linear = {'x': 0.1, 'y': 0}; allowed: an object of x, y, z"),
@@ -241,7 +241,7 @@ def test_what_is_no_wish_is_refused_once(controls: Controls, message: bytes, sai
 def test_a_point_outside_is_refused(controls: Controls) -> None:
     controls.go(b'{"x": 1.0, "y": 1.0, "z": -1.39}')
     (refusal,) = controls.commands()
-    assert "the point.z = -1.39; allowed: a number from -1.34139 to -0.1" in refusal.message
+    assert "z = -1.39; allowed: a number from -1.3404 to -0.1; choose another z" in refusal.message
 
 
 def test_while_driven_no_law_takes_over_that_must_look_ahead(controls: Controls) -> None:
@@ -249,9 +249,10 @@ def test_while_driven_no_law_takes_over_that_must_look_ahead(controls: Controls)
         controls.wish(twist(0.1))
         assert controls.commands() == [Wish((0.1, 0.0, 0.0))]
         controls.set({"controller": name})
-        (refusal,) = controls.commands()
+        refusal = controls.commands()[0]  # by now the wish may count no more, which is a command too
+        assert isinstance(refusal, Say)
         assert "must know beforehand where the load will be" in refusal.message
         assert controls.values()["controller"] == "lqr"
         controls.reset()
         controls.set({"controller": name})
-        assert [type(command) for command in controls.commands()] == [Reset, Use]
+        assert [type(command) for command in controls.commands()][:2] == [Reset, Use]

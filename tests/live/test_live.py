@@ -616,7 +616,7 @@ def test_wishes_drive_silence_stops_and_a_run_repeats_it(tmp_path: Path) -> None
         viewer.subscribe("/reference/load", "/log")
         viewer.advertise("/wish")
         viewer.publish(twist(5.0))
-        viewer.wait_to_hear("linear.x = 5.0; allowed: a number from -0.45 to 0.45")
+        viewer.wait_to_hear("linear.x = 5.0; allowed: a number from -0.475 to 0.475")
         for _ in range(8):
             viewer.publish(twist(-0.4, 0.1))
             viewer.rest(0.1)

@@ -17,7 +17,8 @@ from cranectl.reference.driven import (
     drive,
     stop_of,
 )
-from cranectl.reference.hand_limits import SHARE, Bound, _norm
+from cranectl.reference.hand_limits import Bound, _norm
+from cranectl.reference.planning.limits import limits_of
 from cranectl.scenario import ReferenceSettings
 from cranectl.support.errors import InputError
 from validation import random_joystick
@@ -142,17 +143,16 @@ def test_bounds_hold_under_the_worst_reversals(crane: str) -> None:
 @pytest.mark.parametrize("crane", CRANES)
 def test_the_filter_is_the_fastest_that_keeps_all_limits(crane: str) -> None:
     scenario = load_scenario("fixed-position", rig=CRANES[crane])
-    limits, rig = hand_limits(scenario), scenario.rig
+    limits, rig, kept = hand_limits(scenario), scenario.rig, limits_of(scenario)
     used = []
     for bandwidth in (limits.bandwidth, 1.001 * limits.bandwidth):
         bound = Bound(bandwidth, limits.speed, rig.rope_range[1] - scenario.planning.clearance, rig.gravity)
         velocity, acceleration, rate = np.array(bound.joints).T
-        drives = rig.effects.limits
         parts = [
-            *((velocity + rig.time_constants * acceleration) / drives.velocity / SHARE),
-            *((acceleration + rig.time_constants * rate) / drives.acceleration / SHARE),
+            *((velocity + rig.time_constants * acceleration) / kept.velocity),
+            *((acceleration + rig.time_constants * rate) / kept.acceleration),
             bound.overshoot / 2.0,
-            bound.slope / np.tan(SHARE * scenario.planning.lean),
+            bound.slope / kept.lean,
         ]
         used.append(max(parts))
     assert used[0] <= 1.0 < used[1]
