@@ -11,7 +11,17 @@ from scipy.integrate import solve_ivp
 from cranectl.model.dynamics import angular_accelerations, axis_masses, drive_forces
 from cranectl.scenario.rig import RigParameters
 from tests.conftest import random_states
-from tests.reference.planning.bang_bang import CASES, Along, Limits, Move, bound, model_of, optimum
+from tests.reference.planning.bang_bang import (
+    CASES,
+    WALL,
+    Along,
+    Limits,
+    Move,
+    bound,
+    model_of,
+    optimum,
+    sides_of,
+)
 
 HOIST = Move((1.0, 0.77, -1.0), (1.0, 0.77, -0.5))
 COARSE = 30  # controls, where some per mille of the duration do not matter
@@ -29,6 +39,26 @@ def test_the_equations_of_motion_are_the_packages() -> None:
         np.testing.assert_allclose(
             forces.full().ravel(), drive_forces(masses, row, *u), rtol=1e-12, atol=1e-12
         )
+
+
+def test_load_and_rope_are_beside_a_wall_or_over_it() -> None:
+    wall = replace(WALL, radius=0.05)
+    model = model_of(HOIST, Limits())
+    sides = ca.Function("sides", [model.state], [*sides_of(wall, model), model.load])
+    seen = set()
+    for row in random_states(2000):
+        before, over, behind, load = (
+            each.full().ravel() for each in sides(np.concatenate([row[0:10:2], row[1:10:2]]))
+        )
+        x, z = load[0], load[2]
+        assert (over >= 0).all() == (z >= wall.top + wall.radius)
+        if z < wall.top:
+            at_top = row[0] + (x - row[0]) * wall.top / z
+            kinds = x + wall.radius <= wall.low, at_top <= wall.low
+            assert (before >= 0).tolist() == list(kinds)
+            assert (behind >= 0).tolist() == [x - wall.radius >= wall.high, at_top >= wall.high]
+            seen.add(kinds)
+    assert len(seen) == 4  # the load clear and not, the rope clear and not
 
 
 @pytest.mark.parametrize(
