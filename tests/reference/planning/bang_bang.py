@@ -5,7 +5,7 @@ Where the path is free the controls are held accelerations of the drives, or, wi
 w = v + lag u, so v' = (w - v) / lag. Where it is given, z = z(s), the highest derivative of s(t) is held.
 
 States are limited at the nodes: between them the lean is exceeded by 2 mrad at most, and along a path, where
-the drives' accelerations are not held, one limit by 5 % for some ms: limits in the middles too cost 0.01 % of
+the drives' accelerations are not held, one limit by 5 % at worst: limits in the middles too cost 0.01 % of
 the duration. Durations converge from above: those of `bound` are at most 0.42 % longer than those of
 `python -m tests.reference.planning.bang_bang 120`. Other first guesses end at the same four digits.
 """
