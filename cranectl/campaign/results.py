@@ -3,6 +3,7 @@
     campaign.json                              what was run: enough to resume it and to repeat any run
     parts/part-PLANT-CONTROLLER-FIRST.parquet  one batch each
     replays/PLANT-CONTROLLER-SAMPLE.mcap       logs of runs that were repeated, unless put elsewhere
+    reference/DIGEST-NAME                      files that the reference was made from
 
 Which parts there are follows from the campaign, not from the number of workers. A result that was cut short
 is one whose parts are not all there. It is written by one process at a time, a batch at a time.
@@ -12,7 +13,7 @@ import errno
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from cranectl.campaign.manifest import (
     software_of,
 )
 from cranectl.campaign.table import DamageError, Row, arrow_schema, part_name, read_part, write_part
+from cranectl.scenario.held_files import files_in, put_files, remove_files, with_files
 from cranectl.support.documents import Table, read_json
 from cranectl.support.errors import InputError
 from cranectl.support.files import exists, write_text, writing
@@ -95,6 +97,7 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     directory = Path(directory)
     manifest = read_manifest(directory)
     campaign = campaign_of(manifest, str(directory / MANIFEST_FILE))
+    campaign = replace(campaign, nominal=with_files(campaign.nominal, files_in(directory)))
     origins = origins_of(manifest)
     parts, damaged = _survey(directory, campaign, origins)
     if damaged:
@@ -221,6 +224,7 @@ def open_store(
             manifest |= _software(directory, kept, manifest["versions"], accepted=despite_differences)
         with writing(directory, remedy=ELSEWHERE):
             write_text(directory / MANIFEST_FILE, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+            put_files(directory, campaign.nominal)
         try:
             yield _prepared(directory, campaign, manifest)
         except InputError:
@@ -298,5 +302,6 @@ def _clear(directory: Path) -> None:
         path.unlink()
     with suppress(OSError):  # it is not there, or holds something else
         (directory / REPLAYS).rmdir()
+    remove_files(directory)
     with suppress(FileNotFoundError):
         (directory / MANIFEST_FILE).unlink()

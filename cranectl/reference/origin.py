@@ -16,7 +16,7 @@ def origins(scenario: Scenario) -> dict[str, str]:
 def _origin(spline: Spline) -> str:
     source, fit = spline.source, spline.fit
     assert source is not None
-    held = "attached" if spline.held else "not attached"
+    held = "held here" if spline.held else "not held here"
     file = f"{spline.made_from.get('kind')} from {source.file} (SHA-256 {source.sha256[:DIGITS]}, {held})"
     if fit is None:
         return f"{file}: {len(spline.breaks)} points"

@@ -1,5 +1,6 @@
 """A run's log as a reference, and a log that holds the file its reference was made from."""
 
+import contextlib
 import pickle
 from collections.abc import Callable
 from dataclasses import replace
@@ -124,6 +125,23 @@ def test_the_file_travels_with_its_scenario(
     assert held_files(travel(scenario)) == held_files(scenario) != {}
 
 
+def test_the_result_of_a_campaign_has_the_file_too(taught: tuple[Path, Run], tmp_path: Path) -> None:
+    line = ["campaign", "run", "c.toml", "--out", "r"]
+    with contextlib.chdir(tmp_path):
+        Path("c.toml").write_text(
+            f'name = "c"\nscenario = "{taught[0] / "taken.toml"}"\ncontrollers = ["lqr"]\nruns = 2\n'
+            'plants = ["analytic"]\n'
+            'uncertain.rig.load_mass = {distribution = "uniform", low = 0.5, high = 1.5}\n'
+            'set = ["duration=2.0"]\n'
+        )
+        assert main(line) == 0
+        assert main(["campaign", "replay", "r", "--run", "1", "--out", "l"]) == 0
+        (log,) = Path("l").glob("*.mcap")
+        assert held_files(read_log(log)["analytic"].scenario) == held_files(taught[1].scenario) != {}
+        assert main([*line, "--overwrite"]) == 0
+        assert len(list(Path("r/reference").iterdir())) == 1
+
+
 def test_info_tells_where_the_reference_is_from(
     taught: tuple[Path, Run], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -134,5 +152,5 @@ def test_info_tells_where_the_reference_is_from(
     assert isinstance(spline, Spline)
     assert spline.fit is not None
     assert "segment 0: samples from teach.csv (SHA-256" in told
-    assert f"attached): 101 samples, {spline.fit.spans} spans; samples left out are" in told
+    assert f"held here): 101 samples, {spline.fit.spans} spans; samples left out are" in told
     assert START.tolist() == list(spline.coefficients[0])
