@@ -26,6 +26,11 @@ RULE = 1  # of identities; parts of all formats have it
 DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
 DEFAULT_RIG = RigParameters().model_dump(mode="json")
 NOT_DECISIVE = ("title", "limits", "scenario", "rig", "set")  # of a campaign: the scenario itself is recorded
+SPENT = (
+    "limits",
+    "planning",
+    "obstacles",
+)  # of a scenario: limits judge one run, the others have made its reference
 
 
 class Origin(NamedTuple):
@@ -99,7 +104,7 @@ def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str
 
 def _decisive(manifest: Mapping[str, Any]) -> Table:
     campaign = {key: value for key, value in manifest["campaign"].items() if key not in NOT_DECISIVE}
-    scenario = {key: value for key, value in manifest["scenario"].items() if key != "limits"}  # of one run
+    scenario = {key: value for key, value in manifest["scenario"].items() if key not in SPENT}
     # As in results that did not know them.
     if scenario.get("metrics") == DEFAULT_METRICS:
         del scenario["metrics"]
