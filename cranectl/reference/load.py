@@ -33,9 +33,11 @@ def planned(scenario: Scenario, directory: Path = Path()) -> Scenario:
     here = np.array(scenario.reference.start)
     for index, segment in enumerate(scenario.reference.segments):
         where = f"reference.segments.{index}"
-        ready = segment if is_planned(segment) else _planned(segment, here, scenario, directory, where)
-        segments.append(ready)
-        here = end_point(ready, here)
+        for ready in (
+            [segment] if is_planned(segment) else _planned(segment, here, scenario, directory, where)
+        ):
+            segments.append(ready)
+            here = end_point(ready, here)
     _check_length(sum(map(seconds, segments)), scenario)
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
     return scenario.model_copy(update={"reference": reference})
@@ -50,14 +52,14 @@ def _check_length(length: float, scenario: Scenario) -> None:
         )
 
 
-def _planned(segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str) -> Segment:
+def _planned(
+    segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str
+) -> Sequence[Segment]:
     if isinstance(segment, WayPoints):
-        return way_points(segment, start, scenario, directory, where)
+        return [way_points(segment, start, scenario, directory, where)]
     if isinstance(segment, Samples):
-        return samples(segment, start, scenario, directory, where)
-    from cranectl.reference.planning.plan import planned_along, planned_move  # a solver: as it is needed
+        return [samples(segment, start, scenario, directory, where)]
+    from cranectl.reference.planning.plan import planned_segment  # its solver is loaded where it is needed
 
-    if isinstance(segment, Move):
-        return planned_move(segment, start, scenario, where)
-    assert isinstance(segment, Line | Arc)
-    return planned_along(segment, start, scenario, where)
+    assert isinstance(segment, Line | Arc | Move)
+    return planned_segment(segment, start, scenario, where)

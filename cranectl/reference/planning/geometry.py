@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cranectl.reference.planning.series import Number, Series, composed
+from cranectl.reference.planning.series import Number, Series, composed, plus
 from cranectl.support.arrays import Array
 
 
@@ -53,6 +53,32 @@ class Circular:
             plane[axis][0] = plane[axis][0] + float(self.centre[axis])
         height = [s * 0.0 + float(self.start[2]), *([s * 0.0] * order)]
         return [*plane, height]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A free motion: coordinates along `directions` (d, 3), unit vectors, from `start`."""
+
+    start: Array
+    end: Array
+    directions: Array
+
+    def __call__(self, coordinates: list[Series]) -> list[Series]:
+        """The load's motion from that of the coordinates."""
+        load = []
+        for origin, factors in zip(self.start.tolist(), self.directions.T.tolist(), strict=True):
+            series = [c * factors[0] for c in coordinates[0]]
+            for coordinate, factor in zip(coordinates[1:], factors[1:], strict=True):
+                if factor:
+                    series = plus(series, [c * factor for c in coordinate])
+            load.append([series[0] + origin, *series[1:]])
+        return load
+
+    def points(self, coordinates: Array) -> Array:
+        """Places (N, 3) [m] of coordinates (N, d); where they end exact."""
+        places = self.start + coordinates @ self.directions
+        places[(coordinates == coordinates[-1]).all(axis=1)] = self.end
+        return places
 
 
 def along(geometry: Geometry) -> Callable[[list[Series]], list[Series]]:

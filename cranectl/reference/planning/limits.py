@@ -38,6 +38,11 @@ class Box(NamedTuple):
     low: Array  # (3,) [m]
     high: Array
 
+    @property
+    def key(self) -> str:
+        """Among the names of limited quantities."""
+        return f"obstacle '{self.name}'"
+
 
 class Limits(NamedTuple):
     """Of a motion of the load; those of drives, lean and tension times the share."""

@@ -1,69 +1,119 @@
 """Segments that are to be planned, planned: in minimum time, or as short as the law of degree 9 can be."""
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 
-from cranectl.reference.planning.geometry import Circular, Geometry, Straight
-from cranectl.reference.planning.limits import Limits, limits_of
-from cranectl.reference.planning.minimum_time import ASIDE, SPANS, Task, along_path, minimum_time
-from cranectl.reference.planning.series import Series
+from cranectl.reference.planning.geometry import Circular, Geometry, Placed, Straight
+from cranectl.reference.planning.limits import FIXED, Limits, limits_of
+from cranectl.reference.planning.minimum_time import SPANS, Task, along_path, minimum_time
+from cranectl.reference.planning.route import rounded, stops, way
 from cranectl.reference.planning.shortest import shortest
-from cranectl.reference.time_laws import time_law
 from cranectl.scenario import Line, Scenario
-from cranectl.scenario.segments import MINIMUM_TIME, Arc, Move, Spline, SplineLaw
+from cranectl.scenario.segments import MINIMUM_TIME, Arc, Move, Segment, Spline, SplineLaw, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+
+ASIDE = 0.1  # of its way, by which a first guess leaves it: a crane swings out of a straight line, and up
+PRECISION = 0.1  # of its way, by which a motion's excesses over ranges are measured
+HASTE = 0.6  # a guess that does not stop lasts this part of one that does
+
+
+def planned_segment(
+    segment: Line | Arc | Move, start: Array, scenario: Scenario, where: str
+) -> list[Segment]:
+    """What a segment without a time becomes: itself with duration and law, a spline, or lines with stops.
+
+    Raises InputError where no motion keeps the limits.
+    """
+    if isinstance(segment, Move):
+        return planned_move(segment, start, scenario, where)
+    return [planned_along(segment, start, scenario, where)]
 
 
 def planned_along(segment: Line | Arc, start: Array, scenario: Scenario, where: str) -> Line | Arc:
     """A segment on a given path with its duration, and its law if that is to be found."""
-    limits = limits_of(scenario)
     geometry: Geometry
     if isinstance(segment, Line):
-        geometry = Straight(start, np.array(segment.to))
+        end = np.array(segment.to)
+        geometry = Straight(start, end)
+        size = float(np.linalg.norm(end - start))
     else:
-        geometry = Circular(start, np.array(segment.centre), segment.angle)
+        centre = np.array(segment.centre)
+        geometry = Circular(start, centre, segment.angle)
+        size = float(np.linalg.norm(start[:2] - centre) * abs(segment.angle))
+    limits = limits_of(scenario)._replace(size=PRECISION * size)
     duration = _shortest(geometry, limits, where)
-    if segment.time_law != MINIMUM_TIME:
-        return segment.model_copy(update={"duration": duration})
-    found = minimum_time(along_path(geometry, limits, duration))
-    if found is None or found.duration > duration:
-        return segment.model_copy(update={"duration": duration, "time_law": "degree-9"})
-    law = SplineLaw(coefficients=tuple(np.clip(found.coefficients[:, 0], 0.0, 1.0).tolist()))
-    return segment.model_copy(update={"duration": found.duration, "time_law": law})
+    if segment.time_law == MINIMUM_TIME:
+        found = minimum_time(along_path(geometry, limits, duration))
+        if found is not None and found.duration < duration:
+            law = SplineLaw(coefficients=tuple(np.clip(found.coefficients[:, 0], 0.0, 1.0).tolist()))
+            return segment.model_copy(update={"duration": found.duration, "time_law": law})
+    return segment.model_copy(update={"duration": duration, "time_law": "degree-9"})
 
 
-def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) -> Spline:
-    """A free motion as the spline that was found."""
-    limits = limits_of(scenario)
-    end = np.array(segment.to)
-    duration = _shortest(Straight(start, end), limits, where)
-    task = _free(start, end, limits, duration)
-    found = minimum_time(task)
-    if found is None or found.duration > duration:
-        raise NotImplementedError
-    breaks = np.linspace(0.0, found.duration, task.spans + 1)
-    return Spline(
-        kind="spline",
-        degree=7,
-        breaks=tuple(breaks.tolist()),
-        coefficients=tuple(map(tuple, found.coefficients.tolist())),
-        made_from=segment.model_dump(mode="json", exclude_defaults=True),
+def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
+    """A free motion as the spline that was found, or lines with stops where none is faster."""
+    points = [start, *map(np.array, segment.via), np.array(segment.to)]
+    size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
+    limits = limits_of(scenario)._replace(size=PRECISION * size)
+    corners = stops(points, limits)
+    lines = [
+        Line(kind="line", to=tuple(end.tolist()), duration=_shortest(Straight(begin, end), limits, where))
+        for begin, end in itertools.pairwise(corners)
+    ]
+    longest = sum(map(seconds, lines))
+    if segment.duration is None:
+        task = free_motion(segment, points, corners, limits, longest if len(lines) == 1 else HASTE * longest)
+        found = minimum_time(task)
+        if found is not None and found.duration < longest:
+            breaks = np.linspace(0.0, found.duration, task.spans + 1)
+            return [
+                Spline(
+                    kind="spline",
+                    degree=7,
+                    breaks=tuple(breaks.tolist()),
+                    coefficients=tuple(map(tuple, found.coefficients.tolist())),
+                    made_from=segment.model_dump(mode="json", exclude_defaults=True),
+                )
+            ]
+    return list(lines)
+
+
+def free_motion(
+    segment: Move, points: Sequence[Array], corners: list[Array], limits: Limits, duration: float
+) -> Task:
+    """What is to be solved for a move through `points`, first guessed along `corners`."""
+    start, end = points[0], points[-1]
+    if segment.constant_rope:
+        length = -start[2]
+        limits = limits._replace(
+            axes=np.vstack([limits.axes[:2], length * (1.0 + FIXED * np.array([-1.0, 1.0]))])
+        )
+    guess = rounded(corners)
+    along = np.array([*(end - start)[:2], 0.0])
+    along = along / np.linalg.norm(along) if along.any() else np.array([1.0, 0.0, 0.0])
+    aside, up = np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
+    directions = np.array([along, up]) if segment.plane else np.eye(3)
+    bump = ASIDE / PRECISION * limits.size * (aside * (not segment.plane) + up * (not segment.constant_rope))
+    guess += np.sin(np.pi * np.linspace(0.0, 1.0, len(guess)))[:, None] ** 4 * bump
+    guess = np.clip(guess, *limits.load.T)
+    via = points[1:-1]
+    passed = [float(np.argmin(np.linalg.norm(guess - point, axis=1)) / len(guess)) for point in via]
+    sides = way(guess, limits, len(via))
+    return Task(
+        start=np.zeros(len(directions)),
+        end=directions @ (end - start),
+        to_load=Placed(start, end, directions),
+        limits=limits,
+        guess=(guess - start) @ directions.T,
+        duration=duration,
+        spans=SPANS,
+        via=tuple(directions @ (point - start) for point in via),
+        legs=sides.legs,
+        instants=(*passed, *sides.instants),
     )
-
-
-def _free(start: Array, end: Array, limits: Limits, duration: float) -> Task:
-    parts = np.linspace(0.0, 1.0, 401)
-    way = end - start
-    distance = float(np.linalg.norm(way))
-    aside = np.array([-way[1], way[0], 0.0])
-    aside = aside / np.linalg.norm(aside) if aside.any() else np.array([1.0, 0.0, 0.0])
-    bump = ASIDE * distance * (aside + np.array([0.0, 0.0, 1.0]))
-    guess = start + time_law("degree-9", parts)[0][:, None] * way + np.sin(np.pi * parts)[:, None] ** 4 * bump
-    return Task(start, end, _itself, limits, guess, duration, SPANS)
-
-
-def _itself(coordinates: list[Series]) -> list[Series]:
-    return coordinates
 
 
 def _shortest(geometry: Geometry, limits: Limits, where: str) -> float:

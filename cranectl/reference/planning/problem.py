@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.reference.planning.gradients import Gradient, inputs
-from cranectl.reference.planning.limits import Limits, Quantity, motion, quantities
+from cranectl.reference.planning.limits import Box, Limits, Quantity, clear_of, motion, quantities
 from cranectl.reference.planning.series import Series, from_derivatives
 from cranectl.reference.time_laws import PLANNED_DEGREE, spline
 from cranectl.support.arrays import Array
@@ -20,6 +20,8 @@ from cranectl.support.arrays import Array
 ORDERS = 6  # position and five derivatives: the fifth is in the rate of the set-points
 TIED = 5  # coefficients at each end that are equal: rest up to the fourth derivative
 EFFORT = "set-point's rate"  # the quantities whose mean square is priced
+LEG_SAMPLES = 49  # of each stretch beside an obstacle
+APART = 0.02  # least distance of instants, in durations
 DIFFERENCE = 1e-5  # of a derivative's size, for second derivatives
 
 ToLoad = Callable[[list[Series]], list[Series]]  # coordinates → load x, y, z
@@ -40,12 +42,28 @@ class Linearised(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A stretch of the motion on one side of an obstacle."""
+    """A stretch of the motion on one side of an obstacle, between two instants or the motion's ends."""
 
-    obstacle: int
+    box: Box
     side: str
-    begins: int | None  # index among the unknown instants; None: with the motion
+    begins: int | None  # which of the instants; None: with the motion
     ends: int | None
+
+
+class Sampled(NamedTuple):
+    """Points of the motion at which something must hold."""
+
+    parts: Array  # (N,) of the duration, without those of the instants
+    by_instant: Array  # (N, instants) what they add
+    bounded: Callable[[list[Series]], list["Bounded"]]  # of the coordinates' series
+
+
+class Bounded(NamedTuple):
+    """A quantity and a bound, by sign an upper (1) or lower (-1) one; without a bound it is an effort."""
+
+    quantity: Quantity
+    bound: float | None
+    sign: float
 
 
 class Problem:
@@ -64,17 +82,27 @@ class Problem:
         legs: Sequence[Leg] = (),
         forwards: bool = False,
     ) -> None:
-        """`samples`: parts of the duration, (N,). `forwards`: no coordinate may ever fall."""
-        self.start, self.end, self.limits, self.to_load = start, end, limits, to_load
-        self.spans, self.samples, self.via, self.legs, self.forwards = spans, samples, via, legs, forwards
+        """`samples`: parts of the duration, (N,). `via`: coordinates (d,) that are passed at the first instants.
+
+        `forwards`: no coordinate may ever fall.
+        """
+        self.start, self.end, self.limits, self.spans = start, end, limits, spans
+        self._to_load, self._forwards = to_load, forwards
         whole = spline(np.linspace(0.0, 1.0, spans + 1), np.eye(spans + PLANNED_DEGREE), PLANNED_DEGREE)
         self._basis = [whole.derivative(order) if order else whole for order in range(ORDERS)]
         self.free = slice(TIED, spans + PLANNED_DEGREE - TIED)
         self.width = (spans + PLANNED_DEGREE - 2 * TIED) * len(start)  # free coefficients
-        self._at_samples = self.basis(samples)
+        self.instants = max(
+            [len(via), *(1 + e for leg in legs for e in (leg.begins, leg.ends) if e is not None)]
+        )
+        still = np.zeros((len(samples), self.instants))
+        self._groups = [Sampled(samples, still, self._limited)]
+        self._groups += [self._passing(index, point) for index, point in enumerate(via)]
+        self._groups += [self._beside(leg) for leg in legs]
+        self._fixed = self.basis(samples)
 
     def basis(self, parts: Array) -> Array:
-        """Derivatives by the part of the duration of all basis functions: (N, ORDERS, spans + degree)."""
+        """Derivatives by the part of the duration of the basis functions: (N, ORDERS, spans + degree)."""
         return np.stack([curve(parts) for curve in self._basis], axis=1)
 
     def coefficients(self, x: Array) -> Array:
@@ -92,80 +120,161 @@ class Problem:
 
     def linearised(self, x: Array) -> Linearised:
         """Excesses and efforts at x, and their slopes."""
-        jets, by_x = self._jets(x, self._at_samples)
-        flat = inputs(jets)
-        values, slopes, efforts, effort_slopes = [], [], [], []
-        for each, bound, sign in self._bounded(flat):
-            number = each.series[0]
-            if bound is None:
-                efforts.append(number.value / each.scale)
-                effort_slopes.append(number.slope / each.scale)
-            else:
-                values.append(sign * (number.value - bound) / each.scale)
-                slopes.append(sign * number.slope / each.scale)
-        excess = _chained(values, slopes, by_x)
-        return Linearised(excess, _chained(efforts, effort_slopes, by_x))
+        found = [self._linearised(x, group) for group in self._groups]
+        order = Rows(*self._in_order(x))
+        excess = [rows for rows, _ in found] + [order]
+        return Linearised(
+            Rows(np.concatenate([r.value for r in excess]), np.vstack([r.slope for r in excess])), found[0][1]
+        )
+
+    def _linearised(self, x: Array, group: Sampled) -> tuple[Rows, Rows]:
+        jets, by_x = self._jets(x, group)
+        limits: list[Bounded] = []
+        efforts: list[Bounded] = []
+        for each in group.bounded(self._coordinates(inputs(jets))):
+            (efforts if each.bound is None else limits).append(each)
+        return _chained(limits, by_x), _chained(efforts, by_x)
+
+    def _in_order(self, x: Array) -> tuple[Array, Array]:
+        """That the instants follow one another within the motion, as excesses."""
+        instants = np.concatenate([[0.0], x[self.width + 1 :], [1.0]])
+        slope = np.zeros((self.instants + 1, len(x)))
+        rows = np.arange(self.instants)
+        slope[rows, self.width + 1 + rows] = -1.0
+        slope[rows + 1, self.width + 1 + rows] = 1.0
+        order = APART - np.diff(instants)
+        return (order, slope) if self.instants else (order[:0], slope[:0])
 
     def curvature(self, x: Array, prices: Array) -> Array:
         """Second derivative (unknowns, unknowns) of `prices` (R,) times the excesses."""
-        by_sample = prices.reshape(-1, len(self.samples))
-        priced = np.flatnonzero(by_sample.max(axis=0) > 0.0)
-        by_sample = by_sample[:, priced]
-        jets, by_x = self._jets(x, self._at_samples[priced])
+        hessian = np.zeros((len(x), len(x)))
+        first = 0
+        for group in self._groups:
+            jets, _ = self._jets(x, group)
+            count = len(group.parts)
+            total = len(_limits(group.bounded(self._coordinates(inputs(jets[:1]))))) * count
+            by_sample = prices[first : first + total].reshape(-1, count)
+            first += total
+            priced = np.flatnonzero(by_sample.max(axis=0) > 0.0)
+            if len(priced):
+                acting = Sampled(group.parts[priced], group.by_instant[priced], group.bounded)
+                self._add_curvature(hessian, x, acting, by_sample[:, priced])
+        return 0.5 * (hessian + hessian.T)
+
+    def _add_curvature(self, hessian: Array, x: Array, group: Sampled, prices: Array) -> None:
+        jets, by_x = self._jets(x, group)
         count, width = jets.shape
         size = DIFFERENCE * np.maximum(np.abs(jets).max(axis=0), 1e-3)
         moved = np.concatenate([jets[None], jets + np.diag(size)[:, None, :]])  # (1 + width, N, width)
         total = np.zeros((width + 1, count, width))
-        row = 0
-        for each, bound, sign in self._bounded(inputs(moved.reshape(-1, width))):
-            if bound is not None:
-                if by_sample[row].any():
-                    slope = each.series[0].slope.reshape(total.shape)
-                    total += (sign / each.scale * by_sample[row])[:, None] * slope
-                row += 1
+        rows = _limits(group.bounded(self._coordinates(inputs(moved.reshape(-1, width)))))
+        for each, price in zip(rows, prices, strict=True):
+            if price.any():
+                slope = each.quantity.series[0].slope.reshape(total.shape)
+                total += (each.sign / each.quantity.scale * price)[:, None] * slope
         by_jets = (total[1:] - total[0]) / size[:, None, None]  # (width, N, width)
         half = np.matmul(by_jets.transpose(1, 0, 2), by_x)  # (N, width, unknowns)
-        hessian: Array = np.tensordot(by_x, half, axes=((0, 1), (0, 1)))
-        # What the jets themselves bend: T^-k times linear in the coefficients.
-        order = np.repeat(np.arange(float(ORDERS)), len(self.start))
-        duration, at = self.duration(x), self.width
-        mixed = np.einsum("nj,njx->x", total[0] * -order / duration, by_x[:, :, :at])
-        hessian[:at, at] += mixed
-        hessian[at, :at] += mixed
+        hessian += np.tensordot(by_x, half, axes=((0, 1), (0, 1)))
+        # What the jets q_k = T^-k B_k c themselves bend, of T, of c and T, and of the instants in B.
+        d, at, duration = len(self.start), self.width, self.duration(x)
+        order = np.repeat(np.arange(float(ORDERS)), d)
         hessian[at, at] += np.einsum("nj,nj->", total[0], jets * order * (order + 1.0) / duration**2)
-        return 0.5 * (hessian + hessian.T)
+        mixed = np.einsum("nj,njx->x", total[0] * -order / duration, by_x[:, :, :at])
+        hessian[:at, at] += 2.0 * mixed  # both halves: the caller makes it symmetric
+        if self.instants:
+            later = total[0][:, :-d]  # nothing that depends on instants takes the last order
+            hessian[:at, at + 1 :] += (
+                2.0 * duration * np.einsum("nj,njx,nm->xm", later, by_x[:, d:, :at], group.by_instant)
+            )
+            of_time = np.einsum("nj,nj,nm->m", later * -order[:-d], jets[:, d:], group.by_instant)
+            hessian[at, at + 1 :] += 2.0 * of_time
+            twice = np.einsum("nj,nj->n", later[:, :-d], jets[:, 2 * d :]) * duration**2
+            hessian[at + 1 :, at + 1 :] += (group.by_instant * twice[:, None]).T @ group.by_instant
 
-    def _jets(self, x: Array, basis: Array) -> tuple[Array, Array]:
+    def _jets(self, x: Array, group: Sampled) -> tuple[Array, Array]:
         """Derivatives of the coordinates in time, (N, ORDERS * d), and of those by the unknowns."""
-        count, d, duration = len(basis), len(self.start), self.duration(x)
+        d, duration = len(self.start), self.duration(x)
+        moving = group.by_instant.any()
+        parts = (
+            np.clip(group.parts + group.by_instant @ x[self.width + 1 :], 0.0, 1.0) if moving else group.parts
+        )
+        basis = self._fixed if parts is self._groups[0].parts else self.basis(parts)
         scaled = basis * (duration ** -np.arange(float(ORDERS)))[:, None]
         jets = scaled @ self.coefficients(x)  # (N, ORDERS, d)
-        by_x = np.zeros((count, ORDERS, d, len(x)))
+        by_x = np.zeros((len(basis), ORDERS, d, len(x)))
         for j in range(d):
             by_x[:, :, j, j : self.width : d] = scaled[:, :, self.free]
         by_x[..., self.width] = -np.arange(float(ORDERS))[:, None] * jets / duration
-        return jets.reshape(count, -1), by_x.reshape(count, ORDERS * d, -1)
+        if moving:
+            by_x[:, :-1, :, self.width + 1 :] = duration * np.einsum(
+                "nkj,nm->nkjm", jets[:, 1:], group.by_instant
+            )
+        return jets.reshape(len(basis), -1), by_x.reshape(len(basis), ORDERS * d, -1)
 
-    def _bounded(self, flat: Sequence[Gradient]) -> list[tuple[Quantity, float | None, float]]:
-        """(quantity, bound, sign) of all that is limited; without a bound: an effort."""
+    def _coordinates(self, flat: Sequence[Gradient]) -> list[Series]:
         d = len(self.start)
-        coordinates = [from_derivatives(flat[j::d]) for j in range(d)]
-        moved = motion(self.to_load(coordinates), self.limits.gravity)
-        found: list[tuple[Quantity, float | None, float]] = []
+        return [from_derivatives(flat[j::d]) for j in range(d)]
+
+    def _limited(self, coordinates: list[Series]) -> list[Bounded]:
+        """All that is limited at every sample."""
+        moved = motion(self._to_load(coordinates), self.limits.gravity)
+        found = []
         for each in quantities(moved, self.limits):
             if np.isfinite(each.high):
-                found.append((each, each.high, 1.0))
+                found.append(Bounded(each, each.high, 1.0))
             if np.isfinite(each.low):
-                found.append((each, each.low, -1.0))
+                found.append(Bounded(each, each.low, -1.0))
             if each.name.endswith(EFFORT):
-                found.append((each, None, 1.0))
-        if self.forwards:
-            found += [(Quantity("progress", [c[1]], 0.0, np.inf, 1.0), 0.0, -1.0) for c in coordinates]
+                found.append(Bounded(each, None, 1.0))
+        if self._forwards:
+            found += [Bounded(Quantity("progress", [c[1]], 0.0, np.inf, 1.0), 0.0, -1.0) for c in coordinates]
         return found
 
+    def _passing(self, index: int, point: Array) -> Sampled:
+        """That a point is met at an instant: two inequalities for each coordinate."""
 
-def _chained(values: Sequence[Array], slopes: Sequence[Array], by_x: Array) -> Rows:
-    """Rows by the unknowns from rows by the jets."""
-    by_jets = np.stack(slopes, axis=1)  # (N, Q, ORDERS * d)
+        def bounded(coordinates: list[Series]) -> list[Bounded]:
+            size = self.limits.size
+            return [
+                Bounded(Quantity("via", c, at, at, size), at, sign)
+                for c, at in zip(coordinates, point.tolist(), strict=True)
+                for sign in (1.0, -1.0)
+            ]
+
+        return Sampled(np.zeros(1), np.eye(self.instants)[index : index + 1], bounded)
+
+    def _beside(self, leg: Leg) -> Sampled:
+        """That load and rope stay on a side of an obstacle, from one instant to another."""
+        way = np.linspace(0.0, 1.0, LEG_SAMPLES)
+        parts, by_instant = np.zeros(LEG_SAMPLES), np.zeros((LEG_SAMPLES, self.instants))
+        if leg.begins is not None:
+            by_instant[:, leg.begins] = 1.0 - way
+        if leg.ends is None:
+            parts = way
+        else:
+            by_instant[:, leg.ends] = way
+
+        def bounded(coordinates: list[Series]) -> list[Bounded]:
+            moved = motion(self._to_load([c[:3] for c in coordinates]), self.limits.gravity)
+            return [
+                Bounded(Quantity(leg.box.name, distance, 0.0, np.inf, self.limits.size), 0.0, -1.0)
+                for distance in clear_of(moved, leg.box, self.limits.radius, leg.side)
+            ]
+
+        return Sampled(parts, by_instant, bounded)
+
+
+def _limits(found: Sequence[Bounded]) -> list[Bounded]:
+    return [each for each in found if each.bound is not None]
+
+
+def _chained(found: Sequence[Bounded], by_x: Array) -> Rows:
+    """Excesses over the bounds, or the efforts themselves, and their slopes by the unknowns."""
+    if not found:
+        return Rows(np.zeros(0), np.zeros((0, by_x.shape[2])))
+    factors = [each.sign / each.quantity.scale for each in found]
+    numbers = [each.quantity.series[0] for each in found]
+    values = [f * (n.value - (each.bound or 0.0)) for f, n, each in zip(factors, numbers, found, strict=True)]
+    by_jets = np.stack([f * n.slope for f, n in zip(factors, numbers, strict=True)], axis=1)
     by_unknowns = np.matmul(by_jets, by_x).transpose(1, 0, 2)
     return Rows(np.concatenate(values), by_unknowns.reshape(-1, by_x.shape[2]))

@@ -16,7 +16,7 @@ from cranectl.reference.planning.problem import Linearised, Problem
 from cranectl.support.arrays import Array
 
 EFFORT = 1e-2  # price of the mean square of the drives' shares of their limits, in durations
-PENALTIES = 0.35, 1.5, 6.0  # price of the largest excess in parts of its limit, in durations
+PRICES = 0.35, 1.5, 6.0  # price of the largest excess in parts of its limit, in durations
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 1.0, 1e-6  # of the trust region, in sizes of the unknowns
 MOST_STEPS = 80
 GOOD_ENOUGH = 2e-5  # gain of a step, in durations, that is not worth another
@@ -31,6 +31,7 @@ class Solution(NamedTuple):
     excess: float  # largest over any limit, in parts of it
     steps: int
     solved: bool
+    price: float = 0.0  # of excesses with which it was found, in durations
 
 
 class Prices(NamedTuple):
@@ -40,14 +41,16 @@ class Prices(NamedTuple):
     excess: float  # of the largest excess
 
 
-def solve(problem: Problem, x: Array, sizes: Array) -> Solution:
+def solve(problem: Problem, x: Array, sizes: Array, price: float = PRICES[0]) -> Solution:
     """The x of least duration near the one given; `sizes` (unknowns,) are what is a long way for each.
 
     A small price on excesses allows long steps, one that is too small leaves some: then it is raised.
     """
     unit, steps, found = problem.duration(x), 0, None
-    for penalty in PENALTIES:
-        found = _descend(problem, x, sizes, Prices(EFFORT * unit, penalty * unit))
+    for penalty in PRICES:
+        if penalty < price:
+            continue
+        found = _descend(problem, x, sizes, Prices(EFFORT * unit, penalty * unit))._replace(price=penalty)
         x, steps = found.x, steps + found.steps
         if found.solved:
             break

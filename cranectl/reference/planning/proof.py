@@ -99,7 +99,7 @@ def _judged(pieces: Pieces, limits: Limits, to_load: ToLoad, slack: dict[str, fl
             ]
             rooms.append(np.min([pair[0] for pair in pairs], axis=0))
             sures.append(np.max([-pair[1] for pair in pairs], axis=0))
-        _sort(f"obstacle '{box.name}'", np.max(rooms, axis=0), np.min(sures, axis=0), open_, refuted, slack)
+        _sort(box.key, np.max(rooms, axis=0), np.min(sures, axis=0), open_, refuted, slack)
     return open_, refuted
 
 

@@ -58,5 +58,5 @@ def excesses(geometry: Geometry, limits: Limits, duration: float) -> dict[str, f
             np.min([distance[0] for distance in clear_of(moved, box, limits.radius, side)], axis=0)
             for side in SIDES
         ]
-        found[f"obstacle '{box.name}'"] = float(-np.max(sides, axis=0).min())
+        found[box.key] = float(-np.max(sides, axis=0).min())
     return found
