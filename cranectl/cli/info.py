@@ -76,15 +76,21 @@ def _print_overlay(
 ) -> None:
     from cranectl.cases.case import RunSummary
     from cranectl.cli.output import console, write_json
+    from cranectl.reference.origin import origins
     from cranectl.report.run.settings import what_differs
     from cranectl.report.run.tables import run_table, topic_table
     from cranectl.support.provenance import other_software
 
     screen = console(json_file)
     made_by = {label: layer.versions for label, layer in layers.items()}
+    made_of: dict[str, list[str]] = {}
+    for label, layer in layers.items():
+        for name, origin in origins(layer.run.scenario).items():
+            made_of.setdefault(f"{name}: {origin}", []).append(label)
     facts = [
         ("file", description.path),
         ("overlay of", ", ".join(layers)),
+        *(("reference", f"{', '.join(of)}: {origin}") for origin, of in made_of.items()),
         *(
             ("differs", f"{', '.join(of)}: {difference}")
             for difference, of in other_software(made_by).items()

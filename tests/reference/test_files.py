@@ -103,6 +103,7 @@ WRONG = {
     "spike": (spoiled(70, 3, -0.5), {}, "a jump at 1.4 s: sample 71 lies", "leave such samples out"),
     "few": (lambda rows: rows[::10], {}, "41 samples", "waypoints"),
     "in motion": (lambda rows: rows[100:], {}, "the samples begin in motion, with", "rest"),
+    "cut off": (lambda rows: rows[:300], {}, "the samples end in motion, with", "rest"),
     "elsewhere": (
         lambda rows: rows + np.array([0, 0, 0.05, 0]),
         {},
