@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: help setup cluster video fmi plan drake validate test test-docs test-drake test-viewer lint fuzz bench mutations package clean
+.PHONY: help setup cluster video fmi plan drake validate test test-docs test-drake test-viewer lint drive fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -53,6 +53,10 @@ lint: setup cluster video plan ## format, style, types, import directions
 	$(BIN)/ruff check .
 	$(call limit,600) $(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+RUNS ?= 1000
+drive: setup ## drive cranes by a random joystick, RUNS=1000 minutes; others with each commit
+	$(call limit,14400) $(BIN)/python validation/random_joystick.py --runs $(RUNS)
 
 MINUTES ?= 30
 fuzz: setup ## try odd files and command lines for MINUTES=30; what is found is kept in .hypothesis

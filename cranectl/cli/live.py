@@ -57,7 +57,7 @@ def live_command(
     """Run SCENARIO in real time, to be watched and steered.
 
     In Foxglove, until Ctrl-C. Its parameters and services there: pause, speed, controller, gains; a
-    disturbance pulse, reset.
+    disturbance pulse, reset. Once its reference has ended the load is driven by hand.
 
     \b
     cranectl live settled-trajectory
@@ -104,7 +104,7 @@ def live_command(
         _say(f"live: {loaded.name}, {design.name}, {drive} drives, {', '.join(plants)}")
         _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
         _say(f"layout: {layout or 'start with --layout view.json for one of this rig'}, to be imported there")
-        _say("steer: panels Parameters and Service Call")
+        _say("steer: panels Parameters and Service Call; by hand: Teleop on /wish")
         _say(f"log: {place}; Ctrl-C ends the session and closes it")
         server.serve(stop)
     for path in server.recorded or ("nothing recorded",):

@@ -17,6 +17,7 @@ from cranectl.report.viewer_panels import (
     column,
     events,
     field_of,
+    pad,
     panel,
     plot,
     row,
@@ -65,8 +66,7 @@ def layout_json(
     drawn = _controller(shown, law) if name == "controller" else LAYOUTS[name](shown)
     layout = _numbered(drawn, panels)
     for configuration in panels.values():
-        if "cameraState" in configuration:
-            show_rig(configuration, rig)
+        show_rig(configuration, rig)
     content = {
         "layout": layout,
         "configById": panels,
@@ -169,7 +169,8 @@ def _live(plants: Sequence[str]) -> Layout:
         configuration["followingViewWidth"] = FOLLOWED
     left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
     services = row([service("pulse"), service("reset")])
-    steering = column([panel("Parameters", "steering"), services, events()], (52, 26, 22))
+    pads = row([pad("drive x, y", "x", "y"), pad("drive x, z", "x", "z")])
+    steering = column([panel("Parameters", "steering"), pads, services, events()], (44, 20, 18, 18))
     return row([left, column(plots), steering], (40, 31, 29))
 
 

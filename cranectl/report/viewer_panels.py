@@ -14,6 +14,7 @@ from cranectl.scenario.rig import RigParameters
 Panel = tuple[str, dict[str, Any]]  # its kind and configuration
 Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side
 
+WISH = 0.4  # of the drives' speed: what hands may wish is at most half of what is left to them of it
 CAMERA = {  # looks at the middle of the rig from outside a long side, past the posts
     "perspective": True, "phi": 68.0, "thetaOffset": 18.0, "fovy": 40.0, "near": 0.05, "far": 100.0,
     "target": [0.0, 0.0, 0.0], "targetOffset": [1.0, 0.77, -0.62], "targetOrientation": [0.0, 0.0, 0.0, 1.0],
@@ -45,8 +46,13 @@ def scene_panel(drawn: Sequence[str], *, distance: float = 4.8) -> Panel:
 
 
 def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
-    """Stretch a view of the laboratory's rig to another: camera and floor."""
-    if drawn_as_filed(rig):
+    """Stretch a view of the laboratory's rig to another: camera and floor. Give wishes the rig's speeds."""
+    for button in ("upButton", "downButton", "leftButton", "rightButton"):
+        if button in configuration:
+            wish = configuration[button]
+            most = rig.effects.limits.velocity["xyz".index(wish["field"][-1])]
+            wish["value"] = round(wish["value"] * most, 4)
+    if "cameraState" not in configuration or drawn_as_filed(rig):
         return
     camera, floor = configuration["cameraState"], configuration["layers"]["floor"]
     across, down = np.radians((camera["thetaOffset"], camera["phi"]))
@@ -103,6 +109,21 @@ def service(name: str) -> Panel:
     """A button of a live session."""
     shown = {"buttonText": name, "layout": "vertical", "editingMode": False, "timeoutSeconds": 10}
     return panel("CallService", name, serviceName=f"/{name}", requestPayload="{}", **shown)
+
+
+def pad(title: str, horizontal: str, vertical: str) -> Panel:
+    """Four buttons that drive by hand, in the layout in shares of the drives' speed; see `show_rig`."""
+    buttons = {
+        "right": (horizontal, 1),
+        "left": (horizontal, -1),
+        "up": (vertical, 1),
+        "down": (vertical, -1),
+    }
+    wishes = {
+        f"{name}Button": {"field": f"linear-{axis}", "value": WISH * sign}
+        for name, (axis, sign) in buttons.items()
+    }
+    return panel("Teleop", title, topic="/wish", publishRate=10, **wishes)
 
 
 def standings(plants: Sequence[str]) -> Panel:

@@ -35,7 +35,7 @@ from cranectl.signals import DISTURBANCE, STATE
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
-from tests.conftest import PAIR
+from tests.conftest import PAIR, ROOT
 from tests.log.viewer import Viewer, decode_rows
 
 QUIET = ["disturbances=[]"]
@@ -55,6 +55,17 @@ SHORT = (
     "disturbances=[{joint='alpha',start=0.5,magnitude=1.0},{joint='beta',start=0.7,end=1.1,magnitude=-2.0}]",
 )
 PUSH = "disturbances=[{joint='beta',start=0.1,end=0.4,magnitude=1.0}]"  # past the end of a short bridge
+
+
+STICK = """
+def init(): pass
+class joystick:
+    def __init__(self, number): pass
+    def get_axis(self, axis): return (-1.0, 0.0, 0.5)[axis]
+joystick.Joystick = joystick
+class event:
+    def pump(): pass
+"""
 
 
 class Live:
@@ -637,7 +648,8 @@ def test_wishes_drive_silence_stops_and_a_run_repeats_it(tmp_path: Path) -> None
     scenario = load_scenario(again)
     first, second, last = scenario.reference.segments[-1].wishes
     assert (first[1:], second[1:], last[1:]) == ((-0.4, 0.1, 0.0), (0.0,) * 3, (0.0,) * 3)
-    assert 0.8 + 0.2 < second[0] - first[0] < 0.8 + LOST + 0.5, "messages of 0.8 s and the silence after"
+    # Messages over 0.7 s and the silence after; a busy machine loses some time or takes more.
+    assert 0.7 < second[0] - first[0] < 0.7 + LOST + 1.0
     with file.open("rb") as stream:
         attached = {each.name: each.data for each in make_reader(stream).iter_attachments()}
     assert attached["driven.toml"] == again.read_bytes()
@@ -667,3 +679,18 @@ def test_driving_waits_for_the_reference_and_ends_with_a_reset(tmp_path: Path) -
         first, second = running.end()
     assert first.with_suffix(".driven.toml").exists()
     assert not second.with_suffix(".driven.toml").exists()
+
+
+def test_the_joystick_of_the_docs_drives(tmp_path: Path) -> None:
+    """With a stick in place of pygame's that is held left and up."""
+    page = (ROOT / "docs" / "how-to" / "live.md").read_text(encoding="utf-8")
+    code = page[page.index("# joystick.py") :].partition("```")[0]
+    (tmp_path / "pygame.py").write_text(STICK)
+    with live(tmp_path / "live.mcap", *QUIET) as (running, viewer):
+        (tmp_path / "joystick.py").write_text(code.replace("8765", str(running.server.port)))
+        viewer.subscribe("/reference/load")
+        with subprocess.Popen([sys.executable, "joystick.py"], cwd=tmp_path) as program:
+            viewer.until(lambda: running.session._hand is not None)
+            assert running.session._hand._asked == (0.0, -0.4, 0.0, 0.1)
+            program.terminate()
+        viewer.until(lambda: running.session._hand._asked == (0.0,) * 4)

@@ -12,9 +12,11 @@ from mcap.reader import make_reader
 
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
+from cranectl.live.viewers import WISH
+from cranectl.live.wishes import LOST
 from cranectl.log import describe_log, topics, write_log
 from cranectl.log.overlay import Layer, write_overlay
-from cranectl.reference import load_scenario
+from cranectl.reference import hand_limits, load_scenario
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario.drawn_size import LABORATORY
 from cranectl.simulate import simulate_run
@@ -64,7 +66,7 @@ def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dic
     panels = layout["configById"]
     assert sorted(leaves(layout["layout"])) == sorted(panels)
     kinds = {panel.partition("!")[0] for panel in panels}
-    steering = {"Parameters", "CallService"} if name == "live" else set()
+    steering = {"Parameters", "CallService", "Teleop"} if name == "live" else set()
     assert kinds == {"3D", "Plot", "StateTransitions", "RosOut", *steering}
     for panel, configuration in panels.items():
         title = configuration["foxglovePanelTitle"]
@@ -83,6 +85,19 @@ def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dic
             assert {
                 path["value"].replace('"', "").partition(".")[0] for path in configuration["paths"]
             } <= set(logged)
+
+
+@pytest.mark.parametrize("crane", ["fixed-position", "workshop-move", "ship-to-shore"])
+def test_pads_wish_what_may_be_wished(crane: str) -> None:
+    scenario = load_scenario(crane)
+    layout = json.loads(layout_json("live", rig=scenario.rig))
+    pads = [panel for name, panel in layout["configById"].items() if name.startswith("Teleop")]
+    wishes = [pad[f"{button}Button"] for pad in pads for button in ("up", "down", "left", "right")]
+    most = dict(zip(("linear-x", "linear-y", "linear-z"), hand_limits(scenario).speed, strict=True))
+    shares = {wish["field"]: abs(wish["value"]) / most[wish["field"]] for wish in wishes}
+    assert shares == pytest.approx(dict.fromkeys(most, 0.4 / 0.475), rel=1e-3)
+    assert {pad["topic"] for pad in pads} == {WISH}
+    assert all(1.0 / pad["publishRate"] < LOST / 2.0 for pad in pads)
 
 
 def test_what_logs_of_before_draw_is_shown_too() -> None:
