@@ -12,6 +12,7 @@ from cranectl.live.child_session import ChildSession
 from cranectl.live.session import Session
 from cranectl.reference import load_scenario
 from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
 from tests.controllers.law_files import LAW, built
 
 SCENARIO = load_scenario("fast-diagonal")
@@ -80,3 +81,23 @@ def test_a_law_that_fails_stops_the_plants_until_the_next_start(
     again = session.advance(10)
     assert [run.time_ns[0] for run in again] == [250 * SCENARIO.period_ns] * 2
     assert session.origin_ns == 250 * SCENARIO.period_ns
+
+
+def test_it_is_driven_as_a_session_is() -> None:
+    scenario = load_scenario("fixed-position", overrides=["disturbances=[]"])
+    design = controller_design("lqr", scenario)
+    here = Session(scenario, design, plants=PLANTS)
+    there = ChildSession(scenario, design, plants=PLANTS)
+    for act in (
+        lambda session: session.wish((0.3, 0.0, -0.1)),
+        lambda session: session.go((0.5, 0.5, -0.5)),
+        lambda session: session.reset(),
+    ):
+        assert here.driven() == there.driven()
+        for session in (here, there):
+            act(session)
+        for run, other in zip(here.advance(300), there.advance(300), strict=True):
+            assert np.array_equal(run.reference, other.reference)
+            assert np.array_equal(run.table, other.table)
+    with pytest.raises(InputError, match="moves the load until"):
+        ChildSession(SCENARIO, controller_design("lqr", SCENARIO), plants=PLANTS).go((1.0, 0.5, -0.5))

@@ -1,6 +1,7 @@
 """The filter behind a hand: what it is, where it stops, what it keeps within, and how surely."""
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -156,6 +157,50 @@ def test_the_filter_is_the_fastest_that_keeps_all_limits(crane: str) -> None:
         ]
         used.append(max(parts))
     assert used[0] <= 1.0 < used[1]
+
+
+@pytest.mark.parametrize(
+    ("override", "used"),
+    [
+        ("planning.lean=0.05", lambda bound, kept: bound.slope / kept.lean),
+        ("planning.jerk=[9.0,1e9,1e9]", lambda bound, kept: bound.joints[0][2] / kept.jerk[0]),
+        ("planning.jerk=[1e9,1e9,2.0]", lambda bound, kept: bound.joints[2][2] / kept.jerk[2]),
+        (
+            "planning.tension=[0.97,2.0]",
+            lambda bound, kept: (9.81 - bound.lift) / (9.81 - kept.tension[0]),
+        ),
+        (
+            "planning.tension=[0.2,1.03]",
+            lambda bound, kept: bound.stretch[0] * (2.0 * 9.81 - bound.lift) / kept.tension[1],
+        ),
+        (
+            "rig.effects.limits.acceleration=[4.0,0.6,6.0]",
+            lambda bound, kept: (bound.joints[1][1] + 0.02 * bound.joints[1][2]) / kept.acceleration[1],
+        ),
+    ],
+)
+def test_each_limit_can_be_the_one_that_acts(override: str, used: Callable) -> None:
+    scenario = load_scenario("fixed-position", overrides=[override])
+    limits = hand_limits(scenario)
+    assert limits.bandwidth < hand_limits(load_scenario("fixed-position")).bandwidth
+    bound = Bound(limits.bandwidth, limits.speed, scenario.rig.rope_range[1] - 0.05, 9.81)
+    assert used(bound, limits_of(scenario)) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("faster", "leaves"), [(1.0, False), (1.15, True)])
+def test_the_bridge_never_overshoots_where_the_load_is_stopped(faster: float, leaves: bool) -> None:
+    """Away from the end of the rig and back to it, on the longest rope; a filter that is faster would."""
+    scenario = load_scenario("fixed-position")
+    limits = hand_limits(scenario)
+    filtered = HandLimits(faster * limits.bandwidth, limits.speed, limits.low, limits.high)
+    over = []
+    for samples in (100, 200, 400, 800):
+        state = at_rest(np.array([limits.high[0], 0.7, limits.low[2]]))
+        wishes = [(-limits.speed[0], 0.0, 0.0), *[(limits.speed[0], 0.0, 0.0)] * 4]
+        rows = derivatives(filtered, drive(filtered, PERIOD, state, held(*wishes, samples=samples)))
+        states, _ = states_and_inputs(rows.reshape(-1, 15), scenario.rig.gravity)
+        over.append((states[:, 0] - limits.high[0]).max())
+    assert max(over) > 1e-4 if leaves else max(over) <= 1e-12
 
 
 def test_no_room_is_refused() -> None:
