@@ -26,7 +26,7 @@ from cranectl.live.increments import Increments
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
 from cranectl.live.viewers import Address, Listener, Publisher, as_parameters, listen
-from cranectl.live.wishes import Go, Wish
+from cranectl.live.wishes import RELEASED, Go, Wish
 from cranectl.log.events import Event
 from cranectl.log.messages import log_lines
 from cranectl.scenario import NANOSECONDS
@@ -74,6 +74,7 @@ class LiveServer:
         self._publisher = Publisher(self._context)
         self._runs = session.advance(0)
         self._recorded: set[str] = set()  # plants in the file that is open
+        self._driven = False  # by hand, since the start
         plants = [run.plant for run in self._runs]
         self._increments = Increments(session.scenario, session.plan, plants)
         self._listener = Listener(controls)
@@ -153,6 +154,7 @@ class LiveServer:
         elif isinstance(command, Reset):
             self._finish()
             self._session.reset()
+            self._driven = False
             self._increments.start()
             self._begin("reset")
             self._step(1)  # shows the start, also to those who have paused
@@ -175,6 +177,9 @@ class LiveServer:
                 self._say(f"goes to ({', '.join(map(_short, command.point))}) m")
             else:
                 self._session.wish(command.velocity)
+                if any(command.velocity) and not self._driven:
+                    self._say("driven by hand")
+            self._driven |= command != RELEASED
         except InputError as error:
             self._say(refused("driving by hand", error), warning=True)
 

@@ -632,6 +632,7 @@ def test_wishes_drive_silence_stops_and_a_run_repeats_it(tmp_path: Path) -> None
             viewer.publish(twist(-0.4, 0.1))
             viewer.rest(0.1)
         viewer.until(lambda: running.session._hand._asked == (0.0,) * 4)  # no more messages came
+        assert viewer.said().count("driven by hand") == 1
         viewer.publish(b"nonsense")
         viewer.wait_to_hear("the message is not valid JSON")
         assert viewer.call("/go", {"x": 0.6, "y": 0.6, "z": -0.9})["message"]
