@@ -11,7 +11,7 @@ from cranectl.reference.planning.limits import SIDES, Limits, clear_of, motion
 from cranectl.reference.planning.problem import Leg
 from cranectl.reference.planning.shortest import excesses
 from cranectl.reference.time_laws import time_law
-from cranectl.scenario.segments import MAX_DURATION
+from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.support.arrays import Array
 
 GUESS = 401  # points of a first guess
