@@ -77,6 +77,11 @@ class AlongPath(Settings):
                 f"duration = {self.duration!r} and time_law = 'minimum-time', which finds the duration: "
                 "leave one of them out"
             )
+        if self.time_law == "degree-5" and self.duration == "shortest":
+            raise ValueError(
+                "time_law = 'degree-5' with duration = 'shortest': its accelerations jump, no drive's can: "
+                "leave time_law out, or give the duration in seconds"
+            )
         if self.time_law != MINIMUM_TIME and self.duration is None:
             raise ValueError(
                 f"a segment of kind '{self.kind}' has no duration: give it in seconds, or as 'shortest', or "  # type: ignore[attr-defined]

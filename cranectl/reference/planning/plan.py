@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cranectl.reference.planning.checks import check_point, no_motion
 from cranectl.reference.planning.geometry import Circular, Geometry, Placed, Straight
 from cranectl.reference.planning.limits import FIXED, Limits, limits_of
 from cranectl.reference.planning.minimum_time import SPANS, Task, along_path, minimum_time
@@ -44,6 +45,9 @@ def planned_along(segment: Line | Arc, start: Array, scenario: Scenario, where: 
         geometry = Circular(start, centre, segment.angle)
         size = float(np.linalg.norm(start[:2] - centre) * abs(segment.angle))
     limits = limits_of(scenario)._replace(size=PRECISION * size)
+    check_point(start, limits, f"{where}: its start")
+    if isinstance(segment, Line):
+        check_point(end, limits, f"{where}: its end")
     duration = _shortest(geometry, limits, where)
     if segment.time_law == MINIMUM_TIME:
         found = minimum_time(along_path(geometry, limits, duration))
@@ -58,7 +62,19 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
     points = [start, *map(np.array, segment.via), np.array(segment.to)]
     size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
     limits = limits_of(scenario)._replace(size=PRECISION * size)
-    corners = stops(points, limits)
+    if size == 0.0:
+        raise InputError(
+            f"{where} moves nowhere: the load is at {segment.to} already",
+            allowed="a move to another place",
+            remedy='to stay in place use kind = "hold"',
+        )
+    for index, point in enumerate(points):
+        last = index == len(points) - 1
+        check_point(
+            point, limits, f"{where}: its {'start' if not index else 'end' if last else 'point in via'}"
+        )
+    _check_options(segment, points, where)
+    corners = stops(points, limits, where)
     lines = [
         Line(kind="line", to=tuple(end.tolist()), duration=_shortest(Straight(begin, end), limits, where))
         for begin, end in itertools.pairwise(corners)
@@ -79,6 +95,26 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
                 )
             ]
     return list(lines)
+
+
+def _check_options(segment: Move, points: Sequence[Array], where: str) -> None:
+    heights = [float(point[2]) for point in points]
+    if segment.constant_rope and np.ptp(heights) > FIXED * abs(heights[0]):
+        raise InputError(
+            f"{where}: constant_rope with points at heights from {min(heights):g} to {max(heights):g} m",
+            allowed="points of one height, at which the load hangs at rest on one length of rope",
+            remedy="leave constant_rope out, or make the heights equal",
+        )
+    along = points[-1][:2] - points[0][:2]
+    off = [
+        abs(float(along[0] * p[1] - along[1] * p[0])) for p in (q[:2] - points[0][:2] for q in points[1:-1])
+    ]
+    if segment.plane and max(off, default=0.0) > 1e-9 * float(along @ along):
+        raise InputError(
+            f"{where}: plane = true with a point in via beside the plane through start and end",
+            allowed="points in the vertical plane through start and end",
+            remedy="leave plane out, or move the point",
+        )
 
 
 def free_motion(
@@ -120,5 +156,4 @@ def _shortest(geometry: Geometry, limits: Limits, where: str) -> float:
     found = shortest(geometry, limits)
     if isinstance(found, float):
         return found
-    worst = max(found, key=lambda name: found[name])
-    raise InputError(f"{where} cannot be driven at any speed: {worst} is off by {found[worst]:.3g}")
+    raise no_motion(found, where)

@@ -82,7 +82,7 @@ class Problem:
         legs: Sequence[Leg] = (),
         forwards: bool = False,
     ) -> None:
-        """`samples`: parts of the duration, (N,). `via`: coordinates (d,) that are passed at the first instants.
+        """`samples`: parts of the duration, (N,). `via`: coordinates (d,) passed at the first instants.
 
         `forwards`: no coordinate may ever fall.
         """

@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.reference.planning.checks import check_way_over
 from cranectl.reference.planning.geometry import Straight
 from cranectl.reference.planning.limits import SIDES, Limits, clear_of, motion
 from cranectl.reference.planning.problem import Leg
-from cranectl.reference.planning.shortest import excesses
+from cranectl.reference.planning.shortest import SLOWLY, excesses
 from cranectl.reference.time_laws import time_law
-from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.support.arrays import Array
 
 GUESS = 401  # points of a first guess
@@ -26,14 +26,18 @@ class Way(NamedTuple):
     instants: tuple[float, ...]
 
 
-def stops(points: list[Array], limits: Limits) -> list[Array]:
-    """Points to be driven to in straight lines with stops: lifted where an obstacle is in the way."""
+def stops(points: list[Array], limits: Limits, where: str) -> list[Array]:
+    """Points to be driven to in straight lines with stops: lifted where an obstacle is in the way.
+
+    Raises InputError where there is no way over it.
+    """
     found = [points[0]]
     for end in points[1:]:
         start = found[-1]
         if blocking(start, end, limits):
             height = max(float(box.high[2]) for box in limits.obstacles) + (1.0 + HEADROOM) * limits.radius
             height = max(height, start[2], end[2])
+            check_way_over(height, limits, where)
             over = [np.array([*start[:2], height]), np.array([*end[:2], height])]
             found += [point for point in over if not np.allclose(point, found[-1], atol=1e-9)]
             if np.allclose(found[-1], end, atol=1e-9):
@@ -44,7 +48,7 @@ def stops(points: list[Array], limits: Limits) -> list[Array]:
 
 def blocking(start: Array, end: Array, limits: Limits) -> list[str]:
     """Names of the obstacles that a straight line meets, driven as slowly as one likes."""
-    slowly = excesses(Straight(start, end), limits, MAX_DURATION)
+    slowly = excesses(Straight(start, end), limits, SLOWLY)
     return [box.name for box in limits.obstacles if slowly[box.key] > 0.0]
 
 

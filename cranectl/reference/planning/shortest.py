@@ -13,13 +13,14 @@ from cranectl.scenario.quantities import MAX_DURATION
 DEGREE = 9
 COEFFICIENTS = np.repeat([0.0, 1.0], 5)[:, None]  # of the law as one Bernstein polynomial
 SAMPLES = 201
+SLOWLY = 1e4  # [s]: as good as at rest
 SHORTEST = 1e-3  # [s] that is tried
 LONGER = 1.0005  # by which a duration that could not be proven is made longer, the next time twice as much
 
 
 def shortest(geometry: Geometry, limits: Limits) -> float | dict[str, float]:
     """Its duration [s], proven; or, if none is long enough, by how much which limits are broken at rest."""
-    broken = excesses(geometry, limits, MAX_DURATION)
+    broken = excesses(geometry, limits, SLOWLY)
     if max(broken.values()) > 0.0:
         return {name: excess for name, excess in broken.items() if excess > 0.0}
     low, high = SHORTEST, MAX_DURATION
