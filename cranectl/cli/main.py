@@ -24,6 +24,7 @@ from cranectl.cli.live import live_command
 from cranectl.cli.log import log_command
 from cranectl.cli.new import new_command
 from cranectl.cli.overlay import overlay_command
+from cranectl.cli.plan import plan_command
 from cranectl.cli.render import render_command
 from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
@@ -48,7 +49,7 @@ Exit codes:
 
 
 COMMANDS: dict[str, tuple[click.Command, ...]] = {
-    "Run": (new_command, run_command, live_command, campaign_command),
+    "Run": (new_command, plan_command, run_command, live_command, campaign_command),
     "Look": (
         list_command,
         schema_command,

@@ -13,7 +13,9 @@ from cranectl.compare.agreement import Agreement, Limits, Predict, against_refer
 from cranectl.compare.runs import compare_runs
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.plants.registry import in_order, reference_plant
+from cranectl.reference.planning.review import reviews
 from cranectl.report.page import Figure, Page, Section
+from cranectl.report.plan import plan_figure, plan_tables
 from cranectl.report.run.comparison_tables import comparison_table
 from cranectl.report.run.figures import (
     DEGREES,
@@ -69,6 +71,7 @@ def log_page(
         Section("runs", "Runs", (*notes, *same), tuple(table for table in outcome if table is not None)),
         Section("asked", "What was run", (), tuple(table for table in asked if table.rows)),
     ]
+    sections += _plans(logs)
     if worst:
         moments = tuple(
             Figure.pictured(
@@ -83,6 +86,23 @@ def log_page(
     if differences := _differences(logs, agreements):
         sections.append(Section("differences", "Differences", tables=differences))
     return Page(", ".join(scenarios), title, tuple(sections), remade_by)
+
+
+def _plans(logs: Logs) -> list[Section]:
+    """What was planned in minimum time, once where the logs have the same reference."""
+    found: list[Section] = []
+    seen = []
+    for label, log in logs.items():
+        scenario = next(iter(log.values())).scenario
+        reviewed = reviews(scenario)
+        if reviewed and scenario.reference not in seen:
+            seen.append(scenario.reference)
+            title = "Plan" if len(logs) == 1 else f"Plan, {label}"
+            caption = "The load's path from above and from a side, and the shares of the limits that it uses."
+            drawn = Figure.drawn("path and limits", caption, plan_figure, reviewed, scenario, alone=True)
+            tables = tuple(plan_tables(scenario, reviewed))
+            found.append(Section(f"plan-{len(found)}", title, tables=tables, figures=(drawn,)))
+    return found
 
 
 def _verdicts(agreements: Mapping[str, Agreement]) -> str:

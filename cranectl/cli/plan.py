@@ -1,0 +1,53 @@
+"""`cranectl plan`."""
+
+from pathlib import Path
+
+import click
+
+from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.support.files import PLOTS
+
+
+@click.command("plan", cls=Command)
+@click.argument("scenario")
+@output_option("--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=PLOTS)
+@scenario_options
+@json_option
+def plan_command(
+    scenario: str,
+    plot: Path | None,
+    rig: Path | None,
+    overrides: tuple[str, ...],
+    json_file: str | None,
+) -> int:
+    """Plan the motions of SCENARIO and show them, without a run.
+
+    How long they last, which limits act and when, what is proven. Exit code 1 if a limit is not proven.
+
+    \b
+    cranectl plan fast-diagonal-shortest
+    cranectl plan fast-diagonal-shortest --plot plan.svg
+    cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
+    """
+    from cranectl.cli.output import console, write_json
+    from cranectl.reference import planned
+    from cranectl.reference.planning.review import reviews
+    from cranectl.report.plan import plan_json, plan_tables
+    from cranectl.scenario import read_scenario, scenario_file
+
+    asked = read_scenario(scenario, rig=rig, overrides=overrides)
+    ready = planned(asked, scenario_file(scenario).parent)
+    found = reviews(ready)
+    screen = console(json_file)
+    for table in plan_tables(ready, found):
+        screen.print(table)
+    if plot is not None:
+        from cranectl.report.plan import plan_figure
+        from cranectl.report.theme import save_figure
+
+        save_figure(plan_figure(found, ready), plot)
+        screen.print(f"picture: {plot}")
+    write_json(json_file, plan_json(ready, found))
+    holds = all(review.proof.holds for review in found)
+    return exit_codes.GOOD if holds else exit_codes.LIMIT_EXCEEDED

@@ -1,0 +1,135 @@
+"""The plan of a reference, for the terminal and for pages: times, limits that act, proof, path."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from cranectl.reference.planning.limits import AXES
+from cranectl.reference.planning.review import ACTS, Acting, Review
+from cranectl.report.table import Table, cells
+from cranectl.scenario import Scenario
+from cranectl.scenario.segments import seconds
+
+WIDTH = 6.4  # [in]
+PANELS = {  # title: quantities, each with its label
+    "set-points": {f"{axis} set-point": axis for axis in AXES},
+    "their rates": {f"{axis} set-point's rate": axis for axis in AXES},
+    "forces": {f"{axis} force": axis for axis in AXES},
+    "rope": {"lean of the rope": "lean", "tension of the rope": "tension"},
+}
+
+
+def plan_tables(scenario: Scenario, found: Sequence[Review]) -> list[Table]:
+    """When which segment is driven; of the planned ones what proves them, and the limits that act."""
+    reviews = {review.segment: review for review in found}
+    rows, begins = [], 0.0
+    for index, segment in enumerate(scenario.reference.segments):
+        review, duration = reviews.get(index), seconds(segment)
+        more = (
+            ["", "", ""]
+            if review is None
+            else [f"{review.least:.3f}" if review.least else "", str(review.proof.pieces), _slack(review)]
+        )
+        what = review.planned if review else f"a {segment.kind}, as given"
+        rows.append(cells(str(index), what, f"{begins:.3f}", f"{duration:.3f}", *more))
+        begins += duration
+    headings = (
+        "segment",
+        "",
+        "from\n[s]",
+        "lasts\n[s]",
+        "drives alone\n[s]",
+        "pieces\nproven",
+        "smallest slack",
+    )
+    note = (
+        "Drives alone: what they would need without a load, which nothing can be under. Proven: every limit "
+        "holds at every moment, on each of so many pieces of the motion. Slack: what is left of a limit."
+    )
+    tables = [Table("", headings, tuple(rows), labels=2, note=note if found else "")]
+    acting = [
+        cells(str(review.segment), name, ", ".join(f"{each.start:.2f}–{each.end:.2f}" for each in stretches))
+        for review in found
+        for name, stretches in _by_limit(review).items()
+    ]
+    if acting:
+        title = f"Limits that act, at {100 * ACTS:g} % or more of what may be used"
+        limits = "segment", "limit", "when, from the segment's start [s]"
+        tables.append(Table(title, limits, tuple(acting), labels=3))
+    return tables
+
+
+def _by_limit(review: Review) -> dict[str, list[Acting]]:
+    """Those that act longest first."""
+    found: dict[str, list[Acting]] = {}
+    for each in review.acting:
+        found.setdefault(each.name, []).append(each)
+    lasting = {name: sum(each.end - each.start for each in stretches) for name, stretches in found.items()}
+    return {name: found[name] for name in sorted(found, key=lambda name: -lasting[name])}
+
+
+def plan_json(scenario: Scenario, found: Sequence[Review]) -> dict[str, Any]:
+    """The same for programs."""
+    return {
+        "scenario": scenario.name,
+        "duration_s": sum(map(seconds, scenario.reference.segments)),
+        "segments": [
+            {
+                "segment": review.segment,
+                "planned": review.planned,
+                "start_s": review.start,
+                "duration_s": review.duration,
+                "drives_alone_s": review.least,
+                "proven": review.proof.holds,
+                "pieces": review.proof.pieces,
+                "slack": review.proof.slack,
+                "acting": [each._asdict() for each in review.acting],
+            }
+            for review in found
+        ],
+    }
+
+
+def plan_figure(found: Sequence[Review], scenario: Scenario) -> Figure:
+    """The load's path from above and from a side, and what its limits leave over time."""
+    figure = Figure(figsize=(WIDTH, 9.6), layout="constrained")
+    above, side, *stack = figure.subplots(6, 1, height_ratios=(2.4, 2.0, 1.0, 1.0, 1.0, 1.0))
+    _draw_path(above, found, scenario, 1, "y [m]")
+    _draw_path(side, found, scenario, 2, "z [m]")
+    for axes, (title, names) in zip(stack, PANELS.items(), strict=True):
+        for colour, (name, label) in enumerate(names.items()):
+            for k, review in enumerate(found):
+                time, share = review.start + review.time, np.abs(review.shares.get(name, np.zeros(0)))
+                shown = label if k == 0 else "_nolegend_"
+                if len(share):
+                    axes.plot(time, share, color=f"C{colour}", label=shown)
+        axes.axhline(1.0, color="0.6", linewidth=0.8, linestyle=(0, (2, 2)))
+        axes.set(ylabel=title, ylim=(0.0, 1.12))
+        axes.margins(x=0.0)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    for axes in stack[:-1]:
+        axes.tick_params(labelbottom=False)
+    stack[0].set_title("shares of what the plan may use", fontsize=8.5)
+    stack[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _draw_path(axes: Axes, found: Sequence[Review], scenario: Scenario, vertical: int, label: str) -> None:
+    for k, review in enumerate(found):
+        line = review.path[:, [0, vertical]].T
+        axes.plot(*line, color=f"C{k}")
+        axes.plot(*line[:, [0, -1]], ".", color=f"C{k}")
+    for box in scenario.obstacles:
+        low, high = np.array(box.low)[[0, vertical]], np.array(box.high)[[0, vertical]]
+        axes.add_patch(Rectangle(tuple(low), *(high - low), color="0.6", alpha=0.4))
+    axes.set(xlabel="x [m]", ylabel=label, aspect="equal")
+    axes.set_adjustable("datalim")
+
+
+def _slack(review: Review) -> str:
+    name, slack = review.tightest
+    return f"{slack:.2g} of {name}"
