@@ -17,9 +17,9 @@ from cranectl.compare.runs import Comparison, compare_runs
 from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
 from cranectl.plants.registry import plant_entry, reference_plant
-from cranectl.reference import load_scenario
-from cranectl.scenario import NANOSECONDS, Scenario, scenario_names
+from cranectl.scenario import NANOSECONDS, Scenario, read_scenario, scenario_names
 from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.segments import as_asked
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import resources
@@ -166,11 +166,13 @@ def shipped_name(scenario: Scenario) -> str | None:
 
 @functools.cache
 def _shipped_motions() -> dict[str, dict[str, Any]]:
-    return {name: _motion(load_scenario(name)) for name in scenario_names()}
+    return {name: _motion(read_scenario(name)) for name in scenario_names()}
 
 
 def _motion(scenario: Scenario) -> dict[str, Any]:
-    return scenario.model_dump(exclude=SILENT)
+    motion = scenario.model_dump(exclude=SILENT)
+    motion["reference"]["segments"] = [as_asked(segment) for segment in scenario.reference.segments]
+    return motion
 
 
 @dataclass(frozen=True)

@@ -298,3 +298,14 @@ def seconds(segment: Segment) -> float:
     assert is_planned(segment), f"a segment of kind '{segment.kind}' that is not planned"
     length: float = segment.duration  # type: ignore[union-attr, assignment]
     return length
+
+
+def as_asked(segment: Segment) -> dict[str, Any]:
+    """What a scenario says of a segment that may have been planned since: its keys, without defaults."""
+    if isinstance(segment, Spline) and segment.made_from:
+        return segment.made_from
+    told = segment.model_dump(mode="json", exclude_defaults=True)
+    if isinstance(segment, AlongPath) and isinstance(segment.time_law, SplineLaw):
+        del told["duration"]
+        told["time_law"] = MINIMUM_TIME
+    return told

@@ -18,6 +18,8 @@ from cranectl.support.errors import InputError
 
 ASIDE = 0.1  # of its way, by which a first guess leaves it: a crane swings out of a straight line, and up
 PRECISION = 0.1  # of its way, by which a motion's excesses over ranges are measured
+DECIDING = {"planning", "obstacles", "rig", "effects", "control"}  # of a scenario, what a plan depends on
+_PLANNED: dict[str, list[Segment]] = {}
 HASTE = 0.6  # a guess that does not stop lasts this part of one that does
 
 
@@ -26,11 +28,15 @@ def planned_segment(
 ) -> list[Segment]:
     """What a segment without a time becomes: itself with duration and law, a spline, or lines with stops.
 
-    Raises InputError where no motion keeps the limits.
+    Raises InputError where no motion keeps the limits. What was planned in this process is not planned again.
     """
-    if isinstance(segment, Move):
-        return planned_move(segment, start, scenario, where)
-    return [planned_along(segment, start, scenario, where)]
+    key = f"{segment.model_dump_json()}{start.tolist()}{scenario.model_dump_json(include=DECIDING)}"
+    if key not in _PLANNED:
+        if isinstance(segment, Move):
+            _PLANNED[key] = planned_move(segment, start, scenario, where)
+        else:
+            _PLANNED[key] = [planned_along(segment, start, scenario, where)]
+    return _PLANNED[key]
 
 
 def planned_along(segment: Line | Arc, start: Array, scenario: Scenario, where: str) -> Line | Arc:

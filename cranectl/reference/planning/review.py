@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cranectl.reference.planning.geometry import Circular, Straight, along
 from cranectl.reference.planning.limits import AXES, Limits, Quantity, limits_of, motion, quantities
+from cranectl.reference.planning.plan import DECIDING
 from cranectl.reference.planning.problem import ORDERS, ToLoad
 from cranectl.reference.planning.proof import Proof, prove
 from cranectl.reference.planning.series import from_derivatives
@@ -143,7 +144,7 @@ def _proven(key: str, curve: Curve, limits: Limits) -> Proof:
 
 
 def _key(segment: Segment, start: tuple[float, ...], scenario: Scenario) -> str:
-    parts = scenario.model_dump_json(include={"planning", "obstacles", "rig", "effects", "control"})
+    parts = scenario.model_dump_json(include=DECIDING)
     return f"{segment.model_dump_json()}{start}{parts}"
 
 
