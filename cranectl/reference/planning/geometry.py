@@ -1,21 +1,9 @@
-"""Given paths, as functions of how far along one is, s from 0 to 1: their Taylor coefficients at any s."""
+"""Where the load is by its coordinates: how far along a given path, s from 0 to 1, or freely."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from math import factorial
-from typing import Protocol
 
-import numpy as np
-
-from cranectl.reference.planning.series import Number, Series, composed, plus
+from cranectl.reference.planning.series import Series, plus, turned
 from cranectl.support.arrays import Array
-
-
-class Geometry(Protocol):
-    """A path."""
-
-    def taylor(self, s: Number, order: int) -> list[Series]:
-        """Of x, y, z in s, up to an order."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +13,13 @@ class Straight:
     start: Array
     end: Array
 
-    def taylor(self, s: Number, order: int) -> list[Series]:
-        nothing = [s * 0.0] * (order - 1)
-        way = (self.end - self.start).tolist()
-        return [[s * w + float(a), s * 0.0 + w, *nothing] for a, w in zip(self.start, way, strict=True)]
+    def __call__(self, coordinates: list[Series]) -> list[Series]:
+        """The load's motion from that of s."""
+        (progress,) = coordinates
+        ways = (self.end - self.start).tolist()
+        series = [[c * way for c in progress] for way in ways]
+        places = self.start.tolist()
+        return [[each[0] + at, *each[1:]] for each, at in zip(series, places, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -39,20 +30,19 @@ class Circular:
     centre: Array
     angle: float
 
-    def taylor(self, s: Number, order: int) -> list[Series]:
+    def __call__(self, coordinates: list[Series]) -> list[Series]:
+        """The load's motion from that of s."""
+        (progress,) = coordinates
         x, y = (self.start[:2] - self.centre).tolist()
-        turn = s * self.angle
-        cosine, sine = (
-            (np.cos(turn), np.sin(turn)) if isinstance(turn, np.ndarray) else (turn.cos(), turn.sin())
-        )
-        turned = cosine * x - sine * y, cosine * y + sine * x  # and so on by quarter turns
-        cycle = (turned, (-turned[1], turned[0]), (-turned[0], -turned[1]), (turned[1], -turned[0]))
-        factors = [self.angle**k / factorial(k) for k in range(order + 1)]
-        plane = [[cycle[k % 4][axis] * factors[k] for k in range(order + 1)] for axis in range(2)]
-        for axis in range(2):
-            plane[axis][0] = plane[axis][0] + float(self.centre[axis])
-        height = [s * 0.0 + float(self.start[2]), *([s * 0.0] * order)]
-        return [*plane, height]
+        cosine, sine = turned([c * self.angle for c in progress])
+        east = [c * x - s * y for c, s in zip(cosine, sine, strict=True)]
+        north = [c * y + s * x for c, s in zip(cosine, sine, strict=True)]
+        level = [c * 0.0 for c in progress]
+        places = *self.centre.tolist(), float(self.start[2])
+        return [[each[0] + at, *each[1:]] for each, at in zip((east, north, level), places, strict=True)]
+
+
+Geometry = Straight | Circular
 
 
 @dataclass(frozen=True)
@@ -79,13 +69,3 @@ class Placed:
         places = self.start + coordinates @ self.directions
         places[(coordinates == coordinates[-1]).all(axis=1)] = self.end
         return places
-
-
-def along(geometry: Geometry) -> Callable[[list[Series]], list[Series]]:
-    """The load's motion from that of s."""
-
-    def to_load(coordinates: list[Series]) -> list[Series]:
-        (progress,) = coordinates
-        return [composed(series, progress) for series in geometry.taylor(progress[0], len(progress) - 1)]
-
-    return to_load

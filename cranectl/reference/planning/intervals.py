@@ -42,10 +42,10 @@ class Interval:
 
     def __mul__(self, other: "Operand") -> "Interval":
         if isinstance(other, Interval):
-            corners = np.array(
-                (self.low * other.low, self.low * other.high, self.high * other.low, self.high * other.high)
-            )
-            return _outwards(corners.min(axis=0), corners.max(axis=0))
+            a, b = self.low * other.low, self.low * other.high
+            c, d = self.high * other.low, self.high * other.high
+            low, high = np.minimum(a, b), np.maximum(a, b)
+            return _outwards(np.minimum(low, np.minimum(c, d)), np.maximum(high, np.maximum(c, d)))
         low, high = self.low * other, self.high * other
         return _outwards(np.minimum(low, high), np.maximum(low, high))
 

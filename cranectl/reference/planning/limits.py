@@ -163,6 +163,21 @@ def quantities(moved: Motion, limits: Limits) -> list[Quantity]:
     return [each for each in found if np.isfinite(each.low) or np.isfinite(each.high)]
 
 
+def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
+    """Over each limit at each point (N,), in parts of it; below zero: what is left. Of floats."""
+    found = {
+        each.name: np.maximum(each.series[0] - each.high, each.low - each.series[0]) / each.scale
+        for each in quantities(moved, limits)
+    }
+    for box in limits.obstacles:
+        sides = [
+            np.min([distance[0] for distance in clear_of(moved, box, limits.radius, side)], axis=0)
+            for side in SIDES
+        ]
+        found[box.key] = -np.max(sides, axis=0) / limits.size
+    return found
+
+
 def clear_of(moved: Motion, box: Box, radius: float, side: str) -> list[Series]:
     """What must not be negative for load and rope to be on a `side` of a box: distances [m].
 

@@ -9,20 +9,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.reference.planning.geometry import Geometry, Placed, along
-from cranectl.reference.planning.limits import Box, Limits
-from cranectl.reference.planning.problem import TIED, Leg, Problem, ToLoad
+from cranectl.reference.planning.geometry import Geometry, Placed
+from cranectl.reference.planning.limits import Box, Limits, excesses, motion
+from cranectl.reference.planning.problem import ORDERS, TIED, Leg, Problem, ToLoad
 from cranectl.reference.planning.programs import PRICES, Solution, solve
-from cranectl.reference.planning.proof import Proof, prove
-from cranectl.reference.time_laws import PLANNED_DEGREE, time_law
+from cranectl.reference.planning.proof import NEAR, Proof, prove
+from cranectl.reference.planning.series import from_derivatives
+from cranectl.reference.time_laws import PLANNED_DEGREE, spline, time_law
 from cranectl.support.arrays import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a given path
 DENSITY = 8  # samples a span at first
+FINE = 40  # samples a span by which a solution is looked at before it is proven
 TIGHTER = 0.004  # by which limits are tightened for the solver: what lies between samples
-ROUNDS = 6  # of sampling more finely
-
-INWARDS = np.array([1.0, -1.0])
+ROUNDS = 10  # of sampling more finely
 
 Solver = Callable[[Problem, Array, Array, float], Solution]
 
@@ -59,16 +59,13 @@ def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
     """Along a given path; `duration` is that of the law of degree 9."""
     guess = time_law("degree-9", np.linspace(0.0, 1.0, 401))[0][:, None]
     ends = np.zeros(1), np.ones(1)
-    return Task(*ends, along(geometry), limits, guess, duration, SPANS_ALONG, forwards=True, price=PRICES[1])
+    return Task(*ends, geometry, limits, guess, duration, SPANS_ALONG, forwards=True, price=PRICES[1])
 
 
 def minimum_time(task: Task, solver: Solver = solve) -> Motion | None:
     """The least time that is found and proven; None if nothing is."""
     fractions = np.linspace(0.0, 1.0, task.spans * DENSITY + 1)
-    limits = tightened(task.limits, TIGHTER)
-    boxes = dict(zip((box.name for box in task.limits.obstacles), limits.obstacles, strict=True))
-    legs = tuple(leg._replace(box=boxes[leg.box.name]) for leg in task.legs)
-    inside = replace(task, limits=limits, legs=legs)
+    inside = _inside(task)
     problem = _problem(inside, fractions)
     x = problem.unknowns(_fitted(problem, task), task.duration, task.instants)
     size = 0.3 * float(np.abs(task.guess - task.start).max())
@@ -78,27 +75,61 @@ def minimum_time(task: Task, solver: Solver = solve) -> Motion | None:
     steps, price = 0, task.price
     for round_ in range(1, ROUNDS + 1):
         solution = solver(problem, x, sizes, price)
-        price = solution.price
-        steps += solution.steps
+        x, price, steps = solution.x, solution.price, steps + solution.steps
         if not solution.solved:
             return None
-        x = solution.x
         duration, coefficients = problem.duration(x), problem.coefficients(x)
-        breaks = np.linspace(0.0, duration, task.spans + 1)
-        if isinstance(task.to_load, Placed):  # what is proven is what is given
-            coefficients = task.to_load.points(coefficients)
-            proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits)
-        else:
-            proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits, task.to_load)
-        if proof.holds:
-            return Motion(duration, coefficients, proof, steps, round_)
-        fractions = _finer(fractions, proof, duration, task.spans)
+        broken = _broken(task, duration, coefficients)
+        if not len(broken):
+            to_load: ToLoad | None = task.to_load
+            if isinstance(task.to_load, Placed):  # what is proven is what is given
+                coefficients, to_load = task.to_load.points(coefficients), None
+            breaks = np.linspace(0.0, duration, task.spans + 1)
+            proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits, to_load)
+            if proof.holds:
+                return Motion(duration, coefficients, proof, steps, round_)
+            broken = np.array([0.5 * (each.start + each.end) / duration for each in proof.broken])
+        fractions = np.unique(np.concatenate([fractions, broken]))
         problem = _problem(inside, fractions)
     return None
 
 
+def _broken(task: Task, duration: float, coefficients: Array) -> Array:
+    """Parts of the duration at which fine samples break a limit: what needs no proof to be refused."""
+    curve = spline(np.linspace(0.0, duration, task.spans + 1), coefficients, PLANNED_DEGREE)
+    time = np.linspace(0.0, duration, task.spans * FINE + 1)
+    rows = [curve.derivative(k)(time) if k else curve(time) for k in range(ORDERS)]
+    coordinates = [from_derivatives([row[:, j] for row in rows]) for j in range(coefficients.shape[1])]
+    over = excesses(motion(task.to_load(coordinates), task.limits.gravity), task.limits)
+    broken: Array = time[np.max(list(over.values()), axis=0) > NEAR] / duration
+    return broken
+
+
+def _inside(task: Task) -> Task:
+    """Within limits that leave room for what is between samples, but for where it begins and ends."""
+    limits = tightened(task.limits, TIGHTER)
+    rests = np.array(
+        [
+            [float(series[0][0]) for series in task.to_load([[np.array([value])] for value in point])]
+            for point in (task.start, task.end, *task.via)
+        ]
+    )
+    at_rest = rests * [1.0, 1.0, -1.0]  # bridge, trolley, rope
+    limits = limits._replace(load=_holding(limits.load, rests), axes=_holding(limits.axes, at_rest))
+    boxes = dict(zip((box.name for box in task.limits.obstacles), limits.obstacles, strict=True))
+    return replace(
+        task, limits=limits, legs=tuple(leg._replace(box=boxes[leg.box.name]) for leg in task.legs)
+    )
+
+
+def _holding(ranges: Array, points: Array) -> Array:
+    return np.stack(
+        [np.minimum(ranges[:, 0], points.min(axis=0)), np.maximum(ranges[:, 1], points.max(axis=0))], axis=1
+    )
+
+
 def tightened(limits: Limits, part: float) -> Limits:
-    """By a part of each limit; ranges by that part of a twentieth of their width."""
+    """By a part of each limit; ranges by a part of the motion's size, at most a tenth of their own."""
     low, high = limits.tension
     weight = float(limits.masses[3]) * limits.gravity
     keep = 1.0 - part
@@ -109,10 +140,15 @@ def tightened(limits: Limits, part: float) -> Limits:
         jerk=keep * limits.jerk,
         lean=keep * limits.lean,
         tension=(low + part * (weight - low), high - part * (high - weight)),
-        load=limits.load + 0.05 * part * np.ptp(limits.load, axis=1)[:, None] * INWARDS,
-        axes=limits.axes + 0.05 * part * np.ptp(limits.axes, axis=1)[:, None] * INWARDS,
-        obstacles=tuple(_grown(box, 0.05 * part * limits.size) for box in limits.obstacles),
+        load=_narrowed(limits.load, 0.5 * part * limits.size),
+        axes=_narrowed(limits.axes, 0.5 * part * limits.size),
+        obstacles=tuple(_grown(box, 0.5 * part * limits.size) for box in limits.obstacles),
     )
+
+
+def _narrowed(ranges: Array, gap: float) -> Array:
+    gaps = np.minimum(gap, 0.1 * np.ptp(ranges, axis=1))
+    return np.stack([ranges[:, 0] + gaps, ranges[:, 1] - gaps], axis=1)
 
 
 def _grown(box: Box, gap: float) -> Box:
@@ -141,12 +177,3 @@ def _fitted(problem: Problem, task: Task) -> Array:
     inner = np.linalg.lstsq(basis[:, problem.free], task.guess - basis @ tied, rcond=None)[0]
     tied[TIED:-TIED] = inner
     return tied
-
-
-def _finer(samples: Array, proof: Proof, duration: float, spans: int) -> Array:
-    """Twice the samples in the spans where the proof failed."""
-    parts = np.array([[broken.start, broken.end] for broken in proof.broken]) / duration * spans
-    touched = {int(np.clip(span, 0, spans - 1)) for span in parts.mean(axis=1)}
-    middles = 0.5 * (samples[1:] + samples[:-1])
-    new = [middle for middle in middles if int(middle * spans) in touched]
-    return np.sort(np.concatenate([samples, new]))

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import clarabel
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
-from cranectl.reference.planning.problem import Linearised, Problem
+from cranectl.reference.planning.problem import Problem
 from cranectl.support.arrays import Array
 
 EFFORT = 1e-2  # price of the mean square of the drives' shares of their limits, in durations
@@ -58,70 +59,87 @@ def solve(problem: Problem, x: Array, sizes: Array, price: float = PRICES[0]) ->
     return found._replace(steps=steps)
 
 
+class Local(NamedTuple):
+    """The problem near one x, in sizes of the unknowns."""
+
+    excess: Array  # (R,)
+    slope: Array  # (R, n)
+    efforts: Array  # (E,)
+    effort_slope: Array  # (E, n)
+
+    def merit(self, duration: float, price: Prices) -> float:
+        """What is made less [s]."""
+        excess = max(0.0, float(self.excess.max()))
+        return float(duration + price.effort * np.mean(self.efforts**2) + price.excess * excess)
+
+    def model(self, move: Array, bend: Array, duration: float, price: Prices) -> float:
+        """What the program takes the merit after `move`, which leads to `duration`, for."""
+        mean = np.mean(self.efforts**2) + 2.0 * self.efforts @ (self.effort_slope @ move) / len(self.efforts)
+        excess = max(0.0, float((self.excess + self.slope @ move).max()))
+        return float(duration + price.effort * mean + price.excess * excess + 0.5 * move @ bend @ move)
+
+
+def _local(problem: Problem, x: Array, sizes: Array) -> Local:
+    excess, efforts = problem.linearised(x)
+    return Local(excess.value, excess.slope * sizes, efforts.value, efforts.slope * sizes)
+
+
 def _descend(problem: Problem, x: Array, sizes: Array, price: Prices) -> Solution:
     radius, at = FIRST_STEP, problem.width
-    near, prices = problem.linearised(x), np.zeros(0)
-    value = _merit(near, x[at], price)
+    near, prices = _local(problem, x, sizes), np.zeros(0)
+    value = near.merit(x[at], price)
     enough = GOOD_ENOUGH * float(x[at])
+    acting = np.zeros(len(near.excess), dtype=bool)
+    time = np.eye(len(x))[at] * sizes[at]  # the duration's slope
     step = 0
     for step in range(1, MOST_STEPS + 1):
         bend = _bend(problem, x, near, prices, sizes, price)
-        found = _program(near, near.excess.value, bend, sizes, radius, at, price)
+        found = _program(near, near.excess, bend, radius, time, price, acting)
         if found is None:
-            return Solution(x, float(near.excess.value.max()), step, False)
+            return Solution(x, float(near.excess.max()), step, False)
         move, new_prices = found
-        gain = value - _model(near, move, bend, sizes, x[at], at, price)
+        gain = value - near.model(move, bend, float(x[at] + time @ move), price)
         if gain < enough:
             break
-        new = problem.linearised(x + move)
-        reached = _merit(new, (x + move)[at], price)
+        reached, there, new = _reached(problem, x, move, sizes, price)
         if reached > value - 0.7 * gain:
             # The same slopes with the excess that the step has: a correction of second order.
-            left = new.excess.value - near.excess.slope @ move
-            corrected = _program(near, left, bend, sizes, radius, at, price)
+            left = new.excess - near.slope @ move
+            corrected = _program(near, left, bend, radius, time, price, acting)
             if corrected is not None:
-                other = problem.linearised(x + corrected[0])
-                if (merit := _merit(other, (x + corrected[0])[at], price)) < reached:
-                    move, new, reached = corrected[0], other, merit
+                other = _reached(problem, x, corrected[0], sizes, price)
+                if other[0] < reached:
+                    move, (reached, there, new) = corrected[0], other
         ratio = (value - reached) / gain
         prices = new_prices
         if ratio > 0.1:
-            x, near, value = x + move, new, reached
+            x, near, value = there, new, reached
         if ratio < 0.3:
-            radius = 0.4 * min(radius, float(np.abs(move / sizes).max()))
+            radius = 0.4 * min(radius, float(np.abs(move).max()))
         elif ratio > 0.7:
             radius = min(2.0 * radius, LONGEST_STEP)
         if radius < SHORTEST_STEP:
             break
-    excess = float(near.excess.value.max())
+    excess = float(near.excess.max())
     return Solution(x, excess, step, excess < FEASIBLE)
 
 
-def _merit(near: Linearised, duration: float, price: Prices) -> float:
-    excess = max(0.0, float(near.excess.value.max()))
-    return float(duration + price.effort * np.mean(near.efforts.value**2) + price.excess * excess)
+def _reached(
+    problem: Problem, x: Array, move: Array, sizes: Array, price: Prices
+) -> tuple[float, Array, Local]:
+    there = x + sizes * move
+    new = _local(problem, there, sizes)
+    return new.merit(there[problem.width], price), there, new
 
 
-def _model(
-    near: Linearised, move: Array, bend: Array, sizes: Array, duration: float, at: int, price: Prices
-) -> float:
-    """What the program takes the merit after `move` for."""
-    small = move / sizes
-    slope = 2.0 * near.efforts.value @ (near.efforts.slope @ move) / len(near.efforts.value)
-    mean = np.mean(near.efforts.value**2) + slope
-    excess = max(0.0, float((near.excess.value + near.excess.slope @ move).max()))
-    bent = 0.5 * small @ bend @ small
-    return float(duration + move[at] + price.effort * mean + price.excess * excess + bent)
-
-
-def _bend(problem: Problem, x: Array, near: Linearised, prices: Array, sizes: Array, price: Prices) -> Array:
+def _bend(problem: Problem, x: Array, near: Local, prices: Array, sizes: Array, price: Prices) -> Array:
     """Second derivative of the priced efforts, and of the limits that act along them where it is convex."""
-    slope = near.efforts.slope * sizes
+    slope = near.effort_slope
     bend: Array = 2.0 * price.effort / len(slope) * slope.T @ slope
     if not prices.any():
         return bend
     whole = problem.curvature(x, prices) * np.outer(sizes, sizes)
-    _, size, directions = np.linalg.svd(near.excess.slope[prices > 0.0] * sizes)
+    _, size, directions = np.linalg.svd(near.slope[prices > 0.0])
     along = directions[np.count_nonzero(size > 1e-8 * size[0]) :].T
     values, vectors = np.linalg.eigh(along.T @ whole @ along)
     basis = along @ vectors
@@ -130,38 +148,47 @@ def _bend(problem: Problem, x: Array, near: Linearised, prices: Array, sizes: Ar
 
 
 def _program(
-    near: Linearised, excess: Array, bend: Array, sizes: Array, radius: float, at: int, price: Prices
+    near: Local,
+    excess: Array,
+    bend: Array,
+    radius: float,
+    time: Array,
+    price: Prices,
+    acting: NDArray[np.bool_],
 ) -> tuple[Array, Array] | None:
-    """The best move within `radius` times `sizes`, and the price of each limit; None where none was found.
+    """The best move within `radius`, and the price of each limit; None where none was found.
 
-    Few limits act: those that a solution without them breaks are put in, and it is solved again.
+    Few limits act: those that a solution without them breaks are put in, and it is solved again. `acting` are
+    those to begin with, and is brought up to date.
     """
-    n = len(sizes)
-    slope = near.excess.slope * sizes
-    linear = 2.0 * price.effort / len(near.efforts.value) * (near.efforts.slope.T @ near.efforts.value)
-    linear[at] += 1.0
+    n = len(time)
+    linear = time + 2.0 * price.effort / len(near.efforts) * (near.effort_slope.T @ near.efforts)
     quadratic = sparse.csc_matrix(np.triu(np.pad(bend, (0, 1))))
-    cost = np.append(linear * sizes, price.excess)
+    cost = np.append(linear, price.excess)
     box = np.vstack([np.eye(n + 1)[:n], -np.eye(n + 1)])
     bounds = np.append(np.full(2 * n, radius), 0.0)
-    reach = excess + radius * np.abs(slope).sum(axis=1)
-    chosen = np.zeros(len(excess), dtype=bool)
-    chosen[np.argsort(-excess)[: 3 * n]] = True
+    chosen = acting.copy()
+    chosen[np.argpartition(-excess, n)[:n]] = True
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     while True:
-        limits = np.hstack([slope[chosen], np.full((np.count_nonzero(chosen), 1), -1.0)])
+        rows = np.flatnonzero(chosen)
+        limits = np.hstack([near.slope[rows], np.full((len(rows), 1), -1.0)])
         matrix = sparse.csc_matrix(np.vstack([limits, box]))
-        right = np.concatenate([-excess[chosen], bounds])
+        right = np.concatenate([-excess[rows], bounds])
         cones = [clarabel.NonnegativeConeT(len(right))]
         answer = clarabel.DefaultSolver(quadratic, cost, matrix, right, cones, settings).solve()
         if answer.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
             return None
         move = np.array(answer.x)
-        left = np.where(chosen | (reach < 0.0), -np.inf, excess + slope @ move[:n] - move[n])
-        if left.max() < 1e-7:
+        left = excess + near.slope @ move[:n] - move[n]
+        left[rows] = -np.inf
+        worst = np.argpartition(-left, n)[:n]
+        worst = worst[left[worst] > 1e-7]
+        if not len(worst):
             break
-        chosen[np.argsort(-left)[: min(2 * n, int(np.count_nonzero(left > 0.0)))]] = True
+        chosen[worst] = True
     prices = np.zeros(len(excess))
-    prices[chosen] = np.array(answer.z)[: np.count_nonzero(chosen)]
-    return sizes * move[:n], np.where(prices > PRICED, prices, 0.0)
+    prices[rows] = np.array(answer.z)[: len(rows)]
+    acting[:] = prices > PRICED
+    return move[:n], np.where(acting, prices, 0.0)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference.planning.geometry import Circular, Straight, along
+from cranectl.reference.planning.geometry import Circular, Straight
 from cranectl.reference.planning.limits import AXES, Limits, Quantity, limits_of, motion, quantities
 from cranectl.reference.planning.plan import DECIDING
 from cranectl.reference.planning.problem import ORDERS, ToLoad
@@ -86,9 +86,9 @@ def curve_of(segment: Segment, start: Array) -> Curve:
         return Curve(np.array(segment.breaks), np.array(segment.coefficients), segment.degree, None)
     assert isinstance(segment, Line | Arc)
     if isinstance(segment, Line):
-        to_load = along(Straight(start, np.array(segment.to)))
+        to_load: ToLoad = Straight(start, np.array(segment.to))
     else:
-        to_load = along(Circular(start, np.array(segment.centre), segment.angle))
+        to_load = Circular(start, np.array(segment.centre), segment.angle)
     duration = seconds(segment)
     if isinstance(segment.time_law, SplineLaw):
         coefficients = np.array(segment.time_law.coefficients)[:, None]

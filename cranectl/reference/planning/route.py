@@ -10,7 +10,7 @@ from cranectl.reference.planning.checks import check_way_over
 from cranectl.reference.planning.geometry import Straight
 from cranectl.reference.planning.limits import SIDES, Limits, clear_of, motion
 from cranectl.reference.planning.problem import Leg
-from cranectl.reference.planning.shortest import SLOWLY, excesses
+from cranectl.reference.planning.shortest import SLOWLY, exceeded
 from cranectl.reference.time_laws import time_law
 from cranectl.support.arrays import Array
 
@@ -48,7 +48,7 @@ def stops(points: list[Array], limits: Limits, where: str) -> list[Array]:
 
 def blocking(start: Array, end: Array, limits: Limits) -> list[str]:
     """Names of the obstacles that a straight line meets, driven as slowly as one likes."""
-    slowly = excesses(Straight(start, end), limits, SLOWLY)
+    slowly = exceeded(Straight(start, end), limits, SLOWLY)
     return [box.name for box in limits.obstacles if slowly[box.key] > 0.0]
 
 

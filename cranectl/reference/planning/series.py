@@ -65,14 +65,18 @@ def square_root(number: Number) -> Number:
     return np.sqrt(number) if isinstance(number, float | np.ndarray) else number.sqrt()
 
 
-def composed(outer: Series, inner: Series) -> Series:
-    """The series of f(g(t)) from that of f at g's first coefficient, and that of g."""
-    rise: Series = [inner[0] * 0.0, *inner[1:]]
-    total: Series = [outer[-1], *(inner[0] * 0.0 for _ in inner[1:])]
-    for coefficient in outer[-2::-1]:
-        total = times(total, rise)
-        total[0] = total[0] + coefficient
-    return total
+def turned(angle: Series) -> tuple[Series, Series]:
+    """Cosine and sine, by their rates: c' = -s a', s' = c a'."""
+    first = angle[0]
+    if isinstance(first, float | np.ndarray):
+        cosine, sine = [np.cos(first)], [np.sin(first)]
+    else:
+        cosine, sine = [first.cos()], [first.sin()]
+    rates = [coefficient * float(k) for k, coefficient in enumerate(angle)]
+    for n in range(1, len(angle)):
+        cosine.append(_dot(rates[1 : n + 1], sine[n - 1 :: -1]) * (-1.0 / n))
+        sine.append(_dot(rates[1 : n + 1], cosine[n - 1 :: -1]) * (1.0 / n))
+    return cosine, sine
 
 
 def _dot(a: Sequence[Number], b: Sequence[Number]) -> Number:

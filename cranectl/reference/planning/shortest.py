@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cranectl.reference.planning.geometry import Geometry, along
-from cranectl.reference.planning.limits import SIDES, Limits, clear_of, motion, quantities
+from cranectl.reference.planning.geometry import Geometry
+from cranectl.reference.planning.limits import Limits, excesses, motion
 from cranectl.reference.planning.problem import ORDERS
 from cranectl.reference.planning.proof import NEAR, Proof, prove
 from cranectl.reference.planning.series import from_derivatives
@@ -20,14 +20,14 @@ LONGER = 1.0005  # by which a duration that could not be proven is made longer, 
 
 def shortest(geometry: Geometry, limits: Limits) -> float | dict[str, float]:
     """Its duration [s], proven; or, if none is long enough, by how much which limits are broken at rest."""
-    broken = excesses(geometry, limits, SLOWLY)
+    broken = exceeded(geometry, limits, SLOWLY)
     if max(broken.values()) > 0.0:
         return {name: excess for name, excess in broken.items() if excess > 0.0}
     low, high = SHORTEST, MAX_DURATION
     while high / low > 1.0 + 1e-6:
         middle = float(np.sqrt(low * high))
         low, high = (
-            (low, middle) if max(excesses(geometry, limits, middle).values()) <= 0.0 else (middle, high)
+            (low, middle) if max(exceeded(geometry, limits, middle).values()) <= 0.0 else (middle, high)
         )
     longer = LONGER
     while not prove_law(geometry, limits, high).holds:
@@ -40,24 +40,12 @@ def shortest(geometry: Geometry, limits: Limits) -> float | dict[str, float]:
 
 def prove_law(geometry: Geometry, limits: Limits, duration: float) -> Proof:
     """Of the law of degree 9."""
-    return prove(np.array([0.0, duration]), COEFFICIENTS, DEGREE, limits, along(geometry))
+    return prove(np.array([0.0, duration]), COEFFICIENTS, DEGREE, limits, geometry)
 
 
-def excesses(geometry: Geometry, limits: Limits, duration: float) -> dict[str, float]:
-    """The largest over each limit at samples, in parts of it or in metres; below zero: what is left."""
+def exceeded(geometry: Geometry, limits: Limits, duration: float) -> dict[str, float]:
+    """The most over each limit at samples, in parts of it; below zero: what is left."""
     law = time_law("degree-9", np.linspace(0.0, 1.0, SAMPLES), ORDERS)
-    moved = motion(
-        along(geometry)([from_derivatives(list(law * (duration ** -np.arange(float(ORDERS)))[:, None]))]),
-        limits.gravity,
-    )
-    found = {}
-    for each in quantities(moved, limits):
-        over = np.maximum(each.series[0] - each.high, each.low - each.series[0]).max() / each.scale
-        found[each.name] = float(over) - NEAR
-    for box in limits.obstacles:
-        sides = [
-            np.min([distance[0] for distance in clear_of(moved, box, limits.radius, side)], axis=0)
-            for side in SIDES
-        ]
-        found[box.key] = float(-np.max(sides, axis=0).min())
-    return found
+    in_time = law * (duration ** -np.arange(float(ORDERS)))[:, None]
+    moved = motion(geometry([from_derivatives(list(in_time))]), limits.gravity)
+    return {name: float(over.max()) - NEAR for name, over in excesses(moved, limits).items()}
