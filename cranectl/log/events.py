@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.metrics import workspace_excess
+from cranectl.reference.origin import origins
 from cranectl.scenario import Scenario, nanoseconds
 from cranectl.scenario.segments import seconds
 from cranectl.signals import WORKSPACE_SIGNALS
@@ -136,8 +137,10 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
     """What is bound to happen: segments of the reference, then disturbances."""
     planned = []
     if scenario.reference.segments:
-        for time_ns, phase in phases(scenario):
-            planned.append(Event(time_ns, plant, f"reference: {phase.name.lower()}"))
+        made = origins(scenario)
+        for k, (time_ns, phase) in enumerate(phases(scenario)):
+            origin = made.get(f"segment {k}", phase.name.lower())
+            planned.append(Event(time_ns, plant, f"reference: {origin}"))
     for step in scenario.disturbances:
         for time, verb in ((step.start, "begins"), (step.end, "ends")):
             if time is not None:

@@ -1,5 +1,6 @@
 """Where the segments of a reference are from, for people."""
 
+from cranectl.reference.planning.review import reviews
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import Spline
 from cranectl.support.units import quantity
@@ -8,9 +9,11 @@ DIGITS = 12  # of a digest
 
 
 def origins(scenario: Scenario) -> dict[str, str]:
-    """By name, `segment 0`, what a segment that came from a file is made of."""
+    """By name, `segment 0`, what a segment from a file is made of, and what a planned one is worth."""
     segments = enumerate(scenario.reference.segments)
-    return {f"segment {k}": _origin(each) for k, each in segments if isinstance(each, Spline) and each.source}
+    made = {k: _origin(each) for k, each in segments if isinstance(each, Spline) and each.source}
+    made |= {review.segment: review.in_short for review in reviews(scenario)}
+    return {f"segment {k}": made[k] for k in sorted(made)}
 
 
 def _origin(spline: Spline) -> str:

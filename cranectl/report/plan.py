@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from cranectl.reference.planning.limits import AXES
-from cranectl.reference.planning.review import ACTS, Acting, Review
+from cranectl.reference.planning.review import ACTS, Review
 from cranectl.report.table import Table, cells
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import seconds
@@ -54,22 +54,13 @@ def plan_tables(scenario: Scenario, found: Sequence[Review]) -> list[Table]:
     acting = [
         cells(str(review.segment), name, ", ".join(f"{each.start:.2f}–{each.end:.2f}" for each in stretches))
         for review in found
-        for name, stretches in _by_limit(review).items()
+        for name, stretches in review.by_limit.items()
     ]
     if acting:
         title = f"Limits that act, at {100 * ACTS:g} % or more of what may be used"
         limits = "segment", "limit", "when, from the segment's start [s]"
         tables.append(Table(title, limits, tuple(acting), labels=3))
     return tables
-
-
-def _by_limit(review: Review) -> dict[str, list[Acting]]:
-    """Those that act longest first."""
-    found: dict[str, list[Acting]] = {}
-    for each in review.acting:
-        found.setdefault(each.name, []).append(each)
-    lasting = {name: sum(each.end - each.start for each in stretches) for name, stretches in found.items()}
-    return {name: found[name] for name in sorted(found, key=lambda name: -lasting[name])}
 
 
 def plan_json(scenario: Scenario, found: Sequence[Review]) -> dict[str, Any]:

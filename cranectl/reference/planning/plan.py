@@ -7,7 +7,7 @@ import numpy as np
 
 from cranectl.reference.planning.checks import check_point, no_motion
 from cranectl.reference.planning.geometry import Circular, Geometry, Placed, Straight
-from cranectl.reference.planning.limits import FIXED, Limits, limits_of
+from cranectl.reference.planning.limits import DECIDING, FIXED, Limits, limits_of
 from cranectl.reference.planning.minimum_time import SPANS, Task, along_path, minimum_time
 from cranectl.reference.planning.route import rounded, stops, way
 from cranectl.reference.planning.shortest import shortest
@@ -18,7 +18,6 @@ from cranectl.support.errors import InputError
 
 ASIDE = 0.1  # of its way, by which a first guess leaves it: a crane swings out of a straight line, and up
 PRECISION = 0.1  # of its way, by which a motion's excesses over ranges are measured
-DECIDING = {"planning", "obstacles", "rig", "effects", "control"}  # of a scenario, what a plan depends on
 _PLANNED: dict[str, list[Segment]] = {}
 HASTE = 0.6  # a guess that does not stop lasts this part of one that does
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.reference.planning.geometry import Circular, Straight
-from cranectl.reference.planning.limits import AXES, Limits, Quantity, limits_of, motion, quantities
-from cranectl.reference.planning.plan import DECIDING
+from cranectl.reference.planning.limits import AXES, DECIDING, Limits, Quantity, limits_of, motion, quantities
 from cranectl.reference.planning.problem import ORDERS, ToLoad
 from cranectl.reference.planning.proof import Proof, prove
 from cranectl.reference.planning.series import from_derivatives
@@ -58,6 +57,28 @@ class Review(NamedTuple):
     def tightest(self) -> tuple[str, float]:
         """The limit with the smallest slack that is proven, and the slack in parts of it."""
         return min(self.proof.slack.items(), key=lambda item: item[1])
+
+    @property
+    def by_limit(self) -> dict[str, list[Acting]]:
+        """The limits that act, those that do so longest first."""
+        found: dict[str, list[Acting]] = {}
+        for each in self.acting:
+            found.setdefault(each.name, []).append(each)
+        lasting = {name: sum(each.end - each.start for each in times) for name, times in found.items()}
+        return {name: found[name] for name in sorted(found, key=lambda name: -lasting[name])}
+
+    @property
+    def in_short(self) -> str:
+        """A line."""
+        name, slack = self.tightest
+        at = ", ".join(
+            f"{limit} for {sum(each.end - each.start for each in times):.2f} s"
+            for limit, times in self.by_limit.items()
+        )
+        proven = f"proven on {self.proof.pieces} pieces, smallest slack {slack:.2g} of {name}"
+        return (
+            f"{self.planned}, {self.duration:.3f} s; {proven if self.proof.holds else 'NOT proven'}; at {at}"
+        )
 
 
 def reviews(scenario: Scenario) -> list[Review]:

@@ -1,0 +1,75 @@
+"""Motions in minimum time beside others, and in closed loop: tables of docs/explanation/planning.md.
+
+    python validation/minimum_times.py
+
+Durations of four benchmarks at 98 % of the limits: the shortest law of degree 9, shaped steps by formula,
+what is planned, and a lower bound by another transcription, which needs the extra `plan`. Then the plans with the
+default share under LQR with velocity drives that saturate, without and with sensing, delay and friction.
+"""
+
+from math import pi, sqrt
+
+import numpy as np
+
+from cranectl.metrics import run_metrics
+from cranectl.reference import load_scenario
+from cranectl.scenario import Scenario
+from cranectl.simulate import simulate_run
+
+WALL = "obstacles=[{name='wall', low=[0.8, 0.0, -1.4], high=[1.2, 1.54, -0.6]}]"
+TURN = "{kind='arc', centre=[1.0, 0.77], angle=-6.283185307179586, %s}"
+CASES = {  # start, its segments with %s for how they are timed, and what else is set
+    "a: 1 m along x": ("[0.5,0.77,-0.7]", ["{kind='move', to=[1.5,0.77,-0.7]%s}"], ()),
+    "b: hoisting diagonal": ("[0.4,0.4,-0.9]", ["{kind='move', to=[1.6,1.0,-0.6]%s}"], ()),
+    "c: over a wall": ("[0.4,0.77,-1.1]", ["{kind='move', to=[1.6,0.77,-1.1]%s}"], (WALL,)),
+    "d: the thesis's path": ("[0.1,0.1,-0.15]", ["{kind='line', to=[1.65,0.77,-0.7], %s}", TURN], ()),
+}
+ROUGH = ("effects.sensing={}", "effects.delay={}", "effects.friction={}")
+NO_FORCE_LIMITS = "effects.limits={force=[1e9,1e9,1e9]}"  # which the analytic plant does not know
+
+
+def scenario(case: str, *settings: str, shortest: bool = False) -> Scenario:
+    """A case, planned."""
+    start, segments, more = CASES[case]
+    timed = {"m": ", duration='shortest'" if shortest else ""}
+    timed["l"] = timed["a"] = "duration='shortest'" if shortest else "time_law='minimum-time'"
+    texts = ", ".join(text % timed[text[7]] for text in segments)
+    asked = (f"reference.start={start}", f"reference.segments=[{texts}]", "duration=20", "disturbances=[]")
+    return load_scenario("fixed-position", overrides=[*asked, *more, *settings])
+
+
+def duration(of: Scenario) -> float:
+    """Of its segments [s]."""
+    return sum(float(segment.duration) for segment in of.reference.segments)
+
+
+def main() -> None:
+    """Print both tables."""
+    from tests.reference.planning.bang_bang import CASES as BOUNDED
+    from tests.reference.planning.bang_bang import Limits, bound
+
+    plain = ("planning.share=0.98", "control.lag_compensation=false")
+    shaped = {"a: 1 m along x": [1.25 + part * 2.0 * pi * sqrt(0.7 / 9.81) for part in (0.5, 1.0)]}
+    bounded = {"a": ("a",), "b": ("b",), "c": ("c, load of 0.05 m",), "d": ("d, line", "d, turn")}
+    print(f"{'case':22} {'degree 9':>9} {'ZV':>6} {'ZVD':>6} {'planned':>8} {'bound':>7} {'ratio':>6}")
+    for case in CASES:
+        slow, fast = duration(scenario(case, *plain, shortest=True)), duration(scenario(case, *plain))
+        shapes = " ".join(f"{value:6.2f}" for value in shaped.get(case, (np.nan, np.nan)))
+        least = sum(bound(BOUNDED[name], Limits()) for name in bounded[case[0]])
+        print(f"{case:22} {slow:9.3f} {shapes} {fast:8.3f} {least:7.3f} {fast / least:6.3f}", flush=True)
+    heads = f"{'effects':8} {'share':>5} {'T [s]':>6} {'plant':9} {'error [mm]':>10} {'saturated [s]':>13}"
+    print(f"\n{'case':22} {heads}")
+    for case in CASES:
+        for effects, share in (((), None), (ROUGH, 0.95), (ROUGH, 0.9), (ROUGH, 0.8)):
+            chosen = () if share is None else (f"planning.share={share}",)
+            made = scenario(case, NO_FORCE_LIMITS, *effects, *chosen)
+            for plant in ("elastic", "mujoco") if effects else ("analytic", "elastic", "mujoco"):
+                run = simulate_run(made, plant=plant, drive="velocity", controller="lqr")
+                metrics = run_metrics(run)
+                kind = "rough" if effects else "limits"
+                how = f"{case:22} {kind:8} {share or 0.95:5.2f} {duration(made):6.3f} {plant:9}"
+                print(f"{how} {1e3 * metrics.max_error_m:10.2f} {metrics.saturated_s:13.3f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
