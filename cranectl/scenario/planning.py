@@ -22,7 +22,7 @@ class PlanningSettings(Settings):
     share: Share | None = Field(
         None,
         description="of the limits of drives, lean and tension that the plan may use, the rest is for "
-        "feedback; by default 0.95, with sensing, delay or friction 0.9: measured",
+        "feedback; by default 0.95, with sensing, delay or friction 0.88: measured",
     )
     lean: Annotated[float, Field(gt=0.0, lt=1.5)] = Field(
         0.35, description="of the rope from the vertical [rad]; assumed: 20 degrees"

@@ -25,7 +25,7 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.drawn_size import drawn_load_radius
 from cranectl.support.arrays import Array
 
-SHARE, SHARE_WITH_SENSING = 0.95, 0.9  # of limits: measured, docs/explanation/planning.md
+SHARE, SHARE_WITH_SENSING = 0.95, 0.88  # of limits: measured, docs/explanation/planning.md
 DECIDING = {"planning", "obstacles", "rig", "effects", "control"}  # of a scenario, what limits depend on
 FIXED = 1e-3  # of its length, by which a rope that is to be constant may vary
 SIDES = ("x-", "x+", "y-", "y+", "above")
