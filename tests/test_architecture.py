@@ -57,6 +57,7 @@ def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
         ("metrics/summary.py", "import mujoco", "only the MuJoCo plant"),
         ("metrics/summary.py", "import pydrake", "only the Drake plant"),
         ("controllers/doors/opening.py", "import fmpy", "only the door for FMUs"),
+        ("reference/planning/programs.py", "import casadi", "only the planner's second solver"),
         ("metrics/summary.py", "import mcap", "only logs and live sessions"),
     ],
 )

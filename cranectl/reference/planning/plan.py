@@ -5,10 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cranectl.reference.planning import ipopt, programs
 from cranectl.reference.planning.checks import check_point, no_motion
 from cranectl.reference.planning.geometry import Circular, Geometry, Placed, Straight
 from cranectl.reference.planning.limits import DECIDING, FIXED, Limits, limits_of
-from cranectl.reference.planning.minimum_time import SPANS, Task, along_path, minimum_time
+from cranectl.reference.planning.minimum_time import SPANS, Solver, Task, along_path, minimum_time
 from cranectl.reference.planning.route import rounded, stops, way
 from cranectl.reference.planning.shortest import shortest
 from cranectl.scenario import Line, Scenario
@@ -55,7 +56,7 @@ def planned_along(segment: Line | Arc, start: Array, scenario: Scenario, where: 
         check_point(end, limits, f"{where}: its end")
     duration = _shortest(geometry, limits, where)
     if segment.time_law == MINIMUM_TIME:
-        found = minimum_time(along_path(geometry, limits, duration))
+        found = minimum_time(along_path(geometry, limits, duration), _solver(scenario))
         if found is not None and found.duration < duration:
             law = SplineLaw(coefficients=tuple(np.clip(found.coefficients[:, 0], 0.0, 1.0).tolist()))
             return segment.model_copy(update={"duration": found.duration, "time_law": law})
@@ -87,7 +88,7 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
     longest = sum(map(seconds, lines))
     if segment.duration is None:
         task = free_motion(segment, points, corners, limits, longest if len(lines) == 1 else HASTE * longest)
-        found = minimum_time(task)
+        found = minimum_time(task, _solver(scenario))
         if found is not None and found.duration < longest:
             breaks = np.linspace(0.0, found.duration, task.spans + 1)
             return [
@@ -162,3 +163,8 @@ def _shortest(geometry: Geometry, limits: Limits, where: str) -> float:
     if isinstance(found, float):
         return found
     raise no_motion(found, where)
+
+
+def _solver(scenario: Scenario) -> Solver:
+    """That of `[planning]`."""
+    return ipopt.solve if scenario.planning.solver == "ipopt" else programs.solve

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.reference.planning.gradients import Gradient, inputs
+from cranectl.reference.planning.gradients import inputs
 from cranectl.reference.planning.limits import Box, Limits, Quantity, clear_of, motion, quantities
-from cranectl.reference.planning.series import Series, from_derivatives
+from cranectl.reference.planning.series import Number, Series, from_derivatives
 from cranectl.reference.time_laws import PLANNED_DEGREE, spline
 from cranectl.support.arrays import Array
 
@@ -89,21 +89,21 @@ class Problem:
         self.start, self.end, self.limits, self.spans = start, end, limits, spans
         self._to_load, self._forwards = to_load, forwards
         whole = spline(np.linspace(0.0, 1.0, spans + 1), np.eye(spans + PLANNED_DEGREE), PLANNED_DEGREE)
-        self._basis = [whole.derivative(order) if order else whole for order in range(ORDERS)]
+        self.curves = [whole.derivative(order) if order else whole for order in range(ORDERS)]
         self.free = slice(TIED, spans + PLANNED_DEGREE - TIED)
         self.width = (spans + PLANNED_DEGREE - 2 * TIED) * len(start)  # free coefficients
         self.instants = max(
             [len(via), *(1 + e for leg in legs for e in (leg.begins, leg.ends) if e is not None)]
         )
         still = np.zeros((len(samples), self.instants))
-        self._groups = [Sampled(samples, still, self._limited)]
-        self._groups += [self._passing(index, point) for index, point in enumerate(via)]
-        self._groups += [self._beside(leg) for leg in legs]
+        self.groups = [Sampled(samples, still, self._limited)]
+        self.groups += [self._passing(index, point) for index, point in enumerate(via)]
+        self.groups += [self._beside(leg) for leg in legs]
         self._fixed = self.basis(samples)
 
     def basis(self, parts: Array) -> Array:
         """Derivatives by the part of the duration of the basis functions: (N, ORDERS, spans + degree)."""
-        return np.stack([curve(parts) for curve in self._basis], axis=1)
+        return np.stack([curve(parts) for curve in self.curves], axis=1)
 
     def coefficients(self, x: Array) -> Array:
         """All of them, (spans + degree, d)."""
@@ -120,8 +120,8 @@ class Problem:
 
     def linearised(self, x: Array) -> Linearised:
         """Excesses and efforts at x, and their slopes."""
-        found = [self._linearised(x, group) for group in self._groups]
-        order = Rows(*self._in_order(x))
+        found = [self._linearised(x, group) for group in self.groups]
+        order = Rows(*self.in_order(x))
         excess = [rows for rows, _ in found] + [order]
         return Linearised(
             Rows(np.concatenate([r.value for r in excess]), np.vstack([r.slope for r in excess])), found[0][1]
@@ -131,11 +131,11 @@ class Problem:
         jets, by_x = self._jets(x, group)
         limits: list[Bounded] = []
         efforts: list[Bounded] = []
-        for each in group.bounded(self._coordinates(inputs(jets))):
+        for each in group.bounded(self.series_of(inputs(jets))):
             (efforts if each.bound is None else limits).append(each)
         return _chained(limits, by_x), _chained(efforts, by_x)
 
-    def _in_order(self, x: Array) -> tuple[Array, Array]:
+    def in_order(self, x: Array) -> tuple[Array, Array]:
         """That the instants follow one another within the motion, as excesses."""
         instants = np.concatenate([[0.0], x[self.width + 1 :], [1.0]])
         slope = np.zeros((self.instants + 1, len(x)))
@@ -149,10 +149,10 @@ class Problem:
         """Second derivative (unknowns, unknowns) of `prices` (R,) times the excesses."""
         hessian = np.zeros((len(x), len(x)))
         first = 0
-        for group in self._groups:
+        for group in self.groups:
             jets, _ = self._jets(x, group)
             count = len(group.parts)
-            total = len(_limits(group.bounded(self._coordinates(inputs(jets[:1]))))) * count
+            total = len(_limits(group.bounded(self.series_of(inputs(jets[:1]))))) * count
             by_sample = prices[first : first + total].reshape(-1, count)
             first += total
             priced = np.flatnonzero(by_sample.max(axis=0) > 0.0)
@@ -167,7 +167,7 @@ class Problem:
         size = DIFFERENCE * np.maximum(np.abs(jets).max(axis=0), 1e-3)
         moved = np.concatenate([jets[None], jets + np.diag(size)[:, None, :]])  # (1 + width, N, width)
         total = np.zeros((width + 1, count, width))
-        rows = _limits(group.bounded(self._coordinates(inputs(moved.reshape(-1, width)))))
+        rows = _limits(group.bounded(self.series_of(inputs(moved.reshape(-1, width)))))
         for each, price in zip(rows, prices, strict=True):
             if price.any():
                 slope = each.quantity.series[0].slope.reshape(total.shape)
@@ -198,7 +198,7 @@ class Problem:
         parts = (
             np.clip(group.parts + group.by_instant @ x[self.width + 1 :], 0.0, 1.0) if moving else group.parts
         )
-        basis = self._fixed if parts is self._groups[0].parts else self.basis(parts)
+        basis = self._fixed if parts is self.groups[0].parts else self.basis(parts)
         scaled = basis * (duration ** -np.arange(float(ORDERS)))[:, None]
         jets = scaled @ self.coefficients(x)  # (N, ORDERS, d)
         by_x = np.zeros((len(basis), ORDERS, d, len(x)))
@@ -211,7 +211,8 @@ class Problem:
             )
         return jets.reshape(len(basis), -1), by_x.reshape(len(basis), ORDERS * d, -1)
 
-    def _coordinates(self, flat: Sequence[Gradient]) -> list[Series]:
+    def series_of(self, flat: Sequence[Number]) -> list[Series]:
+        """Of the coordinates, by their derivatives in time, order by order."""
         d = len(self.start)
         return [from_derivatives(flat[j::d]) for j in range(d)]
 

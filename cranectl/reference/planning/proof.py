@@ -53,7 +53,8 @@ def prove(
     count = 0
     while len(pieces.start) and not broken:
         count += len(pieces.start)
-        open_, refuted = _judged(pieces, limits, to_load or (lambda q: q), slack)
+        with np.errstate(invalid="ignore", over="ignore"):  # of infinite enclosures: NaN proves nothing
+            open_, refuted = _judged(pieces, limits, to_load or (lambda q: q), slack)
         if refuted or (open_ and count > MOST_PIECES):
             broken = _told(pieces, refuted or open_, bool(refuted))
         undecided = sorted({index for found in open_.values() for index in found})
@@ -106,8 +107,7 @@ def _judged(pieces: Pieces, limits: Limits, to_load: ToLoad, slack: dict[str, fl
 def _enclosed(everywhere: Series, there: Series, radius: Array) -> Interval:
     """A quantity on whole pieces: by its hulls, and by its middle and its rate."""
     step = Interval(-radius, radius)
-    with np.errstate(invalid="ignore"):
-        mean: Interval = there[0] + everywhere[1] * step
+    mean: Interval = there[0] + everywhere[1] * step
     whole: Interval = everywhere[0]
     return whole.meet(
         Interval(np.where(np.isnan(mean.low), -ALL, mean.low), np.where(np.isnan(mean.high), ALL, mean.high))
