@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from cranectl.log import topics
 from cranectl.log.events import disturbance_times
 from cranectl.log.primitives import (
+    IDENTITY,
     ORIGIN,
     colour_of,
     entity_of,
@@ -264,15 +265,25 @@ def path(run: Run) -> Stream:
 
 
 def workspace(run: Run) -> Stream:
-    """Edges of the space that the load can hang in."""
+    """Edges of the space that the load can hang in, and the obstacles."""
     x, y, rope = run.scenario.rig.workspace
     corners = np.array([(a, b, -c) for c in rope for b in y for a in x])
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
     points = points_of(corners[k].tolist() for edge in edges for k in edge)
     shade = colour_of(rgb(VIEWER["reference"]), 0.5)
     line = line_of(points, 1.5, type=LinePrimitiveLineType.LineList, color=shade)
-    entity = entity_of("world", "workspace", 0, lines=[line])
-    return _scene(topics.WORKSPACE, [0], [SceneUpdate(entities=[entity])])
+    entities = [entity_of("world", "workspace", 0, lines=[line])]
+    if run.scenario.obstacles:
+        boxes = [_box(np.array(box.low), np.array(box.high)) for box in run.scenario.obstacles]
+        entities.append(entity_of("world", "obstacles", 0, cubes=boxes))
+    return _scene(topics.WORKSPACE, [0], [SceneUpdate(entities=entities)])
+
+
+def _box(low: Array, high: Array) -> CubePrimitive:
+    pose = Pose(position=vector_of(0.5 * (low + high)), orientation=IDENTITY)
+    return CubePrimitive(
+        pose=pose, size=vector_of(high - low), color=colour_of(rgb(VIEWER["reference"]), 0.4)
+    )
 
 
 def rows_apart(run: Run, period: float) -> NDArray[np.intp]:

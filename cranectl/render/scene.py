@@ -35,9 +35,10 @@ DISC = (0.05, 0.0005, 0.0)  # [m], radius and half the height
 NEAR_POST, NEAR_POST_OPACITY = "post_10", 0.35  # between the overview's camera and the load
 BAR_OUTSIDE, BAR_TICK = 0.2, 0.03  # [m] from the rig to the scale bar; half a tick at its ends
 ALONG_Z = np.eye(3).ravel()
-LINE, SPHERE, ARROW, CYLINDER = (
-    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) for kind in ("LINE", "SPHERE", "ARROW", "CYLINDER")
+LINE, SPHERE, ARROW, CYLINDER, BOX = (
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) for kind in ("LINE", "SPHERE", "ARROW", "CYLINDER", "BOX")
 )
+OBSTACLE = 0.45  # opacity: a load behind one is seen
 
 
 @contextlib.contextmanager
@@ -115,6 +116,9 @@ class Renderer:
                 self._add_reference(track, row)
             self._add_trail(track, row)
         self._add_scale_bar()
+        for box in self._timeline.main.run.scenario.obstacles:
+            low, high = np.array(box.low), np.array(box.high)
+            self._add(BOX, 0.5 * (high - low), 0.5 * (low + high), (*rgb(LIGHT["muted"]), OBSTACLE))
 
     def _set_solid(self, data: Any, rope: Colour) -> None:
         self._model.material("rope").rgba = (*rope, 1.0)

@@ -22,6 +22,7 @@ SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a given path
 DENSITY = 8  # samples a span at first
 FINE = 40  # samples a span by which a solution is looked at before it is proven
 TIGHTER = 0.004  # by which limits are tightened for the solver: what lies between samples
+SLOWER = 1.5  # is the second guess, whose excesses cost much from the beginning
 ROUNDS = 10  # of sampling more finely
 
 Solver = Callable[[Problem, Array, Array, float], Solution]
@@ -63,7 +64,12 @@ def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
 
 
 def minimum_time(task: Task, solver: Solver = solve) -> Motion | None:
-    """The least time that is found and proven; None if nothing is."""
+    """The least time that is found and proven; None if nothing is, from the guess or from a slower one."""
+    slower = replace(task, price=PRICES[-1], duration=SLOWER * task.duration)
+    return _minimum_time(task, solver) or _minimum_time(slower, solver)
+
+
+def _minimum_time(task: Task, solver: Solver) -> Motion | None:
     fractions = np.linspace(0.0, 1.0, task.spans * DENSITY + 1)
     inside = _inside(task)
     problem = _problem(inside, fractions)
