@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: help setup cluster video fmi plan drake validate test test-docs test-drake test-viewer lint drive fuzz bench mutations package clean
+.PHONY: help setup cluster video fmi plan drake validate test test-docs test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -33,13 +33,16 @@ drake: .venv/extra-drake ## add the plant in Drake, 270 MB
 validate: setup ## run every scenario with every controller on three plants and judge
 	$(call limit,600) $(BIN)/cranectl validate
 
-test: setup cluster video fmi plan ## run the tests, those of these four extras too
+test: setup cluster video fmi ## run the tests, those of these three extras too
 	@tests/install
-	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake
+	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/reference/planning
 
 test-docs: setup cluster video fmi ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
 	@tests/install
 	$(call limit,600) $(BIN)/python -m pytest tests/docs tests/thesis
+
+test-plan: setup plan ## hold plans in minimum time to lower bounds, a second solver and fine samples; minutes
+	$(call limit,900) $(BIN)/python -m pytest tests/reference/planning
 
 test-drake: setup drake ## hold the plant in Drake to the one in MuJoCo; minutes, DRAKE_CASES=12 takes as many of the cases
 	$(call limit,2400) $(BIN)/python -m pytest tests/drake
@@ -48,7 +51,7 @@ test-viewer: setup ## open logs in a real viewer, read them with other parsers
 	@viewer/install $(BIN)
 	$(call limit,900) $(BIN)/python -m pytest -n 0 viewer
 
-lint: setup cluster video plan ## format, style, types, import directions
+lint: setup cluster video ## format, style, types, import directions
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(call limit,600) $(BIN)/mypy
