@@ -6,6 +6,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.support.errors import InputError
 from cranectl.support.files import PLOTS
 
 
@@ -39,6 +40,12 @@ def plan_command(
     asked = read_scenario(scenario, rig=rig, overrides=overrides)
     ready = planned(asked, scenario_file(scenario).parent)
     found = reviews(ready)
+    if plot is not None and not found:
+        raise InputError(
+            f"nothing to draw: all segments of {ready.name} say themselves when the load is where",
+            allowed="a scenario with a segment in minimum time",
+            remedy="take kind = 'move', or time_law = 'minimum-time' instead of a duration",
+        )
     screen = console(json_file)
     for table in plan_tables(ready, found):
         screen.print(table)

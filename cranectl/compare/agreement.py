@@ -17,6 +17,7 @@ from cranectl.compare.runs import Comparison, compare_runs
 from cranectl.controllers.controller import LawDesign
 from cranectl.design import Design
 from cranectl.plants.registry import plant_entry, reference_plant
+from cranectl.reference.planning.limits import share_of
 from cranectl.scenario import NANOSECONDS, Scenario, read_scenario, scenario_names
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import as_asked
@@ -171,6 +172,7 @@ def _shipped_motions() -> dict[str, dict[str, Any]]:
 
 def _motion(scenario: Scenario) -> dict[str, Any]:
     motion = scenario.model_dump(exclude=SILENT)
+    motion["planning"]["share"] = share_of(scenario)
     motion["reference"]["segments"] = [as_asked(segment) for segment in scenario.reference.segments]
     return motion
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.reference.given import samples, way_points
+from cranectl.reference.planning.limits import share_of
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario, Segment, read_scenario, scenario_file
 from cranectl.scenario.segments import Arc, Line, Move, Samples, WayPoints, is_planned, seconds
@@ -40,7 +41,9 @@ def planned(scenario: Scenario, directory: Path = Path()) -> Scenario:
             here = end_point(ready, here)
     _check_length(sum(map(seconds, segments)), scenario)
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
-    return scenario.model_copy(update={"reference": reference})
+    # What the plan was made with stays, whatever effects are added to a run of it.
+    planning = scenario.planning.model_copy(update={"share": share_of(scenario)})
+    return scenario.model_copy(update={"reference": reference, "planning": planning})
 
 
 def _check_length(length: float, scenario: Scenario) -> None:

@@ -1,0 +1,97 @@
+"""What a move may be asked for: everything else is refused before anything is solved, with what to do."""
+
+import numpy as np
+import pytest
+
+from cranectl.reference import load_scenario
+from cranectl.reference.planning.geometry import Straight
+from cranectl.reference.planning.limits import limits_of
+from cranectl.reference.planning.shortest import exceeded
+from cranectl.scenario.segments import seconds
+from cranectl.support.errors import InputError
+
+MOVE = "reference.segments=[{{kind='move', to={to}{more}}}]"
+WALL = "obstacles=[{{name='wall', low=[0.8, 0.0, -1.4], high=[1.2, 1.54, {top}]}}]"
+
+
+def refused(*settings: str) -> InputError:
+    asked = ["reference.start=[0.4, 0.4, -0.9]", "disturbances=[]", "duration=20"]
+    with pytest.raises(InputError) as told:
+        load_scenario("fixed-position", overrides=[*asked, *settings])
+    return told.value
+
+
+def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
+    return MOVE.format(to=to, more=more)
+
+
+@pytest.mark.parametrize(
+    ("settings", "found", "allowed"),
+    [
+        ([move("[1.6, 1.0, -1.38]")], "its end, (1.6, 1, -1.38), is out of reach: there the load z", "-1.35"),
+        ([move("[2.1, 1.0, -0.6]")], "load x is 2.1 m", "0.05 to 1.95 m"),
+        ([move(more=", via=[[1.0, 1.6, -0.7]]")], "its point in via, (1, 1.6, -0.7)", "0.05 to 1.49"),
+        ([move(), "reference.start=[0.4, 0.02, -0.9]"], "its start", "0.05 to 1.49 m"),
+        ([move(), "planning.load_box=[[0,2],[0,1.54],[-1.3,0]]", "rig.rope_range=[0.7,1.4]"], "rope", "0.7"),
+        ([move("[0.4, 0.4, -0.9]")], "moves nowhere", "another place"),
+        ([move(), "rig.load_mass=3.0"], "the load weighs 29.4 N", "a load of less than"),
+        ([move("[0.9, 0.4, -0.9]"), WALL.format(top=-0.6)], "in the obstacle 'wall'", "further away"),
+        ([move(), WALL.format(top=-0.08)], "no way over the obstacle 'wall'", "rope_range begins at 0.05"),
+        ([move(more=", constant_rope=true")], "constant_rope with points at heights", "of one height"),
+        ([move(more=", plane=true, via=[[1.0, 1.2, -0.7]]")], "plane = true with a point", "vertical plane"),
+        ([move(more=", duration=3.0")], "duration = 3.0", "shortest"),
+        ([move(), "planning.share=1.0"], "planning.share = 1.0", "less than 1"),
+        ([move(), "planning.lean=-0.1"], "planning.lean = -0.1", "greater than 0"),
+        ([move(), "planning.lean=nan"], "nan", "finite"),
+        ([move(), "planning.tension=[1.0, 2.0]"], "a load at rest pulls with 1", ""),
+        ([move(), "planning.tension=[0.2, 0.9]"], "a load at rest pulls with 1", ""),
+        ([move(), "planning.solver='snopt'"], "snopt", "'clarabel' or 'ipopt'"),
+        ([move(), "obstacles=[{name='flat', low=[1,1,-1], high=[1,2,-0.5]}]"], "low must be below high", ""),
+        (
+            ["reference.segments=[{kind='line', to=[1,1,-1], duration=2.0, time_law='minimum-time'}]"],
+            "duration = 2.0 and time_law = 'minimum-time'",
+            "",
+        ),
+        (["reference.segments=[{kind='line', to=[1,1,-1]}]"], "has no duration", ""),
+        (
+            ["reference.segments=[{kind='line', to=[1,1,-1], duration='shortest', time_law='degree-5'}]"],
+            "no drive's can",
+            "",
+        ),
+        (
+            [
+                "reference.segments=[{kind='line', to=[1.6,0.4,-0.9], duration='shortest'}]",
+                WALL.format(top=-0.6),
+            ],
+            "cannot be driven however slowly: obstacle 'wall'",
+            "can hang at rest everywhere",
+        ),
+        (["reference.segments=[{kind='line', to=[1,1,-1], duration='longest'}]"], "longest", "shortest"),
+    ],
+)
+def test_what_cannot_be_is_told(settings: list[str], found: str, allowed: str) -> None:
+    told = str(refused(*settings))
+    assert found in told
+    assert allowed in told
+
+
+def test_the_shortest_line_cannot_be_shorter() -> None:
+    line = "reference.segments=[{kind='line', to=[1.4, 0.4, -0.9], duration='shortest'}]"
+    asked = ["reference.start=[0.4, 0.4, -0.9]", "disturbances=[]", "duration=20", line]
+    scenario = load_scenario("fixed-position", overrides=asked)
+    lasts = seconds(scenario.reference.segments[0])
+    way = Straight(np.array([0.4, 0.4, -0.9]), np.array([1.4, 0.4, -0.9]))
+    limits = limits_of(scenario)
+    assert max(exceeded(way, limits, lasts).values()) <= 0.0
+    assert max(exceeded(way, limits, 0.998 * lasts).values()) > 0.0
+
+
+def test_a_move_that_is_asked_to_stop_becomes_lines() -> None:
+    asked = [
+        "reference.start=[0.4, 0.77, -1.1]", "disturbances=[]", "duration=20", WALL.format(top=-0.6),
+        "reference.segments=[{kind='move', to=[1.6, 0.77, -1.1], duration='shortest'}]",
+    ]  # fmt: skip
+    segments = load_scenario("fixed-position", overrides=asked).reference.segments
+    assert [segment.kind for segment in segments] == ["line"] * 3
+    tops = [segment.to[2] for segment in segments if segment.kind == "line"]
+    assert tops[0] == tops[1] == pytest.approx(-0.545)  # the wall's top, the load's radius and a tenth of it
