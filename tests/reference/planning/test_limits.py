@@ -112,7 +112,7 @@ def test_bounds_are_the_rigs() -> None:
     assert not limits_of(scenario(lag=False)).lag.any()
 
 
-def meets(rows: np.ndarray, box: Box, radius: float) -> np.ndarray:
+def inside_box(rows: np.ndarray, box: Box, radius: float) -> np.ndarray:
     """Whether a point of the ball or of the rope is within the box, (N,)."""
     motion_ = moved(rows)
     load = np.stack([series[0] for series in motion_.load], axis=1)
@@ -130,7 +130,7 @@ def test_what_is_beside_a_box_does_not_touch_it() -> None:
     for _ in range(10):
         low = random.uniform([0.3, 0.3, -1.4], [1.3, 0.9, -0.6])
         box = Box("box", low, low + random.uniform(0.1, 0.5, 3))
-        touched = meets(rows, box, 0.05)
+        touched = inside_box(rows, box, 0.05)
         for side in SIDES:
             clear = np.min([d[0] for d in clear_of(moved(rows), box, 0.05, side)], axis=0) >= 0.0
             assert not (touched & clear).any(), side
