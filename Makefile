@@ -41,7 +41,7 @@ test-docs: setup cluster video fmi ## run what README, docs and examples show, a
 	@tests/install
 	$(call limit,600) $(BIN)/python -m pytest tests/docs tests/thesis
 
-test-plan: setup plan ## hold plans in minimum time to lower bounds, a second solver and fine samples; minutes
+test-plan: setup plan ## hold plans in minimum time to lower bounds, a second solver and fine samples; minutes, PLAN_CASES=200 for a share
 	$(call limit,900) $(BIN)/python -m pytest tests/reference/planning
 
 test-drake: setup drake ## hold the plant in Drake to the one in MuJoCo; minutes, DRAKE_CASES=12 takes as many of the cases

@@ -1,5 +1,9 @@
-"""The certificate: refutes what is broken for a millisecond, accepts what is not, and is quick."""
+"""The certificate: refutes what is broken for a millisecond, accepts what is not, and is quick.
 
+PLAN_CASES=200 takes as many of the 1000 spoiled splines.
+"""
+
+import os
 import time
 
 import numpy as np
@@ -38,6 +42,7 @@ KINDS = ["lean of the rope", "tension of the rope low", "tension of the rope hig
 KINDS += [f"{what} {side}" for what in ("load x", "load y", "load z", *AXES) for side in ("low", "high")]
 KINDS += [f"{axis} {what}" for axis in AXES for what in SYMMETRIC]
 KINDS += [f"box {side}" for side in SIDES]
+CASES = int(os.environ.get("PLAN_CASES", 1000))
 
 
 def random_spline(random: np.random.Generator) -> np.ndarray:
@@ -108,7 +113,7 @@ def proof(coefficients: np.ndarray, limits: Limits) -> Proof:
 def test_what_is_broken_for_a_millisecond_is_refuted(kind: str) -> None:
     """1000 splines in all; a sampling each millisecond, half of one off the peak, finds nothing in any."""
     random, seen = np.random.default_rng(KINDS.index(kind)), 0
-    while seen < -(-1000 // len(KINDS)):
+    while seen < -(-CASES // len(KINDS)):
         coefficients = random_spline(random)
         found = spoiled(kind, coefficients)
         if found is None:
@@ -125,16 +130,19 @@ def test_what_is_broken_for_a_millisecond_is_refuted(kind: str) -> None:
         assert seen % 4 or proof(coefficients, mended).holds  # a quarter, for time
 
 
-def test_a_plan_is_proven_in_a_fifth_of_a_second() -> None:
+def test_a_proof_is_quick_beside_the_plan() -> None:
+    """0.12 s of one processor for 940 pieces; here as a ratio, since machines differ."""
     task = move("b")
+    begun = time.process_time()
     found = minimum_time(task)
+    planning = time.process_time() - begun
     assert found
     breaks, spent = np.linspace(0.0, found.duration, task.spans + 1), []
     for _ in range(5):
         begun = time.process_time()
         assert prove(breaks, found.coefficients, 7, task.limits).holds
         spent.append(time.process_time() - begun)
-    assert min(spent) < 0.2  # of one processor; others make it longer
+    assert min(spent) < 0.25 * planning
 
 
 def test_what_cannot_be_enclosed_is_not_proven() -> None:
