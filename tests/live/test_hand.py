@@ -50,7 +50,11 @@ def drive(running: Session, block: int) -> list[list[Run]]:
         ((), "ideal", "lqr"),
         ((MOVE,), "velocity", "pole-placement+hinf"),
         ((), "force", "lqr-integral"),
-        (("effects={sensing={}, wind={}, limits={force=[1e9,1e9,1e9]}, delay={}}",), "velocity", "lqr"),
+        (
+            ("effects={sensing={}, wind={}, limits={force=[1e9,1e9,1e9]}, delay={}}", "planning.share=0.95"),
+            "velocity",
+            "lqr",
+        ),
     ],
     ids=["from the start", "after a move", "a law by its address", "noise and gusts go on"],
 )
