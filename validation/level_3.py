@@ -34,13 +34,13 @@ def predict(case: tuple[str, str]) -> PlantDifference:
 def main() -> int:
     """Print every case and the limits; exit code 1 if `tolerances.toml` has others."""
     cases = list(product(scenario_names(), CONTROLLERS))
-    print(f"{'scenario':20} {'controller':28} {'load [mm]':>16} {'angle [mrad]':>16}")
+    print(f"{'scenario':28} {'controller':28} {'load [mm]':>16} {'angle [mrad]':>16}")
     found: dict[Limits, list[PlantDifference]] = {}
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         for (scenario, controller), case in zip(cases, pool.map(predict, cases), strict=True):
             load = f"{1e3 * case.load_m:7.3f} {1e3 * case.load_bound_m:8.3f}"
             angle = f"{1e3 * case.angle_rad:7.3f} {1e3 * case.angle_bound_rad:8.3f}"
-            print(f"{scenario:20} {controller:28} {load:>16} {angle:>16}", flush=True)
+            print(f"{scenario:28} {controller:28} {load:>16} {angle:>16}", flush=True)
             found.setdefault(agreement_limits("velocity", scenario), []).append(case)
     wrong = 0
     for limits, of_rig in found.items():
