@@ -37,9 +37,9 @@ def spline(breaks: Array, coefficients: Array, degree: int) -> BSpline:
     return BSpline(np.concatenate(ends), coefficients, degree, extrapolate=False)
 
 
-def derivatives(curve: BPoly | BSpline) -> tuple[BPoly | BSpline, ...]:
-    """A curve and its first four derivatives."""
-    return tuple(curve if order == 0 else curve.derivative(order) for order in range(5))
+def derivatives(curve: BPoly | BSpline, orders: int = 5) -> tuple[BPoly | BSpline, ...]:
+    """A curve and its first derivatives, `orders` functions in all."""
+    return tuple(curve if order == 0 else curve.derivative(order) for order in range(orders))
 
 
 def time_law(law: Law, tau: Array, orders: int = 5) -> Array:

@@ -4,7 +4,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from cranectl.reference.planning.limits import SIDES, Limits, Quantity, clear_of, motion, quantities
+from cranectl.reference.planning.limits import Limits, Quantity, motion, quantities, room
 from cranectl.reference.planning.proof import NEAR
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -26,12 +26,12 @@ def check_point(point: Array, limits: Limits, what: str) -> None:
         if value > each.high + NEAR or value < each.low - NEAR:
             _cannot_hang(each, value, limits, f"{what}, ({place}),")
     for box in limits.obstacles:
-        rooms = [min(d[0][0] for d in clear_of(still, box, limits.radius, side)) for side in SIDES]
-        if max(rooms) < -NEAR:
+        most = float(room(still, box, limits.radius).max())
+        if most < -NEAR:
             raise InputError(
                 f"{what}, ({place}), is in the obstacle '{box.name}', or nearer to it than the load's radius "
                 f"of {limits.radius:g} m, or the rope is",
-                allowed=f"points at least {-max(rooms):.3g} m further away, or above "
+                allowed=f"points at least {-most:.3g} m further away, or above "
                 f"{box.high[2] + limits.radius:g} m",
                 remedy="move the point or the obstacle",
             )

@@ -2,7 +2,11 @@
 
 from dataclasses import dataclass
 
-from cranectl.reference.planning.series import Series, plus, turned
+import numpy as np
+
+from cranectl.reference.planning.series import Series, plus, shifted, turned
+from cranectl.scenario import Line
+from cranectl.scenario.segments import Arc
 from cranectl.support.arrays import Array
 
 
@@ -16,10 +20,8 @@ class Straight:
     def __call__(self, coordinates: list[Series]) -> list[Series]:
         """The load's motion from that of s."""
         (progress,) = coordinates
-        ways = (self.end - self.start).tolist()
-        series = [[c * way for c in progress] for way in ways]
-        places = self.start.tolist()
-        return [[each[0] + at, *each[1:]] for each, at in zip(series, places, strict=True)]
+        ways = zip((self.end - self.start).tolist(), self.start.tolist(), strict=True)
+        return [shifted([c * way for c in progress], at) for way, at in ways]
 
 
 @dataclass(frozen=True)
@@ -39,10 +41,17 @@ class Circular:
         north = [c * y + s * x for c, s in zip(cosine, sine, strict=True)]
         level = [c * 0.0 for c in progress]
         places = *self.centre.tolist(), float(self.start[2])
-        return [[each[0] + at, *each[1:]] for each, at in zip((east, north, level), places, strict=True)]
+        return [shifted(each, at) for each, at in zip((east, north, level), places, strict=True)]
 
 
 Geometry = Straight | Circular
+
+
+def geometry_of(segment: Line | Arc, start: Array) -> Geometry:
+    """The path of a segment that begins at `start` (3,) [m]."""
+    if isinstance(segment, Line):
+        return Straight(start, np.array(segment.to))
+    return Circular(start, np.array(segment.centre), segment.angle)
 
 
 @dataclass(frozen=True)
@@ -61,7 +70,7 @@ class Placed:
             for coordinate, factor in zip(coordinates[1:], factors[1:], strict=True):
                 if factor:
                     series = plus(series, [c * factor for c in coordinate])
-            load.append([series[0] + origin, *series[1:]])
+            load.append(shifted(series, origin))
         return load
 
     def points(self, coordinates: Array) -> Array:

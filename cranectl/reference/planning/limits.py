@@ -21,12 +21,11 @@ from cranectl.reference.planning.series import (
     root,
     times,
 )
-from cranectl.scenario import Scenario
+from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.drawn_size import drawn_load_radius
 from cranectl.support.arrays import Array
 
 SHARE, SHARE_WITH_SENSING = 0.95, 0.88  # of limits: measured, docs/explanation/planning.md
-DECIDING = {"planning", "obstacles", "rig", "effects", "control"}  # of a scenario, what limits depend on
 FIXED = 1e-3  # of its length, by which a rope that is to be constant may vary
 SIDES = ("x-", "x+", "y-", "y+", "above")
 AXES = ("bridge", "trolley", "rope")
@@ -89,6 +88,12 @@ def limits_of(scenario: Scenario) -> Limits:
         obstacles=tuple(Box(o.name, np.array(o.low), np.array(o.high)) for o in scenario.obstacles),
         size=1.0,
     )
+
+
+def key_of(segment: Segment, start: Array, scenario: Scenario) -> str:
+    """Equal for what is planned and proven the same; `start` (3,) [m]."""
+    deciding = scenario.model_dump_json(include={"planning", "obstacles", "rig", "effects", "control"})
+    return f"{segment.model_dump_json()}{start.tolist()}{deciding}"
 
 
 def share_of(scenario: Scenario) -> float:
@@ -171,12 +176,15 @@ def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
         for each in quantities(moved, limits)
     }
     for box in limits.obstacles:
-        sides = [
-            np.min([distance[0] for distance in clear_of(moved, box, limits.radius, side)], axis=0)
-            for side in SIDES
-        ]
-        found[box.key] = -np.max(sides, axis=0) / limits.size
+        found[box.key] = -np.max(room(moved, box, limits.radius), axis=0) / limits.size
     return found
+
+
+def room(moved: Motion, box: Box, radius: float) -> Array:
+    """On each of SIDES of a box at each point, (5, N) [m]; below zero: not clear of it. Of floats."""
+    return np.array(
+        [np.min([distance[0] for distance in clear_of(moved, box, radius, side)], axis=0) for side in SIDES]
+    )
 
 
 def clear_of(moved: Motion, box: Box, radius: float, side: str) -> list[Series]:

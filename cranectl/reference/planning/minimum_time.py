@@ -11,11 +11,10 @@ import numpy as np
 
 from cranectl.reference.planning.geometry import Geometry, Placed
 from cranectl.reference.planning.limits import Box, Limits, excesses, motion
-from cranectl.reference.planning.problem import ORDERS, TIED, Leg, Problem, ToLoad
+from cranectl.reference.planning.problem import TIED, Leg, Problem, ToLoad, series_along
 from cranectl.reference.planning.programs import PRICES, Solution, solve
 from cranectl.reference.planning.proof import NEAR, Proof, prove
-from cranectl.reference.planning.series import from_derivatives
-from cranectl.reference.time_laws import PLANNED_DEGREE, spline, time_law
+from cranectl.reference.time_laws import PLANNED_DEGREE, time_law
 from cranectl.support.arrays import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a given path
@@ -102,10 +101,9 @@ def _minimum_time(task: Task, solver: Solver) -> Motion | None:
 
 def _broken(task: Task, duration: float, coefficients: Array) -> Array:
     """Parts of the duration at which fine samples break a limit: what needs no proof to be refused."""
-    curve = spline(np.linspace(0.0, duration, task.spans + 1), coefficients, PLANNED_DEGREE)
+    breaks = np.linspace(0.0, duration, task.spans + 1)
     time = np.linspace(0.0, duration, task.spans * FINE + 1)
-    rows = [curve.derivative(k)(time) if k else curve(time) for k in range(ORDERS)]
-    coordinates = [from_derivatives([row[:, j] for row in rows]) for j in range(coefficients.shape[1])]
+    coordinates = series_along(breaks, coefficients, PLANNED_DEGREE, time)
     over = excesses(motion(task.to_load(coordinates), task.limits.gravity), task.limits)
     broken: Array = time[np.max(list(over.values()), axis=0) > NEAR] / duration
     return broken

@@ -7,8 +7,8 @@ import numpy as np
 
 from cranectl.reference.planning import ipopt, programs
 from cranectl.reference.planning.checks import check_point, no_motion
-from cranectl.reference.planning.geometry import Circular, Geometry, Placed, Straight
-from cranectl.reference.planning.limits import DECIDING, FIXED, Limits, limits_of
+from cranectl.reference.planning.geometry import Geometry, Placed, Straight, geometry_of
+from cranectl.reference.planning.limits import FIXED, Limits, key_of, limits_of
 from cranectl.reference.planning.minimum_time import SPANS, Solver, Task, along_path, minimum_time
 from cranectl.reference.planning.route import rounded, stops, way
 from cranectl.reference.planning.shortest import shortest
@@ -30,7 +30,7 @@ def planned_segment(
 
     Raises InputError where no motion keeps the limits. What was planned in this process is not planned again.
     """
-    key = f"{segment.model_dump_json()}{start.tolist()}{scenario.model_dump_json(include=DECIDING)}"
+    key = key_of(segment, start, scenario)
     if key not in _PLANNED:
         if isinstance(segment, Move):
             _PLANNED[key] = planned_move(segment, start, scenario, where)
@@ -41,19 +41,15 @@ def planned_segment(
 
 def planned_along(segment: Line | Arc, start: Array, scenario: Scenario, where: str) -> Line | Arc:
     """A segment on a given path with its duration, and its law if that is to be found."""
-    geometry: Geometry
-    if isinstance(segment, Line):
-        end = np.array(segment.to)
-        geometry = Straight(start, end)
-        size = float(np.linalg.norm(end - start))
+    geometry = geometry_of(segment, start)
+    if isinstance(geometry, Straight):
+        size = float(np.linalg.norm(geometry.end - start))
     else:
-        centre = np.array(segment.centre)
-        geometry = Circular(start, centre, segment.angle)
-        size = float(np.linalg.norm(start[:2] - centre) * abs(segment.angle))
+        size = float(np.linalg.norm(start[:2] - geometry.centre) * abs(geometry.angle))
     limits = limits_of(scenario)._replace(size=PRECISION * size)
     check_point(start, limits, f"{where}: its start")
-    if isinstance(segment, Line):
-        check_point(end, limits, f"{where}: its end")
+    if isinstance(geometry, Straight):
+        check_point(geometry.end, limits, f"{where}: its end")
     duration = _shortest(geometry, limits, where)
     if segment.time_law == MINIMUM_TIME:
         found = minimum_time(along_path(geometry, limits, duration), _solver(scenario))

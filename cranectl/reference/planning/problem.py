@@ -14,7 +14,7 @@ import numpy as np
 from cranectl.reference.planning.gradients import inputs
 from cranectl.reference.planning.limits import Box, Limits, Quantity, clear_of, motion, quantities
 from cranectl.reference.planning.series import Number, Series, from_derivatives
-from cranectl.reference.time_laws import PLANNED_DEGREE, spline
+from cranectl.reference.time_laws import PLANNED_DEGREE, derivatives, spline
 from cranectl.support.arrays import Array
 
 ORDERS = 6  # position and five derivatives: the fifth is in the rate of the set-points
@@ -89,7 +89,7 @@ class Problem:
         self.start, self.end, self.limits, self.spans = start, end, limits, spans
         self._to_load, self._forwards = to_load, forwards
         whole = spline(np.linspace(0.0, 1.0, spans + 1), np.eye(spans + PLANNED_DEGREE), PLANNED_DEGREE)
-        self.curves = [whole.derivative(order) if order else whole for order in range(ORDERS)]
+        self.curves = derivatives(whole, ORDERS)
         self.free = slice(TIED, spans + PLANNED_DEGREE - TIED)
         self.width = (spans + PLANNED_DEGREE - 2 * TIED) * len(start)  # free coefficients
         self.instants = max(
@@ -263,6 +263,12 @@ class Problem:
             ]
 
         return Sampled(parts, by_instant, bounded)
+
+
+def series_along(breaks: Array, coefficients: Array, degree: int, time: Array) -> list[Series]:
+    """Of the coordinates of a spline with knots at `breaks` [s], coefficients (n, d), at `time` (N,) [s]."""
+    rows = [curve(time) for curve in derivatives(spline(breaks, coefficients, degree), ORDERS)]
+    return [from_derivatives([row[:, j] for row in rows]) for j in range(coefficients.shape[1])]
 
 
 def _limits(found: Sequence[Bounded]) -> list[Bounded]:

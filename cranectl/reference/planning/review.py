@@ -6,13 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference.planning.geometry import Circular, Straight
-from cranectl.reference.planning.limits import AXES, DECIDING, Limits, Quantity, limits_of, motion, quantities
-from cranectl.reference.planning.problem import ORDERS, ToLoad
+from cranectl.reference.planning.geometry import geometry_of
+from cranectl.reference.planning.limits import AXES, Limits, Quantity, key_of, limits_of, motion, quantities
+from cranectl.reference.planning.problem import ToLoad, series_along
 from cranectl.reference.planning.proof import Proof, prove
-from cranectl.reference.planning.series import from_derivatives
 from cranectl.reference.planning.shortest import COEFFICIENTS, DEGREE
-from cranectl.reference.time_laws import PLANNED_DEGREE, spline
+from cranectl.reference.time_laws import PLANNED_DEGREE
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Line, Scenario, Segment
 from cranectl.scenario.segments import Arc, Spline, SplineLaw, seconds
@@ -87,7 +86,7 @@ def reviews(scenario: Scenario) -> list[Review]:
     for index, segment in enumerate(scenario.reference.segments):
         after = end_point(segment, here)
         if asked := in_words(segment):
-            found.append(_review(scenario, index, asked, segment, tuple(here.tolist()), begins))
+            found.append(_review(scenario, index, asked, segment, here, begins))
         here, begins = after, begins + seconds(segment)
     return found
 
@@ -106,10 +105,7 @@ def curve_of(segment: Segment, start: Array) -> Curve:
     if isinstance(segment, Spline):
         return Curve(np.array(segment.breaks), np.array(segment.coefficients), segment.degree, None)
     assert isinstance(segment, Line | Arc)
-    if isinstance(segment, Line):
-        to_load: ToLoad = Straight(start, np.array(segment.to))
-    else:
-        to_load = Circular(start, np.array(segment.centre), segment.angle)
+    to_load = geometry_of(segment, start)
     duration = seconds(segment)
     if isinstance(segment.time_law, SplineLaw):
         coefficients = np.array(segment.time_law.coefficients)[:, None]
@@ -120,17 +116,15 @@ def curve_of(segment: Segment, start: Array) -> Curve:
 
 def sampled(curve: Curve, time: Array, limits: Limits) -> tuple[list[Quantity], Array]:
     """All limited quantities at `time` (N,), and the load's path (N, 3)."""
-    whole = spline(curve.breaks, curve.coefficients, curve.degree)
-    rows = [whole.derivative(k)(time) if k else whole(time) for k in range(ORDERS)]
-    series = [from_derivatives([row[:, j] for row in rows]) for j in range(curve.coefficients.shape[1])]
+    series = series_along(curve.breaks, curve.coefficients, curve.degree, time)
     load = curve.to_load(series) if curve.to_load else series
     return quantities(motion(load, limits.gravity), limits), np.stack([axis[0] for axis in load], axis=1)
 
 
 def _review(
-    scenario: Scenario, index: int, asked: str, segment: Segment, start: tuple[float, ...], begins: float
+    scenario: Scenario, index: int, asked: str, segment: Segment, start: Array, begins: float
 ) -> Review:
-    limits, curve = limits_of(scenario), curve_of(segment, np.array(start))
+    limits, curve = limits_of(scenario), curve_of(segment, start)
     time = np.linspace(0.0, seconds(segment), SAMPLES)
     found, path = sampled(curve, time, limits)
     shares = {each.name: _share(each) for each in found}
@@ -147,7 +141,7 @@ def _review(
         duration=seconds(segment),
         least=least_time(rest[1] - rest[0], limits),
         acting=tuple(sorted(acting, key=lambda each: each.start)),
-        proof=_proven(_key(segment, start, scenario), curve, limits),
+        proof=_proven(key_of(segment, start, scenario), curve, limits),
         time=time,
         shares=shares,
         path=path,
@@ -162,11 +156,6 @@ def _proven(key: str, curve: Curve, limits: Limits) -> Proof:
     if key not in _PROVEN:
         _PROVEN[key] = prove(*curve[:3], limits, curve.to_load)
     return _PROVEN[key]
-
-
-def _key(segment: Segment, start: tuple[float, ...], scenario: Scenario) -> str:
-    parts = scenario.model_dump_json(include=DECIDING)
-    return f"{segment.model_dump_json()}{start}{parts}"
 
 
 def _share(each: Quantity) -> Array:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cranectl.reference.planning.checks import check_way_over
 from cranectl.reference.planning.geometry import Straight
-from cranectl.reference.planning.limits import SIDES, Limits, clear_of, motion
+from cranectl.reference.planning.limits import SIDES, Limits, motion, room
 from cranectl.reference.planning.problem import Leg
 from cranectl.reference.planning.shortest import SLOWLY, exceeded
 from cranectl.reference.time_laws import time_law
@@ -72,16 +72,11 @@ def way(guess: Array, limits: Limits, first_instant: int) -> Way:
     nothing = np.zeros(len(guess))
     moved = motion([[column, nothing, nothing] for column in guess.T], limits.gravity)
     for box in limits.obstacles:
-        room = np.array(
-            [
-                np.min([distance[0] for distance in clear_of(moved, box, limits.radius, side)], axis=0)
-                for side in SIDES
-            ]
-        )
+        free = room(moved, box, limits.radius)
         at, begins = 0, None
         while True:
-            best = max(range(len(SIDES)), key=lambda k: (_lasts(room[k, at:] >= 0.0), room[k, at]))
-            until = at + max(1, _lasts(room[best, at:] >= 0.0))
+            best = max(range(len(SIDES)), key=lambda k: (_lasts(free[k, at:] >= 0.0), free[k, at]))
+            until = at + max(1, _lasts(free[best, at:] >= 0.0))
             if until >= len(guess):
                 legs.append(Leg(box, SIDES[best], begins, None))
                 break

@@ -19,16 +19,16 @@ def from_derivatives(values: Sequence[Number]) -> Series:
     return [value * (1.0 / factorial(order)) for order, value in enumerate(values)]
 
 
-def derivative(series: Series, order: int) -> Number:
-    """The derivative of that order itself, at the point of expansion."""
-    return series[order] * float(factorial(order))
-
-
 def differentiated(series: Series, times: int) -> Series:
     """The series of a derivative, shorter by so many coefficients."""
     for _ in range(times):
         series = [series[k] * float(k) for k in range(1, len(series))]
     return series
+
+
+def shifted(series: Series, by: float) -> Series:
+    """With a constant added."""
+    return [series[0] + by, *series[1:]]
 
 
 def plus(a: Series, b: Series) -> Series:
