@@ -12,7 +12,7 @@ from math import pi, sqrt
 
 import numpy as np
 
-from cranectl.metrics import run_metrics
+from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
@@ -37,6 +37,13 @@ def scenario(case: str, *settings: str, shortest: bool = False) -> Scenario:
     texts = ", ".join(text % timed[text[7]] for text in segments)
     asked = (f"reference.start={start}", f"reference.segments=[{texts}]", "duration=20", "disturbances=[]")
     return load_scenario("fixed-position", overrides=[*asked, *more, *settings])
+
+
+def followed(plan: Scenario, plant: str) -> RunMetrics:
+    """A plan under LQR with velocity drives."""
+    metrics = run_metrics(simulate_run(plan, plant=plant, drive="velocity", controller="lqr"))
+    assert metrics is not None
+    return metrics
 
 
 def duration(of: Scenario) -> float:
@@ -64,8 +71,7 @@ def main() -> None:
         for effects, share in (((), 0.95), (ROUGH, 0.95), (ROUGH, 0.9), (ROUGH, 0.88)):
             made = scenario(case, NO_FORCE_LIMITS, *effects, f"planning.share={share}")
             for plant in ("elastic", "mujoco") if effects else ("analytic", "elastic", "mujoco"):
-                run = simulate_run(made, plant=plant, drive="velocity", controller="lqr")
-                metrics = run_metrics(run)
+                metrics = followed(made, plant)
                 kind = "rough" if effects else "limits"
                 how = f"{case:22} {kind:8} {share:5.2f} {duration(made):6.3f} {plant:9}"
                 print(f"{how} {1e3 * metrics.max_error_m:10.2f} {metrics.saturated_s:13.3f}", flush=True)

@@ -18,6 +18,8 @@ from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS
+from validation.minimum_times import CASES as PLANNED
+from validation.minimum_times import scenario as planned
 
 CASES = list(itertools.product(ALL_SCENARIOS, ALL_CONTROLLERS, (*DRIVES, "velocity, frame")))
 SHARE = int(os.environ.get("DRAKE_CASES", len(CASES)))
@@ -30,6 +32,11 @@ def test_closed_loop(scenario: str, controller: str, drive: str) -> None:
     kind, _, frame = drive.partition(", ")
     loaded = load_scenario(scenario, overrides=["effects.frame={}"] if frame else [])
     _assert_agree(loaded, controller, kind)
+
+
+@pytest.mark.parametrize("case", PLANNED)
+def test_motions_in_minimum_time(case: str) -> None:
+    _assert_agree(planned(case), "lqr", "velocity")
 
 
 @pytest.mark.parametrize("seed", range(25 if len(CASES) == SHARE else 5))
