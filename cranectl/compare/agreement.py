@@ -173,7 +173,9 @@ def _shipped_motions() -> dict[str, dict[str, Any]]:
 def _motion(scenario: Scenario) -> dict[str, Any]:
     motion = scenario.model_dump(exclude=SILENT)
     motion["planning"]["share"] = share_of(scenario)
-    motion["reference"]["segments"] = [as_asked(segment) for segment in scenario.reference.segments]
+    motion["reference"]["segments"] = [
+        asked for segment in scenario.reference.segments for asked in as_asked(segment)
+    ]
     return motion
 
 

@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.reference.given import samples, way_points
+from cranectl.reference.planning.blends import check_follower, path_with_blends
 from cranectl.reference.planning.limits import share_of
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario, Segment, read_scenario, scenario_file
-from cranectl.scenario.segments import Arc, Line, Move, Samples, WayPoints, is_planned, seconds
+from cranectl.scenario.along_path import AlongPath, Arc, Line
+from cranectl.scenario.segments import Move, Samples, WayPoints, is_planned, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -32,8 +34,17 @@ def planned(scenario: Scenario, directory: Path = Path()) -> Scenario:
         return scenario
     segments: list[Segment] = []
     here = np.array(scenario.reference.start)
-    for index, segment in enumerate(scenario.reference.segments):
-        where = f"reference.segments.{index}"
+    blended: list[Line | Arc] = []  # with what follows
+    asked = scenario.reference.segments
+    for index, segment in enumerate(asked):
+        if isinstance(segment, Line | Arc) and segment.blend:
+            follower = asked[index + 1] if index + 1 < len(asked) else None
+            check_follower(follower, f"reference.segments.{index}")
+            blended.append(segment)
+            continue
+        where = f"reference.segments.{index - len(blended)}"
+        if blended and isinstance(segment, Line | Arc):
+            segment, blended = path_with_blends([*blended, segment], here, where), []
         for ready in (
             [segment] if is_planned(segment) else _planned(segment, here, scenario, directory, where)
         ):
@@ -64,5 +75,5 @@ def _planned(
         return [samples(segment, start, scenario, directory, where)]
     from cranectl.reference.planning.plan import planned_segment  # its solver is loaded where it is needed
 
-    assert isinstance(segment, Line | Arc | Move)
+    assert isinstance(segment, AlongPath | Move)
     return planned_segment(segment, start, scenario, where)

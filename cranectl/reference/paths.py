@@ -2,11 +2,14 @@
 
 import functools
 from dataclasses import dataclass
+from math import factorial
 from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import BSpline
 
+from cranectl.reference.planning.geometry import Chain
+from cranectl.reference.planning.series import from_derivatives
 from cranectl.reference.time_laws import Law, derivatives, progress, spline
 from cranectl.support.arrays import Array
 
@@ -85,6 +88,19 @@ class ArcPath:
         rows[:, 0, :2] += self.centre
         rows[:, 0, 2] = self.start[2]
         return rows
+
+
+@dataclass(frozen=True)
+class ChainPath:
+    """Along pieces that go over into each other."""
+
+    pieces: Chain
+    duration: float
+    time_law: Law
+
+    def sample(self, time: Array) -> Array:
+        load = self.pieces([from_derivatives(list(progress(self.time_law, time, self.duration)))])
+        return np.array([[c * factorial(k) for k, c in enumerate(axis)] for axis in load]).transpose(2, 1, 0)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import functools
 import numpy as np
 from scipy.interpolate import BPoly, BSpline
 
+from cranectl.scenario.along_path import AlongPath, SplineLaw
 from cranectl.support.arrays import Array
 
 # Derivatives that vanish at both ends.
@@ -17,6 +18,12 @@ REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}
 
 Law = str | tuple[float, ...]  # a name, or the coefficients of a spline that was planned
 PLANNED_DEGREE = 7  # with simple knots C⁶: also the fifth derivative, which the drives feel, is continuous
+
+
+def law_of(segment: AlongPath) -> Law:
+    """That of a segment that is planned."""
+    law = segment.time_law
+    return law.coefficients if isinstance(law, SplineLaw) else law
 
 
 @functools.lru_cache(maxsize=256)

@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.reference.driven import DrivenPath, HandLimits
-from cranectl.reference.paths import ArcPath, HoldPath, LinePath, Path, SplinePath
-from cranectl.reference.time_laws import Law
+from cranectl.reference.paths import ArcPath, ChainPath, HoldPath, LinePath, Path, SplinePath
+from cranectl.reference.planning.blends import blended_path
+from cranectl.reference.time_laws import law_of
 from cranectl.scenario import AddedSegment, Hold, Line, ReferenceSettings, Segment
+from cranectl.scenario.along_path import Arc, BlendedPath
 from cranectl.scenario.driven import Driven
-from cranectl.scenario.segments import AlongPath, Arc, Spline, SplineLaw, added_kinds, seconds
+from cranectl.scenario.segments import Spline, added_kinds, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -99,7 +101,7 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         end = np.array(segment.to)
         if np.array_equal(start, end):
             raise _no_length(where, "a line to where the load already is")
-        return LinePath(start, end, seconds(segment), _law(segment))
+        return LinePath(start, end, seconds(segment), law_of(segment))
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
     if isinstance(segment, Driven):
@@ -109,16 +111,13 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
     if isinstance(segment, AddedSegment):
         added: Path = added_kinds()[segment.kind].path(segment.settings, start)
         return added
+    if isinstance(segment, BlendedPath):
+        return ChainPath(blended_path(segment, start), seconds(segment), law_of(segment))
     assert isinstance(segment, Arc), f"{segment.kind}: not planned"
     centre = np.array(segment.centre)
     if segment.angle == 0.0 or np.array_equal(start[:2], centre):
         raise _no_length(where, "an arc of no angle or no radius")
-    return ArcPath(start, centre, segment.angle, seconds(segment), _law(segment))
-
-
-def _law(segment: AlongPath) -> Law:
-    law = segment.time_law
-    return law.coefficients if isinstance(law, SplineLaw) else law
+    return ArcPath(start, centre, segment.angle, seconds(segment), law_of(segment))
 
 
 def end_point(segment: Segment, start: Array) -> Array:

@@ -1,5 +1,6 @@
 """What is asked: scenario, rig, effects, and how they are read from TOML."""
 
+from cranectl.scenario.along_path import Line
 from cranectl.scenario.design import DesignSettings, HinfSettings, LoopShapingSettings
 from cranectl.scenario.disturbances import NANOSECONDS, nanoseconds
 from cranectl.scenario.load import (
@@ -17,7 +18,7 @@ from cranectl.scenario.scenario import (
     ReferenceSettings,
     Scenario,
 )
-from cranectl.scenario.segments import AddedSegment, Hold, Line, Segment
+from cranectl.scenario.segments import AddedSegment, Hold, Segment
 
 __all__ = [
     "NANOSECONDS",

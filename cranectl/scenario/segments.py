@@ -21,40 +21,24 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from cranectl.scenario.along_path import (
+    MINIMUM_TIME,
+    MOST_COEFFICIENTS,
+    AlongPath,
+    Arc,
+    BlendedPath,
+    Line,
+    SplineLaw,
+)
 from cranectl.scenario.driven import Driven
-from cranectl.scenario.quantities import MAX_DURATION, Duration, Point2, Point3
+from cranectl.scenario.quantities import MAX_DURATION, Duration, Point3
 from cranectl.scenario.settings import Settings
 from cranectl.scenario.tables import FitNumbers, FromFile, Source
 from cranectl.support import extensions
 from cranectl.support.extensions import with_extensions
 
-SHORTEST = "shortest"
-# Seconds, or a word; tags of no letters, so that errors name the field and no more.
-Timed = Annotated[
-    Annotated[Duration, Tag("")] | Annotated[Literal["shortest"], Tag(" ")],
-    Discriminator(lambda value: " " if isinstance(value, str) else ""),
-]
-MOST_COEFFICIENTS = 20_000
 MOST_POINTS = 2000  # of a spline through all of them
 MOST_SPANS = 1000  # of a spline near samples
-
-
-class SplineLaw(Settings):
-    """How far along its path a motion was planned to be: a B-spline of degree 7 on uniform knots, C⁶."""
-
-    coefficients: Annotated[
-        tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...],
-        Field(strict=False, min_length=8, max_length=MOST_COEFFICIENTS),
-    ] = Field(description="of s from 0 to 1 over the duration")
-
-
-MINIMUM_TIME = "minimum-time"
-TimeLaw = Annotated[
-    Annotated[Literal["degree-9", "degree-5", "minimum-time"], Tag("")] | Annotated[SplineLaw, Tag(" ")],
-    Discriminator(lambda value: "" if isinstance(value, str) else " "),
-]
-TIME_LAW = "degree-9: C⁴; degree-5: C²; minimum-time: planned, C⁴, without a duration"
-DURATION = "[s], or shortest: the least within the limits"
 
 
 class Hold(Settings):
@@ -62,49 +46,6 @@ class Hold(Settings):
 
     kind: Literal["hold"]
     duration: Duration = Field(description="[s]")
-
-
-class AlongPath(Settings):
-    """A segment whose path is given; how fast it is gone along is, or is planned."""
-
-    duration: Timed | None = Field(None, description=DURATION)
-    time_law: TimeLaw = Field("degree-9", description=TIME_LAW)
-
-    @model_validator(mode="after")
-    def _timed_once(self) -> "AlongPath":
-        if self.time_law == MINIMUM_TIME and self.duration is not None:
-            raise ValueError(
-                f"duration = {self.duration!r} and time_law = 'minimum-time', which finds the duration: "
-                "leave one of them out"
-            )
-        if self.time_law == "degree-5" and self.duration == "shortest":
-            raise ValueError(
-                "time_law = 'degree-5' with duration = 'shortest': its accelerations jump, no drive's can: "
-                "leave time_law out, or give the duration in seconds"
-            )
-        if self.time_law != MINIMUM_TIME and self.duration is None:
-            raise ValueError(
-                f"a segment of kind '{self.kind}' has no duration: give it in seconds, or as 'shortest', or "  # type: ignore[attr-defined]
-                "time_law = 'minimum-time' to have it planned"
-            )
-        return self
-
-
-class Line(AlongPath):
-    """Straight line from where the last segment ended."""
-
-    kind: Literal["line"]
-    to: Point3 = Field(description="end point (x, y, z) [m]")
-
-
-class Arc(AlongPath):
-    """Horizontal circular arc from where the last segment ended."""
-
-    kind: Literal["arc"]
-    centre: Point2 = Field(description="centre (x, y) [m]")
-    angle: Annotated[float, Field(ge=-1e3, le=1e3)] = Field(
-        description="angle travelled [rad], positive counter-clockwise from above"
-    )
 
 
 class Move(Settings):
@@ -226,7 +167,7 @@ class SegmentKind:
     path: Callable[[Any, Any], Any]  # (settings, start (3,) [m]) → `cranectl.reference.Path`
 
 
-OWN = ("hold", "line", "arc", "move", "waypoints", "samples", "spline", "driven")
+OWN = ("hold", "line", "arc", "path", "move", "waypoints", "samples", "spline", "driven")
 
 
 @functools.cache
@@ -275,6 +216,7 @@ Segment = Annotated[
     Annotated[Hold, Tag("hold")]
     | Annotated[Line, Tag("line")]
     | Annotated[Arc, Tag("arc")]
+    | Annotated[BlendedPath, Tag("path")]
     | Annotated[Move, Tag("move")]
     | Annotated[WayPoints, Tag("waypoints")]
     | Annotated[Samples, Tag("samples")]
@@ -300,12 +242,14 @@ def seconds(segment: Segment) -> float:
     return length
 
 
-def as_asked(segment: Segment) -> dict[str, Any]:
-    """What a scenario says of a segment that may have been planned since: its keys, without defaults."""
+def as_asked(segment: Segment) -> list[dict[str, Any]]:
+    """What a scenario says of a segment that may have been planned since: tables without defaults."""
+    if isinstance(segment, BlendedPath):
+        return [asked for part in segment.parts for asked in as_asked(part)]
     if isinstance(segment, Spline) and segment.made_from:
-        return segment.made_from
+        return [segment.made_from]
     told = segment.model_dump(mode="json", exclude_defaults=True)
     if isinstance(segment, AlongPath) and isinstance(segment.time_law, SplineLaw):
         del told["duration"]
         told["time_law"] = MINIMUM_TIME
-    return told
+    return [told]

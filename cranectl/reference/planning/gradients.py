@@ -1,6 +1,7 @@
 """Numbers that carry their derivatives with respect to some inputs: forward differentiation over arrays."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,9 @@ class Gradient:
 
     value: Array  # (N,)
     slope: Array  # (N, M)
+
+    def __getitem__(self, points: Any) -> "Gradient":
+        return Gradient(self.value[points], self.slope[points])
 
     def __add__(self, other: "Operand") -> "Gradient":
         if isinstance(other, Gradient):

@@ -3,7 +3,7 @@
 The search begins with the shortest motion by the law of degree 9, which is kept where nothing is faster.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,10 +14,12 @@ from cranectl.reference.planning.limits import Box, Limits, excesses, motion
 from cranectl.reference.planning.problem import TIED, Leg, Problem, ToLoad, series_along
 from cranectl.reference.planning.programs import PRICES, Solution, solve
 from cranectl.reference.planning.proof import NEAR, Proof, prove
-from cranectl.reference.time_laws import PLANNED_DEGREE, time_law
+from cranectl.reference.time_laws import PLANNED_DEGREE, Law, time_law
 from cranectl.support.arrays import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a given path
+SPANS_A_PART = 20  # of motions along parts that go over into each other, if that makes more
+GUESS = 401  # points of a first guess
 DENSITY = 8  # samples a span at first
 FINE = 40  # samples a span by which a solution is looked at before it is proven
 TIGHTER = 0.004  # by which limits are tightened for the solver: what lies between samples
@@ -57,9 +59,23 @@ class Task:
 
 def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
     """Along a given path; `duration` is that of the law of degree 9."""
-    guess = time_law("degree-9", np.linspace(0.0, 1.0, 401))[0][:, None]
+    guess = time_law("degree-9", np.linspace(0.0, 1.0, GUESS))[0][:, None]
     ends = np.zeros(1), np.ones(1)
     return Task(*ends, geometry, limits, guess, duration, SPANS_ALONG, forwards=True, price=PRICES[1])
+
+
+def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law, float, float]]) -> Task:
+    """Along parts that go over into each other; `stopping`: law, duration [s], length [m] of each alone."""
+    durations, lengths = (np.array([each[k] for each in stopping]) for k in (1, 2))
+    begins = np.cumsum(durations) - durations
+    at = np.linspace(0.0, durations.sum(), GUESS)
+    guess = sum(
+        length / lengths.sum() * time_law(law, np.clip((at - begin) / duration, 0.0, 1.0), 1)[0]
+        for (law, duration, length), begin in zip(stopping, begins, strict=True)
+    )
+    spans = max(SPANS_ALONG, SPANS_A_PART * len(stopping))
+    ends = np.zeros(1), np.ones(1)
+    return Task(*ends, geometry, limits, guess[:, None], durations.sum(), spans, forwards=True)
 
 
 def minimum_time(task: Task, solver: Solver = solve) -> Motion | None:

@@ -6,14 +6,25 @@ from collections.abc import Sequence
 import numpy as np
 
 from cranectl.reference.planning import ipopt, programs
+from cranectl.reference.planning.blends import blended_path, geometry_of, parts_of
 from cranectl.reference.planning.checks import check_point, no_motion
-from cranectl.reference.planning.geometry import Geometry, Placed, Straight, geometry_of
+from cranectl.reference.planning.geometry import Geometry, Placed, Straight, place
 from cranectl.reference.planning.limits import FIXED, Limits, key_of, limits_of
-from cranectl.reference.planning.minimum_time import SPANS, Solver, Task, along_path, minimum_time
+from cranectl.reference.planning.minimum_time import (
+    SPANS,
+    Motion,
+    Solver,
+    Task,
+    along_parts,
+    along_path,
+    minimum_time,
+)
 from cranectl.reference.planning.route import rounded, stops, way
-from cranectl.reference.planning.shortest import shortest
+from cranectl.reference.planning.shortest import about_shortest, shortest
+from cranectl.reference.time_laws import law_of
 from cranectl.scenario import Line, Scenario
-from cranectl.scenario.segments import MINIMUM_TIME, Arc, Move, Segment, Spline, SplineLaw, seconds
+from cranectl.scenario.along_path import MINIMUM_TIME, Along, BlendedPath, SplineLaw
+from cranectl.scenario.segments import Move, Segment, Spline, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -23,9 +34,7 @@ _PLANNED: dict[str, list[Segment]] = {}
 HASTE = 0.6  # a guess that does not stop lasts this part of one that does
 
 
-def planned_segment(
-    segment: Line | Arc | Move, start: Array, scenario: Scenario, where: str
-) -> list[Segment]:
+def planned_segment(segment: Along | Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
     """What a segment without a time becomes: itself with duration and law, a spline, or lines with stops.
 
     Raises InputError where no motion keeps the limits. What was planned in this process is not planned again.
@@ -34,29 +43,48 @@ def planned_segment(
     if key not in _PLANNED:
         if isinstance(segment, Move):
             _PLANNED[key] = planned_move(segment, start, scenario, where)
+        elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
+            _PLANNED[key] = planned_with_blends(segment, start, scenario, where)
         else:
             _PLANNED[key] = [planned_along(segment, start, scenario, where)]
     return _PLANNED[key]
 
 
-def planned_along(segment: Line | Arc, start: Array, scenario: Scenario, where: str) -> Line | Arc:
+def planned_along(segment: Along, start: Array, scenario: Scenario, where: str) -> Along:
     """A segment on a given path with its duration, and its law if that is to be found."""
     geometry = geometry_of(segment, start)
-    if isinstance(geometry, Straight):
-        size = float(np.linalg.norm(geometry.end - start))
-    else:
-        size = float(np.linalg.norm(start[:2] - geometry.centre) * abs(geometry.angle))
-    limits = limits_of(scenario)._replace(size=PRECISION * size)
+    limits = limits_of(scenario)._replace(size=PRECISION * geometry.length)
     check_point(start, limits, f"{where}: its start")
-    if isinstance(geometry, Straight):
-        check_point(geometry.end, limits, f"{where}: its end")
-    duration = _shortest(geometry, limits, where)
+    check_point(place(geometry, 1.0), limits, f"{where}: its end")
     if segment.time_law == MINIMUM_TIME:
-        found = minimum_time(along_path(geometry, limits, duration), _solver(scenario))
-        if found is not None and found.duration < duration:
-            law = SplineLaw(coefficients=tuple(np.clip(found.coefficients[:, 0], 0.0, 1.0).tolist()))
-            return segment.model_copy(update={"duration": found.duration, "time_law": law})
+        longest = _known(about_shortest(geometry, limits), where)
+        found = minimum_time(along_path(geometry, limits, longest), _solver(scenario))
+        if found is not None and found.duration < longest:
+            return _with_law(segment, found)
+    duration = _shortest(geometry, limits, where)
     return segment.model_copy(update={"duration": duration, "time_law": "degree-9"})
+
+
+def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
+    """One motion along all parts, or, where that is no faster, the parts with a stop at each corner."""
+    stopping: list[Along] = []
+    given = parts_of(segment.parts, start)
+    for index, (part, path) in enumerate(zip(segment.parts, given, strict=True)):
+        alone = part.model_copy(update={"blend": 0.0})
+        stopping.append(planned_along(alone, path.start, scenario, f"{where}, part {index + 1}"))
+    geometry = blended_path(segment, start)
+    limits = limits_of(scenario)._replace(size=PRECISION * geometry.length)
+    laws = [(law_of(part), seconds(part), path.length) for part, path in zip(stopping, given, strict=True)]
+    task = along_parts(geometry, limits, laws)
+    found = minimum_time(task, _solver(scenario))
+    if found is not None and found.duration < task.duration:
+        return [_with_law(segment, found)]
+    return list(stopping)
+
+
+def _with_law(segment: Along, found: Motion) -> Along:
+    law = SplineLaw(coefficients=tuple(np.clip(found.coefficients[:, 0], 0.0, 1.0).tolist()))
+    return segment.model_copy(update={"duration": found.duration, "time_law": law})
 
 
 def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
@@ -155,7 +183,11 @@ def free_motion(
 
 
 def _shortest(geometry: Geometry, limits: Limits, where: str) -> float:
-    found = shortest(geometry, limits)
+    return _known(shortest(geometry, limits), where)
+
+
+def _known(found: float | dict[str, float], where: str) -> float:
+    """A duration; raises InputError in place of what stands against it."""
     if isinstance(found, float):
         return found
     raise no_motion(found, where)

@@ -6,15 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference.planning.geometry import geometry_of
+from cranectl.reference.planning.blends import geometry_of
 from cranectl.reference.planning.limits import AXES, Limits, Quantity, key_of, limits_of, motion, quantities
 from cranectl.reference.planning.problem import ToLoad, series_along
 from cranectl.reference.planning.proof import Proof, prove
 from cranectl.reference.planning.shortest import COEFFICIENTS, DEGREE
 from cranectl.reference.time_laws import PLANNED_DEGREE
 from cranectl.reference.trajectory import end_point
-from cranectl.scenario import Line, Scenario, Segment
-from cranectl.scenario.segments import Arc, Spline, SplineLaw, seconds
+from cranectl.scenario import Scenario, Segment
+from cranectl.scenario.along_path import AlongPath, Arc, BlendedPath, Line, SplineLaw
+from cranectl.scenario.segments import Spline, seconds
 from cranectl.support.arrays import Array
 
 ACTS = 0.98  # of a limit, from which on it counts as acting
@@ -95,7 +96,9 @@ def in_words(segment: Segment) -> str:
     """How a segment was planned; nothing if it was not."""
     if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
         return "a move in minimum time"
-    if isinstance(segment, Line | Arc) and isinstance(segment.time_law, SplineLaw):
+    if isinstance(segment, BlendedPath):
+        return "a path with blended corners in minimum time"
+    if isinstance(segment, AlongPath) and isinstance(segment.time_law, SplineLaw):
         return f"a given {segment.kind} in minimum time"
     return ""
 
@@ -104,7 +107,7 @@ def curve_of(segment: Segment, start: Array) -> Curve:
     """A moving segment of the package's own kinds as a spline of coordinates."""
     if isinstance(segment, Spline):
         return Curve(np.array(segment.breaks), np.array(segment.coefficients), segment.degree, None)
-    assert isinstance(segment, Line | Arc)
+    assert isinstance(segment, Line | Arc | BlendedPath)
     to_load = geometry_of(segment, start)
     duration = seconds(segment)
     if isinstance(segment.time_law, SplineLaw):

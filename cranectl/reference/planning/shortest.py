@@ -20,6 +20,20 @@ LONGER = 1.0005  # by which a duration that could not be proven is made longer, 
 
 def shortest(geometry: Geometry, limits: Limits) -> float | dict[str, float]:
     """Its duration [s], proven; or, if none is long enough, by how much which limits are broken at rest."""
+    found = about_shortest(geometry, limits)
+    if not isinstance(found, float):
+        return found
+    longer = LONGER
+    while not prove_law(geometry, limits, found).holds:
+        found *= longer
+        longer = longer**2
+        if found > MAX_DURATION:
+            return {"proof": np.inf}
+    return found
+
+
+def about_shortest(geometry: Geometry, limits: Limits) -> float | dict[str, float]:
+    """As `shortest`, by samples: no longer than what is proven."""
     broken = exceeded(geometry, limits, SLOWLY)
     if max(broken.values()) > 0.0:
         return {name: excess for name, excess in broken.items() if excess > 0.0}
@@ -29,12 +43,6 @@ def shortest(geometry: Geometry, limits: Limits) -> float | dict[str, float]:
         low, high = (
             (low, middle) if max(exceeded(geometry, limits, middle).values()) <= 0.0 else (middle, high)
         )
-    longer = LONGER
-    while not prove_law(geometry, limits, high).holds:
-        high *= longer
-        longer = longer**2
-        if high > MAX_DURATION:
-            return {"proof": np.inf}
     return high
 
 

@@ -1,0 +1,119 @@
+"""Segments whose path is given: lines, arcs, and those joined by blends; how fast is given, or planned."""
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from cranectl.scenario.quantities import Duration, Point2, Point3
+from cranectl.scenario.settings import Settings
+
+SHORTEST = "shortest"
+# Seconds, or a word; tags of no letters, so that errors name the field and no more.
+Timed = Annotated[
+    Annotated[Duration, Tag("")] | Annotated[Literal["shortest"], Tag(" ")],
+    Discriminator(lambda value: " " if isinstance(value, str) else ""),
+]
+MOST_COEFFICIENTS = 20_000
+
+
+class SplineLaw(Settings):
+    """How far along its path a motion was planned to be: a B-spline of degree 7 on uniform knots, C⁶."""
+
+    coefficients: Annotated[
+        tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...],
+        Field(strict=False, min_length=8, max_length=MOST_COEFFICIENTS),
+    ] = Field(description="of s from 0 to 1 over the duration")
+
+
+MINIMUM_TIME: Literal["minimum-time"] = "minimum-time"
+TimeLaw = Annotated[
+    Annotated[Literal["degree-9", "degree-5", "minimum-time"], Tag("")] | Annotated[SplineLaw, Tag(" ")],
+    Discriminator(lambda value: "" if isinstance(value, str) else " "),
+]
+TIME_LAW = "degree-9: C⁴; degree-5: C²; minimum-time: planned, C⁴, without a duration"
+DURATION = "[s], or shortest: the least within the limits"
+
+
+class AlongPath(Settings):
+    """A segment whose path is given; how fast it is gone along is, or is planned."""
+
+    duration: Timed | None = Field(None, description=DURATION)
+    time_law: TimeLaw = Field("degree-9", description=TIME_LAW)
+
+    @model_validator(mode="after")
+    def _timed_once(self) -> "AlongPath":
+        if self.time_law == MINIMUM_TIME and self.duration is not None:
+            raise ValueError(
+                f"duration = {self.duration!r} and time_law = 'minimum-time', which finds the duration: "
+                "leave one of them out"
+            )
+        if self.time_law == "degree-5" and self.duration == "shortest":
+            raise ValueError(
+                "time_law = 'degree-5' with duration = 'shortest': its accelerations jump, no drive's can: "
+                "leave time_law out, or give the duration in seconds"
+            )
+        if self.time_law != MINIMUM_TIME and self.duration is None:
+            raise ValueError(
+                f"a segment of kind '{self.kind}' has no duration: give it in seconds, or as 'shortest', or "  # type: ignore[attr-defined]
+                "time_law = 'minimum-time' to have it planned"
+            )
+        return self
+
+
+Blend = Annotated[float, Field(ge=0.0, le=1e3)]
+BLEND = "how far the corner at the end may be passed by [m], without a stop; 0: the load stops there"
+
+
+class Blendable(AlongPath):
+    """A segment that may go over into the next without a stop."""
+
+    blend: Blend = Field(0.0, description=BLEND)
+
+    @model_validator(mode="after")
+    def _blends_in_minimum_time(self) -> "Blendable":
+        if self.blend and self.time_law != MINIMUM_TIME:
+            raise ValueError(
+                f"blend = {self.blend:g} without time_law = 'minimum-time': what stops at its end has no "
+                "corner to blend, so leave blend out, or leave the time to the plan"
+            )
+        return self
+
+
+class Line(Blendable):
+    """Straight line from where the last segment ended."""
+
+    kind: Literal["line"]
+    to: Point3 = Field(description="end point (x, y, z) [m]")
+
+
+class Arc(Blendable):
+    """Horizontal circular arc from where the last segment ended."""
+
+    kind: Literal["arc"]
+    centre: Point2 = Field(description="centre (x, y) [m]")
+    angle: Annotated[float, Field(ge=-1e3, le=1e3)] = Field(
+        description="angle travelled [rad], positive counter-clockwise from above"
+    )
+
+
+class BlendedPath(AlongPath):
+    """Lines and arcs joined by blends, as they were planned: one path, one time law."""
+
+    kind: Literal["path"]
+    parts: Annotated[
+        tuple[Annotated[Line | Arc, Field(discriminator="kind")], ...], Field(strict=False, min_length=2)
+    ] = Field(description="as asked for")
+    taken: Annotated[tuple[Annotated[float, Field(gt=0.0)], ...], Field(strict=False)] = Field(
+        description="what the blend of each corner takes of both its neighbours [m]"
+    )
+
+    @model_validator(mode="after")
+    def _has_corners(self) -> "BlendedPath":
+        if len(self.taken) != len(self.parts) - 1:
+            raise ValueError(
+                f"{len(self.taken)} numbers in taken: {len(self.parts)} parts have a corner less"
+            )
+        return self
+
+
+Along = Line | Arc | BlendedPath
