@@ -1,16 +1,12 @@
 """The registry of controllers, FEEDBACK or FEEDBACK+ROBUSTIFIER, and the one way to design them.
 
-A design is a pure function of its settings, of this program and of its libraries. It is kept on disk beside
-compiled code, since loading what computes it takes longer than most runs, and used bit for bit, or, if a bit
-of it has changed, computed again.
+A design is a pure function of its settings, of this program and of its libraries. It is kept on disk, since
+loading what computes it takes longer than most runs.
 """
 
-import contextlib
 import functools
-import hashlib
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,9 +14,7 @@ import numpy as np
 from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.files import write_text
-from cranectl.support.jit import cache_directory
-from cranectl.support.provenance import provenance
+from cranectl.support.kept import kept
 
 if TYPE_CHECKING:
     import control
@@ -52,28 +46,13 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
     if name not in CONTROLLERS:
         raise unknown_name("controller", name, CONTROLLERS)
     settings = settings or DesignSettings()
-    key = [name, settings.model_dump(mode="json"), provenance()]
-    path = cache_directory() / "designs" / f"{_digest(json.dumps(key, sort_keys=True))}.json"
-    text = _read(path)
-    if text is None:
-        text = json.dumps(_computed(name, settings).to_json())
-        with contextlib.suppress(OSError):
-            path.parent.mkdir(exist_ok=True)
-            write_text(path, f"{_digest(text)}\n{text}")
+    text = kept(
+        "designs",
+        [name, settings.model_dump(mode="json")],
+        lambda: json.dumps(_computed(name, settings).to_json()),
+    )
     # Read back even if just computed: arrays of another memory order may change the last bit of a product.
     return Design.from_json(json.loads(text))
-
-
-def _read(path: Path) -> str | None:
-    try:
-        digest, _, text = path.read_text(encoding="utf-8").partition("\n")
-    except (OSError, UnicodeDecodeError):
-        return None
-    return text if digest == _digest(text) else None
-
-
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _computed(name: str, settings: DesignSettings) -> Design:

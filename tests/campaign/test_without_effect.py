@@ -19,7 +19,7 @@ from tests.conftest import PLANTS
 # A crane pushed about there and back, with drives at their limits.
 SCENARIO = "off-reference"
 MOVING = [
-    "duration=2", "workspace.on_exit=record", "control.physics_step=0.0005",
+    "duration=2", "workspace.on_exit=record",
     'reference.segments=[{kind="line",to=[0.8,0.6,-0.7],duration=0.7},'
     '{kind="line",to=[0.5,0.3,-0.4],duration=1.3}]',
     "initial.load_offset=[-0.02,0.02,0.01]",

@@ -8,12 +8,13 @@ import pytest
 
 from cranectl.design import CONTROLLERS, Design, controllers, design_controller
 from cranectl.scenario import DesignSettings
+from cranectl.support import kept
 from cranectl.support.errors import InputError
 
 
 @pytest.fixture(autouse=True)
 def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(controllers, "cache_directory", lambda: tmp_path)
+    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
 
 
 def fresh(name: str, settings: DesignSettings | None = None) -> Design:
@@ -58,7 +59,7 @@ def test_what_is_damaged_is_computed_again(tmp_path: Path, damage: bytes) -> Non
 def test_other_software_is_another_design(monkeypatch: pytest.MonkeyPatch) -> None:
     fresh("lqr")
     compute_never(monkeypatch)
-    monkeypatch.setattr(controllers, "provenance", lambda: {"sources": "other"})
+    monkeypatch.setattr(kept, "provenance", lambda: {"sources": "other"})
     with pytest.raises(AssertionError, match="computed again"):
         fresh("lqr")
 
@@ -67,7 +68,7 @@ def test_a_place_that_cannot_be_written_costs_time_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(controllers, "cache_directory", lambda: tmp_path / "file")
+    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path / "file")
     assert fresh("lqr").name == "lqr"
 
 

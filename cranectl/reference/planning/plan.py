@@ -2,8 +2,10 @@
 
 import itertools
 from collections.abc import Sequence
+from importlib.metadata import version
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from cranectl.reference.planning import ipopt, programs
 from cranectl.reference.planning.blends import blended_path, geometry_of, parts_of
@@ -27,9 +29,11 @@ from cranectl.scenario.along_path import MINIMUM_TIME, Along, BlendedPath, Splin
 from cranectl.scenario.segments import Move, Segment, Spline, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.kept import kept
 
 ASIDE = 0.1  # of its way, by which a first guess leaves it: a crane swings out of a straight line, and up
 PRECISION = 0.1  # of its way, by which a motion's excesses over ranges are measured
+_SEGMENTS: TypeAdapter[list[Segment]] = TypeAdapter(list[Segment])
 _PLANNED: dict[str, list[Segment]] = {}
 HASTE = 0.6  # a guess that does not stop lasts this part of one that does
 
@@ -37,17 +41,29 @@ HASTE = 0.6  # a guess that does not stop lasts this part of one that does
 def planned_segment(segment: Along | Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
     """What a segment without a time becomes: itself with duration and law, a spline, or lines with stops.
 
-    Raises InputError where no motion keeps the limits. What was planned in this process is not planned again.
+    Raises InputError where no motion keeps the limits. What was planned in this process is not planned again,
+    nor by the first solver what was in another.
     """
     key = key_of(segment, start, scenario)
     if key not in _PLANNED:
-        if isinstance(segment, Move):
-            _PLANNED[key] = planned_move(segment, start, scenario, where)
-        elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
-            _PLANNED[key] = planned_with_blends(segment, start, scenario, where)
+        if scenario.planning.solver == "clarabel":
+            text = kept(
+                "plans", [key, version("clarabel")], lambda: _planned(segment, start, scenario, where)
+            )
         else:
-            _PLANNED[key] = [planned_along(segment, start, scenario, where)]
+            text = _planned(segment, start, scenario, where)
+        _PLANNED[key] = _SEGMENTS.validate_json(text)
     return _PLANNED[key]
+
+
+def _planned(segment: Along | Move, start: Array, scenario: Scenario, where: str) -> str:
+    if isinstance(segment, Move):
+        found = planned_move(segment, start, scenario, where)
+    elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
+        found = planned_with_blends(segment, start, scenario, where)
+    else:
+        found = [planned_along(segment, start, scenario, where)]
+    return _SEGMENTS.dump_json(found).decode()
 
 
 def planned_along(segment: Along, start: Array, scenario: Scenario, where: str) -> Along:

@@ -1,0 +1,70 @@
+"""Plans kept between processes: bit for bit what was planned, and never what was not."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cranectl.reference import load_scenario
+from cranectl.reference.planning import plan
+from cranectl.scenario import Segment
+from cranectl.support import kept
+
+MOVES = [
+    '{kind="move",to=[0.8,0.6,-0.7],plane=true}',
+    '{kind="line",to=[0.8,0.6,-0.7],time_law="minimum-time"}',
+    '{kind="arc",centre=[0.5,0.8],angle=1.0,duration="shortest"}',
+    '{kind="line",to=[0.8,0.5,-0.7],time_law="minimum-time",blend=0.05},'
+    '{kind="line",to=[0.8,0.9,-0.7],time_law="minimum-time"}',
+]
+
+
+@pytest.fixture(autouse=True)
+def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
+
+
+def planned(move: str, *overrides: str) -> tuple[Segment, ...]:
+    """As a process that begins has it."""
+    plan._PLANNED.clear()
+    told = ["disturbances=[]", "reference.start=[0.5,0.5,-0.7]", f"reference.segments=[{move}]", *overrides]
+    return load_scenario("fixed-position", overrides=told).reference.segments
+
+
+def plan_never(monkeypatch: pytest.MonkeyPatch) -> None:
+    def found(*_: Any) -> Segment:
+        raise AssertionError("planned again")
+
+    monkeypatch.setattr(plan, "planned_move", found)
+    monkeypatch.setattr(plan, "planned_along", found)
+    monkeypatch.setattr(plan, "planned_with_blends", found)
+
+
+@pytest.mark.parametrize("move", MOVES)
+def test_what_is_kept_is_what_was_planned(move: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = planned(move)
+    plan_never(monkeypatch)
+    assert planned(move) == first
+    assert [each.model_dump_json() for each in planned(move)] == [each.model_dump_json() for each in first]
+
+
+def test_what_decides_otherwise_is_planned_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    planned(MOVES[2])
+    plan_never(monkeypatch)
+    planned(MOVES[2])
+    planned(MOVES[2], "log.every=2")
+    for override in ("planning.share=0.5", "rig.load_mass=2.0", 'planning.solver="ipopt"'):
+        with pytest.raises(AssertionError, match="planned again"):
+            planned(MOVES[2], override)
+    monkeypatch.setattr(plan, "version", lambda _: "another")
+    with pytest.raises(AssertionError, match="planned again"):
+        planned(MOVES[2])
+
+
+def test_what_is_damaged_is_planned_again(tmp_path: Path) -> None:
+    first = planned(MOVES[2])
+    (file,) = tmp_path.rglob("*.json")
+    whole = file.read_bytes()
+    file.write_bytes(whole.replace(b'"duration":', b'"duration":1', 1))
+    assert planned(MOVES[2]) == first
+    assert file.read_bytes() == whole, "and healed"
