@@ -16,6 +16,7 @@ from cranectl.log.events import (
     Conditions,
     Disturbed,
     Event,
+    Phase,
     Saturated,
     StatusChange,
     condition_events,
@@ -64,13 +65,18 @@ class Increments:
         self._pose = self._every * max(1, round(1.0 / scene.RATE / logged))  # samples between poses
         # Samples between points of a trail.
         self._dot = self._every * max(1, round(scene.trail_step(scenario.rig) / logged))
-        self._phases = phases(scenario)
         self._reference_ns = -1  # of the newest desired value that was sent
         self.start()
 
     def start(self) -> None:
         """The scenario starts, or starts again."""
         self._shown = {plant: _Shown() for plant in self._opacities}
+        self._phases = phases(self._scenario)
+
+    def take_over(self, time_ns: int) -> None:
+        """A hand drives from then on, in time since the start."""
+        before = [each for each in self._phases if each[0] < time_ns]
+        self._phases = [*before, (time_ns, Phase.DRIVEN)]
 
     def static_scene(self, runs: Sequence[Run], now_ns: int) -> list[Stream]:
         """What is run and where, as of now: all that a recording needs before its first increment."""

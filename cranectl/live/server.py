@@ -179,7 +179,9 @@ class LiveServer:
                 self._session.wish(command.velocity)
                 if any(command.velocity) and not self._driven:
                     self._say("driven by hand")
-            self._driven |= command != RELEASED
+            if command != RELEASED and not self._driven:
+                self._increments.take_over(self._session.now_ns - self._session.origin_ns)
+                self._driven = True
         except InputError as error:
             self._say(refused("driving by hand", error), warning=True)
 

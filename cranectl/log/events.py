@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cranectl.metrics import workspace_excess
 from cranectl.reference.origin import origins
 from cranectl.scenario import Scenario, nanoseconds
-from cranectl.scenario.segments import seconds
+from cranectl.scenario.segments import Segment, Spline, seconds
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
@@ -27,10 +27,11 @@ class Event:
     warning: bool = False
 
 
-# What the reference does; which cardan angles are disturbed, the sum of 1 for alpha and 2 for beta; which
-# drives' limits act, the sum of 1 for the bridge, 2 for the trolley and 4 for the rope. Protobuf wants names
-# that no other enumeration of a message has.
-Phase = IntEnum("Phase", "HOLD LINE ARC ADDED", start=0)
+# What the reference does, as its segments are called, planned and fitted ones as what was asked for; ADDED
+# is of another package, and new ones come last, since logs hold their numbers. Which cardan angles are
+# disturbed, the sum of 1 for alpha and 2 for beta; which drives' limits act, the sum of 1 for the bridge, 2
+# for the trolley and 4 for the rope. Protobuf wants names that no other enumeration of a message has.
+Phase = IntEnum("Phase", "HOLD LINE ARC ADDED MOVE WAYPOINTS SAMPLES SPLINE DRIVEN", start=0)
 Disturbed = IntEnum(
     "Disturbed",
     "NONE ALPHA BETA ALPHA_AND_BETA FORCE ALPHA_AND_FORCE BETA_AND_FORCE ALPHA_BETA_AND_FORCE",
@@ -94,9 +95,15 @@ def phases(scenario: Scenario) -> list[tuple[int, Phase]]:
     """Start [ns] and kind of each segment of the reference; the last point is held."""
     starts, start = [], 0.0
     for segment in scenario.reference.segments:
-        starts.append((nanoseconds(start), Phase.__members__.get(segment.kind.upper(), Phase.ADDED)))
+        starts.append((nanoseconds(start), _phase(segment)))
         start += seconds(segment)
     return [*starts, (nanoseconds(start), Phase.HOLD)]
+
+
+def _phase(segment: Segment) -> Phase:
+    made_from = segment.made_from if isinstance(segment, Spline) else {}
+    kind = str(made_from.get("kind", segment.kind))
+    return Phase.__members__.get(kind.upper(), Phase.ADDED)
 
 
 def disturbance_times(scenario: Scenario) -> set[int]:

@@ -28,6 +28,7 @@ from cranectl.live.session import Session
 from cranectl.live.viewers import Address
 from cranectl.live.wishes import LOST
 from cranectl.log import describe_log, read_log, write_log
+from cranectl.log.events import Phase
 from cranectl.log.messages import streams
 from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
@@ -624,7 +625,7 @@ def twist(x: float, y: float = 0.0, z: float = 0.0) -> dict:
 def test_wishes_drive_silence_stops_and_a_run_repeats_it(tmp_path: Path) -> None:
     record = tmp_path / "live.mcap"
     with live(record, *QUIET) as (running, viewer):
-        viewer.subscribe("/reference/load", "/log")
+        viewer.subscribe("/reference/load", "/log", "/mujoco/status")
         viewer.advertise("/wish")
         viewer.publish(twist(5.0))
         viewer.wait_to_hear("linear.x = 5.0; allowed: a number from -0.475 to 0.475")
@@ -633,6 +634,7 @@ def test_wishes_drive_silence_stops_and_a_run_repeats_it(tmp_path: Path) -> None
             viewer.rest(0.1)
         viewer.until(lambda: running.session._hand._asked == (0.0,) * 4)  # no more messages came
         assert viewer.said().count("driven by hand") == 1
+        viewer.wait_for("/mujoco/status", lambda message: message.phase == Phase.DRIVEN)
         viewer.publish(b"nonsense")
         viewer.wait_to_hear("the message is not valid JSON")
         assert viewer.call("/go", {"x": 0.6, "y": 0.6, "z": -0.9})["message"]

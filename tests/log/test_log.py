@@ -5,6 +5,7 @@ import subprocess
 import sys
 from operator import attrgetter
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from mcap.writer import Writer
 from cranectl import signals
 from cranectl.compare.runs import compare_runs
 from cranectl.log import check_writable, read_log, write_log
-from cranectl.log.events import Disturbed, Phase, Saturated
+from cranectl.log.events import Disturbed, Phase, Saturated, phases
 from cranectl.log.schema import encode_rows, group_schema
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings
@@ -180,6 +181,31 @@ def test_status_follows_the_segments_and_the_workspace(tmp_path: Path) -> None:
     assert changes[-1][1].inside_workspace
     story = [event.message for _, event in messages_of(tmp_path / "a.mcap", "/log")]
     assert {"reference: line", "reference: arc", "reference: hold"} < set(story)
+
+
+def test_segments_that_were_made_have_the_phase_of_what_was_asked_for(tmp_path: Path) -> None:
+    """Planned and fitted ones, one without a past, one driven; of another package only by that."""
+    still = {"degree": 7, "breaks": [0.0, 0.1], "coefficients": [[1.0, 0.77, -0.7]] * 8}
+    made = [{"made_from": {"kind": kind}} for kind in ("move", "waypoints", "samples")]
+    driven = {
+        "kind": "driven", "duration": 0.1, "period": 0.001, "bandwidth": 1e3, "speed": [1.0] * 3,
+        "low": [0.0, 0.0, -1.0], "high": [2.0, 1.0, -0.1],
+    }  # fmt: skip
+    segments = [*({"kind": "spline", **still, **more} for more in [*made, {}]), driven]
+    reference = {"start": [1.0, 0.77, -0.7], "segments": segments}
+    scenario = Scenario.model_validate({"name": "made", "duration": 0.6, "reference": reference})
+    path = write_log(tmp_path / "a.mcap", [simulate_run(scenario, plant="analytic")])
+    changes = {time: change.phase for time, change in messages_of(path, "/analytic/status")}
+    wanted = [Phase.MOVE, Phase.WAYPOINTS, Phase.SAMPLES, Phase.SPLINE, Phase.DRIVEN, Phase.HOLD]
+    assert [changes[k * 10**8] for k in range(6)] == wanted
+    added = SimpleNamespace(kind="helix", duration=1.0)
+    moved = scenario.reference.model_copy(update={"segments": (added,)})
+    assert phases(scenario.model_copy(update={"reference": moved}))[0] == (0, Phase.ADDED)
+
+
+def test_numbers_of_phases_stay_what_logs_hold() -> None:
+    kept = {"HOLD": 0, "LINE": 1, "ARC": 2, "ADDED": 3}
+    assert kept.items() <= {phase.name: phase.value for phase in Phase}.items()
 
 
 def test_log_topic_tells_the_story(log: Path) -> None:
