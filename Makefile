@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: help setup cluster video fmi plan drake validate test test-docs test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
+.PHONY: help setup cluster video fmi plan drake kernels validate test test-docs test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -30,10 +30,13 @@ drake: .venv/extra-drake ## add the plant in Drake, 270 MB
 	$(BIN)/python $(PIP_INSTALL) --editable '.[$*]'
 	@touch $@
 
+kernels: setup cluster video fmi ## compile and plan what tests need, before two processes do so at once; a minute, then seconds
+	$(call limit,600) $(BIN)/python -m tests.kernels
+
 validate: setup ## run every scenario with every controller on three plants and judge
 	$(call limit,600) $(BIN)/cranectl validate
 
-test: setup cluster video fmi ## run the tests, those of these three extras too
+test: setup cluster video fmi kernels ## run the tests, those of these three extras too
 	@tests/install
 	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/reference/planning
 
