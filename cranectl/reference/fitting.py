@@ -19,6 +19,7 @@ from cranectl.reference.time_laws import spline
 from cranectl.support.arrays import Array
 
 THROUGH, NEAR = 9, 7  # degrees
+FREE = 4  # derivatives from this one on vanish at the ends of a path
 TIED = 5  # coefficients at each end
 LEAST_SPANS = 4  # with fewer nothing but start and end is free
 FOLDS = 10
@@ -37,6 +38,20 @@ def through_points(time: Array, points: Array) -> BSpline:
     coefficients = curve.c.copy()
     coefficients[:TIED], coefficients[-TIED:] = points[0], points[-1]
     return spline(time, coefficients, THROUGH)
+
+
+def path_through(parameter: Array, points: Array) -> BSpline:
+    """The natural spline of degree 7 through `points` (N, 3) [m]: smooth, and in motion at its ends."""
+    if len(points) <= FREE:  # a polynomial of lower degree, which needs no more
+        at = np.linspace(parameter[0], parameter[-1], NEAR + 1)
+        lower = make_interp_spline(parameter, points, k=len(points) - 1)
+        parameter, points = at, lower(at)
+        curve = make_interp_spline(parameter, points, k=NEAR)
+    else:
+        natural = [(order, np.zeros(3)) for order in range(FREE, NEAR)]
+        curve = make_interp_spline(parameter, points, k=NEAR, bc_type=(natural, natural))
+    curve.c[0], curve.c[-1] = points[0], points[-1]
+    return curve
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from scipy.interpolate import BSpline
 
 from cranectl.reference.drive_demand import check_demand
 from cranectl.reference.files import AXES, Motion, read_motion
-from cranectl.reference.fitting import Fit, Recorded, through_points
+from cranectl.reference.fitting import Fit, Recorded, path_through, through_points
 from cranectl.reference.sanity import check_numbers, check_samples
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import MOST_POINTS, MOST_SPANS, Samples, Spline, WayPoints
@@ -18,6 +18,7 @@ from cranectl.support.errors import InputError
 
 NEGLIGIBLE = 0.2  # of the error below which a load counts as settled: 1 mm on the laboratory rig
 EXACT = 1e-4  # of that, 0.1 µm: below it knots would follow what is left of a simulated load's swing
+FARTHEST = 1e4  # [m] that a coefficient may be away
 BAND_POINTS = 16  # in each span, where the band is looked at
 
 
@@ -26,7 +27,8 @@ def way_points(segment: WayPoints, start: Array, scenario: Scenario, directory: 
     motion = None
     if segment.file is not None:
         timed = "speed" if segment.columns.speed else "time"
-        wanted = AXES if segment.times or segment.speed is not None else (timed, *AXES)
+        untimed = segment.times or segment.speed is not None or (segment.time_law and timed == "time")
+        wanted = AXES if untimed else (timed, *AXES)
         motion = read_motion(directory / segment.file, segment, wanted, where)
         where = f"{where}: {segment.file}"
     points = np.array(segment.points) if motion is None else motion.points
@@ -39,18 +41,21 @@ def way_points(segment: WayPoints, start: Array, scenario: Scenario, directory: 
     check_numbers(np.arange(len(points), dtype=np.float64), points, where)
     time = _times(segment, motion, points, where)
     check_numbers(time, points, where)
-    _check_length(time, scenario, where)
+    if segment.time_law is None:
+        _check_length(time, scenario, where)
     points = _moved(points, points[0], segment, start, scenario, np.zeros(3), where)
     points[0] = start
     time = time - time[0]
-    curve = through_points(time, points)
-    if not np.abs(curve(time) - points).max() < EXACT * _negligible(scenario):
+    curve = (path_through if segment.time_law else through_points)(time, points)
+    astray = np.abs(curve(time) - points).max() >= EXACT * _negligible(scenario)
+    if astray or not np.abs(curve.c).max() <= FARTHEST:
         raise InputError(
-            f"{where}: no spline of degree 9 can be computed through points so uneven in time",
+            f"{where}: no spline of degree {curve.k} can be computed through points so uneven in time",
             allowed=f"steps of time alike: now {np.diff(time).min():.2g} to {np.diff(time).max():.2g} s",
             remedy="leave out points that are close together, or add some between those far apart",
         )
-    check_demand([curve], scenario, where)
+    if segment.time_law is None:
+        check_demand([curve], scenario, where)
     return _segment(segment, curve, motion)
 
 
@@ -105,11 +110,11 @@ def _times(segment: WayPoints, motion: Motion | None, points: Array, where: str)
         )
     if segment.times is not None:
         return np.array(segment.times)
-    if isinstance(segment.speed, float):
-        # At rest at both ends, there half of it is the mean.
-        at = np.full(len(points), segment.speed)
-        along = np.maximum(0.5 * (at[1:] + at[:-1]), 0.0)
-        along[[0, -1]] *= 0.5
+    chosen = segment.columns.speed is not None or segment.speed is not None
+    if isinstance(segment.speed, float) or not chosen:  # in minimum time nothing need be
+        along = np.full(len(points) - 1, 1.0 if segment.speed is None else segment.speed)
+        if segment.time_law is None:  # at rest at both ends, there half of it is the mean
+            along[[0, -1]] *= 0.5
     else:
         speeds = np.array(segment.speed) if motion is None or segment.speed else motion.columns["speed"]
         along = 0.5 * (speeds[1:] + speeds[:-1])
@@ -172,6 +177,7 @@ def _segment(
         "degree": curve.k,
         "breaks": np.unique(curve.t).tolist(),
         "coefficients": curve.c.tolist(),
+        "time_law": segment.time_law if isinstance(segment, WayPoints) else None,
         "made_from": segment.model_dump(mode="json", exclude_defaults=True),
         "source": motion.source if motion else None,
         "fit": fit,

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.reference.given import samples, way_points
-from cranectl.reference.planning.blends import check_follower, path_with_blends
+from cranectl.reference.planning.given_path import check_follower, path_with_blends
 from cranectl.reference.planning.limits import share_of
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario, Segment, read_scenario, scenario_file
 from cranectl.scenario.along_path import AlongPath, Arc, Line
-from cranectl.scenario.segments import Move, Samples, WayPoints, is_planned, seconds
+from cranectl.scenario.segments import Move, Samples, Spline, WayPoints, is_planned, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -70,10 +70,12 @@ def _planned(
     segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str
 ) -> Sequence[Segment]:
     if isinstance(segment, WayPoints):
-        return [way_points(segment, start, scenario, directory, where)]
+        segment = way_points(segment, start, scenario, directory, where)
+        if is_planned(segment):
+            return [segment]
     if isinstance(segment, Samples):
         return [samples(segment, start, scenario, directory, where)]
     from cranectl.reference.planning.plan import planned_segment  # its solver is loaded where it is needed
 
-    assert isinstance(segment, AlongPath | Move)
+    assert isinstance(segment, AlongPath | Spline | Move)
     return planned_segment(segment, start, scenario, where)

@@ -12,7 +12,8 @@ def origins(scenario: Scenario) -> dict[str, str]:
     """By name, `segment 0`, what a segment from a file is made of, and what a planned one is worth."""
     segments = enumerate(scenario.reference.segments)
     made = {k: _origin(each) for k, each in segments if isinstance(each, Spline) and each.source}
-    made |= {review.segment: review.in_short for review in reviews(scenario)}
+    for review in reviews(scenario):
+        made[review.segment] = "; ".join([*filter(None, [made.get(review.segment)]), review.in_short])
     return {f"segment {k}": made[k] for k in sorted(made)}
 
 

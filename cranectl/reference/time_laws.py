@@ -10,6 +10,7 @@ import numpy as np
 from scipy.interpolate import BPoly, BSpline
 
 from cranectl.scenario.along_path import AlongPath, SplineLaw
+from cranectl.scenario.segments import Spline
 from cranectl.support.arrays import Array
 
 # Derivatives that vanish at both ends.
@@ -20,9 +21,10 @@ Law = str | tuple[float, ...]  # a name, or the coefficients of a spline that wa
 PLANNED_DEGREE = 7  # with simple knots C⁶: also the fifth derivative, which the drives feel, is continuous
 
 
-def law_of(segment: AlongPath) -> Law:
-    """That of a segment that is planned."""
+def law_of(segment: AlongPath | Spline) -> Law:
+    """That of a segment that is planned and has one."""
     law = segment.time_law
+    assert law is not None
     return law.coefficients if isinstance(law, SplineLaw) else law
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cranectl.reference.driven import DrivenPath, HandLimits
 from cranectl.reference.paths import ArcPath, ChainPath, HoldPath, LinePath, Path, SplinePath
-from cranectl.reference.planning.blends import blended_path
+from cranectl.reference.planning.given_path import chain_of, check_moves
 from cranectl.reference.time_laws import law_of
 from cranectl.scenario import AddedSegment, Hold, Line, ReferenceSettings, Segment
 from cranectl.scenario.along_path import Arc, BlendedPath
@@ -98,10 +98,10 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
     if isinstance(segment, Hold):
         return HoldPath(start, segment.duration)
     if isinstance(segment, Line):
-        end = np.array(segment.to)
-        if np.array_equal(start, end):
-            raise _no_length(where, "a line to where the load already is")
-        return LinePath(start, end, seconds(segment), law_of(segment))
+        check_moves(segment, start, where)
+        return LinePath(start, np.array(segment.to), seconds(segment), law_of(segment))
+    if isinstance(segment, BlendedPath) or (isinstance(segment, Spline) and segment.time_law is not None):
+        return ChainPath(chain_of(segment, start, where), seconds(segment), law_of(segment))
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
     if isinstance(segment, Driven):
@@ -111,13 +111,9 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
     if isinstance(segment, AddedSegment):
         added: Path = added_kinds()[segment.kind].path(segment.settings, start)
         return added
-    if isinstance(segment, BlendedPath):
-        return ChainPath(blended_path(segment, start), seconds(segment), law_of(segment))
     assert isinstance(segment, Arc), f"{segment.kind}: not planned"
-    centre = np.array(segment.centre)
-    if segment.angle == 0.0 or np.array_equal(start[:2], centre):
-        raise _no_length(where, "an arc of no angle or no radius")
-    return ArcPath(start, centre, segment.angle, seconds(segment), law_of(segment))
+    check_moves(segment, start, where)
+    return ArcPath(start, np.array(segment.centre), segment.angle, seconds(segment), law_of(segment))
 
 
 def end_point(segment: Segment, start: Array) -> Array:
@@ -128,14 +124,6 @@ def end_point(segment: Segment, start: Array) -> Array:
 def _end_of(path: Path) -> Array:
     end: Array = path.sample(np.array([path.duration]))[0, 0]
     return end
-
-
-def _no_length(where: str, what: str) -> InputError:
-    return InputError(
-        f"{where} has zero length: {what}",
-        allowed="segments that move the load",
-        remedy='to stay in place use kind = "hold"',
-    )
 
 
 def _check_continuity(trajectory: Trajectory, continuity: int) -> None:

@@ -24,11 +24,13 @@ from pydantic_core import PydanticCustomError
 from cranectl.scenario.along_path import (
     MINIMUM_TIME,
     MOST_COEFFICIENTS,
+    TIME_LAW,
     AlongPath,
     Arc,
     BlendedPath,
     Line,
     SplineLaw,
+    TimeLaw,
 )
 from cranectl.scenario.driven import Driven
 from cranectl.scenario.quantities import MAX_DURATION, Duration, Point3
@@ -67,7 +69,10 @@ Speed = Annotated[float, Field(ge=0.0, le=1e3)]
 
 
 class WayPoints(FromFile):
-    """Through given points, the first where the last segment ended, by one spline of degree 9."""
+    """Through given points, the first where the last segment ended, by one spline of degree 9.
+
+    In minimum time: by one of degree 7 that need not rest at its ends, along which the motion is planned.
+    """
 
     kind: Literal["waypoints"]
     file: str | None = Field(None, description="with the points, by its path from the scenario's file")
@@ -86,13 +91,17 @@ class WayPoints(FromFile):
     ) = Field(
         None, description="in place of times: mean along the chords, or a list of it at each point [m/s]"
     )
+    time_law: Literal["minimum-time"] | None = Field(
+        None, description="minimum-time: times are planned; those given, by default chords, shape the curve"
+    )
 
     @model_validator(mode="after")
     def _is_timed_once(self) -> "WayPoints":
         if (self.file is None) == (self.points is None):
             raise ValueError("a segment of kind 'waypoints' has either a file or points")
         timed = [self.times is not None, self.speed is not None, self.columns.speed is not None]
-        if sum(timed) > 1 or (self.points is not None and not any(timed[:2])):
+        needed = self.points is not None and self.time_law is None
+        if sum(timed) > 1 or (needed and not any(timed[:2])):
             raise ValueError(
                 "a segment of kind 'waypoints' takes its times from a column of its file, from times or from "
                 "speed: give one of them"
@@ -111,16 +120,21 @@ class Samples(FromFile):
 
 
 class Spline(Settings):
-    """A motion that is there already: a B-spline over time with simple knots, at rest at both ends."""
+    """A motion that is there already: a B-spline over time with simple knots, at rest at both ends.
+
+    With a time law: a path, of degree 7 or more, that rests nowhere.
+    """
 
     kind: Literal["spline"]
     degree: Literal[5, 7, 9]
     breaks: Annotated[tuple[float, ...], Field(strict=False, min_length=2)] = Field(
-        description="knots, each once, from 0 to the duration [s]"
+        description="knots, each once, from 0 to the duration [s], or with a time law to any end"
     )
     coefficients: Annotated[
         tuple[Point3, ...], Field(strict=False, min_length=6, max_length=MOST_COEFFICIENTS)
-    ] = Field(description="(x, y, z) [m]; the first and the last five are equal")
+    ] = Field(description="(x, y, z) [m]; without a time law the first and the last five are equal")
+    time_law: TimeLaw | None = Field(None, description=f"of a path, as for lines; {TIME_LAW}")
+    lasts: Duration | None = Field(None, description="with a time law that is not to be planned [s]")
     made_from: dict[str, Any] = Field({}, description="the segment that was asked for")
     source: Source | None = Field(None, description="its file, if it is from one")
     fit: FitNumbers | None = Field(None, description="what came of it, if it is near samples")
@@ -136,12 +150,27 @@ class Spline(Settings):
                 f"{len(self.coefficients)} coefficients: {len(steps)} spans of degree {self.degree} have "
                 f"{len(steps) + self.degree}"
             )
+        if (self.lasts is None) != (self.time_law in (None, MINIMUM_TIME)):
+            raise ValueError(
+                "a spline lasts so long by a time law other than minimum-time: give both or none"
+            )
+        if self.time_law is not None and self.degree < 7:
+            raise ValueError(
+                f"a spline of degree {self.degree} with a time law: its fifth derivative jumps, which no "
+                "drive's acceleration can: take degree 7 or 9"
+            )
+        ends = self.coefficients[:2], self.coefficients[-2:]
+        if self.time_law is not None and any(a == b for a, b in ends):
+            raise ValueError(
+                "a spline with a time law whose first or last two coefficients are equal: it rests there, "
+                "and its path has no direction; leave time_law out, or take kind = 'waypoints'"
+            )
         return self
 
     @property
     def duration(self) -> float:
         """[s]."""
-        return self.breaks[-1]
+        return self.lasts or self.breaks[-1]
 
     def __hash__(self) -> int:
         return hash((self.degree, self.breaks, self.coefficients))  # a table has no hash
@@ -249,7 +278,7 @@ def as_asked(segment: Segment) -> list[dict[str, Any]]:
     if isinstance(segment, Spline) and segment.made_from:
         return [segment.made_from]
     told = segment.model_dump(mode="json", exclude_defaults=True)
-    if isinstance(segment, AlongPath) and isinstance(segment.time_law, SplineLaw):
-        del told["duration"]
+    if isinstance(segment, AlongPath | Spline) and isinstance(segment.time_law, SplineLaw):
+        del told["lasts" if isinstance(segment, Spline) else "duration"]
         told["time_law"] = MINIMUM_TIME
     return [told]

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from cranectl.reference import load_scenario
-from cranectl.reference.planning.blends import blend, blended_path, deviation, parts_of, path_with_blends
+from cranectl.reference.planning.blends import blend, deviation
 from cranectl.reference.planning.geometry import Geometry, Polynomial
+from cranectl.reference.planning.given_path import chain_of, parts_of, path_with_blends
 from cranectl.reference.planning.intervals import Interval
 from cranectl.reference.planning.series import from_derivatives
 from cranectl.scenario.along_path import Arc, Line
@@ -105,7 +106,7 @@ def test_five_derivatives_are_continuous_at_the_seams(seed: int) -> None:
 def test_an_interval_of_a_chain_holds_all_its_points(seed: int) -> None:
     """Across seams too; and a small one holds little else."""
     start, segments = random_corner(seed)
-    chain = blended_path(path_with_blends(segments, start, ""), start)
+    chain = chain_of(path_with_blends(segments, start, ""), start)
     random = np.random.default_rng(seed)
     low = random.uniform(0.0, 1.0, 200)
     high = np.minimum(low + 10.0 ** random.uniform(-6.0, -0.5, 200), 1.0)

@@ -14,6 +14,7 @@ MOVES = [
     '{kind="move",to=[0.8,0.6,-0.7],plane=true}',
     '{kind="line",to=[0.8,0.6,-0.7],time_law="minimum-time"}',
     '{kind="arc",centre=[0.5,0.8],angle=1.0,duration="shortest"}',
+    '{kind="waypoints",points=[[0.5,0.5,-0.7],[0.7,0.6,-0.7],[0.8,0.8,-0.7]],time_law="minimum-time"}',
     '{kind="line",to=[0.8,0.5,-0.7],time_law="minimum-time",blend=0.05},'
     '{kind="line",to=[0.8,0.9,-0.7],time_law="minimum-time"}',
 ]

@@ -1,4 +1,4 @@
-"""Paths of segments, corners among them blended.
+"""Blends of the corners between lines and arcs.
 
 A blend takes as much, h [m], of both neighbours of a corner, at most half of each, and is one polynomial of
 degree 11 over 2 h that meets them in position and five derivatives by length. So it is C⁵, and what drives
@@ -16,7 +16,6 @@ from scipy.interpolate import BPoly
 from cranectl.reference.planning.geometry import (
     Chain,
     Circular,
-    Geometry,
     Piece,
     Polynomial,
     Straight,
@@ -25,8 +24,6 @@ from cranectl.reference.planning.geometry import (
 )
 from cranectl.reference.planning.intervals import Interval
 from cranectl.reference.planning.series import Number, Series
-from cranectl.scenario import Segment
-from cranectl.scenario.along_path import MINIMUM_TIME, Along, Arc, BlendedPath, Line
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -39,37 +36,16 @@ ROUNDING = 1e-12  # of squares, their sum and its root
 STRAIGHT_BACK = np.deg2rad(170.0)  # a turn from which on a corner cannot be blended
 
 
-def geometry_of(segment: Along, start: Array) -> Geometry:
-    """The path of a segment that begins at `start` (3,) [m]."""
-    if isinstance(segment, BlendedPath):
-        return blended_path(segment, start)
-    return _part(segment, start)
-
-
-def blended_path(segment: BlendedPath, start: Array) -> Chain:
-    """That of a segment that begins at `start` (3,) [m]."""
-    return blended(parts_of(segment.parts, start), segment.taken)
-
-
-def parts_of(segments: Sequence[Line | Arc], start: Array) -> list[Part]:
-    """Their paths, one after the other."""
-    found: list[Part] = []
-    for segment in segments:
-        found.append(_part(segment, start))
-        start = place(found[-1], 1.0) if isinstance(segment, Arc) else np.array(segment.to)
-    return found
-
-
-def _part(segment: Line | Arc, start: Array) -> Part:
-    if isinstance(segment, Line):
-        return Straight(start, np.array(segment.to))
-    return Circular(start, np.array(segment.centre), segment.angle)
-
-
 def blended(parts: Sequence[Part], taken: Sequence[float]) -> Chain:
     """The path with blends that take so much [m] of both parts at each corner."""
     pieces: list[Piece] = []
     for k, (part, before, after) in enumerate(zip(parts, (0.0, *taken), (*taken, 0.0), strict=True)):
+        if before + after > part.length * (1.0 + PRECISION**2):
+            raise InputError(
+                f"blends take {before + after:g} m of part {k + 1} of a path, which has {part.length:g} m",
+                allowed="blends that take no more than there is",
+                remedy="give lines and arcs with blend, or correct taken",
+            )
         begin, end = before / part.length, 1.0 - after / part.length
         if end > begin:
             pieces.append(part.part(begin, end))
@@ -127,30 +103,8 @@ def _apart(before: Part, after: Part, taken: float, *, proven: bool) -> float:
     return found * (1.0 + ROUNDING)
 
 
-def check_follower(segment: Segment | None, where: str) -> None:
-    """Raise InputError where a blend cannot lead over to what follows it."""
-    if isinstance(segment, Line | Arc) and segment.time_law == MINIMUM_TIME:
-        return
-    timed = " whose time is given" if isinstance(segment, Line | Arc) else ""
-    what = "nothing" if segment is None else f"a segment of kind '{segment.kind}'{timed}"
-    raise InputError(
-        f"{where} has a blend, and what follows is {what}",
-        allowed="a blend before a line or an arc with time_law = 'minimum-time'",
-        remedy="leave blend out there, so that the load stops",
-    )
-
-
-def path_with_blends(segments: Sequence[Line | Arc], start: Array, where: str) -> BlendedPath:
-    """Segments joined by blends that are as long as their tolerances allow; raises InputError."""
-    parts = parts_of(segments, start)
-    taken = []
-    for index, (before, after, segment) in enumerate(zip(parts, parts[1:], segments, strict=False)):
-        _check_corner(before, after, f"{where}: corner {index + 1}")
-        taken.append(_longest(before, after, segment.blend))
-    return BlendedPath(kind="path", parts=tuple(segments), taken=tuple(taken), time_law=MINIMUM_TIME)
-
-
-def _check_corner(before: Part, after: Part, where: str) -> None:
+def check_corner(before: Part, after: Part, where: str) -> None:
+    """Raise InputError for a corner that leads back the way that it came."""
     ways = [_derivatives(before, 1.0)[1], _derivatives(after, 0.0)[1]]
     turn = float(np.arctan2(np.linalg.norm(np.cross(*ways)), np.dot(*ways)))
     if turn > STRAIGHT_BACK:
@@ -161,8 +115,8 @@ def _check_corner(before: Part, after: Part, where: str) -> None:
         )
 
 
-def _longest(before: Part, after: Part, tolerance: float) -> float:
-    """What a blend may take [m]: as much as samples allow, then so much less that enclosures do."""
+def longest(before: Part, after: Part, tolerance: float) -> float:
+    """What a blend may take of both parts [m]: what samples allow, then so much less that enclosures do."""
     low, high = 0.0, 0.5 * min(before.length, after.length)
     if _apart(before, after, high, proven=False) < SPARE * tolerance:
         low = high

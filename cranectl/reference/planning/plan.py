@@ -8,9 +8,9 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from cranectl.reference.planning import ipopt, programs
-from cranectl.reference.planning.blends import blended_path, geometry_of, parts_of
 from cranectl.reference.planning.checks import check_point, no_motion
 from cranectl.reference.planning.geometry import Geometry, Placed, Straight, place
+from cranectl.reference.planning.given_path import geometry_of, parts_of
 from cranectl.reference.planning.limits import FIXED, Limits, key_of, limits_of
 from cranectl.reference.planning.minimum_time import (
     SPANS,
@@ -38,7 +38,9 @@ _PLANNED: dict[str, list[Segment]] = {}
 HASTE = 0.6  # a guess that does not stop lasts this part of one that does
 
 
-def planned_segment(segment: Along | Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
+def planned_segment(
+    segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str
+) -> list[Segment]:
     """What a segment without a time becomes: itself with duration and law, a spline, or lines with stops.
 
     Raises InputError where no motion keeps the limits. What was planned in this process is not planned again,
@@ -53,10 +55,13 @@ def planned_segment(segment: Along | Move, start: Array, scenario: Scenario, whe
         else:
             text = _planned(segment, start, scenario, where)
         _PLANNED[key] = _SEGMENTS.validate_json(text)
-    return _PLANNED[key]
+    return [
+        each.holding(segment.held) if isinstance(each, Spline) and isinstance(segment, Spline) else each
+        for each in _PLANNED[key]
+    ]
 
 
-def _planned(segment: Along | Move, start: Array, scenario: Scenario, where: str) -> str:
+def _planned(segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str) -> str:
     if isinstance(segment, Move):
         found = planned_move(segment, start, scenario, where)
     elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
@@ -66,9 +71,9 @@ def _planned(segment: Along | Move, start: Array, scenario: Scenario, where: str
     return _SEGMENTS.dump_json(found).decode()
 
 
-def planned_along(segment: Along, start: Array, scenario: Scenario, where: str) -> Along:
+def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
     """A segment on a given path with its duration, and its law if that is to be found."""
-    geometry = geometry_of(segment, start)
+    geometry = geometry_of(segment, start, where)
     limits = limits_of(scenario)._replace(size=PRECISION * geometry.length)
     check_point(start, limits, f"{where}: its start")
     check_point(place(geometry, 1.0), limits, f"{where}: its end")
@@ -78,17 +83,17 @@ def planned_along(segment: Along, start: Array, scenario: Scenario, where: str) 
         if found is not None and found.duration < longest:
             return _with_law(segment, found)
     duration = _shortest(geometry, limits, where)
-    return segment.model_copy(update={"duration": duration, "time_law": "degree-9"})
+    return _timed(segment, duration, "degree-9")
 
 
 def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
     """One motion along all parts, or, where that is no faster, the parts with a stop at each corner."""
-    stopping: list[Along] = []
-    given = parts_of(segment.parts, start)
+    stopping: list[Along | Spline] = []
+    given = parts_of(segment.parts, start, where)
     for index, (part, path) in enumerate(zip(segment.parts, given, strict=True)):
         alone = part.model_copy(update={"blend": 0.0})
         stopping.append(planned_along(alone, path.start, scenario, f"{where}, part {index + 1}"))
-    geometry = blended_path(segment, start)
+    geometry = geometry_of(segment, start, where)
     limits = limits_of(scenario)._replace(size=PRECISION * geometry.length)
     laws = [(law_of(part), seconds(part), path.length) for part, path in zip(stopping, given, strict=True)]
     task = along_parts(geometry, limits, laws)
@@ -98,9 +103,14 @@ def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, 
     return list(stopping)
 
 
-def _with_law(segment: Along, found: Motion) -> Along:
+def _with_law(segment: Along | Spline, found: Motion) -> Along | Spline:
     law = SplineLaw(coefficients=tuple(np.clip(found.coefficients[:, 0], 0.0, 1.0).tolist()))
-    return segment.model_copy(update={"duration": found.duration, "time_law": law})
+    return _timed(segment, found.duration, law)
+
+
+def _timed(segment: Along | Spline, duration: float, law: SplineLaw | str) -> Along | Spline:
+    key = "lasts" if isinstance(segment, Spline) else "duration"
+    return segment.model_copy(update={key: duration, "time_law": law})
 
 
 def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:

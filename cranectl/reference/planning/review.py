@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference.planning.blends import geometry_of
+from cranectl.reference.planning.given_path import geometry_of
 from cranectl.reference.planning.limits import AXES, Limits, Quantity, key_of, limits_of, motion, quantities
 from cranectl.reference.planning.problem import ToLoad, series_along
 from cranectl.reference.planning.proof import Proof, prove
@@ -96,6 +96,8 @@ def in_words(segment: Segment) -> str:
     """How a segment was planned; nothing if it was not."""
     if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
         return "a move in minimum time"
+    if isinstance(segment, Spline) and segment.time_law is not None:
+        return f"{'way points' if segment.made_from else 'a given spline'} in minimum time"
     if isinstance(segment, BlendedPath):
         return "a path with blended corners in minimum time"
     if isinstance(segment, AlongPath) and isinstance(segment.time_law, SplineLaw):
@@ -105,9 +107,9 @@ def in_words(segment: Segment) -> str:
 
 def curve_of(segment: Segment, start: Array) -> Curve:
     """A moving segment of the package's own kinds as a spline of coordinates."""
-    if isinstance(segment, Spline):
+    if isinstance(segment, Spline) and segment.time_law is None:
         return Curve(np.array(segment.breaks), np.array(segment.coefficients), segment.degree, None)
-    assert isinstance(segment, Line | Arc | BlendedPath)
+    assert isinstance(segment, Line | Arc | BlendedPath | Spline)
     to_load = geometry_of(segment, start)
     duration = seconds(segment)
     if isinstance(segment.time_law, SplineLaw):

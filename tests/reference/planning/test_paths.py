@@ -1,6 +1,8 @@
-"""Blended paths in minimum time: limits at fine samples, smoothness, what they gain, that logs hold them."""
+"""Blended paths and way points in minimum time: limits at fine samples, smoothness, what they gain, logs."""
 
 import functools
+from math import cos, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +16,9 @@ from cranectl.reference.planning.review import curve_of, reviews
 from cranectl.reference.planning.series import from_derivatives
 from cranectl.reference.time_laws import spline
 from cranectl.scenario import Scenario
-from cranectl.scenario.along_path import BlendedPath
-from cranectl.scenario.segments import Segment, seconds
+from cranectl.scenario.along_path import BlendedPath, SplineLaw
+from cranectl.scenario.held_files import held_files
+from cranectl.scenario.segments import Segment, Spline, seconds
 from cranectl.simulate import simulate_run
 
 SAMPLES = 100_000
@@ -40,11 +43,16 @@ ARCS = (
 
 @functools.cache
 def scenario(path: tuple[str, ...], blend: float, timed: str = MINIMUM) -> Scenario:
+    return load_scenario(
+        "fixed-position", overrides=[*told(path, blend, timed), "duration=15.0", "disturbances=[]"]
+    )
+
+
+def told(path: tuple[str, ...], blend: float, timed: str = MINIMUM) -> list[str]:
     start, *texts = path
     blends = [f"{timed}, blend={blend}" if blend and k + 1 < len(texts) else timed for k in range(len(texts))]
     segments = ", ".join(text % each for text, each in zip(texts, blends, strict=True))
-    asked = [f"reference.start={start}", f"reference.segments=[{segments}]", "duration=15.0"]
-    return load_scenario("fixed-position", overrides=[*asked, "disturbances=[]"])
+    return [f"reference.start={start}", f"reference.segments=[{segments}]"]
 
 
 def lasts(of: Scenario) -> float:
@@ -94,28 +102,65 @@ def test_where_a_stop_is_faster_the_load_stops() -> None:
     assert lasts(found) == lasts(scenario(THESIS, 0.0))
 
 
+POINTS = ((0.4, 0.5, -0.6), (0.8, 0.9, -0.5), (1.3, 0.9, -0.7), (1.4, 0.5, -0.6))
+ROUND = tuple(
+    (1.0 + 0.4 * cos(angle), 0.77 + 0.4 * sin(angle), -0.7 - 0.1 * sin(2.0 * angle))
+    for angle in np.linspace(0.0, 2.0 * np.pi, 13).tolist()
+)
+
+
+def through(points: tuple[tuple[float, ...], ...], timed: str = MINIMUM) -> Scenario:
+    asked = [f"reference.start={list(points[0])}", "duration=60.0", "disturbances=[]"]
+    way = f"{{kind='waypoints', points={list(map(list, points))}, {timed}}}"
+    return load_scenario("fixed-position", overrides=[*asked, f"reference.segments=[{way}]"])
+
+
+@pytest.mark.parametrize("points", [POINTS[:2], POINTS[:3], POINTS, ROUND], ids=["2", "3", "4", "13"])
+def test_way_points_are_passed_in_minimum_time(points: tuple[tuple[float, ...], ...]) -> None:
+    found = through(points)
+    (segment,) = found.reference.segments
+    assert isinstance(segment, Spline)
+    assert isinstance(segment.time_law, SplineLaw)
+    (review,) = reviews(found)
+    assert review.proof.holds
+    assert worst(found, segment) < 1e-9
+    time = np.linspace(0.0, segment.duration, 20_001)
+    trajectory = build_trajectory(found.reference)
+    samples = trajectory.sample(time)
+    for point in points:
+        nearest = np.clip(np.argmin(np.linalg.norm(samples[:, :3] - point, axis=1)), 1, 19_999)
+        fine = trajectory.sample(np.linspace(time[nearest - 1], time[nearest + 1], 20_001))
+        assert np.linalg.norm(fine[:, :3] - point, axis=1).min() < 1e-7  # samples are 1e-8 s apart
+    assert steps_of_fourth_derivative(found, 40_001) < 0.6 * steps_of_fourth_derivative(found, 20_001)
+    stops = [f"{{kind='line', to={list(point)}, %s}}" for point in points[1:]]
+    if len(points) < 5:  # dozens of stops take longer by far, and longer to plan
+        assert segment.duration < 1.03 * lasts(scenario((str(list(points[0])), *stops), 0.0))
+    assert trajectory.jumps() == []
+
+
 @pytest.mark.usefixtures("in_empty_directory")
-def test_a_blended_path_is_one_segment_that_runs_again_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    ready = scenario(SQUARE, 0.04)
-    path = ready.reference.segments[0]
-    assert isinstance(path, BlendedPath)
-    assert [part.kind for part in path.parts] == ["line"] * 3
-    start, *texts = SQUARE
-    segments = (
-        ", ".join(text % f"{MINIMUM}, blend=0.04" for text in texts).removesuffix(", blend=0.04}") + "}"
-    )
-    asked = [
-        f"reference.start={start}",
-        f"reference.segments=[{segments}]",
-        "duration=8.0",
-        "disturbances=[]",
-    ]
-    sets = [word for each in asked for word in ("--set", each)]
-    assert main(["run", "fixed-position", *sets, "--plants", "analytic", "--out", "path.mcap"]) == 0
+@pytest.mark.parametrize("path", ["blended", "way points"])
+def test_a_log_holds_the_path_and_runs_again_to_the_bit(path: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = told(SQUARE, 0.04)
+    if path == "way points":
+        np.savetxt("points.csv", POINTS, delimiter=",", header="x,y,z", comments="")
+        asked = [
+            f"reference.start={list(POINTS[0])}",
+            f"reference.segments=[{{kind='waypoints', file='points.csv', units={{length='m'}}, {MINIMUM}}}]",
+        ]
+    toml = "\n".join(['name = "path"', "duration = 8.0", *asked])
+    Path("path.toml").write_text(toml)
+    assert main(["run", "path.toml", "--plants", "analytic", "--out", "path.mcap"]) == 0
+    if path == "way points":
+        Path("points.csv").unlink()
     run = read_log("path.mcap")["analytic"]
-    assert run.scenario.reference == ready.reference
+    assert len(held_files(run.scenario)) == (path == "way points")
+    (segment,) = run.scenario.reference.segments
+    assert isinstance(segment, BlendedPath if path == "blended" else Spline)
+    if isinstance(segment, BlendedPath):
+        assert [part.blend for part in segment.parts] == [0.04, 0.04, 0.0]
     monkeypatch.delattr("cranectl.reference.planning.programs.solve")
-    monkeypatch.delattr("cranectl.reference.planning.blends.path_with_blends")
+    monkeypatch.delattr("cranectl.reference.planning.blends.longest")
     assert planned(run.scenario) is run.scenario
     again = simulate_run(run.scenario, plant="analytic", design=run.design)
     every = run.scenario.log.every
@@ -123,4 +168,5 @@ def test_a_blended_path_is_one_segment_that_runs_again_to_the_bit(monkeypatch: p
     assert np.array_equal(again.table[::every], run.table)
     trajectory = build_trajectory(run.scenario.reference)
     assert trajectory.jumps() == []
-    assert trajectory.sample(np.array([8.0]))[0, :3] == pytest.approx([0.4, 1.2, -0.7], abs=1e-15)
+    end = POINTS[-1] if path == "way points" else (0.4, 1.2, -0.7)
+    assert trajectory.sample(np.array([8.0]))[0, :3] == pytest.approx(end, abs=1e-15)
