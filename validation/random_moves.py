@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.cli.output import console
+from cranectl.metrics.clearance import clearance
 from cranectl.reference import end_point, load_scenario, planned, time_law
-from cranectl.reference.planning.limits import Box, limits_of, motion, quantities
+from cranectl.reference.planning.limits import limits_of, motion, quantities
 from cranectl.reference.planning.problem import ORDERS
 from cranectl.reference.planning.series import from_derivatives
 from cranectl.reference.time_laws import spline
@@ -105,7 +106,7 @@ def _with(scenario: Scenario, move: Move) -> Scenario:
 def excesses(plan: Scenario, samples: int = SAMPLES) -> dict[str, float]:
     """The largest over each limit, in parts of it or in metres, of what was planned: at samples, by geometry.
 
-    Of obstacles as `inside` has it; negative: what is left.
+    Of obstacles as runs are measured; negative: what is left.
     """
     limits = limits_of(plan)
     moved = motion(jets(plan, samples), limits.gravity)
@@ -116,7 +117,7 @@ def excesses(plan: Scenario, samples: int = SAMPLES) -> dict[str, float]:
     load = np.stack([series[0] for series in moved.load], axis=1)
     trolley = np.stack([moved.axes[0][0], moved.axes[1][0], np.zeros(len(load))], axis=1)
     for box in limits.obstacles:
-        found[box.key] = float(inside(load, trolley, box, limits.radius).max())
+        found[box.key] = -float(clearance(load, trolley, box.low, box.high, limits.radius).min())
     return found
 
 
@@ -136,20 +137,6 @@ def jets(plan: Scenario, samples: int) -> list[list[Array]]:
         here = end_point(segment, here)
     values = np.concatenate(tables, axis=1)
     return [from_derivatives(list(values[:, :, axis])) for axis in range(3)]
-
-
-def inside(load: Array, trolley: Array, box: Box, radius: float) -> Array:
-    """How far the load's ball, or else its rope, reaches into a box, (N,) [m]; negative: not at all."""
-    away = np.maximum(np.maximum(box.low - load, load - box.high), 0.0)
-    ball = radius - np.linalg.norm(away, axis=1)
-    way = load - trolley
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.stack([(box.low - trolley) / way, (box.high - trolley) / way])
-    parallel = np.where((trolley > box.low) & (trolley < box.high), np.inf, -np.inf)
-    enters = np.where(way == 0.0, -parallel, ends.min(axis=0)).max(axis=1)
-    leaves = np.where(way == 0.0, parallel, ends.max(axis=0)).min(axis=1)
-    rope = np.minimum(leaves, 1.0) - np.maximum(enters, 0.0)
-    return np.maximum(ball, rope * np.linalg.norm(way, axis=1))
 
 
 def main() -> int:

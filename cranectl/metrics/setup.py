@@ -9,6 +9,7 @@ from cranectl.plants.plant import Drive
 from cranectl.reference import HoldPath, build_trajectory
 from cranectl.reference.paths import SplinePath
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
+from cranectl.scenario.drawn_size import drawn_load_radius
 from cranectl.signals import COMMAND_COLUMN
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.support.arrays import Array
@@ -30,6 +31,8 @@ class MetricsSetup(NamedTuple):
     load_mass: float  # [kg]
     coulomb: Array  # (3,) friction of the driven axes [N]
     viscous: Array  # (3,) [N s/m]
+    obstacles: Array  # (n, 2, 3) their lowest and highest corners [m]
+    load_radius: float  # [m]
     flag_column: int  # of the first flag of saturation in `commands`, or NO_FLAGS
 
 
@@ -51,6 +54,8 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
         load_mass=rig.load_mass,
         coulomb=np.array(friction.coulomb if friction else (0.0, 0.0, 0.0)),
         viscous=np.array(friction.viscous if friction else (0.0, 0.0, 0.0)),
+        obstacles=np.array([(each.low, each.high) for each in scenario.obstacles]).reshape(-1, 2, 3),
+        load_radius=drawn_load_radius(rig),
         flag_column=flag_column if has_signal_path(scenario.effects, drive) else NO_FLAGS,
     )
 

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.metrics.clearance import add_clearance
 from cranectl.metrics.setup import MetricsSetup
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import AXES
@@ -49,6 +50,7 @@ class Row(NamedTuple):
     label: str = ""  # without one it is not
     digits: int = 3  # after the point
     place: float = inf  # those without come last
+    always: bool = True  # or only where some run has it
 
 
 NOT_SHOWN = Row()
@@ -142,6 +144,12 @@ METRICS = (
     Metric("rest_s", "t_r", "s", "when the reference comes to rest",
            "end of its last segment that is not a hold",
            lambda run: run.setup.rest_ns / NANOSECONDS, row=Row("reference at rest from", 3, 4)),
+    Metric("min_clearance_m", "", "m",
+           "smallest distance of the load's ball and of the rope from any obstacle; negative: how deep the "
+           "ball or how much of the rope is inside; absent without obstacles",
+           "min over k and obstacles of the smaller one of both distances",
+           lambda run: float(run.own["min_clearance_m"][0]) if len(run.setup.obstacles) else None, "higher",
+           row=Row("clearance of obstacles", 4, 20, always=False), kernel=add_clearance, start=(inf,)),
     Metric("settling_time_s", "t_s", "s",
            "from rest of the reference until the error stays below the settling tolerance; absent if it does "
            "not", "first t_k ≥ t_r from which on |e| ≤ `metrics.settling_tolerance` of the scenario, 5 mm by "

@@ -137,7 +137,9 @@ def test_signals_of_closed_form(synthetic: Run) -> None:
     for name, value in expected.items():
         assert getattr(metrics, name) == pytest.approx(value, rel=1e-9, abs=1e-12), name
     assert metrics.outside_first_s == (None, 2.586, None)  # 1.74 - 0.1 (4 - t)² > 1.54
-    assert metrics.values.keys() == {*expected, "outside_first_s"}, "every metric has its closed form"
+    assert metrics.min_clearance_m is None  # `test_clearance` has obstacles
+    others = {"outside_first_s", "min_clearance_m"}
+    assert metrics.values.keys() == {*expected, *others}, "every metric has its closed form"
     assert (metrics.status, metrics.duration_s) == ("completed", 4.0)
     (violation,) = metrics.workspace_violations
     assert violation == WorkspaceViolation(
@@ -363,7 +365,11 @@ def test_the_table_of_a_run(synthetic: Run) -> None:
     table = metrics_table({"one": [run, replace(run, plant="twin")], "none": [none]})
     assert table.headings == ("metric", "unit", f"one\n{run.plant}, twin", f"none\n{run.plant}")
     texts = {row[0].text: (row[1].text, row[2].text) for row in table.rows}
-    assert len(texts) == len(table.rows) == sum(bool(metric.row.label) for metric in all_metrics())
+    assert (
+        len(texts)
+        == len(table.rows)
+        == sum(bool(metric.row.label and metric.row.always) for metric in all_metrics())
+    )
     assert list(texts)[:3] == ["tracking error, RMS", "tracking error, max", "tracking error, final"]
     assert texts["settling time"] == ("s", "1.000")
     assert texts["residual sway"] == ("°", f"{0.05 / radians(1.0):.3f}")

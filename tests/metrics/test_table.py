@@ -47,7 +47,7 @@ def test_a_row_is_consistent(metric: Metric) -> None:
 def test_names_are_there_once() -> None:
     columns = [column for metric in METRICS for column in metric.columns]
     assert len(set(columns)) == len(columns)
-    assert [name for name in columns if low_is_bad(name)] == ["min_rope_tension_n"]
+    assert [name for name in columns if low_is_bad(name)] == ["min_clearance_m", "min_rope_tension_n"]
     places = [metric.row.place for metric in METRICS if metric.row.label]
     assert sorted(places) == list(range(1, len(places) + 1))
 

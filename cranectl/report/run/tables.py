@@ -47,8 +47,10 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
 
     Of several logs the best value of a metric is marked, if not all are the same.
     """
-    shown = sorted((metric for metric in all_metrics() if metric.row.label), key=lambda m: m.row.place)
-    told = [_told(metric, [run.metrics for runs in logs.values() for run in runs]) for metric in shown]
+    measured = [run.metrics for runs in logs.values() for run in runs]
+    named = [metric for metric in all_metrics() if metric.row.label and _has_row(metric, measured)]
+    shown = sorted(named, key=lambda metric: metric.row.place)
+    told = [_told(metric, measured) for metric in shown]
     columns: dict[tuple[str, tuple[str, ...]], list[RunSummary]] = {}
     for label, runs in logs.items():
         for run in runs:
@@ -94,6 +96,10 @@ def _best_marked(metric: Metric, texts: Sequence[str], whole: Sequence[bool]) ->
 def _numbers_of(metric: Metric, metrics: RunMetrics | None) -> tuple[float | None, ...]:
     value = None if metrics is None else metrics.values[metric.name]
     return value if isinstance(value, tuple) else (value,)
+
+
+def _has_row(metric: Metric, runs: Sequence[RunMetrics | None]) -> bool:
+    return metric.row.always or any(n is not None for run in runs for n in _numbers_of(metric, run))
 
 
 def _told(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str]:
