@@ -17,7 +17,7 @@ from cranectl.reference.time_laws import spline
 from cranectl.scenario.segments import Move, Spline
 from tests.reference.planning.bang_bang import CASES, bound
 from tests.reference.planning.bang_bang import Limits as Bounds
-from tests.reference.planning.tasks import WALL, limits_for, move, scenario
+from tests.reference.planning.tasks import WALL, limits_for, move, scenario, share
 from tests.reference.planning.test_limits import inside_box
 
 SAMPLES = 100_000
@@ -86,15 +86,22 @@ def test_paths_are_as_short_as_a_bound_allows(lag: bool) -> None:
         assert (np.diff(each.coefficients[:, 0]) > -0.05).all()
 
 
-@pytest.mark.parametrize("name", ["a", "b"])
-def test_other_first_guesses_end_at_the_same_duration(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "aside", "longer"),
+    share(
+        [
+            ("a", -0.2, 1.0), ("b", 0.05, 1.5), ("a", -0.05, 0.8),
+            ("b", -0.2, 1.0), ("a", 0.05, 1.5), ("b", -0.05, 0.8),
+        ]
+    ),
+)  # fmt: skip
+def test_other_first_guesses_end_at_the_same_duration(name: str, aside: float, longer: float) -> None:
     of, part = task(name, True), np.linspace(0.0, 1.0, len(task(name, True).guess))[:, None]
     bump = np.sin(np.pi * part) ** 4
-    for aside, longer in ((-0.2, 1.0), (0.05, 1.5), (-0.05, 0.8)):
-        other = replace(of, guess=of.guess + aside * bump * [0.0, 1.0, 0.3], duration=longer * of.duration)
-        found = minimum_time(other)
-        assert found
-        assert found.duration == pytest.approx(plan(name, True).duration, rel=1e-3)
+    other = replace(of, guess=of.guess + aside * bump * [0.0, 1.0, 0.3], duration=longer * of.duration)
+    found = minimum_time(other)
+    assert found
+    assert found.duration == pytest.approx(plan(name, True).duration, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["a", "b", "d, line", "d, turn"])

@@ -3,7 +3,6 @@
 PLAN_CASES=200 takes as many of the 1000 spoiled splines.
 """
 
-import os
 import time
 
 import numpy as np
@@ -23,7 +22,7 @@ from cranectl.reference.planning.minimum_time import minimum_time
 from cranectl.reference.planning.proof import Proof, prove
 from cranectl.reference.planning.series import from_derivatives
 from cranectl.reference.time_laws import spline
-from tests.reference.planning.tasks import move, scenario
+from tests.reference.planning.tasks import CASES_OF_1000, move, scenario
 
 SPANS, DURATION, HALF = 8, 3.0, 0.5e-3  # [s]: half of the window in which a limit is broken
 BREAKS = np.linspace(0.0, DURATION, SPANS + 1)
@@ -42,7 +41,6 @@ KINDS = ["lean of the rope", "tension of the rope low", "tension of the rope hig
 KINDS += [f"{what} {side}" for what in ("load x", "load y", "load z", *AXES) for side in ("low", "high")]
 KINDS += [f"{axis} {what}" for axis in AXES for what in SYMMETRIC]
 KINDS += [f"box {side}" for side in SIDES]
-CASES = int(os.environ.get("PLAN_CASES", 1000))
 
 
 def random_spline(random: np.random.Generator) -> np.ndarray:
@@ -113,7 +111,7 @@ def proof(coefficients: np.ndarray, limits: Limits) -> Proof:
 def test_what_is_broken_for_a_millisecond_is_refuted(kind: str) -> None:
     """1000 splines in all; a sampling each millisecond, half of one off the peak, finds nothing in any."""
     random, seen = np.random.default_rng(KINDS.index(kind)), 0
-    while seen < -(-CASES // len(KINDS)):
+    while seen < -(-CASES_OF_1000 // len(KINDS)):
         coefficients = random_spline(random)
         found = spoiled(kind, coefficients)
         if found is None:
