@@ -1,7 +1,8 @@
 """Would the tests notice a wrong sign? Mutate every term of the physics, one at a time, and see.
 
 Each term of the functions in TARGETS, that is each operand of a sum and each expression that is assigned,
-returned or listed, is flipped in sign, dropped, and made 1 % larger. Every time a test in SUITE must fail.
+returned or listed, is flipped in sign, dropped, and made 1 % larger; in `limit_terms` each number with an
+index is given the next one too. Every time a test in SUITE must fail.
 
     python validation/mutations.py                 all mutants, a few minutes, exit code 1 if one survives
     python validation/mutations.py flatness        only targets whose name contains this
@@ -17,6 +18,7 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"
 import argparse
 import ast
 import copy
+import functools
 import importlib
 import importlib.util
 import inspect
@@ -31,10 +33,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from limit_terms import INDEX, LIMITED, NUMBERS, is_indexed, is_number, listed_terms
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Equations of motion, flat map and linearising law, tracker, other laws, disturbance forces, drives.
+# Equations of motion, flat map and linearising law, tracker, other laws, disturbance forces, drives, limits.
 TARGETS = {
     "cranectl.model.dynamics": """
         angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian
@@ -64,6 +67,7 @@ TARGETS = {
         DrakePlant._disturb DrakePlant._turn_joint
     """,
     "cranectl.scenario.rig": "RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight",
+    **LIMITED,
 }
 
 # Quick tests first; a mutant is dead as soon as one of them fails.
@@ -83,7 +87,10 @@ SUITE = [
     "tests/plants/test_sloping_rails.py",
 ]
 # Instead, for what needs an extra.
-OWN_SUITE = {"drake": ["tests/drake/test_model.py", "tests/drake/test_plant.py"]}
+OWN_SUITE = {
+    "drake": ["tests/drake/test_model.py", "tests/drake/test_plant.py"],
+    "planning": ["tests/reference/planning/test_series.py", "tests/reference/planning/test_limits.py"],
+}
 # Long without compiler, or endless when an equation is wrong.
 LEFT_OUT = "derivation or level_1 or level_2 or invariant or energy or converge or order or feed_forward"
 
@@ -182,9 +189,6 @@ _SQUARED = (
 
 
 def _is_term(node: ast.expr, tree: ast.AST) -> bool:
-    text = ast.unparse(node)
-    if text.startswith(_NOT_A_TERM) or text in _NO_NUMBERS:
-        return False
     if isinstance(node, ast.Constant):
         return isinstance(node.value, float) and node.value != 0.0
     return not any(
@@ -192,23 +196,33 @@ def _is_term(node: ast.expr, tree: ast.AST) -> bool:
     )
 
 
+def _is_scalar(node: ast.expr) -> bool:
+    text = ast.unparse(node)
+    return not text.startswith(_NOT_A_TERM) and text not in _NO_NUMBERS
+
+
 def find_mutants(module: str, function: str) -> list[Mutant]:
     """All mutants of one function."""
     tree = _source(module, function)
     found = []
-    for index, node in enumerate(_terms_in_order(tree)):
+    for index, node in enumerate(_terms_in_order(tree, module)):
         text = ast.unparse(node)
+        operations = (*OPERATIONS, INDEX) if module in LIMITED and is_indexed(node) else OPERATIONS
         found += [
             Mutant(module, function, index, text, node.lineno, operation)
-            for operation in OPERATIONS
+            for operation in operations
             if operation != "flipped" or text not in _SQUARED
         ]
     return found
 
 
-def _terms_in_order(tree: ast.AST) -> list[ast.expr]:
+def _terms_in_order(tree: ast.AST, module: str) -> list[ast.expr]:
     """Every term once, as it stands in the source; a mutant names its term by the index in this list."""
-    nodes = {id(node): node for node in terms(tree) if _is_term(node, tree)}.values()
+    if module in LIMITED:
+        found = [node for node in listed_terms(tree) if is_number(node)]
+    else:
+        found = [node for node in terms(tree) if _is_scalar(node)]
+    nodes = {id(node): node for node in found if _is_term(node, tree)}.values()
     return sorted(
         nodes, key=lambda node: (node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
     )
@@ -225,12 +239,8 @@ def _source(module: str, name: str) -> ast.FunctionDef:
 def mutated_function(mutant: Mutant) -> Any:
     """The function with its term changed, compiled in its module's namespace."""
     tree = _source(mutant.module, mutant.function)
-    target = _terms_in_order(tree)[mutant.term]
-    replacement = {
-        "flipped": ast.UnaryOp(ast.USub(), copy.deepcopy(target)),
-        "dropped": ast.BinOp(ast.Constant(0.0), ast.Mult(), copy.deepcopy(target)),
-        "x 1.01": ast.BinOp(ast.Constant(1.01), ast.Mult(), copy.deepcopy(target)),
-    }[mutant.operation]
+    target = _terms_in_order(tree, mutant.module)[mutant.term]
+    replacement = _changed(copy.deepcopy(target), mutant)
 
     class Replace(ast.NodeTransformer):
         def visit(self, node: ast.AST) -> ast.AST:
@@ -240,9 +250,24 @@ def mutated_function(mutant: Mutant) -> Any:
     definition.decorator_list = []
     changed = ast.fix_missing_locations(ast.Module([definition], []))
     namespace = importlib.import_module(mutant.module).__dict__
+    namespace.update(NUMBERS)
     local: dict[str, Any] = {}
     exec(compile(changed, f"<mutant of {mutant.module}>", "exec"), namespace, local)
     return local[definition.name]
+
+
+def _changed(term: ast.expr, mutant: Mutant) -> ast.expr:
+    if mutant.operation == INDEX:
+        term.value = ast.Call(ast.Name("moved_on", ast.Load()), [term.value], [])
+        return term
+    if mutant.module in LIMITED:
+        factor = ast.Constant({"flipped": -1.0, "dropped": 0.0, "x 1.01": 1.01}[mutant.operation])
+        return ast.Call(ast.Name("scaled", ast.Load()), [term, factor], [])
+    return {
+        "flipped": ast.UnaryOp(ast.USub(), term),
+        "dropped": ast.BinOp(ast.Constant(0.0), ast.Mult(), term),
+        "x 1.01": ast.BinOp(ast.Constant(1.01), ast.Mult(), term),
+    }[mutant.operation]
 
 
 def install(mutant: Mutant) -> None:
@@ -252,7 +277,8 @@ def install(mutant: Mutant) -> None:
         name, method = mutant.function.split(".")
         owner = getattr(importlib.import_module(mutant.module), name)
         found = inspect.getattr_static(owner, method)
-        setattr(owner, method, property(changed) if isinstance(found, property) else changed)
+        computed = isinstance(found, property | functools.cached_property)
+        setattr(owner, method, property(changed) if computed else changed)
         return
     original = getattr(importlib.import_module(mutant.module), mutant.function)
     for module in list(sys.modules.values()):
@@ -307,8 +333,8 @@ def run_suite(files: list[str], mutant: Mutant | None) -> str | None:
 
 def _pytest_arguments(files: list[str]) -> list[str]:
     options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-k", f"not ({LEFT_OUT})"]
-    # The package has a plugin of pytest, so all its files count as one, this one among them.
-    options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
+    # Who reads why a test failed? To tell it, every file of the package is compiled anew: it has a plugin.
+    options += ["--assert=plain", "-p", "no:hypothesispytest"]
     return [*options, "--rootdir", str(ROOT), *(str(ROOT / file) for file in files)]
 
 
@@ -331,6 +357,7 @@ def _warm_up(mutants: list[Mutant]) -> None:
         "numpy",
         "scipy.linalg",
         "control",
+        "cranectl.reference.planning.ipopt",
     ):
         importlib.import_module(module)
 
@@ -343,13 +370,14 @@ def judge(mutant: Mutant) -> Verdict:
 HEAD = """# Mutation proof
 
 Written by `make mutations`. Every term of the equations of motion, the flat map, the linearising law, the
-tracker, the observer's correction, the forces that act on the load, the drive model, the elastic crane and
-the crane in Drake is flipped in sign, dropped, and made 1 % larger, one at a time. In the cells is the first
-test that fails.
+tracker, the observer's correction, the forces that act on the load, the drive model, the elastic crane,
+the crane in Drake and the limits of planned motions is flipped in sign, dropped, and made 1 % larger, one
+at a time; of limits an index is moved on too. In the cells is the first test that fails.
 
 """
 SQUARED = "enters squared"
 SURVIVED = "**survived**"
+NO_INDEX = "no index"
 
 
 def sections(verdicts: list[Verdict]) -> dict[str, str]:
@@ -362,15 +390,17 @@ def sections(verdicts: list[Verdict]) -> dict[str, str]:
         terms_of.setdefault((m.line, m.text, m.term), {})[m.operation] = cell
     found = {}
     for function, found_terms in rows.items():
+        indexed = f" {INDEX} |" if any(INDEX in cells for cells in found_terms.values()) else ""
         lines = [
             f"## `{function}`",
             "",
-            "| line | term | flipped | dropped | × 1.01 |",
-            "|---|---|---|---|---|",
+            f"| line | term | flipped | dropped | × 1.01 |{indexed}",
+            f"|---|---|---|---|---|{'---|' if indexed else ''}",
         ]
         for (line, text, _), cells in found_terms.items():
-            killers = " | ".join(cells.get(operation, SQUARED) for operation in OPERATIONS)
-            lines.append(f"| {line} | `{' '.join(text.split())}` | {killers} |")
+            killers = [cells.get(operation, SQUARED) for operation in OPERATIONS]
+            killers += [cells.get(INDEX, NO_INDEX)] if indexed else []
+            lines.append(f"| {line} | `{' '.join(text.split())}` | {' | '.join(killers)} |")
         found[function] = "\n".join(lines) + "\n"
     return found
 
@@ -383,8 +413,13 @@ def page(found: dict[str, str], before: str) -> str:
     merged = {**kept, **found}
     targets = [f"{module}.{function}" for module, names in TARGETS.items() for function in names.split()]
     body = [merged[target] for target in targets if target in merged]
-    cells = [cell for text in body for row in text.splitlines()[4:] for cell in row.split(" | ")[-3:]]
-    tried = [cell for cell in cells if SQUARED not in cell]
+    cells = [
+        cell
+        for text in body
+        for row in text.splitlines()[4:]
+        for cell in row.split("` | ", 1)[1].split(" | ")
+    ]
+    tried = [cell for cell in cells if SQUARED not in cell and NO_INDEX not in cell]
     survivors = sum(SURVIVED in cell for cell in tried)
     counts = f"**{len(tried)} mutants, {len(tried) - survivors} caught, {survivors} survived.**\n"
     return HEAD + "\n".join([counts, *body])

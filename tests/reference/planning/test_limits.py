@@ -18,9 +18,11 @@ from cranectl.reference.planning.limits import (
     Box,
     Motion,
     clear_of,
+    excesses,
     limits_of,
     motion,
     quantities,
+    room,
 )
 from cranectl.reference.planning.series import from_derivatives
 from cranectl.reference.time_laws import spline
@@ -29,7 +31,8 @@ from cranectl.signals import ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE
 from tests.reference.planning.tasks import scenario
 
 RIG = RigParameters()
-PLANNING = scenario().planning.model_copy(update={"jerk": (100.0,) * 3})
+JERK = (90.0, 100.0, 110.0)
+PLANNING = scenario().planning.model_copy(update={"jerk": JERK})
 OWN = limits_of(scenario().model_copy(update={"planning": PLANNING}))
 LIMITS = OWN._replace(lag=np.array([0.01, 0.02, 0.04]))  # the rig's are equal: an index would not show
 TYPICAL = np.array([1.0, 1.0, 3.0, 20.0, 100.0, 1000.0])[:, None]  # size of each derivative
@@ -98,17 +101,28 @@ def test_bounds_are_the_rigs() -> None:
             ("set-point", drives.velocity),
             ("set-point's rate", drives.acceleration),
             ("force", drives.force),
-            ("jerk", (100.0,) * 3),
+            ("jerk", JERK),
         ):
             assert bounds[f"{axis} {what}"] == pytest.approx((-share * column[i], share * column[i]))
     assert bounds["load x"] == pytest.approx((0.05, 1.95))
     assert bounds["load y"] == pytest.approx((0.05, 1.49))
     assert bounds["load z"] == pytest.approx((-1.35, -0.05))
-    assert bounds["lean of the rope"][1] == pytest.approx(np.tan(share * 0.35) ** 2)
+    lean = np.tan(share * 0.35) ** 2
+    assert bounds["lean of the rope"] == (-np.inf, pytest.approx(lean))
     weight = rig.load_mass * rig.gravity
     assert bounds["tension of the rope"] == pytest.approx(
         (weight * (1 - share * 0.8), weight * (1 + share)), rel=1e-12
     )
+    small = LIMITS._replace(size=0.3)
+    scales = {each.name: each.scale for each in quantities(moved(jets(1)), small)}
+    assert (scales["lean of the rope"], scales["tension of the rope"]) == pytest.approx((lean, weight))
+    for name in ("load x", "load y", "load z", *AXES):
+        assert scales[name] == 0.3
+    for axis in AXES:
+        for what in ("set-point", "set-point's rate", "force", "jerk"):
+            assert scales[f"{axis} {what}"] == bounds[f"{axis} {what}"][1]
+    assert OWN.lean == pytest.approx(np.tan(share * 0.35))
+    assert (OWN.radius, OWN.size) == (0.05, 1.0)
     assert OWN.lag.tolist() == rig.time_constants.tolist() != [0.0] * 3
     assert not limits_of(scenario(lag=False)).lag.any()
 
@@ -157,6 +171,43 @@ def test_distances_to_a_box_are_to_the_millimetre(side: str) -> None:
     found = [float(d[0][0]) for d in clear_of(moved(leaning), box, radius, side)]
     wanted = [0.2] if axis == 2 else [0.2, radius + 0.2 - 0.25 * 0.4]
     assert found == pytest.approx(wanted, abs=1e-12)
+
+
+def test_series_go_on_as_the_motion_does() -> None:
+    """All coefficients: the sum of the series a little later is the value of the motion there."""
+    random = np.random.default_rng(3).uniform([0.9, 0.7, -0.75], [1.1, 0.8, -0.65], (17, 3))
+    curve, times, later = spline(np.linspace(0.0, 4.0, 11), random, 7), np.linspace(0.31, 3.57, 20), 1e-4
+    box = Box("box", np.array([0.8, 0.6, -1.4]), np.array([1.2, 0.9, -0.9]))
+
+    def every(at: np.ndarray) -> list[list[np.ndarray]]:
+        m = moved(np.stack([curve.derivative(k)(at) for k in range(8)], axis=1))
+        beside = [each for side in SIDES for each in clear_of(m, box, 0.05, side)]
+        return [each.series for each in quantities(m, LIMITS)] + beside
+
+    for now, then in zip(every(times), every(times + later), strict=True):
+        assert len(now) >= 3
+        summed = sum(c * later**k for k, c in enumerate(now))
+        left_out = np.abs(then[2]).max() * later**2
+        np.testing.assert_allclose(summed, then[0], rtol=1e-9, atol=0.1 * left_out)
+
+
+def test_excesses_are_over_the_nearer_bound_and_into_boxes() -> None:
+    rows, box = jets(200, seed=4), Box("crate", np.array([0.5, 0.4, -1.4]), np.array([1.5, 1.1, -0.7]))
+    limits = LIMITS._replace(size=0.3, obstacles=(box,))
+    found = excesses(moved(rows), limits)
+    for each in quantities(moved(rows), limits):
+        value = each.series[0]
+        wanted = np.where(
+            value > 0.5 * (max(each.low, -1e9) + each.high), value - each.high, each.low - value
+        )
+        wanted = value - each.high if each.low == -np.inf else wanted
+        np.testing.assert_allclose(found[each.name], wanted / each.scale, rtol=1e-12)
+    m = moved(rows)
+    sides = [[d[0] for d in clear_of(m, box, limits.radius, side)] for side in SIDES]
+    clear = np.max([np.min(side, axis=0) for side in sides], axis=0)
+    np.testing.assert_array_equal(found["obstacle 'crate'"], -clear / 0.3)
+    np.testing.assert_array_equal(room(m, box, limits.radius).max(axis=0), clear)
+    assert clear.min() < 0.0 < clear.max()
 
 
 def test_gradients_are_those_of_differences() -> None:
