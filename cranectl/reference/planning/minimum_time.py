@@ -11,9 +11,10 @@ import numpy as np
 
 from cranectl.reference.planning.geometry import Geometry, Placed
 from cranectl.reference.planning.limits import Box, Limits, excesses, motion
-from cranectl.reference.planning.problem import TIED, Leg, Problem, ToLoad, series_along
+from cranectl.reference.planning.problem import LEG_SAMPLES, Leg, Problem, ToLoad, series_along
 from cranectl.reference.planning.programs import PRICES, Solution, solve
 from cranectl.reference.planning.proof import NEAR, Proof, prove
+from cranectl.reference.planning.shortest import SLOWLY
 from cranectl.reference.time_laws import PLANNED_DEGREE, Law, time_law
 from cranectl.support.arrays import Array
 
@@ -23,6 +24,9 @@ GUESS = 401  # points of a first guess
 DENSITY = 8  # samples a span at first
 FINE = 40  # samples a span by which a solution is looked at before it is proven
 TIGHTER = 0.004  # by which limits are tightened for the solver: what lies between samples
+SMOOTH = 1.0, 10.0, 100.0  # weights of fifth differences of a guess's coefficients, of which one is taken
+PASSED = 1e3  # weight of its distances from via points
+LET = 0.02  # excess, in parts of a limit, that a guess may have over what it has at rest
 SLOWER = 1.5  # is the second guess, whose excesses cost much from the beginning
 ROUNDS = 10  # of sampling more finely
 
@@ -48,10 +52,9 @@ class Task:
     to_load: ToLoad
     limits: Limits
     guess: Array  # (G, d) of the coordinates at equal parts of the duration
-    duration: float  # of the guess [s]
+    duration: float  # by the law of degree 9, with stops where it needs them [s]
     spans: int
     forwards: bool = False
-    price: float = PRICES[0]  # of excesses to begin with: low, long steps are taken through what is forbidden
     via: tuple[Array, ...] = ()  # coordinates (d,) to be passed
     legs: tuple[Leg, ...] = ()
     instants: tuple[float, ...] = ()  # of the guess: when via points are passed, and sides change
@@ -61,7 +64,7 @@ def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
     """Along a given path; `duration` is that of the law of degree 9."""
     guess = time_law("degree-9", np.linspace(0.0, 1.0, GUESS))[0][:, None]
     ends = np.zeros(1), np.ones(1)
-    return Task(*ends, geometry, limits, guess, duration, SPANS_ALONG, forwards=True, price=PRICES[1])
+    return Task(*ends, geometry, limits, guess, duration, SPANS_ALONG, forwards=True)
 
 
 def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law, float, float]]) -> Task:
@@ -80,27 +83,26 @@ def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law
 
 def minimum_time(task: Task, solver: Solver = solve) -> Motion | None:
     """The least time that is found and proven; None if nothing is, from the guess or from a slower one."""
-    slower = replace(task, price=PRICES[-1], duration=SLOWER * task.duration)
-    return _minimum_time(task, solver) or _minimum_time(slower, solver)
+    return _minimum_time(task, solver) or _minimum_time(task, solver, SLOWER, PRICES[-1])
 
 
-def _minimum_time(task: Task, solver: Solver) -> Motion | None:
+def _minimum_time(task: Task, solver: Solver, slower: float = 1.0, price: float = PRICES[0]) -> Motion | None:
     fractions = np.linspace(0.0, 1.0, task.spans * DENSITY + 1)
     inside = _inside(task)
     problem = _problem(inside, fractions)
-    x = problem.unknowns(_fitted(problem, task), task.duration, task.instants)
+    begun, coefficients = _guess(inside, problem)
+    x = problem.unknowns(coefficients, slower * begun, task.instants)
     size = 0.3 * float(np.abs(task.guess - task.start).max())
-    sizes = np.concatenate(
-        [np.full(problem.width, size), [0.5 * task.duration], np.full(len(task.instants), 0.3)]
-    )
-    steps, price = 0, task.price
+    sizes = np.concatenate([np.full(problem.width, size), [0.5 * begun], np.full(len(task.instants), 0.3)])
+    steps, beside = 0, LEG_SAMPLES
+    obstacles = {box.key for box in task.limits.obstacles}
     for round_ in range(1, ROUNDS + 1):
         solution = solver(problem, x, sizes, price)
         x, price, steps = solution.x, solution.price, steps + solution.steps
         if not solution.solved:
             return None
         duration, coefficients = problem.duration(x), problem.coefficients(x)
-        broken = _broken(task, duration, coefficients)
+        broken, obstructed = _broken(task, duration, coefficients)
         if not len(broken):
             to_load: ToLoad | None = task.to_load
             if isinstance(task.to_load, Placed):  # what is proven is what is given
@@ -110,19 +112,27 @@ def _minimum_time(task: Task, solver: Solver) -> Motion | None:
             if proof.holds:
                 return Motion(duration, coefficients, proof, steps, round_)
             broken = np.array([0.5 * (each.start + each.end) / duration for each in proof.broken])
+            obstructed = any(each.name in obstacles for each in proof.broken)
         fractions = np.unique(np.concatenate([fractions, broken]))
-        problem = _problem(inside, fractions)
+        beside *= 1 + obstructed
+        problem = _problem(inside, fractions, beside)
     return None
 
 
-def _broken(task: Task, duration: float, coefficients: Array) -> Array:
-    """Parts of the duration at which fine samples break a limit: what needs no proof to be refused."""
+def _broken(task: Task, duration: float, coefficients: Array) -> tuple[Array, bool]:
+    """Parts of the duration at which fine samples break a limit; whether obstacles are among these."""
+    over = _excesses(task, duration, coefficients, FINE)
+    parts = np.linspace(0.0, 1.0, task.spans * FINE + 1)
+    worst = np.max(list(over.values()), axis=0)
+    return parts[worst > NEAR], any((over[box.key] > NEAR).any() for box in task.limits.obstacles)
+
+
+def _excesses(task: Task, duration: float, coefficients: Array, density: int) -> dict[str, Array]:
+    """Over each limit, at so many samples a span."""
     breaks = np.linspace(0.0, duration, task.spans + 1)
-    time = np.linspace(0.0, duration, task.spans * FINE + 1)
+    time = np.linspace(0.0, duration, task.spans * density + 1)
     coordinates = series_along(breaks, coefficients, PLANNED_DEGREE, time)
-    over = excesses(motion(task.to_load(coordinates), task.limits.gravity), task.limits)
-    broken: Array = time[np.max(list(over.values()), axis=0) > NEAR] / duration
-    return broken
+    return excesses(motion(task.to_load(coordinates), task.limits.gravity), task.limits)
 
 
 def _inside(task: Task) -> Task:
@@ -175,7 +185,7 @@ def _grown(box: Box, gap: float) -> Box:
     return Box(box.name, box.low - gap, box.high + gap)
 
 
-def _problem(task: Task, samples: Array) -> Problem:
+def _problem(task: Task, samples: Array, beside: int = LEG_SAMPLES) -> Problem:
     return Problem(
         task.start,
         task.end,
@@ -183,17 +193,43 @@ def _problem(task: Task, samples: Array) -> Problem:
         task.to_load,
         spans=task.spans,
         samples=samples,
+        beside=beside,
         via=task.via,
         legs=task.legs,
         forwards=task.forwards,
     )
 
 
-def _fitted(problem: Problem, task: Task) -> Array:
-    """Coefficients of the spline nearest to the guess."""
+def _guess(task: Task, problem: Problem) -> tuple[float, Array]:
+    """Of smooth splines near the guess the one that can be driven quickest: duration [s], coefficients."""
+    fitted = [_fitted(problem, task, smooth) for smooth in SMOOTH]
+    return min(((_quickest(task, each), each) for each in fitted), key=lambda pair: pair[0])
+
+
+def _fitted(problem: Problem, task: Task, smooth: float) -> Array:
+    """Coefficients of a spline near the guess, through its via points."""
     basis = problem.basis(np.linspace(0.0, 1.0, len(task.guess)))[:, 0]
     tied = problem.coefficients(np.zeros(problem.width + 1))
     tied[problem.free] = 0.0
-    inner = np.linalg.lstsq(basis[:, problem.free], task.guess - basis @ tied, rcond=None)[0]
-    tied[TIED:-TIED] = inner
+    rough = smooth * np.diff(np.eye(len(tied)), n=5, axis=0)
+    passed = PASSED * problem.basis(np.array(task.instants[: len(task.via)]))[:, 0]
+    rows = np.vstack([basis, rough, passed])
+    still = np.zeros((len(rough), tied.shape[1]))
+    asked = np.vstack([task.guess, still, *(PASSED * point for point in task.via)]) - rows @ tied
+    tied[problem.free] = np.linalg.lstsq(rows[:, problem.free], asked, rcond=None)[0]
     return tied
+
+
+def _quickest(task: Task, coefficients: Array) -> float:
+    """The shortest duration [s] in which it breaks limits no more than at rest."""
+
+    def excess(duration: float) -> float:
+        over = _excesses(task, duration, coefficients, DENSITY)
+        return float(np.max(list(over.values())))
+
+    low, high = 0.1 * task.duration, 10.0 * task.duration
+    let = max(excess(SLOWLY), 0.0) + LET
+    while high / low > 1.02:
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if excess(middle) <= let else (middle, high)
+    return high

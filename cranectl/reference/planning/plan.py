@@ -35,7 +35,6 @@ ASIDE = 0.1  # of its way, by which a first guess leaves it: a crane swings out 
 PRECISION = 0.1  # of its way, by which a motion's excesses over ranges are measured
 _SEGMENTS: TypeAdapter[list[Segment]] = TypeAdapter(list[Segment])
 _PLANNED: dict[str, list[Segment]] = {}
-HASTE = 0.6  # a guess that does not stop lasts this part of one that does
 
 
 def planned_segment(
@@ -137,7 +136,7 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
     ]
     longest = sum(map(seconds, lines))
     if segment.duration is None:
-        task = free_motion(segment, points, corners, limits, longest if len(lines) == 1 else HASTE * longest)
+        task = free_motion(segment, points, corners, limits, longest)
         found = minimum_time(task, _solver(scenario))
         if found is not None and found.duration < longest:
             breaks = np.linspace(0.0, found.duration, task.spans + 1)

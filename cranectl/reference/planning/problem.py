@@ -6,6 +6,7 @@ of coordinates after the other, then the duration T [s], then the parts of it, 0
 passed and sides of obstacles change. Limits hold at samples; between them `proof` finds what they miss.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from cranectl.support.arrays import Array
 ORDERS = 6  # position and five derivatives: the fifth is in the rate of the set-points
 TIED = 5  # coefficients at each end that are equal: rest up to the fourth derivative
 EFFORT = "set-point's rate"  # the quantities whose mean square is priced
-LEG_SAMPLES = 49  # of each stretch beside an obstacle
+LEG_SAMPLES = 49  # of each stretch beside an obstacle, at first
 APART = 0.02  # least distance of instants, in durations
 DIFFERENCE = 1e-5  # of a derivative's size, for second derivatives
 
@@ -49,6 +50,11 @@ class Leg(NamedTuple):
     begins: int | None  # which of the instants; None: with the motion
     ends: int | None
 
+    @property
+    def stretch(self) -> tuple[int, int]:
+        """Where it begins and ends among the motion's begin, its instants, its end."""
+        return 0 if self.begins is None else self.begins + 1, -1 if self.ends is None else self.ends + 1
+
 
 class Sampled(NamedTuple):
     """Points of the motion at which something must hold."""
@@ -65,6 +71,11 @@ class Bounded(NamedTuple):
     bound: float | None
     sign: float
 
+    def over(self) -> Array:
+        """By how much, in parts of its size, (N,); of an effort, the effort. Of floats."""
+        excess: Array = self.sign / self.quantity.scale * (self.quantity.series[0] - (self.bound or 0.0))
+        return excess
+
 
 class Problem:
     """From rest at `start` to rest at `end`, coordinates (d,), within `limits`."""
@@ -78,11 +89,14 @@ class Problem:
         *,
         spans: int,
         samples: Array,
+        beside: int = LEG_SAMPLES,
         via: Sequence[Array] = (),
         legs: Sequence[Leg] = (),
         forwards: bool = False,
     ) -> None:
-        """`samples`: parts of the duration, (N,). `via`: coordinates (d,) passed at the first instants.
+        """`samples`: parts of the duration, (N,); `beside`: how many on each leg.
+
+        `via`: coordinates (d,) passed at the first instants.
 
         `forwards`: no coordinate may ever fall.
         """
@@ -95,10 +109,11 @@ class Problem:
         self.instants = max(
             [len(via), *(1 + e for leg in legs for e in (leg.begins, leg.ends) if e is not None)]
         )
+        self._late = _lateness(len(via), legs, self.instants)
         still = np.zeros((len(samples), self.instants))
         self.groups = [Sampled(samples, still, self._limited)]
         self.groups += [self._passing(index, point) for index, point in enumerate(via)]
-        self.groups += [self._beside(leg) for leg in legs]
+        self.groups += [self._beside(leg, beside) for leg in legs]
         self._fixed = self.basis(samples)
 
     def basis(self, parts: Array) -> Array:
@@ -127,23 +142,26 @@ class Problem:
             Rows(np.concatenate([r.value for r in excess]), np.vstack([r.slope for r in excess])), found[0][1]
         )
 
+    def values(self, x: Array) -> tuple[Array, Array]:
+        """Excesses and efforts at x without their slopes: a tenth of the work."""
+        excess, efforts = [], []
+        for index, group in enumerate(self.groups):
+            limits, others = _parted(group.bounded(self.series_of(list(self._jets(x, group)[0].T))))
+            excess += [each.over() for each in limits]
+            efforts += [each.over() for each in others if not index]
+        return np.concatenate([*excess, self.in_order(x)[0]]), np.concatenate(efforts)
+
     def _linearised(self, x: Array, group: Sampled) -> tuple[Rows, Rows]:
-        jets, by_x = self._jets(x, group)
-        limits: list[Bounded] = []
-        efforts: list[Bounded] = []
-        for each in group.bounded(self.series_of(inputs(jets))):
-            (efforts if each.bound is None else limits).append(each)
+        jets, basis = self._jets(x, group)
+        by_x = self._by_unknowns(x, group, jets, basis)
+        limits, efforts = _parted(group.bounded(self.series_of(inputs(jets))))
         return _chained(limits, by_x), _chained(efforts, by_x)
 
     def in_order(self, x: Array) -> tuple[Array, Array]:
-        """That the instants follow one another within the motion, as excesses."""
-        instants = np.concatenate([[0.0], x[self.width + 1 :], [1.0]])
-        slope = np.zeros((self.instants + 1, len(x)))
-        rows = np.arange(self.instants)
-        slope[rows, self.width + 1 + rows] = -1.0
-        slope[rows + 1, self.width + 1 + rows] = 1.0
-        order = APART - np.diff(instants)
-        return (order, slope) if self.instants else (order[:0], slope[:0])
+        """That each stretch between via points, or beside an obstacle, ends after it begins, as excesses."""
+        slope = np.zeros((len(self._late), len(x)))
+        slope[:, self.width + 1 :] = self._late[:, 1:-1]
+        return APART + self._late @ [0.0, *x[self.width + 1 :], 1.0], slope
 
     def curvature(self, x: Array, prices: Array) -> Array:
         """Second derivative (unknowns, unknowns) of `prices` (R,) times the excesses."""
@@ -152,7 +170,7 @@ class Problem:
         for group in self.groups:
             jets, _ = self._jets(x, group)
             count = len(group.parts)
-            total = len(_limits(group.bounded(self.series_of(inputs(jets[:1]))))) * count
+            total = len(_parted(group.bounded(self.series_of(list(jets[:1].T))))[0]) * count
             by_sample = prices[first : first + total].reshape(-1, count)
             first += total
             priced = np.flatnonzero(by_sample.max(axis=0) > 0.0)
@@ -162,12 +180,13 @@ class Problem:
         return 0.5 * (hessian + hessian.T)
 
     def _add_curvature(self, hessian: Array, x: Array, group: Sampled, prices: Array) -> None:
-        jets, by_x = self._jets(x, group)
+        jets, basis = self._jets(x, group)
+        by_x = self._by_unknowns(x, group, jets, basis)
         count, width = jets.shape
         size = DIFFERENCE * np.maximum(np.abs(jets).max(axis=0), 1e-3)
         moved = np.concatenate([jets[None], jets + np.diag(size)[:, None, :]])  # (1 + width, N, width)
         total = np.zeros((width + 1, count, width))
-        rows = _limits(group.bounded(self.series_of(inputs(moved.reshape(-1, width)))))
+        rows = _parted(group.bounded(self.series_of(inputs(moved.reshape(-1, width)))))[0]
         for each, price in zip(rows, prices, strict=True):
             if price.any():
                 slope = each.quantity.series[0].slope.reshape(total.shape)
@@ -192,24 +211,28 @@ class Problem:
             hessian[at + 1 :, at + 1 :] += (group.by_instant * twice[:, None]).T @ group.by_instant
 
     def _jets(self, x: Array, group: Sampled) -> tuple[Array, Array]:
-        """Derivatives of the coordinates in time, (N, ORDERS * d), and of those by the unknowns."""
-        d, duration = len(self.start), self.duration(x)
-        moving = group.by_instant.any()
-        parts = (
-            np.clip(group.parts + group.by_instant @ x[self.width + 1 :], 0.0, 1.0) if moving else group.parts
-        )
+        """Derivatives of the coordinates in time, (N, ORDERS * d), and the basis (N, ORDERS, n) in time."""
+        duration = self.duration(x)
+        parts = group.parts
+        if group.by_instant.any():
+            parts = np.clip(parts + group.by_instant @ x[self.width + 1 :], 0.0, 1.0)
         basis = self._fixed if parts is self.groups[0].parts else self.basis(parts)
-        scaled = basis * (duration ** -np.arange(float(ORDERS)))[:, None]
-        jets = scaled @ self.coefficients(x)  # (N, ORDERS, d)
-        by_x = np.zeros((len(basis), ORDERS, d, len(x)))
+        basis = basis * (duration ** -np.arange(float(ORDERS)))[:, None]
+        return (basis @ self.coefficients(x)).reshape(len(basis), -1), basis
+
+    def _by_unknowns(self, x: Array, group: Sampled, flat: Array, basis: Array) -> Array:
+        """Slopes of these derivatives, (N, ORDERS * d, unknowns)."""
+        d, duration = len(self.start), self.duration(x)
+        jets = flat.reshape(-1, ORDERS, d)
+        by_x = np.zeros((*jets.shape, len(x)))
         for j in range(d):
-            by_x[:, :, j, j : self.width : d] = scaled[:, :, self.free]
+            by_x[:, :, j, j : self.width : d] = basis[:, :, self.free]
         by_x[..., self.width] = -np.arange(float(ORDERS))[:, None] * jets / duration
-        if moving:
+        if group.by_instant.any():
             by_x[:, :-1, :, self.width + 1 :] = duration * np.einsum(
                 "nkj,nm->nkjm", jets[:, 1:], group.by_instant
             )
-        return jets.reshape(len(basis), -1), by_x.reshape(len(basis), ORDERS * d, -1)
+        return by_x.reshape(len(flat), ORDERS * d, -1)
 
     def series_of(self, flat: Sequence[Number]) -> list[Series]:
         """Of the coordinates, by their derivatives in time, order by order."""
@@ -244,10 +267,10 @@ class Problem:
 
         return Sampled(np.zeros(1), np.eye(self.instants)[index : index + 1], bounded)
 
-    def _beside(self, leg: Leg) -> Sampled:
+    def _beside(self, leg: Leg, count: int) -> Sampled:
         """That load and rope stay on a side of an obstacle, from one instant to another."""
-        way = np.linspace(0.0, 1.0, LEG_SAMPLES)
-        parts, by_instant = np.zeros(LEG_SAMPLES), np.zeros((LEG_SAMPLES, self.instants))
+        way = np.linspace(0.0, 1.0, count)
+        parts, by_instant = np.zeros(count), np.zeros((count, self.instants))
         if leg.begins is not None:
             by_instant[:, leg.begins] = 1.0 - way
         if leg.ends is None:
@@ -271,8 +294,18 @@ def series_along(breaks: Array, coefficients: Array, degree: int, time: Array) -
     return [from_derivatives([row[:, j] for row in rows]) for j in range(coefficients.shape[1])]
 
 
-def _limits(found: Sequence[Bounded]) -> list[Bounded]:
-    return [each for each in found if each.bound is not None]
+def _lateness(vias: int, legs: Sequence[Leg], instants: int) -> Array:
+    """(rows, 1 + instants + 1) that give by how much stretches begin later than they end."""
+    passing = [0, *range(1, vias + 1), -1]
+    stretches = [*itertools.pairwise(passing), *(leg.stretch for leg in legs)]
+    each = np.eye(instants + 2)  # the motion's begin, the instants, its end
+    rows = [each[begins] - each[ends] for begins, ends in stretches if (begins, ends) != (0, -1)]
+    return np.array(rows).reshape(-1, len(each))
+
+
+def _parted(found: Sequence[Bounded]) -> tuple[list[Bounded], list[Bounded]]:
+    """Those with a bound, and the efforts."""
+    return [f for f in found if f.bound is not None], [f for f in found if f.bound is None]
 
 
 def _chained(found: Sequence[Bounded], by_x: Array) -> Rows:

@@ -17,8 +17,9 @@ from cranectl.reference.planning.problem import Problem
 from cranectl.support.arrays import Array
 
 EFFORT = 1e-2  # price of the mean square of the drives' shares of their limits, in durations
-PRICES = 0.35, 1.5, 6.0  # price of the largest excess in parts of its limit, in durations
-FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 1.0, 1e-6  # of the trust region, in sizes of the unknowns
+PRICES = 1.5, 6.0  # price of the largest excess in parts of its limit, in durations
+FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.1, 1.0, 1e-6  # of the trust region, in sizes of the unknowns
+CORRECTIONS = 4  # of a step, at most
 MOST_STEPS = 80
 GOOD_ENOUGH = 2e-5  # gain of a step, in durations, that is not worth another
 PRICED = 1e-6  # of a limit that acts
@@ -67,11 +68,6 @@ class Local(NamedTuple):
     efforts: Array  # (E,)
     effort_slope: Array  # (E, n)
 
-    def merit(self, duration: float, price: Prices) -> float:
-        """What is made less [s]."""
-        excess = max(0.0, float(self.excess.max()))
-        return float(duration + price.effort * np.mean(self.efforts**2) + price.excess * excess)
-
     def model(self, move: Array, bend: Array, duration: float, price: Prices) -> float:
         """What the program takes the merit after `move`, which leads to `duration`, for."""
         mean = np.mean(self.efforts**2) + 2.0 * self.efforts @ (self.effort_slope @ move) / len(self.efforts)
@@ -84,52 +80,58 @@ def _local(problem: Problem, x: Array, sizes: Array) -> Local:
     return Local(excess.value, excess.slope * sizes, efforts.value, efforts.slope * sizes)
 
 
+def _merit(problem: Problem, x: Array, price: Prices) -> tuple[float, Array]:
+    """What is made less [s], and the excesses."""
+    excess, efforts = problem.values(x)
+    most = max(0.0, float(excess.max()))
+    return problem.duration(x) + price.effort * float(np.mean(efforts**2)) + price.excess * most, excess
+
+
 def _descend(problem: Problem, x: Array, sizes: Array, price: Prices) -> Solution:
     radius, at = FIRST_STEP, problem.width
     near, prices = _local(problem, x, sizes), np.zeros(0)
-    value = near.merit(x[at], price)
+    value, _ = _merit(problem, x, price)
+    bend = _bend(problem, x, near, prices, sizes, price)
     enough = GOOD_ENOUGH * float(x[at])
-    acting = np.zeros(len(near.excess), dtype=bool)
+    chosen = np.zeros(len(near.excess), dtype=bool)
     time = np.eye(len(x))[at] * sizes[at]  # the duration's slope
     step = 0
     for step in range(1, MOST_STEPS + 1):
-        bend = _bend(problem, x, near, prices, sizes, price)
-        found = _program(near, near.excess, bend, radius, time, price, acting)
+        found = _program(near, near.excess, bend, radius, time, price, chosen)
         if found is None:
             return Solution(x, float(near.excess.max()), step, False)
-        move, new_prices = found
+        move, prices = found
         gain = value - near.model(move, bend, float(x[at] + time @ move), price)
         if gain < enough:
             break
-        reached, there, new = _reached(problem, x, move, sizes, price)
-        if reached > value - 0.7 * gain:
+        reached, excess = _merit(problem, x + sizes * move, price)
+        for _ in range(CORRECTIONS):
+            if reached < value - 0.7 * gain:
+                break
             # The same slopes with the excess that the step has: a correction of second order.
-            left = new.excess - near.slope @ move
-            corrected = _program(near, left, bend, radius, time, price, acting)
-            if corrected is not None:
-                other = _reached(problem, x, corrected[0], sizes, price)
-                if other[0] < reached:
-                    move, (reached, there, new) = corrected[0], other
+            left = excess - near.slope @ move
+            corrected = _program(near, left, bend, radius, time, price, chosen)
+            if corrected is None:
+                break
+            other, there = _merit(problem, x + sizes * corrected[0], price)
+            if other >= reached:
+                break
+            move, reached, excess = corrected[0], other, there
         ratio = (value - reached) / gain
-        prices = new_prices
-        if ratio > 0.1:
-            x, near, value = there, new, reached
         if ratio < 0.3:
             radius = 0.4 * min(radius, float(np.abs(move).max()))
         elif ratio > 0.7:
             radius = min(2.0 * radius, LONGEST_STEP)
         if radius < SHORTEST_STEP:
             break
-    excess = float(near.excess.max())
-    return Solution(x, excess, step, excess < FEASIBLE)
-
-
-def _reached(
-    problem: Problem, x: Array, move: Array, sizes: Array, price: Prices
-) -> tuple[float, Array, Local]:
-    there = x + sizes * move
-    new = _local(problem, there, sizes)
-    return new.merit(there[problem.width], price), there, new
+        if ratio > 0.1:
+            x, value = x + sizes * move, reached
+            chosen[:] = prices > 0.0
+            near = _local(problem, x, sizes)
+            bend = _bend(problem, x, near, prices, sizes, price)
+    excess = near.excess
+    most = float(near.excess.max())
+    return Solution(x, most, step, most < FEASIBLE)
 
 
 def _bend(problem: Problem, x: Array, near: Local, prices: Array, sizes: Array, price: Prices) -> Array:
@@ -154,11 +156,11 @@ def _program(
     radius: float,
     time: Array,
     price: Prices,
-    acting: NDArray[np.bool_],
+    chosen: NDArray[np.bool_],
 ) -> tuple[Array, Array] | None:
     """The best move within `radius`, and the price of each limit; None where none was found.
 
-    Few limits act: those that a solution without them breaks are put in, and it is solved again. `acting` are
+    Few limits act: those that a solution without them breaks are put in, and it is solved again. `chosen` are
     those to begin with, and is brought up to date.
     """
     n = len(time)
@@ -167,7 +169,6 @@ def _program(
     cost = np.append(linear, price.excess)
     box = np.vstack([np.eye(n + 1)[:n], -np.eye(n + 1)])
     bounds = np.append(np.full(2 * n, radius), 0.0)
-    chosen = acting.copy()
     chosen[np.argpartition(-excess, n)[:n]] = True
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -190,5 +191,4 @@ def _program(
         chosen[worst] = True
     prices = np.zeros(len(excess))
     prices[rows] = np.array(answer.z)[: len(rows)]
-    acting[:] = prices > PRICED
-    return move[:n], np.where(acting, prices, 0.0)
+    return move[:n], np.where(prices > PRICED, prices, 0.0)

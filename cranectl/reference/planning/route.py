@@ -75,15 +75,17 @@ def way(guess: Array, limits: Limits, first_instant: int) -> Way:
         free = room(moved, box, limits.radius)
         at, begins = 0, None
         while True:
-            best = max(range(len(SIDES)), key=lambda k: (_lasts(free[k, at:] >= 0.0), free[k, at]))
-            until = at + max(1, _lasts(free[best, at:] >= 0.0))
-            if until >= len(guess):
+            best = int(np.argmax([_lasts(row) for row in free[:, at:] >= 0.0]))
+            until = at + _lasts(free[best, at:] >= 0.0)
+            clear = np.flatnonzero((free[:, until:] >= 0.0).any(axis=0))
+            if not len(clear):
                 legs.append(Leg(box, SIDES[best], begins, None))
                 break
+            at = until + int(clear[0])  # through the box, if the guess leads through it
             ends = first_instant + len(instants)
-            instants.append(until / len(guess))
+            instants.append(0.5 * (until + at) / len(guess))
             legs.append(Leg(box, SIDES[best], begins, ends))
-            at, begins = until, ends
+            begins = ends
     return Way(tuple(legs), tuple(instants))
 
 

@@ -11,7 +11,7 @@ from cranectl.reference import load_scenario
 from cranectl.reference.planning.geometry import Straight
 from cranectl.reference.planning.limits import Limits, limits_of
 from cranectl.reference.planning.minimum_time import Task
-from cranectl.reference.planning.plan import HASTE, PRECISION, free_motion
+from cranectl.reference.planning.plan import PRECISION, free_motion
 from cranectl.reference.planning.route import stops
 from cranectl.reference.planning.shortest import shortest
 from cranectl.scenario import Scenario
@@ -60,4 +60,4 @@ def task(ends: Ends, of: Scenario, **options) -> Task:  # type: ignore[no-untype
     durations = [shortest(Straight(a, b), limits) for a, b in itertools.pairwise(corners)]
     assert all(isinstance(duration, float) for duration in durations), durations
     longest = float(sum(durations))  # type: ignore[arg-type]
-    return free_motion(segment, points, corners, limits, longest * (HASTE if len(corners) > 2 else 1.0))
+    return free_motion(segment, points, corners, limits, longest)

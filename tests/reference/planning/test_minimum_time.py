@@ -9,8 +9,9 @@ import pytest
 from cranectl.reference import planned
 from cranectl.reference.planning.geometry import Circular, Geometry, Straight
 from cranectl.reference.planning.limits import FIXED, excesses, motion
-from cranectl.reference.planning.minimum_time import Motion, Task, along_path, minimum_time
+from cranectl.reference.planning.minimum_time import Motion, Task, _minimum_time, along_path, minimum_time
 from cranectl.reference.planning.problem import ORDERS
+from cranectl.reference.planning.programs import solve
 from cranectl.reference.planning.series import from_derivatives
 from cranectl.reference.planning.shortest import shortest
 from cranectl.reference.time_laws import spline
@@ -98,8 +99,8 @@ def test_paths_are_as_short_as_a_bound_allows(lag: bool) -> None:
 def test_other_first_guesses_end_at_the_same_duration(name: str, aside: float, longer: float) -> None:
     of, part = task(name, True), np.linspace(0.0, 1.0, len(task(name, True).guess))[:, None]
     bump = np.sin(np.pi * part) ** 4
-    other = replace(of, guess=of.guess + aside * bump * [0.0, 1.0, 0.3], duration=longer * of.duration)
-    found = minimum_time(other)
+    other = replace(of, guess=of.guess + aside * bump * [0.0, 1.0, 0.3])
+    found = _minimum_time(other, solve, longer)
     assert found
     assert found.duration == pytest.approx(plan(name, True).duration, rel=1e-3)
 
@@ -154,3 +155,18 @@ def test_options_are_kept(options: dict[str, object]) -> None:
         fine = nearest + np.linspace(-1.0, 1.0, 20_001) * (at[1] - at[0])
         # To 1e-6 of a way of 1.1 m; the samples are 1e-8 m apart.
         assert np.linalg.norm(curve(np.clip(fine, 0.0, at[-1])) - point, axis=1).min() < 1e-6
+
+
+def test_a_point_may_come_after_a_wall_or_before_it() -> None:
+    """The instants of points and of obstacles have no order among each other."""
+    here, there = (0.4, 0.77, -1.1), (1.6, 0.77, -1.1)
+    beyond = (1.5, 0.9, -0.9)
+    durations = []
+    for start, end in ((here, there), (there, here)):
+        of = scenario(obstacles=[WALL])
+        segments = (Move(kind="move", to=end, via=(beyond,)),)
+        reference = of.reference.model_copy(update={"start": start, "segments": segments})
+        ready = planned(of.model_copy(update={"reference": reference})).reference.segments
+        assert [segment.kind for segment in ready] == ["spline"]
+        durations.append(ready[0].duration)
+    assert durations[0] == pytest.approx(durations[1], rel=0.02)

@@ -26,7 +26,7 @@ def case(request: pytest.FixtureRequest) -> tuple[Problem, np.ndarray]:
     """A problem, and unknowns near those that it begins with."""
     task: Task = replace(TASKS[request.param], spans=9)
     problem = _problem(_inside(task), np.linspace(0.0, 1.0, 20))
-    x = problem.unknowns(_fitted(problem, task), task.duration, task.instants)
+    x = problem.unknowns(_fitted(problem, task, 1.0), task.duration, task.instants)
     return problem, x + np.random.default_rng(1).uniform(-0.01, 0.01, len(x))
 
 
@@ -62,7 +62,7 @@ def test_the_curvature_is_that_of_priced_slopes(case: tuple[Problem, np.ndarray]
 def test_unknowns_are_what_they_stand_for() -> None:
     task = TASKS["via"]
     problem = _problem(task, np.linspace(0.0, 1.0, 9))
-    x = problem.unknowns(_fitted(problem, task), 2.5, task.instants)
+    x = problem.unknowns(_fitted(problem, task, 1.0), 2.5, task.instants)
     coefficients = problem.coefficients(x)
     assert problem.duration(x) == 2.5
     assert (coefficients[:5] == task.start).all()
