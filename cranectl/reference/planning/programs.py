@@ -22,6 +22,8 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.1, 1.0, 1e-6  # of the trust region,
 CORRECTIONS = 4  # of a step, at most
 MOST_STEPS = 80
 GOOD_ENOUGH = 2e-5  # gain of a step, in durations, that is not worth another
+SADDLE = 1e-2  # second derivative, in durations and sizes of the unknowns, that is worth leaving
+ASIDE = 1.0  # way from a saddle, in sizes of the unknowns
 PRICED = 1e-6  # of a limit that acts
 FEASIBLE = 1e-3  # excess that is left, in parts of a limit, of a solution
 
@@ -39,6 +41,7 @@ class Solution(NamedTuple):
 class Prices(NamedTuple):
     """What the merit adds to the duration [s]."""
 
+    unit: float  # a duration
     effort: float  # of the mean square of the efforts
     excess: float  # of the largest excess
 
@@ -52,7 +55,9 @@ def solve(problem: Problem, x: Array, sizes: Array, price: float = PRICES[0]) ->
     for penalty in PRICES:
         if penalty < price:
             continue
-        found = _descend(problem, x, sizes, Prices(EFFORT * unit, penalty * unit))._replace(price=penalty)
+        found = _descend(problem, x, sizes, Prices(unit, EFFORT * unit, penalty * unit))._replace(
+            price=penalty
+        )
         x, steps = found.x, steps + found.steps
         if found.solved:
             break
@@ -88,18 +93,33 @@ def _merit(problem: Problem, x: Array, price: Prices) -> tuple[float, Array]:
 
 
 def _descend(problem: Problem, x: Array, sizes: Array, price: Prices) -> Solution:
+    """To a minimum: a saddle, as motions in a plane often are, is left along its negative curvature."""
+    found, downhill = _to_rest(problem, x, sizes, price, MOST_STEPS)
+    if not found.solved or not downhill.any():
+        return found
+    there = found.x + sizes * ASIDE * downhill
+    other, _ = _to_rest(problem, there, sizes, price, MOST_STEPS // 4)
+    steps = found.steps + other.steps
+    better = other.solved and problem.duration(other.x) < problem.duration(found.x)
+    return (other if better else found)._replace(steps=steps)
+
+
+def _to_rest(
+    problem: Problem, x: Array, sizes: Array, price: Prices, most_steps: int
+) -> tuple[Solution, Array]:
+    """To where no step gains enough; and along what the merit falls there by its second derivative, or 0."""
     radius, at = FIRST_STEP, problem.width
     near, prices = _local(problem, x, sizes), np.zeros(0)
     value, _ = _merit(problem, x, price)
-    bend = _bend(problem, x, near, prices, sizes, price)
+    bend, downhill = _bend(problem, x, near, prices, sizes, price)
     enough = GOOD_ENOUGH * float(x[at])
     chosen = np.zeros(len(near.excess), dtype=bool)
     time = np.eye(len(x))[at] * sizes[at]  # the duration's slope
     step = 0
-    for step in range(1, MOST_STEPS + 1):
+    for step in range(1, most_steps + 1):
         found = _program(near, near.excess, bend, radius, time, price, chosen)
         if found is None:
-            return Solution(x, float(near.excess.max()), step, False)
+            return Solution(x, float(near.excess.max()), step, False), downhill
         move, prices = found
         gain = value - near.model(move, bend, float(x[at] + time @ move), price)
         if gain < enough:
@@ -128,25 +148,32 @@ def _descend(problem: Problem, x: Array, sizes: Array, price: Prices) -> Solutio
             x, value = x + sizes * move, reached
             chosen[:] = prices > 0.0
             near = _local(problem, x, sizes)
-            bend = _bend(problem, x, near, prices, sizes, price)
-    excess = near.excess
+            bend, downhill = _bend(problem, x, near, prices, sizes, price)
     most = float(near.excess.max())
-    return Solution(x, most, step, most < FEASIBLE)
+    return Solution(x, most, step, most < FEASIBLE), downhill
 
 
-def _bend(problem: Problem, x: Array, near: Local, prices: Array, sizes: Array, price: Prices) -> Array:
-    """Second derivative of the priced efforts, and of the limits that act along them where it is convex."""
+def _bend(
+    problem: Problem, x: Array, near: Local, prices: Array, sizes: Array, price: Prices
+) -> tuple[Array, Array]:
+    """Second derivative of the priced efforts, and of the limits that act along them where it is convex.
+
+    And the direction of what is not convex, or zeros.
+    """
     slope = near.effort_slope
     bend: Array = 2.0 * price.effort / len(slope) * slope.T @ slope
     if not prices.any():
-        return bend
+        return bend, np.zeros(len(x))
     whole = problem.curvature(x, prices) * np.outer(sizes, sizes)
     _, size, directions = np.linalg.svd(near.slope[prices > 0.0])
     along = directions[np.count_nonzero(size > 1e-8 * size[0]) :].T
     values, vectors = np.linalg.eigh(along.T @ whole @ along)
     basis = along @ vectors
+    total, directions = np.linalg.eigh(along.T @ (whole + bend) @ along)
+    falls = total[:1] < -SADDLE * price.unit
+    downhill = along @ directions[:, :1] @ falls
     bend += (basis * np.maximum(values, 0.0)) @ basis.T
-    return bend
+    return bend, downhill
 
 
 def _program(
