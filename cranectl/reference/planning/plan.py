@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
@@ -23,7 +24,7 @@ from cranectl.reference.planning.minimum_time import (
 )
 from cranectl.reference.planning.route import rounded, stops, way
 from cranectl.reference.planning.shortest import about_shortest, shortest
-from cranectl.reference.time_laws import law_of
+from cranectl.reference.time_laws import PLANNED_DEGREE, law_of
 from cranectl.scenario import Line, Scenario
 from cranectl.scenario.along_path import MINIMUM_TIME, Along, BlendedPath, SplineLaw
 from cranectl.scenario.segments import Move, Segment, Spline, seconds
@@ -78,7 +79,7 @@ def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, whe
     check_point(place(geometry, 1.0), limits, f"{where}: its end")
     if segment.time_law == MINIMUM_TIME:
         longest = _known(about_shortest(geometry, limits), where)
-        found = minimum_time(along_path(geometry, limits, longest), _solver(scenario))
+        found = _found(along_path(geometry, limits, longest), scenario)
         if found is not None and found.duration < longest:
             return _with_law(segment, found)
     duration = _shortest(geometry, limits, where)
@@ -96,7 +97,7 @@ def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, 
     limits = limits_of(scenario)._replace(size=PRECISION * geometry.length)
     laws = [(law_of(part), seconds(part), path.length) for part, path in zip(stopping, given, strict=True)]
     task = along_parts(geometry, limits, laws)
-    found = minimum_time(task, _solver(scenario))
+    found = _found(task, scenario)
     if found is not None and found.duration < task.duration:
         return [_with_law(segment, found)]
     return list(stopping)
@@ -137,9 +138,9 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
     longest = sum(map(seconds, lines))
     if segment.duration is None:
         task = free_motion(segment, points, corners, limits, longest)
-        found = minimum_time(task, _solver(scenario))
+        found = _found(task, scenario)
         if found is not None and found.duration < longest:
-            breaks = np.linspace(0.0, found.duration, task.spans + 1)
+            breaks = np.linspace(0.0, found.duration, len(found.coefficients) - PLANNED_DEGREE + 1)
             return [
                 Spline(
                     kind="spline",
@@ -218,6 +219,7 @@ def _known(found: float | dict[str, float], where: str) -> float:
     raise no_motion(found, where)
 
 
-def _solver(scenario: Scenario) -> Solver:
-    """That of `[planning]`."""
-    return ipopt.solve if scenario.planning.solver == "ipopt" else programs.solve
+def _found(task: Task, scenario: Scenario) -> Motion | None:
+    """By the solver and with the knots of `[planning]`."""
+    solver: Solver = ipopt.solve if scenario.planning.solver == "ipopt" else programs.solve
+    return minimum_time(replace(task, spans=scenario.planning.refinement * task.spans), solver)
