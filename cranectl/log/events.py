@@ -31,7 +31,7 @@ class Event:
 # is of another package, and new ones come last, since logs hold their numbers. Which cardan angles are
 # disturbed, the sum of 1 for alpha and 2 for beta; which drives' limits act, the sum of 1 for the bridge, 2
 # for the trolley and 4 for the rope. Protobuf wants names that no other enumeration of a message has.
-Phase = IntEnum("Phase", "HOLD LINE ARC ADDED MOVE WAYPOINTS SAMPLES SPLINE DRIVEN", start=0)
+Phase = IntEnum("Phase", "HOLD LINE ARC ADDED MOVE WAYPOINTS SAMPLES SPLINE DRIVEN PATH", start=0)
 Disturbed = IntEnum(
     "Disturbed",
     "NONE ALPHA BETA ALPHA_AND_BETA FORCE ALPHA_AND_FORCE BETA_AND_FORCE ALPHA_BETA_AND_FORCE",

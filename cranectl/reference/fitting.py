@@ -41,12 +41,13 @@ def through_points(time: Array, points: Array) -> BSpline:
 
 
 def path_through(parameter: Array, points: Array) -> BSpline:
-    """The natural spline of degree 7 through `points` (N, 3) [m]: smooth, and in motion at its ends."""
-    if len(points) <= FREE:  # a polynomial of lower degree, which needs no more
-        at = np.linspace(parameter[0], parameter[-1], NEAR + 1)
+    """The natural spline of degree 7 through `points` (N, 3) [m], a knot at each, in motion at its ends."""
+    if len(points) < FREE:  # a polynomial of lower degree, which needs no more
+        knots = np.concatenate([[parameter[0]] * NEAR, parameter, [parameter[-1]] * NEAR])
+        means = [knots[k + 1 : k + NEAR + 1].mean() for k in range(len(knots) - NEAR - 1)]
+        at = np.clip(means, parameter[0], parameter[-1])
         lower = make_interp_spline(parameter, points, k=len(points) - 1)
-        parameter, points = at, lower(at)
-        curve = make_interp_spline(parameter, points, k=NEAR)
+        curve = make_interp_spline(at, lower(at), k=NEAR, t=knots)
     else:
         natural = [(order, np.zeros(3)) for order in range(FREE, NEAR)]
         curve = make_interp_spline(parameter, points, k=NEAR, bc_type=(natural, natural))

@@ -191,13 +191,16 @@ def test_segments_that_were_made_have_the_phase_of_what_was_asked_for(tmp_path: 
         "kind": "driven", "duration": 0.1, "period": 0.001, "bandwidth": 1e3, "speed": [1.0] * 3,
         "low": [0.0, 0.0, -1.0], "high": [2.0, 1.0, -0.1],
     }  # fmt: skip
-    segments = [*({"kind": "spline", **still, **more} for more in [*made, {}]), driven]
+    corner = [{"kind": "line", "to": [1.0 + x, 0.77, -0.7 + z]} for x, z in ((1e-4, 0.0), (1e-4, 1e-4))]
+    parts = [{**line, "time_law": "minimum-time"} for line in corner]
+    blended = {"kind": "path", "parts": parts, "taken": [3e-5], "duration": 0.1}
+    segments = [*({"kind": "spline", **still, **more} for more in [*made, {}]), driven, blended]
     reference = {"start": [1.0, 0.77, -0.7], "segments": segments}
-    scenario = Scenario.model_validate({"name": "made", "duration": 0.6, "reference": reference})
+    scenario = Scenario.model_validate({"name": "made", "duration": 0.7, "reference": reference})
     path = write_log(tmp_path / "a.mcap", [simulate_run(scenario, plant="analytic")])
     changes = {time: change.phase for time, change in messages_of(path, "/analytic/status")}
-    wanted = [Phase.MOVE, Phase.WAYPOINTS, Phase.SAMPLES, Phase.SPLINE, Phase.DRIVEN, Phase.HOLD]
-    assert [changes[k * 10**8] for k in range(6)] == wanted
+    wanted = [Phase.MOVE, Phase.WAYPOINTS, Phase.SAMPLES, Phase.SPLINE, Phase.DRIVEN, Phase.PATH]
+    assert [changes[k * 10**8] for k in range(7)] == [*wanted, Phase.HOLD]
     added = SimpleNamespace(kind="helix", duration=1.0)
     moved = scenario.reference.model_copy(update={"segments": (added,)})
     assert phases(scenario.model_copy(update={"reference": moved}))[0] == (0, Phase.ADDED)

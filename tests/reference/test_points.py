@@ -23,6 +23,7 @@ def test_a_path_passes_its_points_and_moves_at_its_ends(count: int) -> None:
     curve = path_through(parameter, points)
     assert curve(parameter) == pytest.approx(points, abs=1e-12)
     assert np.array_equal(curve.c[[0, -1]], points[[0, -1]])
+    assert np.unique(curve.t) == pytest.approx(parameter)
     ends = parameter[[0, -1]]
     assert (np.linalg.norm(curve.derivative()(ends), axis=1) > 0.1).all()
     if count > 4:  # natural; with fewer points a polynomial without these

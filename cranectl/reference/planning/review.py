@@ -6,15 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference.planning.given_path import geometry_of
+from cranectl.reference.planning.given_path import geometry_of, parts_of
 from cranectl.reference.planning.limits import AXES, Limits, Quantity, key_of, limits_of, motion, quantities
 from cranectl.reference.planning.problem import ToLoad, series_along
 from cranectl.reference.planning.proof import Proof, prove
 from cranectl.reference.planning.shortest import COEFFICIENTS, DEGREE
-from cranectl.reference.time_laws import PLANNED_DEGREE
+from cranectl.reference.time_laws import PLANNED_DEGREE, spline
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario, Segment
-from cranectl.scenario.along_path import AlongPath, Arc, BlendedPath, Line, SplineLaw
+from cranectl.scenario.along_path import Arc, BlendedPath, Line, SplineLaw
 from cranectl.scenario.segments import Spline, seconds
 from cranectl.support.arrays import Array
 
@@ -52,6 +52,7 @@ class Review(NamedTuple):
     time: Array  # (N,) [s] from the segment's start
     shares: dict[str, Array]  # of each limit, (N,)
     path: Array  # (N, 3) of the load [m]
+    asked: Array  # (M, 3) corners that are blended, or points that are passed, but for the ends [m]
 
     @property
     def tightest(self) -> tuple[str, float]:
@@ -96,13 +97,12 @@ def in_words(segment: Segment) -> str:
     """How a segment was planned; nothing if it was not."""
     if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
         return "a move in minimum time"
-    if isinstance(segment, Spline) and segment.time_law is not None:
-        return f"{'way points' if segment.made_from else 'a given spline'} in minimum time"
+    if not isinstance(getattr(segment, "time_law", None), SplineLaw):
+        return ""
     if isinstance(segment, BlendedPath):
         return "a path with blended corners in minimum time"
-    if isinstance(segment, AlongPath) and isinstance(segment.time_law, SplineLaw):
-        return f"a given {segment.kind} in minimum time"
-    return ""
+    passed = isinstance(segment, Spline) and segment.made_from
+    return f"{'way points' if passed else f'a given {segment.kind}'} in minimum time"
 
 
 def curve_of(segment: Segment, start: Array) -> Curve:
@@ -150,7 +150,18 @@ def _review(
         time=time,
         shares=shares,
         path=path,
+        asked=_asked(segment, start),
     )
+
+
+def _asked(segment: Segment, start: Array) -> Array:
+    if isinstance(segment, BlendedPath):
+        return np.array([part.start for part in parts_of(segment.parts, start)[1:]])
+    if isinstance(segment, Spline) and segment.time_law is not None:
+        breaks = np.array(segment.breaks)
+        points: Array = spline(breaks, np.array(segment.coefficients), segment.degree)(breaks[1:-1])
+        return points
+    return np.zeros((0, 3))
 
 
 _PROVEN: dict[str, Proof] = {}
