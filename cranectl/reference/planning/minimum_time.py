@@ -19,7 +19,7 @@ from cranectl.reference.time_laws import PLANNED_DEGREE, Law, time_law
 from cranectl.support.arrays import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a given path
-SPANS_A_PART = 20  # of motions along parts that go over into each other, if that makes more
+DENSITY_IN_BLENDS = 16  # the same, for paths with blends: in those much happens in a span
 GUESS = 401  # points of a first guess
 DENSITY = 8  # samples a span at first
 FINE = 40  # samples a span by which a solution is looked at before it is proven
@@ -55,6 +55,7 @@ class Task:
     duration: float  # by the law of degree 9, with stops where it needs them [s]
     spans: int
     forwards: bool = False
+    density: int = DENSITY  # samples a span at first
     via: tuple[Array, ...] = ()  # coordinates (d,) to be passed
     legs: tuple[Leg, ...] = ()
     instants: tuple[float, ...] = ()  # of the guess: when via points are passed, and sides change
@@ -76,9 +77,9 @@ def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law
         length / lengths.sum() * time_law(law, np.clip((at - begin) / duration, 0.0, 1.0), 1)[0]
         for (law, duration, length), begin in zip(stopping, begins, strict=True)
     )
-    spans = max(SPANS_ALONG, SPANS_A_PART * len(stopping))
     ends = np.zeros(1), np.ones(1)
-    return Task(*ends, geometry, limits, guess[:, None], durations.sum(), spans, forwards=True)
+    guessed = guess[:, None], float(durations.sum())
+    return Task(*ends, geometry, limits, *guessed, SPANS_ALONG, forwards=True, density=DENSITY_IN_BLENDS)
 
 
 def minimum_time(task: Task, solver: Solver = solve) -> Motion | None:
@@ -87,7 +88,7 @@ def minimum_time(task: Task, solver: Solver = solve) -> Motion | None:
 
 
 def _minimum_time(task: Task, solver: Solver, slower: float = 1.0, price: float = PRICES[0]) -> Motion | None:
-    fractions = np.linspace(0.0, 1.0, task.spans * DENSITY + 1)
+    fractions = np.linspace(0.0, 1.0, task.spans * task.density + 1)
     inside = _inside(task)
     problem = _problem(inside, fractions)
     begun, coefficients = _guess(inside, problem)
