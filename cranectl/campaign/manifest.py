@@ -21,7 +21,7 @@ from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import HARMLESS, provenance
 
-FORMAT = 2
+FORMAT = 3
 RULE = 1  # of identities; parts of all formats have it
 DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
 DEFAULT_RIG = RigParameters().model_dump(mode="json")
@@ -122,7 +122,12 @@ def _first_format(data: Mapping[str, Any]) -> Table:
     return {**data, "format": FORMAT, "accepted": []}
 
 
-READERS: dict[int, Callable[[Mapping[str, Any]], Table]] = {1: _first_format, FORMAT: dict}
+def _second_format(data: Mapping[str, Any]) -> Table:
+    """Its parts lack columns, which is said where they are read."""
+    return {**data, "format": FORMAT}
+
+
+READERS: dict[int, Callable[[Mapping[str, Any]], Table]] = {1: _first_format, 2: _second_format, FORMAT: dict}
 
 
 def _short(value: Any) -> str:

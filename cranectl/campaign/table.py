@@ -103,6 +103,7 @@ def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
     return pyarrow.schema(fields, metadata=metadata)
 
 
+SINCE_3 = ("min_clearance_m",)  # columns that parts of formats 1 and 2 do not have: null there
 BATCH = (b"plant", b"controller", b"first")  # metadata that tells it
 DIGEST = b"columns"  # metadata: of what the part says of its columns
 FEW_VALUES = ["plant", "controller", "status", "reason"]  # columns that repeat themselves
@@ -159,13 +160,17 @@ def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: 
     if origin is None:
         raise DamageError("it belongs to another campaign")
     expected = _part_schema(campaign, origin, batch)
-    _check_schema(schema, expected)
+    absent = {name for name in SINCE_3 if name not in schema.names}
+    known = pyarrow.schema([each for each in expected if each.name not in absent], metadata=expected.metadata)
+    _check_schema(schema, known)
     keys = [list(range(batch.first, batch.last)), [batch.plant], [batch.controller]]
     found = [table["sample"].to_pylist()]
     found += [sorted(set(table[name].to_pylist())) for name in ("plant", "controller")]
     if found != keys:
         raise DamageError("its rows are not those of its batch")
-    return table.cast(expected), origin
+    for name in absent:
+        table = table.append_column(name, pyarrow.nulls(len(table), expected.field(name).type))
+    return table.select(expected.names).cast(expected), origin
 
 
 def _part_schema(campaign: Campaign, origin: Origin, batch: Batch) -> Any:

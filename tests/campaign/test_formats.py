@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cranectl.campaign import table as columns
@@ -46,6 +47,7 @@ def test_its_numbers_are_what_they_were(number: int) -> None:
     results = read_results(SAMPLES / f"format-{number}")
     assert results.missing == ()
     assert results.column("max_error_m")[:6].tolist() == ERRORS
+    assert np.isnan(results.column("min_clearance_m")).all(), "without obstacles, and in formats before 3"
     assert results.row(5)["rig.winch_time_constant"] == 0.027448522737539484
     lqr = summarize(results)[0]
     assert (lqr.runs, lqr.failures, lqr.worst_sample) == (6, 2, 5)
@@ -101,7 +103,7 @@ def test_columns_may_be_described_in_other_words(number: int, monkeypatch: pytes
 @pytest.mark.parametrize(
     ("text", "found", "remedy"),
     [
-        ('{"format": 3}', "campaign.json has format 3", "newer cranectl"),
+        ('{"format": 4}', "campaign.json has format 4", "newer cranectl"),
         ('{"format": 0}', "no manifest of a campaign", "run the campaign again"),
         ('{"format": [1]}', "no manifest of a campaign", "run the campaign again"),
         ("[" * 20_000, "campaign.json", "--overwrite"),

@@ -17,7 +17,7 @@ from cranectl.reference.planning.problem import Problem
 from cranectl.support.arrays import Array
 
 EFFORT = 1e-2  # price of the mean square of the drives' shares of their limits, in durations
-PRICES = 3.0, 12.0  # price of the largest excess in parts of its limit, in durations
+PRICES = 6.0, 24.0  # price of the largest excess in parts of its limit, in durations
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.1, 1.0, 1e-6  # of the trust region, in sizes of the unknowns
 CORRECTIONS = 4  # of a step, at most
 MOST_STEPS = 80
