@@ -13,11 +13,15 @@ from cranectl.support.files import PLOTS
 @click.command("plan", cls=Command)
 @click.argument("scenario")
 @output_option("--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=PLOTS)
+@click.option(
+    "--bound", is_flag=True, help="Plan with twice the knots too; tell what ever finer ones tend to."
+)
 @scenario_options
 @json_option
 def plan_command(
     scenario: str,
     plot: Path | None,
+    bound: bool,
     rig: Path | None,
     overrides: tuple[str, ...],
     json_file: str | None,
@@ -29,10 +33,12 @@ def plan_command(
     \b
     cranectl plan fast-diagonal-shortest
     cranectl plan fast-diagonal-shortest --plot plan.svg
+    cranectl plan fast-diagonal-shortest --bound
     cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
     """
     from cranectl.cli.output import console, write_json
     from cranectl.reference import planned
+    from cranectl.reference.finer import least_durations
     from cranectl.reference.planning.review import reviews
     from cranectl.report.plan import plan_json, plan_tables
     from cranectl.scenario import read_scenario, scenario_file
@@ -40,6 +46,7 @@ def plan_command(
     asked = read_scenario(scenario, rig=rig, overrides=overrides)
     ready = planned(asked, scenario_file(scenario).parent)
     found = reviews(ready)
+    least = least_durations(asked, scenario_file(scenario).parent) if bound and found else ()
     if plot is not None and not found:
         raise InputError(
             f"nothing to draw: all segments of {ready.name} say themselves when the load is where",
@@ -47,7 +54,7 @@ def plan_command(
             remedy="take kind = 'move', or time_law = 'minimum-time' instead of a duration",
         )
     screen = console(json_file)
-    for table in plan_tables(ready, found):
+    for table in plan_tables(ready, found, least):
         screen.print(table)
     if plot is not None:
         from cranectl.report.plan import plan_figure
@@ -55,6 +62,6 @@ def plan_command(
 
         save_figure(plan_figure(found, ready), plot)
         screen.print(f"picture: {plot}")
-    write_json(json_file, plan_json(ready, found))
+    write_json(json_file, plan_json(ready, found, least))
     holds = all(review.proof.holds for review in found)
     return exit_codes.GOOD if holds else exit_codes.LIMIT_EXCEEDED

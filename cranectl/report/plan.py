@@ -23,8 +23,11 @@ PANELS = {  # title: quantities, each with its label
 }
 
 
-def plan_tables(scenario: Scenario, found: Sequence[Review]) -> list[Table]:
-    """When which segment is driven; of the planned ones what proves them, and the limits that act."""
+def plan_tables(scenario: Scenario, found: Sequence[Review], least: Sequence[float] = ()) -> list[Table]:
+    """When which segment is driven; of the planned ones what proves them, and the limits that act.
+
+    `least` [s] is how long each would last at best, or nothing if that was not asked for.
+    """
     reviews = {review.segment: review for review in found}
     rows, begins = [], 0.0
     for index, segment in enumerate(scenario.reference.segments):
@@ -35,6 +38,8 @@ def plan_tables(scenario: Scenario, found: Sequence[Review]) -> list[Table]:
             else [f"{review.least:.3f}" if review.least else "", str(review.proof.pieces), _slack(review)]
         )
         what = review.planned if review else f"a {segment.kind}, as given"
+        if least:
+            more.append(f"{least[index]:.3f}, {duration / least[index] - 1.0:.1%}" if review else "")
         rows.append(cells(str(index), what, f"{begins:.3f}", f"{duration:.3f}", *more))
         begins += duration
     headings = (
@@ -45,11 +50,14 @@ def plan_tables(scenario: Scenario, found: Sequence[Review]) -> list[Table]:
         "drives alone\n[s]",
         "pieces\nproven",
         "smallest slack",
+        *(("least with any knots\n[s], gap",) if least else ()),
     )
     note = (
         "Drives alone: what they would need without a load, which nothing can be under. Proven: every limit "
         "holds at every moment, on each of so many pieces of the motion. Slack: what is left of a limit."
     )
+    if least:
+        note += " Least with any knots: extrapolated from this plan and one with twice as many, an estimate."
     tables = [Table("", headings, tuple(rows), labels=2, note=note if found else "")]
     acting = [
         cells(str(review.segment), name, ", ".join(f"{each.start:.2f}–{each.end:.2f}" for each in stretches))
@@ -63,7 +71,7 @@ def plan_tables(scenario: Scenario, found: Sequence[Review]) -> list[Table]:
     return tables
 
 
-def plan_json(scenario: Scenario, found: Sequence[Review]) -> dict[str, Any]:
+def plan_json(scenario: Scenario, found: Sequence[Review], least: Sequence[float] = ()) -> dict[str, Any]:
     """The same for programs."""
     return {
         "scenario": scenario.name,
@@ -75,6 +83,7 @@ def plan_json(scenario: Scenario, found: Sequence[Review]) -> dict[str, Any]:
                 "start_s": review.start,
                 "duration_s": review.duration,
                 "drives_alone_s": review.least,
+                **({"least_with_any_knots_s": least[review.segment]} if least else {}),
                 "proven": review.proof.holds,
                 "pieces": review.proof.pieces,
                 "slack": review.proof.slack,

@@ -66,6 +66,17 @@ def test_a_log_runs_again_without_planning(monkeypatch: pytest.MonkeyPatch) -> N
     assert np.array_equal(again.table[::every], run.table)
 
 
+def test_what_finer_knots_would_gain_is_told_on_request(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("across.toml").write_text(SCENARIO)
+    assert main(["plan", "across.toml", "--bound", "--json", "plan.json"]) == 0
+    assert "least with any knots" in capsys.readouterr().out
+    (told,) = json.loads(Path("plan.json").read_text())["segments"]
+    finer = load_scenario("across.toml", overrides=["planning.refinement=2"])
+    (fine,) = [segment.duration for segment in finer.reference.segments]
+    assert told["drives_alone_s"] < told["least_with_any_knots_s"] < fine < told["duration_s"]
+    assert told["least_with_any_knots_s"] == pytest.approx(2.0 * fine - told["duration_s"])
+
+
 def test_nothing_is_planned_where_everything_has_its_time(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", "fast-diagonal"]) == 0
     assert "a line, as given" in capsys.readouterr().out
