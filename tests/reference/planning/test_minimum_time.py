@@ -18,7 +18,7 @@ from cranectl.reference.time_laws import spline
 from cranectl.scenario.segments import Move, Spline
 from tests.reference.planning.bang_bang import CASES, bound
 from tests.reference.planning.bang_bang import Limits as Bounds
-from tests.reference.planning.tasks import WALL, limits_for, move, scenario, share
+from tests.reference.planning.tasks import AT_MOST, WALL, limits_for, move, scenario, share
 from tests.reference.planning.test_limits import inside_box
 
 SAMPLES = 100_000
@@ -103,6 +103,22 @@ def test_other_first_guesses_end_at_the_same_duration(name: str, aside: float, l
     found = _minimum_time(other, solve, longer)
     assert found
     assert found.duration == pytest.approx(plan(name, True).duration, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", share(["b", "d, line", "a", "d, turn"]))
+def test_ever_finer_knots_tend_to_the_bound(name: str) -> None:
+    """What `cranectl plan --bound` extrapolates, at the same limits."""
+    of, found = task(name, False), plan(name, False)
+    finer = minimum_time(replace(of, spans=2 * of.spans))
+    assert finer
+    limits = Bounds()
+    at_most = Bounds(
+        velocity=tuple(AT_MOST * v for v in limits.velocity),
+        acceleration=tuple(AT_MOST * u for u in limits.acceleration),
+        lean=AT_MOST * limits.lean,
+        tension=tuple(1.0 + AT_MOST * (weights - 1.0) for weights in limits.tension),
+    )
+    assert 2.0 * finer.duration - found.duration == pytest.approx(bound(CASES[name], at_most), rel=4e-3)
 
 
 @pytest.mark.parametrize("name", ["a", "b", "d, line", "d, turn"])
