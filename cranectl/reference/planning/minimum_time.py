@@ -28,6 +28,7 @@ SMOOTH = 1.0, 10.0, 100.0  # weights of fifth differences of a guess's coefficie
 PASSED = 1e3  # weight of its distances from via points
 LET = 0.02  # excess, in parts of a limit, that a guess may have over what it has at rest
 SLOWER = 1.5  # is the second guess, whose excesses cost much from the beginning
+NEARBY = np.array([-1.0, 0.0, 1.0])  # where samples are added, in distances of fine ones: what breaks moves
 ROUNDS = 10  # of sampling more finely
 
 Solver = Callable[[Problem, Array, Array, float], Solution]
@@ -114,7 +115,8 @@ def _minimum_time(task: Task, solver: Solver, slower: float = 1.0, price: float 
                 return Motion(duration, coefficients, proof, steps, round_)
             broken = np.array([0.5 * (each.start + each.end) / duration for each in proof.broken])
             obstructed = any(each.name in obstacles for each in proof.broken)
-        fractions = np.unique(np.concatenate([fractions, broken]))
+        beside_them = (broken[:, None] + NEARBY / (task.spans * FINE)).ravel()
+        fractions = np.unique(np.clip(np.concatenate([fractions, beside_them]), 0.0, 1.0))
         beside *= 1 + obstructed
         problem = _problem(inside, fractions, beside)
     return None
