@@ -103,7 +103,8 @@ def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
     return pyarrow.schema(fields, metadata=metadata)
 
 
-SINCE_3 = ("min_clearance_m",)  # columns that parts of formats 1 and 2 do not have: null there
+# Metrics whose columns parts of formats 1 and 2 do not have: null there.
+SINCE_3 = ("min_clearance_m", "residual_sway_about_lean_rad", "command_variation_m_s2")
 BATCH = (b"plant", b"controller", b"first")  # metadata that tells it
 DIGEST = b"columns"  # metadata: of what the part says of its columns
 FEW_VALUES = ["plant", "controller", "status", "reason"]  # columns that repeat themselves
@@ -160,7 +161,7 @@ def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: 
     if origin is None:
         raise DamageError("it belongs to another campaign")
     expected = _part_schema(campaign, origin, batch)
-    absent = {name for name in SINCE_3 if name not in schema.names}
+    absent = {name for name in expected.names if name.startswith(SINCE_3) and name not in schema.names}
     known = pyarrow.schema([each for each in expected if each.name not in absent], metadata=expected.metadata)
     _check_schema(schema, known)
     keys = [list(range(batch.first, batch.last)), [batch.plant], [batch.controller]]

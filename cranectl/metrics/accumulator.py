@@ -34,17 +34,23 @@ _SCALARS = (
     "time", "saturated",  # the sample before: [ns]; 1 or 0
 )  # fmt: skip
 _TRIPLES = (
-    "input_highest", "input_lowest", "input_squares", "drive_path",
+    "input_highest", "input_lowest", "input_squares", "input_variation", "drive_path",
     "work", "energy",  # [J] of the drives, signed; of the intervals in which it is positive
     "outside_first", "outside_excess", "outside_time",  # [ns], [m], [s]
     "rest_load_highest", "rest_load_lowest",  # samples at which the reference rests
     "position", "velocity", "load", "outside",  # the sample before: of bridge, trolley, rope; x, y, z; 1 or 0
+    "input",  # the same: commanded accelerations
     "power",  # the same, [W] of the drives, less what accelerates their own masses
 )  # fmt: skip
-_PLACES = np.dtype([(n, np.float64) for n in _SCALARS] + [(n, np.float64, (3,)) for n in _TRIPLES])
+_PAIRS = "rest_angle_highest", "rest_angle_lowest"  # of alpha, beta, at samples at which the reference rests
+_SIZES = (_SCALARS, ()), (_TRIPLES, (3,)), (_PAIRS, (2,))
+_PLACES = np.dtype([(name, np.float64, size) for names, size in _SIZES for name in names])
 TOTALS = np.dtype((np.record, _PLACES))  # a record: its places are attributes, compiled or not
-_LOWEST = ("input_lowest", "tension_least", "rest_load_lowest", "outside_first", "settled_since")
-_HIGHEST = ("input_highest", "overshoot", "rest_load_highest")
+_LOWEST = (
+    "input_lowest", "tension_least", "rest_load_lowest", "rest_angle_lowest",
+    "outside_first", "settled_since",
+)  # fmt: skip
+_HIGHEST = ("input_highest", "overshoot", "rest_load_highest", "rest_angle_highest")
 
 
 class Accumulator(NamedTuple):
@@ -116,7 +122,7 @@ def start(total: Any, row: Array, time: float) -> None:
     total.time = time
     for i in range(3):
         total.position[i], total.velocity[i] = row[STATE_COLUMN + 2 * i], row[STATE_COLUMN + 2 * i + 1]
-        total.load[i] = row[LOAD_COLUMN + i]
+        total.load[i], total.input[i] = row[LOAD_COLUMN + i], row[INPUT_COLUMN + i]
 
 
 @jit
@@ -125,6 +131,8 @@ def add_inputs(total: Any, row: Array) -> None:
     for i in range(3):
         u = row[INPUT_COLUMN + i]
         total.input_squares[i] += u * u
+        total.input_variation[i] += abs(u - total.input[i])
+        total.input[i] = u
         total.input_highest[i] = max(total.input_highest[i], u)
         total.input_lowest[i] = min(total.input_lowest[i], u)
     total.tension_least = min(total.tension_least, row[TENSION_COLUMN])
@@ -235,6 +243,9 @@ def add_rest(
         beyond += setup.direction[i] * (load - reference[i])
         total.rest_load_highest[i] = max(total.rest_load_highest[i], load)
         total.rest_load_lowest[i] = min(total.rest_load_lowest[i], load)
+    for i, angle in enumerate((row[STATE_COLUMN + ALPHA], row[STATE_COLUMN + BETA])):
+        total.rest_angle_highest[i] = max(total.rest_angle_highest[i], angle)
+        total.rest_angle_lowest[i] = min(total.rest_angle_lowest[i], angle)
     total.rest_samples += 1.0
     total.overshoot = max(total.overshoot, beyond)
     total.rest_error_max = max(total.rest_error_max, error)

@@ -117,6 +117,10 @@ def _half_range(run: Measured) -> Array:
     return half
 
 
+def _about_lean(run: Measured) -> float:
+    return float(0.5 * np.max(run.total["rest_angle_highest"] - run.total["rest_angle_lowest"]))
+
+
 def _peak(run: Measured) -> tuple[float, ...]:
     extremes = zip(run.total["input_highest"], run.total["input_lowest"], strict=True)
     return tuple(max(pair, key=abs) for pair in extremes)
@@ -149,7 +153,7 @@ METRICS = (
            "ball or how much of the rope is inside; absent without obstacles",
            "min over k and obstacles of the smaller one of both distances",
            lambda run: float(run.own["min_clearance_m"][0]) if len(run.setup.obstacles) else None, "higher",
-           row=Row("clearance of obstacles", 4, 20, always=False), kernel=add_clearance, start=(inf,)),
+           row=Row("clearance of obstacles", 4, 22, always=False), kernel=add_clearance, start=(inf,)),
     Metric("settling_time_s", "t_s", "s",
            "from rest of the reference until the error stays below the settling tolerance; absent if it does "
            "not", "first t_k ≥ t_r from which on |e| ≤ `metrics.settling_tolerance` of the scenario, 5 mm by "
@@ -168,46 +172,55 @@ METRICS = (
            "max θ_k over t_k ≥ t_r (Singer and Seering 1990)",
            _at_rest(_total("rest_sway_max")), "lower", row=Row("residual sway", 3, 8),
            compared="residual sway"),
+    Metric("residual_sway_about_lean_rad", "", "rad",
+           "half the range of the larger cardan angle once the reference rests: sway about the lean at which "
+           "a standing push holds the rope",
+           "max over α, β of (max − min) / 2 over t_k ≥ t_r",
+           _at_rest(_about_lean), "lower", row=Row("residual sway about lean", 3, 9),
+           compared="sway about the lean"),
     Metric("residual_vibration_m", "", "m", "half the range of the load's position once the reference rests",
            "(max z − min z) / 2 over t_k ≥ t_r (Singer and Seering 1990)",
-           _at_rest(_half_range), "lower", AXES, Row("residual vibration x y z", 4, 9)),
+           _at_rest(_half_range), "lower", AXES, Row("residual vibration x y z", 4, 10)),
     Metric("peak_acceleration_m_s2", "", "m/s²", "commanded acceleration of the largest size, signed",
            "of the next two, by size",
-           _peak, parts=DRIVES, row=Row("peak of ẍ_c ÿ_c l̈", 3, 12), recorded=False),
+           _peak, parts=DRIVES, row=Row("peak of ẍ_c ÿ_c l̈", 3, 13), recorded=False),
     Metric("max_acceleration_m_s2", "", "m/s²", "largest commanded acceleration", "max u_k, signed",
            _total("input_highest"), parts=DRIVES),
     Metric("min_acceleration_m_s2", "", "m/s²", "smallest commanded acceleration", "min u_k, signed",
            _total("input_lowest"), parts=DRIVES),
     Metric("rms_acceleration_m_s2", "", "m/s²", "RMS of the commanded acceleration",
            "√(Σ u_k² / N): control effort",
-           _rms("input_squares"), "lower", DRIVES, Row("RMS of ẍ_c ÿ_c l̈", 3, 13)),
+           _rms("input_squares"), "lower", DRIVES, Row("RMS of ẍ_c ÿ_c l̈", 3, 14)),
+    Metric("command_variation_m_s2", "", "m/s²", "how much the commanded acceleration changes in all",
+           "Σ |u_k − u_k−1|: total variation", _total("input_variation"), "lower", DRIVES,
+           Row("variation of ẍ_c ÿ_c l̈", 1, 15)),
     Metric("max_abs_angle_rad", "", "rad", "largest cardan angle, absolute", "max |α_k|, max |β_k|",
            lambda run: (run.total["alpha_max"], run.total["beta_max"]), "lower", ANGLES),
     Metric("max_sway_rad", "", "rad", "largest angle between rope and plumb line", "max θ_k",
-           _total("sway_max"), "lower", row=Row("sway, max", 3, 11)),
+           _total("sway_max"), "lower", row=Row("sway, max", 3, 12)),
     Metric("rms_sway_rad", "", "rad", "RMS of the angle between rope and plumb line", "√(Σ θ_k² / N)",
-           _rms("sway_squares"), "lower", row=Row("sway, RMS", 3, 10)),
+           _rms("sway_squares"), "lower", row=Row("sway, RMS", 3, 11)),
     Metric("min_rope_tension_n", "S_min", "N", "smallest tension of the rope",
            "min S_k; a rope pulls while S > 0",
-           _total("tension_least"), "higher", row=Row("rope tension, min", 3, 17),
+           _total("tension_least"), "higher", row=Row("rope tension, min", 3, 19),
            compared="least tension"),
     Metric("drive_path_m", "∫|v|dt", "m", "path of the drive", "Σ |p_k − p_k−1| of x_c, y_c, l",
-           _total("drive_path"), "lower", DRIVES, Row("path of x_c y_c l", 3, 14)),
+           _total("drive_path"), "lower", DRIVES, Row("path of x_c y_c l", 3, 16)),
     Metric("load_path_m", "∫|ż|dt", "m", "path of the load", "Σ |z_k − z_k−1|",
-           _total("load_path"), "lower", row=Row("path of the load", 3, 15)),
+           _total("load_path"), "lower", row=Row("path of the load", 3, 17)),
     Metric("drive_energy_j", "∫max(P, 0)dt", "J", "mechanical work of the drive where it is positive",
-           "Σ max(W_k, 0)", _total("energy"), "lower", DRIVES, Row("drive energy x_c y_c l", 3, 16)),
+           "Σ max(W_k, 0)", _total("energy"), "lower", DRIVES, Row("drive energy x_c y_c l", 3, 18)),
     Metric("drive_work_j", "∫P dt", "J", "mechanical work of the drive", "Σ W_k",
            _total("work"), parts=DRIVES),
     Metric("saturated_s", "", "s", "time during which a limit of any drive acts",
            "Σ Δt_k of the intervals whose held command a limit has cut off, on any drive",
-           _total("saturated_time"), "lower", row=Row("time saturated", 3, 18)),
+           _total("saturated_time"), "lower", row=Row("time saturated", 3, 20)),
     Metric("outside_first_s", "", "s", "when the axis first left its range; absent if it did not",
            "first t_k with x_c, y_c, l outside its range", _first_outside, parts=DRIVES),
     Metric("outside_excess_m", "", "m", "largest way out of the range", "largest excess",
            _total("outside_excess"), "lower", DRIVES),
     Metric("outside_time_s", "", "s", "time out of the range", "Σ Δt_k of the intervals that begin outside",
-           _total("outside_time"), "lower", DRIVES, Row("time outside x_c y_c l", 3, 19)),
+           _total("outside_time"), "lower", DRIVES, Row("time outside x_c y_c l", 3, 21)),
 )
 # fmt: on
 

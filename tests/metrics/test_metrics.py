@@ -45,7 +45,8 @@ SAMPLES, REST = 4001, 2000
 VIEWS = {"peak_acceleration_m_s2", "outside_first_s", "outside_excess_m", "outside_time_s"}  # not in JSON
 ALL = {"status", "duration_s", "workspace_violations", *(m.name for m in all_metrics())} - VIEWS
 AFTER_REST = {
-    "settling_time_s", "overshoot_m", "max_rest_error_m", "residual_sway_rad", "residual_vibration_m",
+    "settling_time_s", "overshoot_m", "max_rest_error_m", "residual_sway_rad",
+    "residual_sway_about_lean_rad", "residual_vibration_m",
 }  # fmt: skip
 
 
@@ -116,11 +117,13 @@ def test_signals_of_closed_form(synthetic: Run) -> None:
         "overshoot_m": 0.02,
         "max_rest_error_m": 0.02,
         "residual_sway_rad": 0.05,
+        "residual_sway_about_lean_rad": 0.0,
         "residual_vibration_m": (0.02, 0.0, 0.0),
         "peak_acceleration_m_s2": (0.5, 0.3, -0.2),
         "max_acceleration_m_s2": (0.5, 0.3, -0.2),
         "min_acceleration_m_s2": (-0.5, 0.3, -0.2),
         "rms_acceleration_m_s2": (0.5 * sqrt(2000 / SAMPLES), 0.3, 0.2),
+        "command_variation_m_s2": (2.0, 0.0, 0.0),  # a period of a sine
         "max_abs_angle_rad": (0.0, 0.1),
         "max_sway_rad": 0.1,
         "rms_sway_rad": sqrt((2000 * 0.1**2 + 2001 * 0.05**2) / SAMPLES),
@@ -145,6 +148,16 @@ def test_signals_of_closed_form(synthetic: Run) -> None:
     assert violation == WorkspaceViolation(
         "trolley_position", 2.586, *(pytest.approx(v) for v in (0.2, 1.414))
     )
+
+
+def test_sway_about_the_lean_is_not_the_lean(synthetic: Run) -> None:
+    """A standing push holds the rope at a lean, about which it swings; of both angles the larger swing."""
+    swings = 2.0 * pi * np.arange(SAMPLES - REST) * 1e-3
+    synthetic.table[REST:, BETA] = 0.2 + 0.01 * np.cos(swings)
+    synthetic.table[REST:, ALPHA] = -0.1 + 0.03 * np.sin(swings)
+    synthetic.table[:REST, ALPHA] = 0.4  # does not rest yet
+    assert measured(synthetic).residual_sway_about_lean_rad == pytest.approx(0.03, rel=1e-12)
+    assert measured(synthetic).residual_sway_rad > 0.2
 
 
 def test_only_what_is_beyond_the_end_point_is_overshoot(synthetic: Run) -> None:
