@@ -69,7 +69,7 @@ fuzz: setup ## try odd files and command lines for MINUTES=30; what is found is 
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
 bench: .venv/extra-bench ## measure, and write docs/proofs/performance.md
-	$(call limit,7200) $(BIN)/python validation/benchmark.py --json logs/bench.json --write docs/proofs/performance.md
+	$(call limit,7200) $(BIN)/python validation/performance.py --json logs/bench.json --write docs/proofs/performance.md
 
 mutations: .venv/extra-drake .venv/extra-plan ## change every term of the physics and of plans' limits and see a test fail; write docs/proofs/mutations.md
 	$(call limit,7200) $(BIN)/python validation/mutations.py --write docs/proofs/mutations.md

@@ -1,4 +1,4 @@
-"""What a million and a thousand million runs take, from measured costs. Part of `benchmark.py`."""
+"""What a million and a thousand million runs take, from measured costs. Part of `performance.py`."""
 
 import tempfile
 from collections.abc import Sequence

@@ -53,7 +53,7 @@ def asked(checkout: Path) -> dict[str, str]:
         ("validation/scenarios/fast-diagonal.toml", "data"),
         ("validation/campaigns/lab-rig.toml", "data"),
         ("validation/regression/exact.toml", "data"),
-        ("validation/benchmark.py", None),
+        ("validation/performance.py", None),
         ("models/notes.md", None),
     ],
 )

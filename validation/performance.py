@@ -1,7 +1,7 @@
 """What a run costs, in ratios of interleaved repeats.
 
-    python validation/benchmark.py                          print the table
-    python validation/benchmark.py --json logs/bench.json --write docs/proofs/performance.md
+    python validation/performance.py                          print the table
+    python validation/performance.py --json logs/bench.json --write docs/proofs/performance.md
 
 Each figure is measured `--repeats` times, what is compared taking turns; the median ratio counts.
 """

@@ -1,0 +1,1 @@
+"""Laws of the literature in validation/benchmark: each has what it claims."""

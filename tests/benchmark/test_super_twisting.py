@@ -1,0 +1,52 @@
+"""`super-twisting`: poles on its surface, which is reached in finite time; what a standing push leaves."""
+
+from math import sqrt
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.reference import load_scenario
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import ROOT
+from validation.benchmark.super_twisting import slopes
+
+LAW = f"{ROOT / 'validation' / 'benchmark' / 'super_twisting.py'}:SUPER_TWISTING"
+POINT = ["duration=8.0", "disturbances=[]", "reference.start=[1.0, 0.77, -0.7]", "reference.segments=[]"]
+
+
+def run_of(scenario: str, *overrides: str, plant: str = "analytic", drive: str = "ideal") -> Run:
+    return simulate_run(
+        load_scenario(scenario, overrides=overrides), plant=plant, drive=drive, controller=open_law(LAW)
+    )
+
+
+@pytest.mark.parametrize("length", [0.05, 0.7, 1.4, 40.0])
+def test_on_its_surface_all_three_poles_are_one(length: float) -> None:
+    """e'' = -lambda e' + kappa b' for l b'' = -g b - e'': the loop when s stays zero."""
+    g, pole = 9.81, sqrt(9.81 / (3.0 * length))
+    forgets, sways = slopes(length, g)
+    found = np.polyadd(np.polymul([length, 0.0, g], [1.0, forgets]), [sways, 0.0, 0.0])
+    np.testing.assert_allclose(found / length, np.poly([-pole] * 3), rtol=1e-12)
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_the_surface_is_reached_in_finite_time_and_kept(plant: str) -> None:
+    run = run_of("fixed-position", *POINT, "initial.load_offset=[0.05, -0.03, 0.02]", plant=plant)
+    surface = np.abs(run.block("controller")[:, :3])
+    assert surface[0].min() > 0.02
+    # Sampled every T = 1 ms the root's step, k_1 |s|^(1/2) T, passes zero below |s| = k_1² T².
+    assert surface[run.time > 0.5].max() < (1.5e-3) ** 2
+    # On it the deviations fall by (1 + pt + (pt)²/2) e^-pt, the slowest that three poles at -p allow.
+    late = np.linalg.norm(run.block("error")[:, :3], axis=1)[run.time >= 6.0]
+    assert late.max() < 1e-4
+
+
+def test_a_standing_push_leaves_what_the_surface_says() -> None:
+    run = run_of("fixed-position", "duration=20.0")
+    state = run.block("state")[-1]
+    assert np.abs(run.block("disturbance")[-1]).max() > 0.1
+    for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
+        assert state[joint] - start == pytest.approx(8.0 * state[4] * state[angle], rel=1e-3)
+    off = np.linalg.norm(run.block("error")[-1, :2])
+    assert off == pytest.approx(9.0 * state[4] * np.hypot(state[6], state[8]), rel=2e-3)

@@ -1,0 +1,65 @@
+"""`swing-damping-servo`: a decoupled servo of each axis that leans on the swing, gains by pole placement.
+
+    cranectl run fast-diagonal --controller validation/benchmark/swing_damping_servo.py:SWING_DAMPING_SERVO
+
+Source: the structure of Lee, J. Dyn. Sys. Meas. Control 120 (1998): position servos, swing feedback on the
+linearised crane, a servo of the hoist; his gains come from loop shaping, ours from poles. With e the drive's
+deviation from the load's path (x, y), b the rope's angle, l its length,
+
+    u = x_d'' - k_p e - k_d e' + k_b b + k_w b'
+
+gives the crane l b'' = -g b - u the polynomial
+
+    l r⁴ + (l k_d + k_w) r³ + (l k_p + g + k_b) r² + g k_d r + g k_p
+
+All four roots are -p, at every length that stays, by
+
+    k_p = l p⁴/g    k_d = 4 l p³/g    k_w = 4 l p - l k_d    k_b = 6 l p² - l k_p - g
+
+The rope has -p² and -2 p. Assumes: full state, slow hoisting; masses are not used. Certain: the structure.
+A standing push that leans the rope by b leaves e = k_b b / k_p: there is no integral.
+"""
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.support.jit import jit
+
+RATE = 3  # place of the path's velocity
+GRAVITY, POLE = range(2)  # places of parameters
+
+
+@jit
+def gains(length, gravity, pole):
+    """k_p [1/s²], k_d [1/s], k_b [m/s²], k_w [m/s] at a rope length [m]."""
+    k_p, k_d = length * pole**4 / gravity, 4.0 * length * pole**3 / gravity
+    return k_p, k_d, 6.0 * length * pole**2 - length * k_p - gravity, 4.0 * length * pole - length * k_d
+
+
+def step(parameters, measured, reference, memory, command):  # noqa: ARG001  (a law's)
+    """One sample; see `controller`. State and path in, accelerations out."""
+    k_p, k_d, k_b, k_w = gains(measured[ROPE], parameters[GRAVITY], parameters[POLE])
+    for axis in range(2):
+        joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
+        command[axis] = reference[ACCELERATION + axis] - k_p * (measured[joint] - reference[axis])
+        command[axis] -= k_d * (measured[joint + 1] - reference[RATE + axis])
+        command[axis] += k_b * measured[angle] + k_w * measured[angle + 1]
+    pole = parameters[POLE]
+    command[Z] = -reference[ACCELERATION + Z] - pole * pole * (measured[ROPE] + reference[Z])
+    command[Z] -= 2.0 * pole * (measured[ROPE + 1] + reference[RATE + Z])
+    return 0
+
+
+def prepare(nominal):
+    """Parameters and memory."""
+    return np.array([nominal.rig.gravity, float(nominal.parameters["pole"])]), np.zeros(1)
+
+
+SWING_DAMPING_SERVO = Controller(
+    name="swing-damping-servo",
+    title="position servos with swing feedback, four equal poles at every rope length",
+    step=step,
+    prepare=prepare,
+    parameters=(Parameter("pole", 2.5, "1/s", "p, all poles are at -p", 0.0, 1e3),),
+)
