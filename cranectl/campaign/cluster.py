@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 CONNECT_S = 10.0  # until a scheduler answers
 WORKERS_S = 30.0  # until it has a worker
+# Of a cluster of our own: Dask's server of pages takes a port that is free, or two campaigns would want one.
+NO_DASHBOARD: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
 TRIES = 3  # of a batch on which something fails that is no part of it, such as memory
 RESUME = "go on with the same command and --resume: finished batches are kept"
 
@@ -193,7 +195,7 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
-            dashboard_address=None,
+            **NO_DASHBOARD,
             memory_limit=0,
             preload=[__name__],
             silence_logs=logging.CRITICAL,

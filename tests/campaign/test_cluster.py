@@ -1,9 +1,11 @@
 """Campaigns on a Dask cluster: the bytes of the threads, whatever dies on the way."""
 
+import contextlib
 import logging
 import os
 import re
 import signal
+import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -14,7 +16,7 @@ import pytest
 from distributed import LocalCluster
 
 from cranectl.campaign import Campaign, load_campaign
-from cranectl.campaign.cluster import cluster_client, packed, run_batches_on, run_remotely
+from cranectl.campaign.cluster import NO_DASHBOARD, cluster_client, packed, run_batches_on, run_remotely
 from cranectl.campaign.definition import Batch, batches_of
 from cranectl.campaign.manifest import manifest_of
 from cranectl.campaign.results import Store, open_store
@@ -37,7 +39,7 @@ def cluster() -> Iterator[LocalCluster]:
         threads_per_worker=1,
         processes=False,
         protocol="tcp://",
-        dashboard_address=None,
+        **NO_DASHBOARD,
         memory_limit=0,
         silence_logs=logging.CRITICAL,
     ) as cluster:
@@ -189,7 +191,7 @@ def test_a_place_that_is_none(
 
 def test_a_scheduler_without_workers(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cranectl.campaign.cluster.WORKERS_S", 0.2)
-    with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address=None) as empty:
+    with LocalCluster(n_workers=0, processes=False, protocol="tcp://", **NO_DASHBOARD) as empty:
         error = refused(*RUN, "--scheduler", empty.scheduler_address)
     assert re.search(r"has no workers[^$]*--nworkers 16", error)
 
@@ -207,3 +209,11 @@ def test_no_recipe_opens_a_scheduler_to_everybody(capsys: pytest.CaptureFixture[
     assert main(["campaign", "run", "--help"]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert "Whoever reaches it runs programs there: start it with --host" in told
+
+
+def test_dask_s_usual_port_may_be_taken() -> None:
+    """A warning would be an error here: by another campaign, or another test's cluster."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # it is taken already
+            stack.enter_context(socket.create_server(("127.0.0.1", 8787)))
+        stack.enter_context(LocalCluster(n_workers=0, processes=False, protocol="tcp://", **NO_DASHBOARD))
