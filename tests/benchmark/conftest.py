@@ -1,0 +1,13 @@
+"""Laws that a test opens are closed after it: schemas and lists know all that is open."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from cranectl.controllers.doors.opening import close_laws
+
+
+@pytest.fixture(autouse=True)
+def laws_closed() -> Iterator[None]:
+    yield
+    close_laws()
