@@ -44,9 +44,10 @@ def plan_command(
     from cranectl.scenario import read_scenario, scenario_file
 
     asked = read_scenario(scenario, rig=rig, overrides=overrides)
-    ready = planned(asked, scenario_file(scenario).parent)
+    directory = scenario_file(scenario).parent
+    ready = planned(asked, directory)
     found = reviews(ready)
-    least = least_durations(asked, scenario_file(scenario).parent) if bound and found else ()
+    least = least_durations(ready, asked, directory) if bound and found else ()
     if plot is not None and not found:
         raise InputError(
             f"nothing to draw: all segments of {ready.name} say themselves when the load is where",

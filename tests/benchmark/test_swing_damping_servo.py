@@ -1,6 +1,6 @@
 """`swing-damping-servo`: four equal poles at every length, on plants that know nothing of its model."""
 
-from math import exp
+from math import comb, exp
 
 import numpy as np
 import pytest
@@ -38,14 +38,10 @@ def test_near_rest_the_drive_moves_as_these_poles_say(plant: str, length: float)
     e = [offset, 0.0, -k_p * offset]
     tilt = k_p * offset / length  # b'' where the drive begins to pull
     e.append(-k_d * e[2] + k_w * tilt)
-    shifted = [sum(_binomial(n, k) * POLE ** (n - k) * e[k] for k in range(n + 1)) for n in range(4)]
+    shifted = [sum(comb(n, k) * POLE ** (n - k) * e[k] for k in range(n + 1)) for n in range(4)]
     c = [shifted[0], shifted[1], shifted[2] / 2.0, shifted[3] / 6.0]
     for k in (200, 700, 1500, 3000):
         t = run.time[k]
         wanted = (c[0] + t * (c[1] + t * (c[2] + t * c[3]))) * exp(-POLE * t)
         assert run.block("state")[k, 0] - 1.0 == pytest.approx(wanted, abs=5e-3 * offset)
     assert k_b != 0.0
-
-
-def _binomial(n: int, k: int) -> int:
-    return [[1], [1, 1], [1, 2, 1], [1, 3, 3, 1]][n][k]

@@ -19,9 +19,8 @@ from math import cos, sin
 import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Signal, X, Y, Z
 
-RATE = 3  # place of the path's velocity
 # Places of parameters and memory.
 PERIOD, COUPLING, DAMPING, STIFFNESS = range(4)
 INTEGRAL, ERROR, BEGUN, MEMORY = 0, 2, 4, 5
@@ -34,13 +33,13 @@ def step(parameters, measured, reference, memory, command):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         if memory[BEGUN] == 0.0:
             memory[INTEGRAL + axis] = measured[joint] - reference[axis]
-        error = measured[joint + 1] - reference[RATE + axis] - coupling * sin(measured[angle])
+        error = measured[joint + 1] - reference[VELOCITY + axis] - coupling * sin(measured[angle])
         command[axis] = reference[ACCELERATION + axis] - damping * error - stiffness * memory[INTEGRAL + axis]
         command[axis] += coupling * measured[angle + 1] * cos(measured[angle])
         memory[INTEGRAL + axis] += parameters[PERIOD] * error
         memory[ERROR + axis] = error
     memory[BEGUN] = 1.0
-    command[Z] = -reference[ACCELERATION + Z] - damping * (measured[ROPE + 1] + reference[RATE + Z])
+    command[Z] = -reference[ACCELERATION + Z] - damping * (measured[ROPE + 1] + reference[VELOCITY + Z])
     command[Z] -= stiffness * (measured[ROPE] + reference[Z])
     return 0
 

@@ -23,10 +23,9 @@ A standing push that leans the rope by b leaves e = k_b b / k_p: there is no int
 import numpy as np
 
 from cranectl.controllers.controller import Controller, Parameter
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, X, Z
 from cranectl.support.jit import jit
 
-RATE = 3  # place of the path's velocity
 GRAVITY, POLE = range(2)  # places of parameters
 
 
@@ -43,11 +42,11 @@ def step(parameters, measured, reference, memory, command):  # noqa: ARG001  (a 
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         command[axis] = reference[ACCELERATION + axis] - k_p * (measured[joint] - reference[axis])
-        command[axis] -= k_d * (measured[joint + 1] - reference[RATE + axis])
+        command[axis] -= k_d * (measured[joint + 1] - reference[VELOCITY + axis])
         command[axis] += k_b * measured[angle] + k_w * measured[angle + 1]
     pole = parameters[POLE]
     command[Z] = -reference[ACCELERATION + Z] - pole * pole * (measured[ROPE] + reference[Z])
-    command[Z] -= 2.0 * pole * (measured[ROPE + 1] + reference[RATE + Z])
+    command[Z] -= 2.0 * pole * (measured[ROPE + 1] + reference[VELOCITY + Z])
     return 0
 
 

@@ -14,7 +14,7 @@ from cranectl.reference.planning.limits import Box, Limits, excesses, motion
 from cranectl.reference.planning.problem import LEG_SAMPLES, Leg, Problem, ToLoad, series_along
 from cranectl.reference.planning.programs import PRICES, Solution, solve
 from cranectl.reference.planning.proof import NEAR, Proof, prove
-from cranectl.reference.planning.shortest import SLOWLY
+from cranectl.reference.planning.shortest import SLOWLY, bisected
 from cranectl.reference.time_laws import PLANNED_DEGREE, Law, time_law
 from cranectl.support.arrays import Array
 
@@ -211,11 +211,11 @@ def _guess(task: Task, problem: Problem) -> tuple[float, Array]:
 
 def _fitted(problem: Problem, task: Task, smooth: float) -> Array:
     """Coefficients of a spline near the guess, through its via points."""
-    basis = problem.basis(np.linspace(0.0, 1.0, len(task.guess)))[:, 0]
+    basis = problem.curves[0](np.linspace(0.0, 1.0, len(task.guess)))
     tied = problem.coefficients(np.zeros(problem.width + 1))
     tied[problem.free] = 0.0
     rough = smooth * np.diff(np.eye(len(tied)), n=5, axis=0)
-    passed = PASSED * problem.basis(np.array(task.instants[: len(task.via)]))[:, 0]
+    passed = PASSED * problem.curves[0](np.array(task.instants[: len(task.via)]))
     rows = np.vstack([basis, rough, passed])
     still = np.zeros((len(rough), tied.shape[1]))
     asked = np.vstack([task.guess, still, *(PASSED * point for point in task.via)]) - rows @ tied
@@ -230,9 +230,5 @@ def _quickest(task: Task, coefficients: Array) -> float:
         over = _excesses(task, duration, coefficients, DENSITY)
         return float(np.max(list(over.values())))
 
-    low, high = 0.1 * task.duration, 10.0 * task.duration
     let = max(excess(SLOWLY), 0.0) + LET
-    while high / low > 1.02:
-        middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if excess(middle) <= let else (middle, high)
-    return high
+    return bisected(lambda duration: excess(duration) <= let, 0.1 * task.duration, 10.0 * task.duration, 0.02)

@@ -1,5 +1,7 @@
 """The shortest rest-to-rest motion by the law of degree 9 along a given path: what a plan begins with."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cranectl.reference.planning.geometry import Geometry
@@ -37,12 +39,19 @@ def about_shortest(geometry: Geometry, limits: Limits) -> float | dict[str, floa
     broken = exceeded(geometry, limits, SLOWLY)
     if max(broken.values()) > 0.0:
         return {name: excess for name, excess in broken.items() if excess > 0.0}
-    low, high = SHORTEST, MAX_DURATION
-    while high / low > 1.0 + 1e-6:
+    return bisected(
+        lambda duration: max(exceeded(geometry, limits, duration).values()) <= 0.0,
+        SHORTEST,
+        MAX_DURATION,
+        1e-6,
+    )
+
+
+def bisected(holds: Callable[[float], bool], low: float, high: float, precision: float) -> float:
+    """The least duration [s] that `holds`, up to a part of it: a longer one does, and `high` is taken to."""
+    while high / low > 1.0 + precision:
         middle = float(np.sqrt(low * high))
-        low, high = (
-            (low, middle) if max(exceeded(geometry, limits, middle).values()) <= 0.0 else (middle, high)
-        )
+        low, high = (low, middle) if holds(middle) else (middle, high)
     return high
 
 
