@@ -39,6 +39,7 @@ class Parameter:
     lowest: float = -inf
     highest: float = inf
     choices: tuple[str, ...] = ()
+    search: tuple[float, float] | None = None  # where tuning looks, on a logarithmic scale; None: it is kept
 
     def checked(self, value: Value, where: str) -> Value:
         """`value` if it is allowed; raises InputError that tells what is."""

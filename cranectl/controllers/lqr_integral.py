@@ -151,9 +151,16 @@ LQR_INTEGRAL = Controller(
     step=step,
     prepare=prepare,
     parameters=(
-        Parameter("error_weight", 100.0, "1/m²", "q_e on the load's error", *WEIGHT),
-        Parameter("rate_weight", 1.0, "s²/m²", "q_v on the rate of the error", *WEIGHT),
-        Parameter("integral_weight", 400.0, "1/(m s)²", "q_i on the integral of the error", *WEIGHT),
+        Parameter("error_weight", 100.0, "1/m²", "q_e on the load's error", *WEIGHT, search=(1.0, 1e4)),
+        Parameter("rate_weight", 1.0, "s²/m²", "q_v on the rate of the error", *WEIGHT, search=(1e-2, 1e2)),
+        Parameter(
+            "integral_weight",
+            400.0,
+            "1/(m s)²",
+            "q_i on the integral of the error",
+            *WEIGHT,
+            search=(4.0, 4e4),
+        ),
         Parameter("input_weight", 0.1, "s⁴/m²", "r on the drive's acceleration", *WEIGHT),
     ),
     logged=tuple(

@@ -100,8 +100,18 @@ PID = Controller(
         Parameter(
             "rope_length", 0.0, "m", "for which the shaper is made; 0: that of the path's start", 0.0, 1e4
         ),
-        Parameter("proportional", 4.0, "1/s", "k_p, velocity for an error of position", 0.0, 1e4),
-        Parameter("integral", 2.0, "1/s²", "k_i, velocity for the integral of the error", 0.0, 1e6),
+        Parameter(
+            "proportional", 4.0, "1/s", "k_p, velocity for an error of position", 0.0, 1e4, search=(0.4, 40.0)
+        ),
+        Parameter(
+            "integral",
+            2.0,
+            "1/s²",
+            "k_i, velocity for the integral of the error",
+            0.0,
+            1e6,
+            search=(0.1, 40.0),
+        ),
         Parameter("derivative", 0.0, "1", "k_d, velocity for the rate of the error", 0.0, 1e2),
         Parameter("filter_time", 0.02, "s", "time constant of the filter of the rate", 0.0, 1e2),
     ),

@@ -82,9 +82,19 @@ SUPER_TWISTING = Controller(
     step=step,
     prepare=prepare,
     parameters=(
-        Parameter("root_gain", 1.5, "m^0.5/s^1.5", "k_1 on the root of the surface", 0.0, 1e3),
-        Parameter("twist_gain", 1.1, "m/s³", "k_2, rate of what holds against constant pushes", 0.0, 1e3),
-        Parameter("rope_pole", 3.0, "1/s", "lambda of the rope's surface", 0.0, 1e3),
+        Parameter(
+            "root_gain", 1.5, "m^0.5/s^1.5", "k_1 on the root of the surface", 0.0, 1e3, search=(0.1, 10.0)
+        ),
+        Parameter(
+            "twist_gain",
+            1.1,
+            "m/s³",
+            "k_2, rate of what holds against constant pushes",
+            0.0,
+            1e3,
+            search=(0.1, 10.0),
+        ),
+        Parameter("rope_pole", 3.0, "1/s", "lambda of the rope's surface", 0.0, 1e3, search=(0.5, 20.0)),
     ),
     logged=tuple(
         Logged(SURFACE + k, Signal(f"surface_{axis}", f"s_{axis}", "m/s", f"sliding surface, {axis}"))
