@@ -137,7 +137,8 @@ def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parame
     values = _leaves_of(nominal)
     step = _common_period(settings.uncertain.get(PERIOD), nominal)
     return tuple(
-        _parameter(name, distribution, values, step) for name, distribution in settings.uncertain.items()
+        _parameter(name, distribution, settings.spread, values, step)
+        for name, distribution in settings.uncertain.items()
     )
 
 
@@ -171,7 +172,9 @@ def _common_period(distribution: Distribution | None, nominal: Scenario) -> floa
     return math.lcm(*(max(1, nanoseconds(each)) for each in periods)) / NANOSECONDS
 
 
-def _parameter(name: str, distribution: Distribution, values: dict[str, Any], time_step: float) -> Parameter:
+def _parameter(
+    name: str, distribution: Distribution, spread: float, values: dict[str, Any], time_step: float
+) -> Parameter:
     section, _, rest = name.partition(".")
     if name not in values:
         raise _unknown(name, values)
@@ -201,6 +204,7 @@ def _parameter(name: str, distribution: Distribution, values: dict[str, Any], ti
             allowed="relative for nominal values other than 0",
             remedy="give the numbers themselves and leave 'relative' out",
         )
+    distribution = distribution.spread_out(spread, float(nominal))
     if isinstance(distribution, Normal) and distribution.mass(nominal) < LEAST_MASS:
         raise InputError(
             f"uncertain.{name}: low and high cut off all of the normal distribution",

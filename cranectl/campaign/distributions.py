@@ -54,6 +54,20 @@ class Distribution(Settings, ABC):
         low, high = sorted(end * nominal for end in self._ends())
         return low, high
 
+    def spread_out(self, factor: float, nominal: float) -> "Distribution":
+        """With all values `factor` times as far from the nominal one; those of a discrete one stay."""
+        if factor == 1.0 or self.discrete:
+            return self
+        centre = 1.0 if self.relative else nominal
+        if factor == 0.0:
+            return Fixed(distribution="fixed", value=centre, relative=self.relative)
+        return self.model_copy(update=self._spread_out(factor, centre))
+
+    def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
+        """The numbers that change."""
+        given = {name: getattr(self, name, None) for name in ("low", "high", "mean")}
+        return {k: centre + factor * (value - centre) for k, value in given.items() if value is not None}
+
     @property
     def grid_levels(self) -> int:
         """Number of values on a grid; 0 where it is not given."""
@@ -120,6 +134,12 @@ class LogUniform(Range):
         values: Array = np.clip(self.low * exp10(u * decades), self.low, self.high)
         return values
 
+    def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
+        """By ratios, where there are any."""
+        if centre <= 0.0:
+            return {}
+        return {name: centre * (getattr(self, name) / centre) ** factor for name in ("low", "high")}
+
 
 class Normal(Range):
     """Normal; truncated where low or high is given, which moves mean and deviation."""
@@ -144,6 +164,9 @@ class Normal(Range):
         score = ndtri(below + u * (above - below))
         values: Array = np.clip(centre + side * self.deviation * score, low, high)
         return values
+
+    def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
+        return super()._spread_out(factor, centre) | {"deviation": factor * self.deviation}
 
     def _shares(self, mean: float) -> tuple[float, float, float]:
         """(side, Φ at the lower, Φ at the upper end), mirrored at the mean to be exact in the upper tail."""

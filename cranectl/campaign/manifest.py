@@ -106,6 +106,8 @@ def _decisive(manifest: Mapping[str, Any]) -> Table:
     campaign = {key: value for key, value in manifest["campaign"].items() if key not in NOT_DECISIVE}
     scenario = {key: value for key, value in manifest["scenario"].items() if key not in SPENT}
     # As in results that did not know them.
+    if campaign.get("spread") == 1.0:
+        del campaign["spread"]
     if scenario.get("metrics") == DEFAULT_METRICS:
         del scenario["metrics"]
     unsaid = {name: DEFAULT_RIG[name] for name in ("rated_load", "effects", "look")}

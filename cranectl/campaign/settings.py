@@ -59,6 +59,11 @@ class CampaignSettings(Settings):
     )
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     sampling: Sampling = "latin-hypercube"
+    spread: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
+        1.0,
+        description="factor on how far all values are from the nominal ones, of log-uniform ones as a "
+        "power of their ratio; seeds, choices and fixed values stay",
+    )
     set: Annotated[tuple[str, ...], Field(strict=False)] = Field(
         (), description="settings of the scenario that all runs share, key=value"
     )

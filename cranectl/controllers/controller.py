@@ -19,6 +19,7 @@ from math import inf
 from typing import Any, Literal, NamedTuple
 
 from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.similarity import rounded
 from cranectl.signals import Signal, SignalGroup, law_groups
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
@@ -40,6 +41,15 @@ class Parameter:
     highest: float = inf
     choices: tuple[str, ...] = ()
     search: tuple[float, float] | None = None  # where tuning looks, on a logarithmic scale; None: it is kept
+    # By which power of the rig's length over that of the laboratory's the default goes and so does `search`,
+    # as Froude's similarity has it: -0.5 for 1/s.
+    length_power: float = 0.0
+
+    def sized(self, value: Value, length: float) -> Value:
+        """What `value` on the laboratory rig is on a similar one, `length` times as large."""
+        if isinstance(value, str) or self.length_power == 0.0 or length == 1.0:
+            return value
+        return rounded(value * length**self.length_power)
 
     def checked(self, value: Value, where: str) -> Value:
         """`value` if it is allowed; raises InputError that tells what is."""
@@ -141,14 +151,20 @@ class Controller:
         """Raises InputError for a name that logs and TOML cannot have."""
         check_name("controller", self.name)
 
-    def designed(self, given: Mapping[str, Value]) -> "LawDesign":
-        """With every parameter `given` or its default; raises InputError for a wrong name or value."""
+    def designed(self, given: Mapping[str, Value], length: float = 1.0) -> "LawDesign":
+        """With every parameter `given` or its default, on a rig `length` times as large as the laboratory's.
+
+        Raises InputError for a wrong name or value.
+        """
         known = {parameter.name: parameter for parameter in self.parameters}
         where = f"controller.{self.name}"
         for name in given:
             if name not in known:
                 raise unknown_name(f"parameter of {where}", name, known)
-        values = {name: each.checked(given.get(name, each.default), where) for name, each in known.items()}
+        values = {
+            name: each.checked(given.get(name, each.sized(each.default, length)), where)
+            for name, each in known.items()
+        }
         return LawDesign(self.name, values, tuple(logged.signal for logged in self.logged), self.origin)
 
 

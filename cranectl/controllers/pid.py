@@ -101,7 +101,14 @@ PID = Controller(
             "rope_length", 0.0, "m", "for which the shaper is made; 0: that of the path's start", 0.0, 1e4
         ),
         Parameter(
-            "proportional", 4.0, "1/s", "k_p, velocity for an error of position", 0.0, 1e4, search=(0.4, 40.0)
+            "proportional",
+            4.0,
+            "1/s",
+            "k_p, velocity for an error of position",
+            0.0,
+            1e4,
+            search=(0.4, 40.0),
+            length_power=-0.5,
         ),
         Parameter(
             "integral",
@@ -111,9 +118,12 @@ PID = Controller(
             0.0,
             1e6,
             search=(0.1, 40.0),
+            length_power=-1.0,
         ),
         Parameter("derivative", 0.0, "1", "k_d, velocity for the rate of the error", 0.0, 1e2),
-        Parameter("filter_time", 0.02, "s", "time constant of the filter of the rate", 0.0, 1e2),
+        Parameter(
+            "filter_time", 0.02, "s", "time constant of the filter of the rate", 0.0, 1e2, length_power=0.5
+        ),
     ),
     logged=(
         *(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import TITLES, Design, design_controller
 from cranectl.scenario import Scenario
+from cranectl.scenario.similarity import size_of
 from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_free, loaded, packages, with_extensions
@@ -112,7 +113,8 @@ def controller_design(name: str, scenario: Scenario) -> "Design | LawDesign":
             raise unknown_name("law", law, laws)
     if name in FLAT_FAMILY:
         return design_controller(name, scenario.design)
-    return load_controller(name).designed(scenario.controller.parameters.get(name, {}))
+    given = scenario.controller.parameters.get(name, {})
+    return load_controller(name).designed(given, size_of(scenario.rig))
 
 
 def flat_design(name: str, scenario: Scenario) -> Design:

@@ -95,6 +95,11 @@ def length_scale(longest: float) -> float:
     return longest / RigParameters().rope_range[1]
 
 
+def size_of(rig: RigParameters) -> float:
+    """L of `rig` as designs are scaled to it: 1 for a crane of the laboratory rig's rated load."""
+    return 1.0 if rig.rated_load == RigParameters().rated_load else length_scale(rig.rope_range[1])
+
+
 def rounded(value: float) -> float:
     """To the three digits that scaled numbers have."""
     return float(f"{value:.3g}")

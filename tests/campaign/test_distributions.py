@@ -57,6 +57,42 @@ def test_relative_numbers_follow_a_negative_nominal_value() -> None:
     assert (values <= -1.5).all()
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.0, 3.0])
+@pytest.mark.parametrize(
+    "given",
+    [
+        make("uniform", low=1.0, high=3.5),
+        make("uniform", low=0.5, high=2.0, relative=True),
+        make("normal", deviation=0.3),
+        make("normal", deviation=0.3, mean=1.0, low=0.5, high=2.6),
+        make("normal", deviation=0.1, relative=True),
+        make("log-uniform", low=0.5, high=10.0),
+        make("log-uniform", low=0.5, high=4.0, relative=True),
+    ],
+    ids=str,
+)
+def test_a_spread_takes_each_value_so_much_farther_from_the_nominal_one(
+    given: Distribution, factor: float
+) -> None:
+    """The same draw, sample by sample: along a ray from the nominal value."""
+    once, more = given.quantile(U, NOMINAL), given.spread_out(factor, NOMINAL).quantile(U, NOMINAL)
+    if given.distribution == "log-uniform":
+        once, more = np.log(once / NOMINAL), np.log(more / NOMINAL)
+    else:
+        once, more = once - NOMINAL, more - NOMINAL
+    assert np.abs(once).max() > 0.1
+    np.testing.assert_allclose(more, factor * once, rtol=1e-9, atol=1e-12)
+
+
+def test_without_spread_all_is_nominal_but_seeds_and_choices() -> None:
+    for given in (make("uniform", low=0.5, high=2.0, relative=True), make("normal", deviation=0.3)):
+        still = given.spread_out(0.0, NOMINAL)
+        assert not still.varies
+        assert set(still.quantile(U, NOMINAL)) == {NOMINAL}
+    for given in (make("integers"), make("choice", values=[1.0, 3.0])):
+        assert given.spread_out(0.0, NOMINAL) == given == given.spread_out(3.0, NOMINAL)
+
+
 def test_a_choice_has_the_shares_of_its_weights() -> None:
     choice = make("choice", values=[5.0, 1.0, 3.0], weights=[1, 2, 1])
     u = (np.arange(1000) + 0.5) / 1000

@@ -57,10 +57,19 @@ COUPLING_TRACKING = Controller(
     prepare=prepare,
     parameters=(
         Parameter(
-            "coupling", 2.0, "m/s", "lambda, by which a drive follows the lean", 0.0, 1e3, search=(0.2, 20.0)
+            "coupling",
+            2.0,
+            "m/s",
+            "lambda, by which a drive follows the lean",
+            0.0,
+            1e3,
+            search=(0.2, 20.0),
+            length_power=0.5,
         ),
-        Parameter("damping", 4.0, "1/s", "k_d on zeta", 0.0, 1e3, search=(0.4, 40.0)),
-        Parameter("stiffness", 4.0, "1/s²", "k_p on its integral", 0.0, 1e6, search=(0.4, 40.0)),
+        Parameter("damping", 4.0, "1/s", "k_d on zeta", 0.0, 1e3, search=(0.4, 40.0), length_power=-0.5),
+        Parameter(
+            "stiffness", 4.0, "1/s²", "k_p on its integral", 0.0, 1e6, search=(0.4, 40.0), length_power=-1.0
+        ),
     ),
     logged=tuple(
         Logged(ERROR + k, Signal(f"coupled_error_{axis}", f"zeta_{axis}", "m/s", f"zeta, {axis}"))

@@ -83,7 +83,14 @@ SUPER_TWISTING = Controller(
     prepare=prepare,
     parameters=(
         Parameter(
-            "root_gain", 1.5, "m^0.5/s^1.5", "k_1 on the root of the surface", 0.0, 1e3, search=(0.1, 10.0)
+            "root_gain",
+            1.5,
+            "m^0.5/s^1.5",
+            "k_1 on the root of the surface",
+            0.0,
+            1e3,
+            search=(0.1, 10.0),
+            length_power=-0.25,
         ),
         Parameter(
             "twist_gain",
@@ -93,8 +100,18 @@ SUPER_TWISTING = Controller(
             0.0,
             1e3,
             search=(0.1, 10.0),
+            length_power=-0.5,
         ),
-        Parameter("rope_pole", 3.0, "1/s", "lambda of the rope's surface", 0.0, 1e3, search=(0.5, 20.0)),
+        Parameter(
+            "rope_pole",
+            3.0,
+            "1/s",
+            "lambda of the rope's surface",
+            0.0,
+            1e3,
+            search=(0.5, 20.0),
+            length_power=-0.5,
+        ),
     ),
     logged=tuple(
         Logged(SURFACE + k, Signal(f"surface_{axis}", f"s_{axis}", "m/s", f"sliding surface, {axis}"))

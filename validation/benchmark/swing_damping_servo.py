@@ -60,5 +60,9 @@ SWING_DAMPING_SERVO = Controller(
     title="position servos with swing feedback, four equal poles at every rope length",
     step=step,
     prepare=prepare,
-    parameters=(Parameter("pole", 2.5, "1/s", "p, all poles are at -p", 0.0, 1e3, search=(0.8, 6.0)),),
+    parameters=(
+        Parameter(
+            "pole", 2.5, "1/s", "p, all poles are at -p", 0.0, 1e3, search=(0.8, 6.0), length_power=-0.5
+        ),
+    ),
 )
