@@ -1,0 +1,111 @@
+"""`lqg`: poles are those of regulator and filter, and no standing push leaves the load off its place."""
+
+from dataclasses import replace
+from math import sqrt
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.reference import load_scenario
+from cranectl.simulate import simulate_run
+from cranectl.support.errors import InputError
+from cranectl.support.jit import jit
+from tests.benchmark.linear_loop import (
+    GRAVITY,
+    PERIOD,
+    filtered,
+    loop_matrix,
+    nominal_at,
+    regulated,
+    relative_distances,
+)
+from tests.conftest import ROOT
+from tests.controllers.laws import known
+from validation.benchmark.lqg import BEGUN, FLAT, LQG, kalman, prepare, regulator, step
+
+LAW = f"{ROOT / 'validation' / 'benchmark' / 'lqg.py'}:LQG"
+
+
+_law = jit(step)
+
+
+def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
+    """The law with drives that accelerate otherwise than they are told, by so much [m/s²]."""
+    status = _law(parameters, measured, reference, memory, command)
+    command[0] += 0.3
+    command[1] -= 0.2
+    command[2] += 0.1
+    return status
+
+
+@pytest.mark.parametrize("length", [0.2, 0.725, 1.4])
+def test_the_poles_of_the_loop_are_those_of_regulator_and_filter(length: float) -> None:
+    beat = PERIOD * sqrt(GRAVITY / length)  # a period, in units of the pendulum's time
+    gain, rope_gain = regulator(5.0, 0.7)
+    a, c, filter_gain, rope_filter = kalman(5.0, 2.0)
+
+    drive = np.array([0.0, 1.0, 0.0, -1.0])
+    axis = [
+        regulated(a[np.ix_([0, 1, 3, 4], [0, 1, 3, 4])], drive, gain, beat),
+        filtered(a, c, beat * filter_gain, beat),
+    ]
+    rope = [
+        regulated(np.diag([1.0], 1), drive[:2], rope_gain, beat),
+        filtered(np.diag([1.0, 1.0], 1), np.eye(3)[:1], beat * rope_filter[:, np.newaxis], beat),
+    ]
+    wanted = np.concatenate([*axis, *axis, *rope])
+    found = np.linalg.eigvals(loop_matrix(LQG, length, BEGUN, FLAT))
+    # The filter predicts by a method of order 2.
+    assert relative_distances(found, wanted).max() < 1e-4
+    assert np.abs(wanted).max() < 1.0
+
+
+def test_the_ropes_filter_has_poles_of_the_modulus_asked_for() -> None:
+    """q''' = noise: a Butterworth pattern."""
+    rope = kalman(7.0, 5.0)[3]
+    found = np.linalg.eigvals(np.diag([1.0, 1.0], 1) - np.outer(rope, [1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(np.sort_complex(found), 7.0 * np.exp(2j * np.pi / 6 * np.array([3, 4, 2])))
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_near_rest_the_crane_moves_as_this_loop_says(plant: str) -> None:
+    offset = 1e-3
+    overrides = ["duration=3.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
+    scenario = load_scenario("fixed-position", overrides=overrides)
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    deviation = np.zeros(25)
+    deviation[0] = deviation[10] = offset
+    matrix, state = loop_matrix(LQG, 0.7, BEGUN, FLAT), run.block("state")
+    for k in (300, 1000, 2500):
+        expected = np.linalg.matrix_power(matrix, k) @ deviation
+        assert state[k, 0] - 1.0 == pytest.approx(expected[0], abs=2e-3 * offset)
+        assert state[k, 8] == pytest.approx(expected[8], abs=2e-3 * offset)
+
+
+@pytest.mark.parametrize(
+    ("plant", "drive", "effects"),
+    [("analytic", "ideal", []), ("mujoco", "velocity", []), ("mujoco", "velocity", ["effects.sensing={}"])],
+)
+def test_a_standing_push_leaves_nothing(plant: str, drive: str, effects: list[str]) -> None:
+    scenario = load_scenario("fixed-position", overrides=effects)
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    late = run.time > 22.0
+    assert np.abs(run.block("disturbance")[-1]).min() > 0.1
+    limit = 1e-4 if effects else 1e-6  # angles are read in steps
+    assert np.abs(run.block("error")[late, :3].mean(axis=0)).max() < limit
+    np.testing.assert_allclose(run.block("controller")[late, :2].mean(axis=0), [1.0, 1.0], rtol=1e-2)
+
+
+def test_nor_does_one_on_the_drives() -> None:
+    scenario = load_scenario("fixed-position", overrides=["disturbances=[]", "duration=15.0"])
+    with known(replace(LQG, name="pushed", step=pushed_step)) as name:
+        run = simulate_run(scenario, plant="analytic", drive="ideal", controller=name)
+    error = np.linalg.norm(run.block("error")[:, :3], axis=1)
+    assert error.max() > 1e-3
+    assert error[-1] < 1e-6
+
+
+def test_a_filter_too_fast_for_the_period_is_refused() -> None:
+    with pytest.raises(InputError, match="'lqg' is unstable when sampled"):
+        prepare(nominal_at(LQG, 0.7, drive_filter=500.0))

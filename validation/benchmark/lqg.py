@@ -1,0 +1,182 @@
+"""`lqg`: LQR on what a Kalman filter makes of the encoders, with constant pushes in the filter's model.
+
+    cranectl run fast-diagonal --controller validation/benchmark/lqg.py:LQG
+
+Source: the textbook's; pushes as states of the filter: Pannocchia and Rawlings, AIChE J. 49 (2003). Per
+horizontal axis near plumb, with x the drive, b the angle, l the rope length, u the commanded acceleration,
+
+    x'' = u + d_x    l b'' = -g b - (u + d_x) + l d_b    d_x' = w_x    d_b' = w_b    read: x, b, with noise
+
+In lengths of l and times of 1/p, p = sqrt(g/l), this has no numbers in it: one Riccati equation each for
+filter and regulator serves every rope length. The noises are such that x and b, each alone and without
+gravity, would have three poles of modulus f_x p and f_b p; the filter predicts with the equations of motion,
+as the loop's observer does. K minimises the integral of q_e (e/l)² + q_v (e'/lp)² + (u/g)², e = dx + l db,
+
+    u = u_d - K (dx, dx', db, db') - d_x
+
+A push d on the angles moves the load by f = l n_d, which the rope need not do: the flat map of z'' - f has
+state and input u_d of a crane that leans against the push, so none that stands leaves an error. The rope is a
+drive of its own. Assumes: slow hoisting; masses are not used. Measures: encoders. Certain. Known weakness: a
+filter much faster than the pendulum takes a load that turns about its hook for a push, and drives it on.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numba import carray
+from scipy.linalg import solve_continuous_are
+
+from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.controllers.observer import (
+    DISTURBANCE,
+    JOINTS,
+    POSITION,
+    VELOCITY,
+    Observer,
+    initial_estimate,
+    predict,
+)
+from cranectl.design.discretisation import check_sampled, zero_order_hold
+from cranectl.model.dynamics import rope_direction_rate
+from cranectl.model.flatness import state_and_input
+from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Z
+from cranectl.support.jit import jit
+
+# Places of parameters and memory; states of an axis in the filter: x, x', d_x, b, b', d_b.
+PERIOD, GRAVITY, ROPE_GAIN, GAIN, ROPE_FILTER, FILTER = 0, 1, 2, 4, 8, 11
+FLAT, DESIRED, INPUT, BEGUN, MEMORY = 15, 30, 40, 43, 44
+
+
+@jit
+def correct_all(parameters, measured, estimate):
+    """Take the readings (5,) of all encoders into the estimate."""
+    length = estimate[POSITION + 2]
+    pole = sqrt(parameters[GRAVITY] / length)
+    rope = measured[2] - length
+    x, y = measured[0] - estimate[POSITION], measured[1] - estimate[POSITION + 1]
+    alpha, beta = measured[3] - estimate[POSITION + 3], measured[4] - estimate[POSITION + 4]
+    scale = parameters[PERIOD]
+    for order in range(3):
+        scale *= pole
+        place = JOINTS * order  # position, velocity, disturbance
+        row, angle_row = FILTER + 2 * order, FILTER + 6 + 2 * order
+        to_drive, cross = parameters[row], length * parameters[row + 1]
+        to_angle, back = parameters[angle_row + 1], parameters[angle_row] / length
+        estimate[place] += scale * (to_drive * x + cross * beta)
+        estimate[place + 1] += scale * (to_drive * y + cross * alpha)
+        estimate[place + 2] += scale * parameters[ROPE_FILTER + order] * rope
+        estimate[place + 3] += scale * (back * y + to_angle * alpha)
+        estimate[place + 4] += scale * (back * x + to_angle * beta)
+
+
+@jit
+def feedback(parameters, estimate, desired, drive, angle):
+    """K (dx, dx', db, db') of one axis [m/s²]; `drive`, `angle`: places among the joints."""
+    length = estimate[POSITION + 2]
+    pole = sqrt(parameters[GRAVITY] / length)
+    total = parameters[GAIN] / length * (estimate[POSITION + drive] - desired[2 * drive])
+    total += parameters[GAIN + 1] / (pole * length) * (estimate[VELOCITY + drive] - desired[2 * drive + 1])
+    total += parameters[GAIN + 2] * (estimate[POSITION + angle] - desired[2 * angle])
+    total += parameters[GAIN + 3] / pole * (estimate[VELOCITY + angle] - desired[2 * angle + 1])
+    return parameters[GRAVITY] * total
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. Encoders and path in, accelerations out."""
+    held = carray(memory, (MEMORY,))
+    estimate, flat = held[:FLAT], held[FLAT:DESIRED]
+    desired, inputs = held[DESIRED:INPUT], held[INPUT:BEGUN]
+    gravity = parameters[GRAVITY]
+    if held[BEGUN] == 0.0:
+        for joint in range(JOINTS):
+            estimate[POSITION + joint] = measured[joint]
+        held[BEGUN] = 1.0
+    correct_all(parameters, measured, estimate)
+    length, alpha, beta = estimate[POSITION + 2], estimate[POSITION + 3], estimate[POSITION + 4]
+    for i in range(15):
+        flat[i] = reference[i]
+    # Accelerations of angles move the load as rates of angles do.
+    push = rope_direction_rate(alpha, estimate[DISTURBANCE + 3], beta, estimate[DISTURBANCE + 4])
+    for axis in range(3):
+        flat[ACCELERATION + axis] -= length * push[axis]
+    if flat[ACCELERATION + Z] + gravity <= 0.0 or flat[Z] >= 0.0 or length <= 0.0:
+        return 2
+    state_and_input(flat, gravity, desired, inputs)
+    # But the drives do follow the path itself: x_c'' = z'' - (p h)'', with the rope's slope p and drop h.
+    for axis in range(2):
+        joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
+        slope = (desired[joint] - reference[axis]) / reference[Z]
+        inputs[axis] += length * (push[axis] + slope * push[Z])
+        inputs[axis] -= feedback(parameters, estimate, desired, joint // 2, angle // 2)
+    inputs[Z] += length * push[Z] * desired[ROPE] / reference[Z]
+    rope = parameters[ROPE_GAIN] / length * (length - desired[ROPE])
+    rope += parameters[ROPE_GAIN + 1] / sqrt(gravity * length) * (estimate[VELOCITY + 2] - desired[ROPE + 1])
+    inputs[Z] -= gravity * rope
+    for axis in range(3):
+        inputs[axis] -= estimate[DISTURBANCE + axis]
+        command[axis] = inputs[axis]
+    predict(Observer(0.0, 0.0, 0.0, parameters[PERIOD], gravity), inputs, estimate)
+    return 0
+
+
+def regulator(error_weight, rate_weight):
+    """K (4,) of (x, x', b, b'), and K (2,) of the rope; lengths in l, times in sqrt(l/g)."""
+    a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
+    b = np.array([[0.0], [1.0], [0.0], [-1.0]])
+    c = np.array([[1, 0, 1, 0], [0, 1, 0, 1]], float)
+    weights = np.diag([error_weight, rate_weight])
+    gain = (b.T @ solve_continuous_are(a, b, c.T @ weights @ c, [[1.0]]))[0]
+    return gain, np.array([sqrt(error_weight), sqrt(rate_weight + 2.0 * sqrt(error_weight))])
+
+
+def kalman(drive_filter, sway_filter):
+    """A, C of (x, x', d_x, b, b', d_b), the filter's gain (6, 2), and (3,) of the rope; units as above."""
+    a = np.diag([1.0, 1.0, 0.0, 1.0, 1.0], 1)
+    a[4, 2], a[4, 3] = -1.0, -1.0
+    c = np.zeros((2, 6))
+    c[0, 0] = c[1, 3] = 1.0
+    drift = np.diag([0.0, 0.0, drive_filter**6, 0.0, 0.0, sway_filter**6])
+    gain = solve_continuous_are(a.T, c.T, drift, np.eye(2)) @ c.T
+    return a, c, gain, np.array([2.0 * drive_filter, 2.0 * drive_filter**2, drive_filter**3])
+
+
+def prepare(nominal):
+    """Parameters and memory; raises InputError where the filter would be unstable on the shortest rope."""
+    names = ("error_weight", "rate_weight", "drive_filter", "sway_filter")
+    error_weight, rate_weight, drive_filter, sway_filter = (float(nominal.parameters[name]) for name in names)
+    gain, rope_gain = regulator(error_weight, rate_weight)
+    a, c, kalman_gain, rope_filter = kalman(drive_filter, sway_filter)
+    gravity = nominal.rig.gravity
+    period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])
+    held, _ = zero_order_hold(a, np.zeros((6, 1)), period)
+    loop = (np.eye(6) - period * kalman_gain @ c) @ held
+    check_sampled("lqg", loop, nominal.period, remedy="lower drive_filter, sway_filter")
+    memory = np.zeros(MEMORY)
+    memory[:FLAT] = initial_estimate(nominal.state)
+    head = [nominal.period, gravity, *rope_gain, *gain, *rope_filter]
+    return np.array([*head, *kalman_gain.ravel()]), memory
+
+
+WEIGHT = (1e-6, 1e6)
+FASTEST = 1e3
+
+LQG = Controller(
+    name="lqg",
+    title="LQR and Kalman filter on encoders, constant pushes estimated, flat path as feed-forward",
+    step=step,
+    prepare=prepare,
+    measures="encoders",
+    parameters=(
+        Parameter("error_weight", 5.0, "1", "q_e on the load's error over l", *WEIGHT, search=(0.5, 50.0)),
+        Parameter("rate_weight", 0.7, "1", "q_v on its rate over sqrt(g l)", *WEIGHT, search=(0.07, 7.0)),
+        Parameter("drive_filter", 5.0, "1", "f_x, over sqrt(g/l)", 0.1, FASTEST, search=(1.0, 20.0)),
+        Parameter("sway_filter", 2.0, "1", "f_b, over sqrt(g/l)", 0.1, FASTEST, search=(0.5, 15.0)),
+    ),
+    logged=tuple(
+        Logged(
+            DISTURBANCE + joint,
+            Signal(f"push_{axis}", f"d_{axis}", "rad/s²", f"on the {angle}, as the filter has it"),
+        )
+        for joint, axis, angle in ((4, "x", "angle beta"), (3, "y", "angle alpha"))
+    ),
+)
