@@ -1,0 +1,108 @@
+"""`model-reference`: the error to the model falls, and stays within its bound; what pushes leave."""
+
+from dataclasses import replace
+from math import sqrt
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from cranectl import open_law
+from cranectl.reference import load_scenario
+from cranectl.simulate import simulate_run
+from cranectl.support.arrays import Array
+from cranectl.support.jit import jit
+from tests.conftest import ROOT
+from tests.controllers.laws import known
+from validation.benchmark.model_reference import MODEL_REFERENCE, model_and_cost, step
+
+LAW = f"{ROOT / 'validation' / 'benchmark' / 'model_reference.py'}:MODEL_REFERENCE"
+POLE, BOUND, LAYER = 0.7, 0.05, 0.05  # its defaults
+GRAVITY, LENGTH = 9.81, 0.7
+BEAT = sqrt(GRAVITY / LENGTH)  # [1/s]
+UNITS = np.array([LENGTH, LENGTH * BEAT, 1.0, BEAT])  # of the model's four numbers
+PUSH = 0.3  # [m/s²]
+
+_law = jit(step)
+
+
+def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
+    """The law with drives that accelerate along x by 0.3 m/s² more than they are told."""
+    status = _law(parameters, measured, reference, memory, command)
+    command[0] += PUSH
+    return status
+
+
+def rest_under(drive_push: float, load_push: float) -> Array:
+    """e (4,) where the crane stands; pushes on drive [g] and angle [g/l]."""
+    _, b, gain, cost = model_and_cost(POLE)
+
+    def standing(drive: float) -> tuple[float, Array]:
+        error = np.array([drive, 0.0, load_push, 0.0])
+        sigma = b @ cost @ error
+        return drive_push - gain @ error - BOUND * sigma / (abs(sigma) + LAYER), error
+
+    return standing(brentq(lambda drive: standing(drive)[0], -5.0, 5.0, xtol=1e-12))[1]
+
+
+@pytest.mark.parametrize("pole", [0.3, 0.7, 2.0])
+def test_the_model_has_its_poles_and_a_lyapunov_function(pole: float) -> None:
+    closed, _, _, cost = model_and_cost(pole)
+    np.testing.assert_allclose(np.poly(closed), np.poly([-pole] * 4), rtol=1e-12)
+    np.testing.assert_allclose(closed.T @ cost + cost @ closed, -np.eye(4), atol=1e-9 * np.abs(cost).max())
+    assert np.linalg.eigvalsh(cost).min() > 0.0
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_undisturbed_the_crane_moves_as_the_model_does(plant: str) -> None:
+    offset = 1e-2
+    overrides = ["duration=4.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
+    scenario = load_scenario("fixed-position", overrides=overrides)
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    closed, start = model_and_cost(POLE)[0], np.array([offset / LENGTH, 0.0, 0.0, 0.0])
+    for k in (0, 300, 1000, 3000):
+        wanted = expm(BEAT * run.time[k] * closed) @ start
+        found = (run.block("state")[k, [0, 1, 8, 9]] - [1.0, 0.0, 0.0, 0.0]) / UNITS
+        np.testing.assert_allclose(found, wanted, atol=5e-3 * start[0])
+    assert np.abs(run.block("controller")[:, :4] / UNITS).max() < 1e-3 * start[0]
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_the_function_falls_at_every_sample_after_a_pulse_until_the_bound(plant: str) -> None:
+    pulse = '[{joint="beta", start=0.5, end=0.7, magnitude=4.0}]'
+    scenario = load_scenario("fixed-position", overrides=["duration=8.0", f"disturbances={pulse}"])
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    cost = model_and_cost(POLE)[3]
+    error = run.block("controller")[:, :4] / UNITS
+    function = np.einsum("ki,ij,kj->k", error, cost, error)
+    outside = (error**2).sum(axis=1) > 2.0 * BOUND * LAYER
+    after = run.time > 0.71
+    assert np.count_nonzero(outside & after) > 100
+    assert np.diff(function)[(outside & after)[:-1]].max() < 0.0
+    assert function[-1] < 1e-3 * function[after].max()
+
+
+def test_a_matched_push_leaves_what_the_equation_says_and_no_more_than_the_bound() -> None:
+    scenario = load_scenario("fixed-position", overrides=["disturbances=[]"])
+    with known(replace(MODEL_REFERENCE, name="pushed", step=pushed_step)) as name:
+        run = simulate_run(scenario, plant="analytic", drive="ideal", controller=name)
+    error = run.block("controller")[:, :4] / UNITS
+    wanted = rest_under(PUSH / GRAVITY, 0.0)
+    np.testing.assert_allclose(error[-1], wanted, atol=1e-3 * abs(wanted[0]))
+    cost = model_and_cost(POLE)[3]
+    function = np.einsum("ki,ij,kj->k", error, cost, error)
+    assert PUSH / GRAVITY < BOUND
+    assert function.max() < 2.0 * BOUND * LAYER * np.linalg.eigvalsh(cost).max()
+    # Without the robust term the feedback alone would be this far off.
+    assert abs(wanted[0]) < 0.5 * PUSH / GRAVITY / POLE**4
+
+
+@pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
+def test_a_standing_push_on_the_load_is_not_matched(plant: str, drive: str) -> None:
+    scenario = load_scenario("fixed-position")
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    error = run.block("controller")[-1, :4] / UNITS
+    wanted = rest_under(0.0, np.arcsin(LENGTH / GRAVITY))
+    np.testing.assert_allclose(error, wanted, atol=2e-2 * abs(wanted[0]))
+    assert abs(wanted[0] + wanted[2]) > 0.01, "and the load is off"

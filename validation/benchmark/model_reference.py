@@ -1,0 +1,130 @@
+"""`model-reference`: the crane is held to a model of itself under state feedback, by a bounded robust term.
+
+    cranectl run fast-diagonal --controller validation/benchmark/model_reference.py:MODEL_REFERENCE
+
+Source: the method of Cho and others (2008), after Lyapunov, which is of a planar crane with matched
+uncertainty; their numbers could not be read. Per horizontal axis near plumb, in lengths of l, times of
+sqrt(l/g), accelerations of g, with x = (drive, rate, angle, rate) less the state that the flat map gives for
+the path, and u less its input:
+
+    x' = A x + B (u + w)    x_m' = A_m x_m    A_m = A - B K, all poles at -a
+    u = -K x - rho B'P e / (|B'P e| + delta)    e = x - x_m    A_m'P + P A_m = -I
+
+The model begins where the crane is measured. V = e'P e falls while |e|² > 2 rho delta, for any matched w with
+|w| <= rho; of a constant w there remains K e + rho sigma/(|sigma| + delta) = w, sigma = B'P e. The rope has
+two poles at -a sqrt(g/l) and no such term. Assumes: full state, slow hoisting; masses are not used. Certain:
+the structure. A push on the load is not matched: one that stands leaves the same equation with the rope's
+lean in e and w = 0, and the load off.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numba import carray
+from scipy.linalg import solve_continuous_lyapunov
+
+from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.model.flatness import state_and_input
+from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.support.jit import jit
+
+# Places of parameters and memory; four numbers of an axis: drive, rate, angle, rate.
+PERIOD, GRAVITY, POLE, BOUND, LAYER, GAIN, COSTATE = 0, 1, 2, 3, 4, 5, 9
+MODEL, DESIRED, INPUT, ERROR, BEGUN, MEMORY = 0, 8, 18, 21, 29, 30
+
+
+@jit
+def scaled(row, deviation, place, length, pole):
+    """Row (4,) of parameters times the deviation (4,) at a place, in the units of the model."""
+    total = row[0] * deviation[place] / length + row[1] * deviation[place + 1] / (length * pole)
+    return total + row[2] * deviation[place + 2] + row[3] * deviation[place + 3] / pole
+
+
+@jit
+def model_goes_on(parameters, model, place, length, acceleration):
+    """The model over a period under an acceleration [m/s²] that is held, to order 2."""
+    period, gravity = parameters[PERIOD], parameters[GRAVITY]
+    model[place] += period * (model[place + 1] + 0.5 * period * acceleration)
+    model[place + 1] += period * acceleration
+    middle = model[place + 2] + 0.5 * period * model[place + 3]
+    swing = -(gravity * middle + acceleration) / length
+    model[place + 2] += period * (model[place + 3] + 0.5 * period * swing)
+    model[place + 3] += period * swing
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and path in, accelerations out."""
+    held = carray(memory, (MEMORY,))
+    model, desired, inputs, error = held[:DESIRED], held[DESIRED:INPUT], held[INPUT:ERROR], held[ERROR:BEGUN]
+    gravity, length = parameters[GRAVITY], measured[ROPE]
+    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
+        return 2
+    state_and_input(reference, gravity, desired, inputs)
+    given = carray(parameters, (COSTATE + 4,))
+    gain, costate = given[GAIN:COSTATE], given[COSTATE:]
+    pole = sqrt(gravity / length)
+    for axis in range(2):
+        joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
+        place = 4 * axis
+        for i in range(4):
+            source = joint + i if i < 2 else angle + i - 2
+            deviation = measured[source] - desired[source]
+            if held[BEGUN] == 0.0:
+                model[place + i] = deviation
+            error[place + i] = deviation - model[place + i]
+        sigma = scaled(costate, error, place, length, pole)
+        wanted = -gravity * scaled(gain, model, place, length, pole)
+        given_back = scaled(gain, error, place, length, pole)
+        given_back += parameters[BOUND] * sigma / (abs(sigma) + parameters[LAYER])
+        command[axis] = inputs[axis] + wanted - gravity * given_back
+        model_goes_on(parameters, model, place, length, wanted)
+    held[BEGUN] = 1.0
+    rope = parameters[POLE] * pole
+    command[Z] = inputs[Z] - rope * rope * (length - desired[ROPE])
+    command[Z] -= 2.0 * rope * (measured[ROPE + 1] - desired[ROPE + 1])
+    return 0
+
+
+def model_and_cost(pole):
+    """A_m, B, K (4,), P; lengths in l, times in sqrt(l/g), accelerations in g."""
+    a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
+    b = np.array([0.0, 1.0, 0.0, -1.0])
+    gain = np.array([pole**4, 4 * pole**3, 1 + pole**4 - 6 * pole**2, 4 * pole**3 - 4 * pole])
+    closed = a - np.outer(b, gain)
+    return closed, b, gain, solve_continuous_lyapunov(closed.T, -np.eye(4))
+
+
+def prepare(nominal):
+    """Parameters and memory."""
+    pole, bound, layer = (float(nominal.parameters[name]) for name in ("pole", "bound", "layer"))
+    _, b, gain, cost = model_and_cost(pole)
+    head = [nominal.period, nominal.rig.gravity, pole, bound, layer]
+    return np.array([*head, *gain, *(b @ cost)]), np.zeros(MEMORY)
+
+
+MODEL_REFERENCE = Controller(
+    name="model-reference",
+    title="state feedback held to its model by a bounded robust term, flat path as feed-forward",
+    step=step,
+    prepare=prepare,
+    parameters=(
+        Parameter("pole", 0.7, "1", "a, of all four poles, over sqrt(g/l)", 0.01, 100.0, search=(0.2, 2.0)),
+        Parameter("bound", 0.05, "1", "rho, over g", 0.0, 100.0, search=(0.005, 0.5)),
+        Parameter("layer", 0.05, "1", "delta", 1e-9, 1e3, search=(0.005, 0.5)),
+    ),
+    logged=tuple(
+        Logged(
+            ERROR + 4 * axis + i,
+            Signal(f"model_error_{name}_{what}", f"e_{name}{i}", unit, f"to the model, {said}"),
+        )
+        for axis, name in ((X, "x"), (Y, "y"))
+        for i, (what, unit, said) in enumerate(
+            (
+                ("drive", "m", "drive"),
+                ("rate", "m/s", "its rate"),
+                ("angle", "rad", "angle"),
+                ("swing", "rad/s", "its rate"),
+            )
+        )
+    ),
+)
