@@ -1,0 +1,72 @@
+"""`adrc`: its observers have their three poles, the load has its four; a standing push leaves nothing."""
+
+from math import exp, sqrt
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.controllers.observer import correct, make_observer
+from cranectl.reference import load_scenario
+from cranectl.simulate import simulate_run
+from cranectl.support.arrays import Array
+from tests.benchmark.linear_loop import GRAVITY, PERIOD, loop_matrix
+from tests.conftest import ROOT
+from validation.benchmark.adrc import ADRC, BEGUN, MEMORY, go_on
+
+LAW = f"{ROOT / 'validation' / 'benchmark' / 'adrc.py'}:ADRC"
+LENGTH = 0.7
+POLE = 0.7 * sqrt(GRAVITY / LENGTH)  # w_c [1/s]
+
+
+def test_the_error_of_an_observer_has_three_equal_poles() -> None:
+    bandwidth = 10.0 * POLE
+    observer = make_observer(bandwidth, period=PERIOD, gravity=GRAVITY)
+    chain = [1, 6, 11]  # of the second: position, velocity, disturbance
+
+    def advanced(error: Array) -> Array:
+        memory = np.zeros(MEMORY)
+        memory[chain] = error
+        correct(observer, 1, 0.0, memory)
+        go_on(observer, 1, 0.0, memory)
+        return memory[chain]
+
+    matrix = np.array([advanced(each) for each in np.eye(3)]).T
+    np.testing.assert_allclose(np.poly(matrix), np.poly([exp(-bandwidth * PERIOD)] * 3), rtol=1e-12)
+
+
+def test_as_observers_get_fast_the_load_has_four_poles_and_its_height_two() -> None:
+    poles = np.linalg.eigvals(loop_matrix(ADRC, LENGTH, BEGUN, BEGUN, observer=60.0))
+    slow = np.sort_complex(np.log(poles) / PERIOD)[-10:]
+    np.testing.assert_allclose(np.poly(slow), np.poly([-POLE] * 10), rtol=0.3)
+    assert np.abs(np.linalg.eigvals(loop_matrix(ADRC, LENGTH, BEGUN, BEGUN))).max() < 1.0
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_near_rest_the_load_moves_as_these_poles_say(plant: str) -> None:
+    offset = 1e-2
+    rest = ["duration=4.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, {offset}]"]
+    scenario = load_scenario("fixed-position", overrides=[*rest, "controller.adrc.observer=60.0"])
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    wt, error = POLE * run.time, -run.block("error")
+    wanted = offset * (1.0 + wt + wt**2 / 2.0 + wt**3 / 6.0) * np.exp(-wt)
+    np.testing.assert_allclose(error[:, 0], wanted, atol=0.03 * offset)
+    np.testing.assert_allclose(error[:, 2], offset * (1.0 + wt) * np.exp(-wt), atol=0.03 * offset)
+
+
+@pytest.mark.parametrize(
+    ("plant", "drive", "effects"),
+    [("analytic", "ideal", []), ("mujoco", "velocity", []), ("mujoco", "velocity", ["effects.sensing={}"])],
+)
+def test_a_standing_push_is_estimated_and_leaves_nothing(plant: str, drive: str, effects: list[str]) -> None:
+    """It leans the rope by b: at rest f_z = g b, and b'' = f_b = 0 since the push holds the pendulum."""
+    scenario = load_scenario("fixed-position", overrides=effects)
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    late = run.time > 24.0
+    state = run.block("state")[late].mean(axis=0)
+    estimate = run.block("controller")[late].mean(axis=0)
+    assert min(abs(state[[6, 8]])) > 0.05
+    np.testing.assert_allclose(estimate[:2], GRAVITY * state[[8, 6]], rtol=5e-3)
+    np.testing.assert_allclose(estimate[2:], 0.0, atol=5e-3)
+    limit = 1e-4 if effects else 1e-6  # angles are read in steps
+    assert np.abs(run.block("error")[late, :3].mean(axis=0)).max() < limit
