@@ -1,0 +1,121 @@
+"""`cnf`: composite nonlinear feedback, fast with little damping far from the target, well damped near it.
+
+    cranectl run fast-diagonal --controller validation/benchmark/composite_nonlinear_feedback.py:CNF
+
+Source: Lin, Pachter and Banda, Int. J. Control 70 (1998); Chen and others, IEEE Trans. Autom. Control 48
+(2003). On cranes the thesis cites it by XW12 and YLL14, whose optimised gains and functions could not be
+read. Per horizontal axis near plumb, in lengths of l, times of sqrt(l/g), accelerations of g, with x =
+(drive, rate, angle, rate) less the set-point at rest and y = drive + angle, the load,
+
+    x' = A x + B sat(u)    u = F x + rho B'P x    (A + B F)'P + P (A + B F) = -W
+    rho = -b |exp(-a |y| / |y_0|) - exp(-a)|
+
+F places a pair of frequency w and damping ratio z, and one of frequency 1 and damping ratio 0.7. rho begins
+at 0 where the set-point was given, at y_0 (0.1 at least), and ends at -b (1 - exp(-a)). W = diag(0.1, 0.1, 1,
+1): with it the least damping ratio rises all the way by the defaults. V = x'P x falls while |F x| is within
+the limits of the rig's drives. The rope has two poles at -w sqrt(g/l), cut off at its limit too. Assumes:
+full state, a rope that keeps its length; masses are not used, as the loop turns u into the papers' forces.
+Certain: the method. A standing push that leans the rope stays where F x + rho B'P x = 0: there is no
+integral.
+"""
+
+from math import exp, sqrt
+
+import numpy as np
+from numba import carray
+from scipy.linalg import solve_continuous_lyapunov
+
+from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.support.jit import jit
+
+WEIGHTS = (0.1, 0.1, 1.0, 1.0)  # W
+LEAST_STEP = 0.1  # |y_0|, in rope lengths: a load that is pushed at its target is near it
+
+# Places of parameters and memory.
+GRAVITY, FREQUENCY, STRENGTH, SHARPNESS, LIMIT, GAIN, COSTATE = 0, 1, 2, 3, 4, 7, 11
+TARGET, STEP, RHO, BEGUN, MEMORY = 0, 2, 4, 6, 7
+
+
+@jit
+def damping(strength, sharpness, share):
+    """Rho at a distance from the target, as a share of the first one."""
+    return -strength * abs(exp(-sharpness * abs(share)) - exp(-sharpness))
+
+
+@jit
+def cut(value, limit):
+    """The nearest to `value` within +-`limit`."""
+    return min(max(value, -limit), limit)
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and set-point in, accelerations out."""
+    held = carray(memory, (MEMORY,))
+    gravity, length = parameters[GRAVITY], measured[ROPE]
+    if length <= 0.0:
+        return 2
+    pole = sqrt(gravity / length)
+    for axis in range(2):
+        joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
+        drive = (measured[joint] - reference[axis]) / length
+        load = drive + measured[angle]
+        if held[BEGUN] == 0.0 or held[TARGET + axis] != reference[axis]:
+            held[TARGET + axis] = reference[axis]
+            held[STEP + axis] = max(abs(load), LEAST_STEP)
+        rho = damping(parameters[STRENGTH], parameters[SHARPNESS], load / held[STEP + axis])
+        wanted = 0.0
+        for i in range(4):
+            value = drive if i == 0 else measured[angle] if i == 2 else measured[angle + 1] / pole
+            if i == 1:
+                value = measured[joint + 1] / (pole * length)
+            wanted += (parameters[GAIN + i] + rho * parameters[COSTATE + i]) * value
+        held[RHO + axis] = rho
+        command[axis] = cut(gravity * wanted, parameters[LIMIT + axis])
+    held[BEGUN] = 1.0
+    rope = parameters[FREQUENCY] * pole
+    lifted = -rope * rope * (length + reference[Z]) - 2.0 * rope * measured[ROPE + 1]
+    command[Z] = cut(lifted, parameters[LIMIT + Z])
+    return 0
+
+
+def linear_part(frequency, ratio):
+    """A + B F, B, F (4,), P; lengths in l, times in sqrt(l/g), accelerations in g."""
+    a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
+    b = np.array([0.0, 1.0, 0.0, -1.0])
+    pair = [1.0, 2.0 * ratio * frequency, frequency**2]
+    _, cubic, square, slope, constant = np.polymul(pair, [1.0, 1.4, 1.0])
+    gain = -np.array([constant, slope, 1.0 + constant - square, slope - cubic])
+    closed = a + np.outer(b, gain)
+    return closed, b, gain, solve_continuous_lyapunov(closed.T, -np.diag(WEIGHTS))
+
+
+def prepare(nominal):
+    """Parameters and memory."""
+    names = ("frequency", "ratio", "strength", "sharpness")
+    frequency, ratio, strength, sharpness = (float(nominal.parameters[name]) for name in names)
+    _, b, gain, cost = linear_part(frequency, ratio)
+    limits = nominal.rig.effects.limits.acceleration
+    head = [nominal.rig.gravity, frequency, strength, sharpness, *limits]
+    return np.array([*head, *gain, *(b @ cost)]), np.zeros(MEMORY)
+
+
+CNF = Controller(
+    name="cnf",
+    title="composite nonlinear feedback: little damping far from the set-point, much near it",
+    step=step,
+    prepare=prepare,
+    follows="set-point",
+    parameters=(
+        Parameter("frequency", 0.4, "1", "w of the slow pair, over sqrt(g/l)", 0.01, 10.0, search=(0.1, 1.0)),
+        Parameter("ratio", 0.3, "1", "z, its damping ratio far away", 0.01, 10.0, search=(0.1, 1.0)),
+        Parameter("strength", 0.8, "1", "b, most that rho can be", 0.0, 1e3, search=(0.1, 5.0)),
+        Parameter(
+            "sharpness", 2.0, "1", "a, how near the target damping begins", 0.0, 1e3, search=(0.5, 10.0)
+        ),
+    ),
+    logged=tuple(
+        Logged(RHO + k, Signal(f"rho_{axis}", f"rho_{axis}", "1", f"gain of the nonlinear part, {axis}"))
+        for k, axis in ((X, "x"), (Y, "y"))
+    ),
+)
