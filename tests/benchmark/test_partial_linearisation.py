@@ -1,0 +1,89 @@
+"""`partial-linearisation`: drives are linear whatever the swing, with the masses believed; poles; a push."""
+
+from math import sqrt
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.reference import load_scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import InputError
+from tests.benchmark.linear_loop import GRAVITY, PERIOD, nominal_at
+from tests.conftest import ROOT
+from validation.benchmark.partial_linearisation import LINEARISATION, polynomial, prepare
+
+LAW = f"{ROOT / 'validation' / 'benchmark' / 'partial_linearisation.py'}:LINEARISATION"
+POSITION, SWING, SHARE = 0.45, 1.8, 0.3  # its defaults
+STILL = ["duration=4.0", "disturbances=[]"]
+
+
+def run_of(*overrides: str, plant: str, drive: str, believed: str = "") -> Run:
+    scenario = load_scenario("fixed-position", overrides=overrides)
+    nominal = load_scenario("fixed-position", overrides=[*overrides, believed]) if believed else None
+    return simulate_run(scenario, nominal=nominal, plant=plant, drive=drive, controller=open_law(LAW))
+
+
+def missed(run: Run) -> float:
+    """Largest difference between the drives' accelerations and those asked for, relative to these."""
+    rates, asked = run.block("state")[:, [1, 3, 5]], run.block("controller")[:, :3]
+    middle = 0.5 * (asked[1:] + asked[:-1])
+    return float(np.abs(np.diff(rates, axis=0) / PERIOD - middle).max() / np.abs(asked).max())
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_the_drives_are_linear_whatever_the_swing_if_masses_are_believed_rightly(plant: str) -> None:
+    swung = ["initial.alpha_offset=0.5", "initial.beta_offset=-0.6"]
+    assert missed(run_of(*STILL, *swung, plant=plant, drive="force")) < 0.01
+    wrong = run_of(*STILL, *swung, plant=plant, drive="force", believed="rig.load_mass=1.5")
+    assert missed(wrong) > 0.1
+
+
+@pytest.mark.parametrize("length", [0.2, 0.7, 1.4])
+def test_the_loop_has_the_polynomial_of_the_page(length: float) -> None:
+    """l b'' = -g b - v, e'' = v: by determinant, from the three numbers."""
+    pole = sqrt(GRAVITY / length)
+    drive = [1.0, 2.0 * POSITION * pole, (POSITION * pole) ** 2]
+    swing = SHARE * length * np.array([2.0 * SWING * pole, (SWING * pole) ** 2 - pole**2])
+    found = np.polymul([length, 0.0, GRAVITY], drive) + np.append(np.append(0.0, swing), [0.0, 0.0])
+    scale = pole ** np.arange(5)
+    np.testing.assert_allclose(found / length, polynomial(POSITION, SWING, SHARE) * scale, rtol=1e-12)
+
+
+def test_what_is_refused_is_what_is_unstable() -> None:
+    refused = 0
+    for position in (0.2, 0.5, 1.0, 2.0):
+        for swing in (0.5, 1.0, 2.0):
+            for share in (0.1, 0.5, 1.5):
+                stable = np.roots(polynomial(position, swing, share)).real.max() < 0.0
+                given = nominal_at(LINEARISATION, 0.7, position=position, swing=swing, share=share)
+                if stable:
+                    prepare(given)
+                    continue
+                refused += 1
+                with pytest.raises(InputError, match="of partial-linearisation"):
+                    prepare(given)
+    assert 5 < refused < 30
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_near_rest_the_drive_moves_as_the_polynomial_says(plant: str) -> None:
+    offset, length = 1e-3, 0.7
+    run = run_of(*STILL, f"initial.load_offset=[{offset}, 0.0, 0.0]", plant=plant, drive="force")
+    pole = sqrt(GRAVITY / length)
+    roots = np.roots(polynomial(POSITION, SWING, SHARE))
+    # e and three derivatives at the start, times in sqrt(l/g): e'' = -a² e, b'' = a² e/l.
+    square = POSITION**2
+    jerk = 2.0 * POSITION * square + 2.0 * SHARE * SWING * square
+    weights = np.linalg.solve(np.vander(roots, 4, increasing=True).T, [1.0, 0.0, -square, jerk])
+    wanted = (np.exp(np.outer(pole * run.time, roots)) @ weights).real
+    np.testing.assert_allclose(run.block("state")[:, 0] - 1.0, offset * wanted, atol=0.01 * offset)
+
+
+@pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
+def test_a_standing_push_leaves_what_its_lean_says(plant: str, drive: str) -> None:
+    state = run_of(plant=plant, drive=drive).block("state")[-1]
+    for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
+        assert abs(state[angle]) > 0.05
+        wanted = SHARE * (SWING**2 - 1.0) * state[4] * state[angle] / POSITION**2
+        assert state[joint] - start == pytest.approx(wanted, rel=1e-3)

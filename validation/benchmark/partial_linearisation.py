@@ -1,0 +1,111 @@
+"""`partial-linearisation`: forces that make the drives linear, and a share of what the swing asks of them.
+
+    cranectl run fast-diagonal --controller validation/benchmark/partial_linearisation.py:LINEARISATION
+
+Source: the idea of Chen, Gao and Zhang, ICCA 2005, whose equations could not be read; drives and swing
+combined linearly as by Tuan and Lee, in Nonlinear Systems, InTech 2016. Per horizontal axis, with e the
+drive's and b the angle's deviation from the state that the flat map gives for the path, u_d its input, p =
+sqrt(g/l),
+
+    v_a = -2 a p e' - a² p² e             drives alone: two poles at -a p
+    v_u = l (2 c p b' + c² p² b) - g b    angles alone, l b'' = -g b - v: two poles at -c p
+    F = P (u_d + v_a + k v_u) + w         which gives the drives this acceleration, whatever the swing
+
+The loop has the roots of r⁴ + 2 s r³ + h r² + 2 a r + a², s = a + k c, h = 1 + a² + k (c² - 1), times p: it
+is stable where s h > a (1 + s²). The rope has two poles at -p. Assumes: full state, slow hoisting, masses as
+believed. Certain: the structure; ours: the gains, by three numbers. A standing push that leans the rope by b
+leaves the drive k (c² - 1) l b / a² off; masses that are not as believed leave more.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numba import carray
+
+from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.model.dynamics import AxisMasses, axis_masses, drive_forces
+from cranectl.model.flatness import state_and_input
+from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.support.errors import InputError
+
+# Places of parameters and memory.
+POSITION, SWING, SHARE, MASSES = range(4)
+DESIRED, INPUT, MEMORY = 0, 10, 13
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and path in, forces out."""
+    held = carray(memory, (MEMORY,))
+    desired, inputs = held[DESIRED:INPUT], held[INPUT:MEMORY]
+    masses = AxisMasses(
+        parameters[MASSES],
+        parameters[MASSES + 1],
+        parameters[MASSES + 2],
+        parameters[MASSES + 3],
+        parameters[MASSES + 4],
+    )
+    gravity, length = masses.gravity, measured[ROPE]
+    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
+        return 2
+    state_and_input(reference, gravity, desired, inputs)
+    pole = sqrt(gravity / length)
+    drive, swing = parameters[POSITION] * pole, parameters[SWING] * pole
+    for axis in range(2):
+        joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
+        lean = measured[angle] - desired[angle]
+        swings = length * (2.0 * swing * (measured[angle + 1] - desired[angle + 1]) + swing * swing * lean)
+        inputs[axis] -= 2.0 * drive * (measured[joint + 1] - desired[joint + 1])
+        inputs[axis] -= drive * drive * (measured[joint] - desired[joint])
+        inputs[axis] += parameters[SHARE] * (swings - gravity * lean)
+    inputs[Z] -= 2.0 * pole * (measured[ROPE + 1] - desired[ROPE + 1])
+    inputs[Z] -= pole * pole * (length - desired[ROPE])
+    forces = drive_forces(masses, measured, inputs[X], inputs[Y], inputs[Z])
+    for axis in range(3):
+        command[axis] = forces[axis]
+    return 0
+
+
+def polynomial(position, swing, share):
+    """Of the loop of an axis, times in sqrt(l/g), highest power first."""
+    return np.array(
+        [
+            1.0,
+            2.0 * (position + share * swing),
+            1.0 + position**2 + share * (swing**2 - 1.0),
+            2.0 * position,
+            position**2,
+        ]
+    )
+
+
+def prepare(nominal):
+    """Parameters and memory; raises InputError for three numbers that give an unstable loop."""
+    position, swing, share = (float(nominal.parameters[name]) for name in ("position", "swing", "share"))
+    _, twice, square, _, _ = polynomial(position, swing, share)
+    if 0.5 * twice * square <= position * (1.0 + 0.25 * twice**2):
+        raise InputError(
+            f"position = {position:g}, swing = {swing:g}, share = {share:g} of partial-linearisation",
+            allowed="s h > a (1 + s²) with s = a + k c, h = 1 + a² + k (c² - 1)",
+            remedy="lower position, or raise swing",
+        )
+    return np.array([position, swing, share, *axis_masses(nominal.rig)]), np.zeros(MEMORY)
+
+
+LINEARISATION = Controller(
+    name="partial-linearisation",
+    title="forces that make the drives linear, with a share of what the swing asks, flat path ahead",
+    step=step,
+    prepare=prepare,
+    command="force",
+    parameters=(
+        Parameter(
+            "position", 0.45, "1", "a, poles of the drives over sqrt(g/l)", 1e-3, 100.0, search=(0.1, 1.0)
+        ),
+        Parameter("swing", 1.8, "1", "c, poles of the swing over sqrt(g/l)", 1e-3, 100.0, search=(1.0, 4.0)),
+        Parameter("share", 0.3, "1", "k of what the swing asks for", 1e-3, 100.0, search=(0.1, 1.0)),
+    ),
+    logged=tuple(
+        Logged(INPUT + k, Signal(f"asked_{axis}", f"v_{axis}", "m/s²", f"acceleration asked for, {axis}"))
+        for k, axis in ((X, "x"), (Y, "y"), (Z, "l"))
+    ),
+)
