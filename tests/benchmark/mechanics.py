@@ -1,0 +1,29 @@
+"""Energies of recorded runs by the matrices of the model, which laws do not use."""
+
+import numpy as np
+
+from cranectl.model.dynamics import kinetic_energy, load_jacobian, potential_energy
+from cranectl.simulate import Run
+from tests.conftest import split
+
+
+def energy_above_rest(run: Run, rates: np.ndarray) -> np.ndarray:
+    """Kinetic energy of `rates` (N, 5), potential energy above that of a rope hanging plumb [J], (N,)."""
+    rig = run.scenario.rig
+    places = run.block("state")[:, 0::2]
+    kinetic = [kinetic_energy(q, v, rig) for q, v in zip(places, rates, strict=True)]
+    return np.array(kinetic) + [potential_energy(q, rig) + rig.weight * q[2] for q in places]
+
+
+def rope_directions(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Direction of the rope and its rate [1/s], each (N, 3)."""
+    pairs = [split(state) for state in run.block("state")]
+    n = [load_jacobian(q)[:, 2] for q, _ in pairs]
+    turn = [load_jacobian(q)[:, 3:] @ v[3:] / q[2] for q, v in pairs]
+    return np.array(n), np.array(turn)
+
+
+def integral(run: Run, power: np.ndarray) -> np.ndarray:
+    """Of `power` (N,) from the start to each sample [J], (N,)."""
+    steps = 0.5 * np.diff(run.time) * (power[1:] + power[:-1])
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,0 +1,134 @@
+"""`energy-coupling` and `kinetic-energy-coupling`: springs and dampers that feel the crane's energy.
+
+    cranectl run fast-diagonal --controller validation/benchmark/energy_coupling.py:ENERGY_COUPLING
+    cranectl run fast-diagonal --controller validation/benchmark/energy_coupling.py:KINETIC_ENERGY_COUPLING
+
+Source: Fang, Dixon, Dawson and Zergeroglu, IEEE/ASME Trans. Mechatronics 8 (2003): the E² coupling law and
+the gantry kinetic energy law, there for two drives and a rope of constant length. With v the drives' rates,
+e what they are off the set-point, F = P v' + w the crane (`cranectl.model.dynamics`), W = (0, 0, m g) the
+weight that the winch holds, and E the kinetic energy plus m g l (1 - cos a cos b),
+
+    E' = v·(F + W),    s = k_E E (energy-coupling) or k_E (kinetic-energy-coupling)
+    (s P + K_v) v' = -K_p e - K_d v - s (w + W)
+    V = k_E E²/2 or k_E E, plus (v·K_v v + e·K_p e)/2,    V' = -v·K_d v
+
+So the law is the crane's own answer to a spring and a damper with the masses s P + K_v in place of P. Here
+the winch is a third drive, so the function falls with hoisting too; K_v, K_p, K_d are diagonal, by the
+masses that each drive moves, where theirs are numbers. Assumes: full state, masses, no friction. Measures:
+full state. Certain: structure and Lyapunov function, which were derived anew; not that the paper writes
+them so. E² is of fourth order in the swing, so small swing is hardly damped. A standing push that leans the
+rope leaves K_p e = -s (w + W).
+"""
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.model.dynamics import (
+    AxisMasses,
+    axis_masses,
+    drive_forces,
+    forced_accelerations,
+    rope_direction,
+    rope_direction_rate,
+)
+from cranectl.signals import (
+    ALPHA,
+    ALPHA_RATE,
+    BETA,
+    BETA_RATE,
+    BRIDGE_RATE,
+    ROPE,
+    ROPE_RATE,
+    TROLLEY_RATE,
+    Signal,
+    Z,
+)
+from cranectl.support.jit import jit
+
+# Places of parameters, the first five as in `AxisMasses`, and of memory.
+LOAD_MASS, GRAVITY, COUPLING, EXPONENT, INERTIA, STIFFNESS, DAMPING = 3, 4, 5, 6, 7, 10, 13
+ENERGY, MEMORY = 0, 1
+
+
+@jit
+def energy(masses, state):
+    """Kinetic energy, and the potential energy above that of a rope hanging plumb [J]."""
+    n = rope_direction(state[ALPHA], state[BETA])
+    n_rate = rope_direction_rate(state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE])
+    bridge, trolley, winch = state[BRIDGE_RATE], state[TROLLEY_RATE], state[ROPE_RATE]
+    v_x = bridge + winch * n[0] + state[ROPE] * n_rate[0]
+    v_y = trolley + winch * n[1] + state[ROPE] * n_rate[1]
+    v_z = winch * n[2] + state[ROPE] * n_rate[2]
+    drives = masses.bridge * bridge**2 + masses.trolley * trolley**2 + masses.winch * winch**2
+    lift = masses.gravity * state[ROPE] * (1.0 + n[2])
+    return 0.5 * drives + masses.load * (0.5 * (v_x**2 + v_y**2 + v_z**2) + lift)
+
+
+@jit
+def spring(parameters, measured, reference, axis):
+    """-K_p e - K_d v of an axis [N]."""
+    target = -reference[Z] if axis == Z else reference[axis]
+    pull = parameters[STIFFNESS + axis] * (measured[2 * axis] - target)
+    return -pull - parameters[DAMPING + axis] * measured[2 * axis + 1]
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and set-point in, forces out."""
+    load, gravity = parameters[LOAD_MASS], parameters[GRAVITY]
+    masses = AxisMasses(parameters[0], parameters[1], parameters[2], load, gravity)
+    memory[ENERGY] = energy(masses, measured)
+    s = parameters[COUPLING] * memory[ENERGY] ** parameters[EXPONENT]
+    felt = AxisMasses(
+        s * masses.bridge + parameters[INERTIA],
+        s * masses.trolley + parameters[INERTIA + 1],
+        s * masses.winch + parameters[INERTIA + 2],
+        s * load,
+        gravity,
+    )
+    x, y = spring(parameters, measured, reference, 0), spring(parameters, measured, reference, 1)
+    rope = spring(parameters, measured, reference, 2) - s * load * gravity
+    u_x, u_y, u_l = forced_accelerations(felt, measured, x, y, rope)
+    command[0], command[1], command[2] = drive_forces(masses, measured, u_x, u_y, u_l)
+    return 0
+
+
+def prepared(nominal, exponent):
+    """Parameters and memory for s = k_E E^exponent."""
+    rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
+    pace = given["frequency"] * np.sqrt(rig.gravity / length)
+    coupling = given["coupling"] / (rig.weight * length) ** exponent
+    inertia = rig.driven_masses
+    stiffness, damping = pace**2 * inertia, 2.0 * given["damping"] * pace * inertia
+    head = [*axis_masses(rig), coupling, exponent]
+    return np.concatenate([head, inertia, stiffness, damping]), np.zeros(MEMORY)
+
+
+def law(name, title, exponent, coupling):
+    """One of the two laws."""
+    unit = "k_E m g l" if exponent else "k_E"
+    return Controller(
+        name=name,
+        title=title,
+        step=step,
+        prepare=lambda nominal: prepared(nominal, exponent),
+        command="force",
+        follows="set-point",
+        parameters=(
+            Parameter(
+                "frequency", 0.35, "1", "√(K_p/K_v) over √(g/l) of the start", 0.0, 10.0, search=(0.1, 1.0)
+            ),
+            Parameter("damping", 1.0, "1", "K_d/√(4 K_p K_v)", 0.0, 10.0, search=(0.2, 4.0)),
+            Parameter(
+                "coupling", coupling, "1", unit, 0.0, 1e3, search=(0.1 * coupling, 10.0 * coupling)
+            ),
+        ),
+        logged=(Logged(ENERGY, Signal("energy", "E", "J", "of the crane, none at rest with a plumb rope")),),
+    )  # fmt: skip
+
+
+ENERGY_COUPLING = law(
+    "energy-coupling", "E² coupling: spring and damper, drives heavier by the energy", 1.0, 3.0
+)
+KINETIC_ENERGY_COUPLING = law(
+    "kinetic-energy-coupling", "gantry kinetic energy coupling: spring, damper, heavier drives", 0.0, 1.0
+)
