@@ -42,7 +42,8 @@ TARGETS = {
     "cranectl.model.dynamics": """
         angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian
         load_jacobian_rate mass_matrix coriolis_matrix gravity_vector kinetic_energy potential_energy
-        load_position load_velocity rope_tension axis_masses drive_forces forced_accelerations
+        load_position load_velocity rope_tension axis_masses drive_forces _tension forced_accelerations
+        winch_force
     """,
     "cranectl.model.flatness": """
         slopes_from_angles angles_from_slopes flat_output drive_accelerations slope_acceleration

@@ -119,22 +119,35 @@ def drive_forces(masses, state, u_x, u_y, u_l):
 
 
 @jit
+def _tension(masses, state, n, u_x, u_y, u_l, winch_mobility):
+    """The rope's [N], if bridge, trolley, rope would accelerate by u but for it; Sherman and Morrison."""
+    alone = _rope_force(state, u_x, u_y, u_l, masses.gravity)
+    mobility = n[0] * n[0] / masses.bridge + n[1] * n[1] / masses.trolley + winch_mobility
+    return -masses.load * alone / (1.0 + masses.load * mobility)
+
+
+@jit
 def forced_accelerations(masses, state, f_x, f_y, f_l):
     """Accelerations of bridge, trolley, rope [m/s²] under forces [N]; the inverse of `drive_forces`.
 
-    P^-1 (F - w): what the forces alone would do, less what the tension does, by the formula of Sherman and
-    Morrison.
+    P^-1 (F - w): what the forces alone would do, less what the tension does.
     """
     n = rope_direction(state[ALPHA], state[BETA])
     u_x, u_y, u_l = f_x / masses.bridge, f_y / masses.trolley, f_l / masses.winch
-    alone = _rope_force(state, u_x, u_y, u_l, masses.gravity)
-    mobility = n[0] * n[0] / masses.bridge + n[1] * n[1] / masses.trolley + 1.0 / masses.winch
-    tension = -masses.load * alone / (1.0 + masses.load * mobility)
+    tension = _tension(masses, state, n, u_x, u_y, u_l, 1.0 / masses.winch)
     return (
         u_x + tension * n[0] / masses.bridge,
         u_y + tension * n[1] / masses.trolley,
         u_l + tension / masses.winch,
     )
+
+
+@jit
+def winch_force(masses, state, f_x, f_y, u_l):
+    """F_l [N] that accelerates the rope by u_l [m/s²] while bridge and trolley get f_x, f_y [N]."""
+    n = rope_direction(state[ALPHA], state[BETA])
+    tension = _tension(masses, state, n, f_x / masses.bridge, f_y / masses.trolley, u_l, 0.0)
+    return masses.winch * u_l - tension
 
 
 def load_jacobian(q: Vector) -> Matrix:

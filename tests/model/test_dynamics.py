@@ -66,6 +66,8 @@ def test_forces_of_the_drives_are_those_of_the_manipulator_form_and_back() -> No
         assert np.abs(forces - expected).max() < 1e-12 * scale
         again = np.array(dynamics.forced_accelerations(masses, state, *forces))
         assert np.abs(again - u).max() < 1e-12 * scale
+        hoist = dynamics.winch_force(masses, state, forces[0], forces[1], u[2])
+        assert abs(hoist - forces[2]) < 1e-12 * scale
 
 
 def test_power_balance() -> None:

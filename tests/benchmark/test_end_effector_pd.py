@@ -1,0 +1,56 @@
+"""`end-effector-pd`: its function falls by what its damper takes; what a standing push leaves."""
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.reference import load_scenario
+from cranectl.simulate import Run, simulate_run
+from tests.benchmark.mechanics import energy_above_rest, integral, rope_directions
+from tests.conftest import ROOT
+
+LAW = f"{ROOT / 'validation' / 'benchmark' / 'end_effector_pd.py'}:END_EFFECTOR_PD"
+ACROSS = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
+
+
+def run_of(*overrides: str, plant: str, drive: str) -> Run:
+    scenario = load_scenario("fixed-position", overrides=overrides)
+    return simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+
+
+def gains(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(k_p, k_d, k) of x and y as the parameters are described."""
+    rig, given, length = run.scenario.rig, run.design.parameters, run.block("state")[0, 4]
+    moved = rig.driven_masses[:2] + rig.load_mass
+    pace = given["frequency"] * np.sqrt(rig.gravity / length)
+    return pace**2 * moved, 2.0 * given["damping"] * pace * moved, given["lead"] * length * moved[1] / moved
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_its_function_falls_by_what_the_damper_takes(plant: str) -> None:
+    run = run_of("disturbances=[]", ACROSS, plant=plant, drive="force")
+    rig, state, length = run.scenario.rig, run.block("state"), 0.7
+    stiffness, damping, lead = gains(run)
+    n, turn = rope_directions(run)
+    shared = lead * (rig.driven_masses[:2] + rig.load_mass)
+    np.testing.assert_allclose(shared, shared[0], rtol=1e-12)
+    swing = 0.5 * length * (turn**2).sum(axis=1) + rig.gravity * (1.0 + n[:, 2])
+    coupled = state[:, [0, 2]] - [1.6, 1.2] - lead * n[:, :2]
+    v = energy_above_rest(run, state[:, 1::2]) + shared[0] * swing
+    v += 0.5 * (coupled**2 @ stiffness - rig.load_mass * length * turn[:, :2] ** 2 @ lead)
+    taken = integral(run, (state[:, [1, 3]] - lead * turn[:, :2]) ** 2 @ damping)
+    assert np.abs(state[:, 4] - length).max() < 1e-4
+    assert np.abs(v + taken - v[0]).max() < 2e-3 * v[0]
+    assert np.diff(v).max() < 1e-9 * v[0]
+    assert v[-1] < 1e-3 * v[0]
+    assert np.abs(state[:, [6, 8]]).max() > 0.05, "and the load does swing"
+
+
+def test_a_standing_push_leaves_what_the_lean_says() -> None:
+    run = run_of("duration=40.0", plant="analytic", drive="ideal")
+    stiffness, _, lead = gains(run)
+    n, _ = rope_directions(run)
+    hung = run.scenario.rig.weight * -n[-1, 2]
+    off = run.block("state")[-1, [0, 2]] - [1.0, 0.77]
+    assert np.abs(off).min() > 0.05
+    np.testing.assert_allclose(off, (lead + hung / stiffness) * n[-1, :2], rtol=1e-3)
