@@ -1,0 +1,113 @@
+"""`barrier-tracking`: drives follow the load's path and are kept within a distance of it, while hoisting too.
+
+    cranectl run fast-diagonal --controller validation/benchmark/barrier_tracking.py:BARRIER_TRACKING
+
+Source: Sun and Fang, Automatica 50 (2014), planar. For each of bridge, trolley and rope, with e what it is
+off the path of a load that hangs plumb,
+
+    F = -k_p e - 2 L Z² e / (Z² - e²)² - k_d e' - f sgn e' + F_d
+
+The second term is minus the derivative of the barrier L e² / (Z² - e²), which has no bound at |e| = Z. F_d
+is what the path asks for, with M the drives' own masses, n the rope's direction, W = (0, 0, m g):
+
+    F_d = M q_d'' + m (b_x, b_y, b·n) - W,    b = c_d'' + l_d'' n + l_d' n',    c_d = (x_d, y_d, 0)
+
+For E of the errors' rates (e', a', b') in place of the rates, V = E + sum of (k_p e² / 2 + L e² / (Z² -
+e²)) has
+
+    V' = -sum of (k_d e'² + f |e'|) + m l_d' (g (1 + n_z) - l n'·n') - m l n'·c_d''
+
+It falls at every point of rest of the path, and is bounded where the path is finite, hence |e| < Z. Here L
+= share k_p Z²/2, and sgn is tanh(e'/v), v = √(g l)/100. Assumes: full state, masses, |e| < Z at the start.
+Certain: structure and V', which was derived here; not the paper's F_d. A standing push that leans the rope
+leaves what k_p and the barrier hold against its tension.
+"""
+
+from math import tanh
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.model.dynamics import axis_masses, rope_direction, rope_direction_rate
+from cranectl.signals import ACCELERATION, ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE, VELOCITY, Signal, X, Y, Z
+from cranectl.support.jit import jit
+
+# Places of parameters, the first five as in `AxisMasses`, and of memory.
+LOAD_MASS, GRAVITY, SHARE, BOUND, SOFT, STIFFNESS, DAMPING, FRICTION = 3, 4, 5, 6, 7, 8, 11, 14
+ERROR, MEMORY = 0, 3
+
+
+@jit
+def barrier_force(stiffness, bound, error):
+    """-2 L Z² e / (Z² - e²)² for 2 L = stiffness Z² [N]."""
+    room = 1.0 - (error / bound) ** 2
+    return -stiffness * error / room**2
+
+
+@jit
+def feedback(parameters, axis, error, rate):
+    """All but F_d of an axis [N]."""
+    stiffness = parameters[STIFFNESS + axis]
+    held = barrier_force(parameters[SHARE] * stiffness, parameters[BOUND], error)
+    damped = parameters[DAMPING + axis] * rate + parameters[FRICTION + axis] * tanh(rate / parameters[SOFT])
+    return held - stiffness * error - damped
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and path in, forces out."""
+    load = parameters[LOAD_MASS]
+    n = rope_direction(measured[ALPHA], measured[BETA])
+    n_rate = rope_direction_rate(measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE])
+    u_x, u_y, u_l = reference[ACCELERATION], reference[ACCELERATION + Y], -reference[ACCELERATION + Z]
+    pay_out = -reference[VELOCITY + Z]
+    along = n[0] * u_x + n[1] * u_y + u_l  # n has length 1, and n' is normal to it
+    asked_x = (parameters[X] + load) * u_x + load * (u_l * n[0] + pay_out * n_rate[0])
+    asked_y = (parameters[Y] + load) * u_y + load * (u_l * n[1] + pay_out * n_rate[1])
+    asked_l = parameters[Z] * u_l + load * (along - parameters[GRAVITY])
+    for axis in range(3):
+        asked = asked_x if axis == X else asked_y if axis == Y else asked_l
+        sign = -1.0 if axis == Z else 1.0
+        error = measured[2 * axis] - sign * reference[axis]
+        rate = measured[2 * axis + 1] - sign * reference[VELOCITY + axis]
+        command[axis] = asked + feedback(parameters, axis, error, rate)
+        memory[ERROR + axis] = error
+    return 0
+
+
+def prepare(nominal):
+    """Parameters and memory."""
+    rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
+    pace, inertia = np.sqrt(rig.gravity / length), rig.driven_masses
+    stiffness = inertia * (given["frequency"] * pace) ** 2
+    damping = inertia * 2.0 * given["damping"] * given["frequency"] * pace
+    shape = [given["barrier"], given["bound"] * length, 0.01 * pace * length]
+    friction = given["friction"] * rig.gravity * inertia
+    return np.array([*axis_masses(rig), *shape, *stiffness, *damping, *friction]), np.zeros(MEMORY)
+
+
+BARRIER_TRACKING = Controller(
+    name="barrier-tracking",
+    title="drives on the load's path as springs and dampers, with a barrier at a largest error",
+    step=step,
+    prepare=prepare,
+    command="force",
+    parameters=(
+        Parameter(
+            "frequency",
+            1.0,
+            "1",
+            "√(k_p/M_d), M_d what a drive moves, over √(g/l) of the start",
+            0.0,
+            10.0,
+            search=(0.2, 5.0),
+        ),
+        Parameter("damping", 0.4, "1", "k_d/√(4 k_p M_d)", 0.0, 10.0, search=(0.05, 4.0)),
+        Parameter("bound", 0.5, "1", "Z, in rope lengths of the start", 1e-6, 100.0, search=(0.2, 2.0)),
+        Parameter("barrier", 0.3, "1", "2 L/Z² over k_p", 0.0, 100.0, search=(0.03, 3.0)),
+        Parameter("friction", 0.002, "1", "f, over the weight of what moves", 0.0, 1.0, search=(2e-4, 2e-2)),
+    ),
+    logged=tuple(
+        Logged(ERROR + k, Signal(f"drive_error_{axis}", f"e_{axis}", "m", f"of the drive, {axis}"))
+        for k, axis in ((X, "x"), (Y, "y"), (Z, "l"))
+    ),
+)
