@@ -1,0 +1,67 @@
+"""`hierarchical-sliding-mode`: poles on its surface, reached when it says; what a standing push leaves."""
+
+from math import exp, log, sqrt
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.reference import load_scenario
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import ROOT
+from validation.benchmark.hierarchical_sliding_mode import surface_numbers
+
+LAW = f"{ROOT / 'validation' / 'benchmark' / 'hierarchical_sliding_mode.py'}:HIERARCHICAL"
+GRAVITY, SHARE = 9.81, 0.3  # the default
+
+
+def run_of(scenario: str, *overrides: str, plant: str) -> Run:
+    law = open_law(LAW)
+    wanted = load_scenario(scenario, overrides=["workspace.on_exit='record'", *overrides])
+    return simulate_run(wanted, plant=plant, drive="ideal", controller=law)
+
+
+def on_surface(rope: float, length: float, share: float) -> np.ndarray:
+    """Polynomial of the crane on S = 0 with a rope of length `rope`, for numbers made for `length`."""
+    forgets, swings = surface_numbers(length, GRAVITY, share)
+    crane = np.polymul([rope, 0.0, GRAVITY], [1.0, forgets])
+    return np.polyadd(crane, share * length * np.array([1.0, swings, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 3.0])
+@pytest.mark.parametrize("length", [0.05, 0.7, 40.0])
+def test_on_its_surface_all_three_poles_are_one(length: float, share: float) -> None:
+    pole = sqrt(GRAVITY / (3.0 * length * (1.0 + share)))
+    found = on_surface(length, length, share)
+    np.testing.assert_allclose(found / found[0], np.poly([-pole] * 3), rtol=1e-12)
+    for rope in (0.05 * length, 0.5 * length, 20.0 * length):
+        assert np.roots(on_surface(rope, length, share)).real.max() < 0.0, "and at other lengths it is stable"
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_the_surface_falls_as_it_says_while_hoisting_too_and_stays_zero(plant: str) -> None:
+    """|S| is (|S_0| + r/k) e^-kt - r/k until it is zero, at log(1 + k |S_0|/r)/k."""
+    run = run_of("fast-diagonal", "disturbances=[]", "initial.load_offset=[0.1, -0.08, 0.05]", plant=plant)
+    surface = np.abs(run.block("controller")[:, :3])
+    given = run.design.parameters
+    k, r = given["decay"] * sqrt(GRAVITY / run.block("state")[0, 4]), given["reach"] * GRAVITY
+    for axis in range(3):
+        first = surface[0, axis]
+        ends = log(1.0 + k * first / r) / k
+        assert first > 0.02
+        assert ends > 0.05
+        for share in (0.3, 0.6, 0.9):
+            sample = round(share * ends / 1e-3)
+            expected = (first + r / k) * exp(-k * run.time[sample]) - r / k
+            assert surface[sample, axis] == pytest.approx(expected, abs=1e-2 * first)
+        assert surface[run.time > ends + 0.05, axis].max() < 1e-3 * first
+
+
+def test_a_standing_push_leaves_what_the_surface_says() -> None:
+    """It pulls at S with a g b = 0.2 m/s²; r is 0.3 m/s²."""
+    run = run_of("fixed-position", "duration=30.0", plant="analytic")
+    state = run.block("state")[-1]
+    assert np.abs(run.block("disturbance")[-1]).max() > 0.1
+    for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
+        off = (8.0 + 9.0 * SHARE) * 0.7 * state[angle]
+        assert state[joint] - start == pytest.approx(off, rel=1e-2)
