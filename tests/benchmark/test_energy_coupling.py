@@ -40,12 +40,12 @@ def lyapunov(run: Run, target: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 @pytest.mark.parametrize("law", LAWS)
 def test_its_function_falls_by_what_the_damper_takes_while_hoisting_too(law: str, plant: str) -> None:
-    run = run_of(law, "fast-diagonal", "disturbances=[]", plant=plant, drive="force")
+    swung = ["initial.alpha_offset=0.6", "initial.beta_offset=-0.5", "workspace.on_exit='record'"]
+    run = run_of(law, "fast-diagonal", "disturbances=[]", *swung, plant=plant, drive="force")
     v = lyapunov(run, np.array([1.7, 1.25, 0.5]))
     taken = integral(run, run.block("state")[:, 1:6:2] ** 2 @ gains(run)[1])
-    assert np.abs(v + taken - v[0]).max() < 2e-3 * v[0]
+    assert np.abs(v + taken - v[0]).max() < 1e-3 * v[0]
     assert np.diff(v).max() < 1e-9 * v[0]
-    assert np.abs(run.block("state")[:, [6, 8]]).max() > 0.1, "and the load does swing"
 
 
 @pytest.mark.parametrize("law", LAWS)
