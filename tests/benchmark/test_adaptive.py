@@ -51,11 +51,6 @@ def test_its_function_falls_by_what_the_damper_takes_from_any_masses(plant: str,
     s = run.block("controller")[:, 4:7]
     taken = integral(run, s**2 @ rig.driven_masses * given["gain"] * np.sqrt(rig.gravity / length))
     assert np.abs(v + taken - v[0]).max() < 2e-3 * v[0]
-        np.abs(v + taken - v[0]).max() / v[0],
-        np.diff(v).max() / v[0],
-        run.block("controller")[-1],
-        np.abs(run.angles).max(),
-    )
     assert np.diff(v).max() < 0.0
     assert run.block("controller")[-1, 3] == pytest.approx(run.scenario.rig.load_mass, rel=1e-3)
 
