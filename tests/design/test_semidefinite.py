@@ -1,0 +1,38 @@
+"""Linear matrix inequalities against what is known in closed form."""
+
+import numpy as np
+import pytest
+
+from cranectl.design.semidefinite import minimise
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+
+@pytest.mark.parametrize("rows", [1, 2, 5])
+def test_the_largest_eigenvalue(rows: int) -> None:
+    """Least t for which M - t <= 0; beside it another inequality, which is loose."""
+    matrix = np.random.default_rng(rows).standard_normal((rows, rows))
+    matrix = matrix + matrix.T
+    (found,) = minimise(lambda t: t[0, 0], lambda t: [matrix - t[0, 0] * np.eye(rows), t - 100.0], (1, 1))
+    assert found[0, 0] == pytest.approx(np.linalg.eigvalsh(matrix)[-1], rel=1e-7)
+
+
+def test_a_matrix_of_each_shape() -> None:
+    """Symmetric X >= M with least trace is M where M is above zero; Y is held at a matrix by its norm."""
+    target = np.arange(6.0).reshape(2, 3)
+    matrix = np.array([[2.0, -0.5, 0.3], [-0.5, 1.0, 0.2], [0.3, 0.2, 3.0]])
+
+    def inequalities(x: Array, y: Array, t: Array) -> list[Array]:
+        off = y - target
+        return [matrix - x, -np.block([[t[0, 0] * np.eye(2), off], [off.T, t[0, 0] * np.eye(3)]])]
+
+    x, y, _ = minimise(lambda x, _, t: np.trace(x) + t[0, 0], inequalities, 3, (2, 3), (1, 1))
+    np.testing.assert_allclose(x, matrix, atol=1e-6)
+    np.testing.assert_allclose(y, target, atol=1e-6)
+
+
+def test_what_has_no_solution_is_told() -> None:
+    """An unstable system has no Lyapunov function."""
+    a = np.array([[0.1, 1.0], [0.0, -1.0]])
+    with pytest.raises(InputError, match="without a solution: PrimalInfeasible"):
+        minimise(lambda _: 0.0, lambda p: [a @ p + p @ a.T + np.eye(2), -p], 2)
