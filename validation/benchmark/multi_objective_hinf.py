@@ -1,0 +1,173 @@
+"""`multi-objective-hinf`: one controller of low order with a bound of its own for each closed loop.
+
+    cranectl run fast-diagonal --controller validation/benchmark/multi_objective_hinf.py:MULTI_OBJECTIVE_HINF
+
+Source: the method of Zavari, Pipeleers and Swevers (CCA 2012) and of Hilhorst, Pipeleers and Swevers (2013)
+on their overhead crane: several H-infinity bounds, discrete LTI, low order, velocity of the trolley as input;
+the inequalities are those of Scherer, Gahinet and Chilali, IEEE TAC 42 (1997). With time in units of
+sqrt(l/g) and lengths of l, per horizontal axis, near plumb, with x the load, x_c the drive, d a push,
+
+    x'' = x_c - x + d    x_c' = v    e = r - x    v = K(s) e    S = de/dr
+
+    minimise gamma    |S| < gamma    |S/s| < gamma slowness    |K S| < gamma effort    |dx/dd| < gamma swing
+
+with one Lyapunov function for all, which makes it convex: the norms are at most that. |S/s| is the error on a
+path of unit speed. At the least gamma the order falls by one, to 2: of the third state, which decays at once,
+stays a gain. Sampled by Tustin's map. On the path K adds to what the flat map gives, w = x_cd' + T u_d + K e
+with T the drive's lag; the rope has one pole. Assumes: full state for x, velocity drives, one rope length,
+the middle of the path's; masses are not used. Certain: method and inequalities; their weights, and how they
+reduce the order, are not at hand. A standing push leaves nothing: behind it the drive integrates. Hoisting
+detunes it.
+"""
+
+from functools import lru_cache
+from math import sqrt
+
+import control
+import numpy as np
+from numba import carray
+from scipy.linalg import svd
+
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.design.linear_systems import closed_loop_norm
+from cranectl.design.semidefinite import minimise
+from cranectl.model.dynamics import rope_direction
+from cranectl.model.flatness import state_and_input
+from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.support.errors import InputError
+
+ORDER = 2  # of the controller
+BACK_OFF = 1.01  # by which a norm may exceed gamma when the order is reduced
+
+# The crane by e, x', r - x_c, where r moves with the speed r'.
+A = np.array([[0.0, -1, 0], [1, 0, -1], [0, 0, 0]])
+B = np.array([[0.0], [0], [-1]])
+C = np.array([[1.0, 0, 0]])  # e
+SPEED, PUSH, NOTHING = np.array([[1.0], [0], [1]]), np.array([[0.0], [1], [0]]), np.zeros((3, 1))
+# What enters the states and e; what of the states, of what enters and of v leaves: S, S/s, K S, dx/dd.
+LOOPS = (
+    (NOTHING, 1.0, C, 1.0, 0.0),
+    (SPEED, 0.0, C, 0.0, 0.0),
+    (NOTHING, 1.0, NOTHING.T, 0.0, 1.0),
+    (PUSH, 0.0, C, 0.0, 0.0),
+)
+
+# Places of parameters and memory; A, B, C, D of K as it is sampled.
+GRAVITY, ROPE_POLE, LAG, GAINS = 0, 1, 2, 5
+NUMBERS = GAINS + ORDER * ORDER + 2 * ORDER + 1
+DESIRED, INPUT, STATE, MEMORY = 0, 10, 13, 13 + 2 * ORDER
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and path in, set-points of velocity out."""
+    numbers, held = carray(parameters, (NUMBERS,)), carray(memory, (MEMORY,))
+    a = numbers[GAINS : GAINS + ORDER * ORDER].reshape((ORDER, ORDER))
+    b, c = numbers[NUMBERS - 2 * ORDER - 1 : NUMBERS - ORDER - 1], numbers[NUMBERS - ORDER - 1 : NUMBERS - 1]
+    desired, inputs = held[DESIRED:INPUT], held[INPUT:STATE]
+    if reference[ACCELERATION + Z] + numbers[GRAVITY] <= 0.0 or reference[Z] >= 0.0:
+        return 2
+    state_and_input(reference, numbers[GRAVITY], desired, inputs)
+    direction = rope_direction(measured[ALPHA], measured[BETA])
+    for axis in range(2):
+        joint = BRIDGE if axis == X else TROLLEY
+        error = reference[axis] - measured[joint] - measured[ROPE] * direction[axis]
+        state = held[STATE + ORDER * axis : STATE + ORDER * (axis + 1)]
+        command[axis] = desired[joint + 1] + numbers[LAG + axis] * inputs[axis] + numbers[NUMBERS - 1] * error
+        following = np.empty(ORDER)
+        for i in range(ORDER):
+            command[axis] += c[i] * state[i]
+            following[i] = b[i] * error
+            for j in range(ORDER):
+                following[i] += a[i, j] * state[j]
+        state[:] = following
+    command[Z] = desired[ROPE + 1] + numbers[LAG + Z] * inputs[Z]
+    command[Z] -= numbers[ROPE_POLE] * (measured[ROPE] - desired[ROPE])
+    return 0
+
+
+def generalised_plants():
+    """Of each of the four norms: from (what enters, v) to (what leaves, e)."""
+    return [
+        control.ss(A, np.hstack([enters, B]), np.vstack([leaves, C]), [[past, driven], [direct, 0.0]])
+        for enters, direct, leaves, past, driven in LOOPS
+    ]
+
+
+@lru_cache
+def controller(slowness, effort, swing):
+    """(K, gamma) in units of sqrt(g/l) and l; raises InputError where K misses its bounds."""
+    bounds, one = (1.0, slowness, effort, swing), np.eye(3)
+
+    def inequalities(gamma, x, y, a, b, c):
+        found = [1e-6 * np.eye(6) - np.block([[x, one], [one, y]])]
+        left, right = A @ x + B @ c, y @ A + b @ C
+        for bound, (enters, direct, leaves, past, driven) in zip(bounds, LOOPS, strict=True):
+            seen, told, through = y @ enters + b * direct, leaves @ x + driven * c, np.array([[past]])
+            found.append(
+                np.block(
+                    [
+                        [left + left.T, A + a.T, enters, told.T],
+                        [A.T + a, right + right.T, seen, leaves.T],
+                        [enters.T, seen.T, -bound * gamma, through],
+                        [told, leaves, through, -bound * gamma],
+                    ]
+                )
+            )
+        return found
+
+    shapes = ((1, 1), 3, 3, (3, 3), (3, 1), (1, 3))
+    gamma, x, y, a, b, c = minimise(lambda gamma, *_: gamma[0, 0], inequalities, *shapes)
+    left, values, right = svd(one - x @ y)  # M N' = 1 - X Y, the last value near zero
+    m, n = left * np.sqrt(values), right.T * np.sqrt(values)
+    b_k, c_k = np.linalg.solve(n, b), np.linalg.solve(m, c.T).T
+    a_k = np.linalg.solve(n, a - n @ b_k @ C @ x - y @ B @ c_k @ m.T - y @ A @ x)
+    k = without_last(np.linalg.solve(m, a_k.T).T, b_k, c_k)
+    least = float(gamma[0, 0])
+    for plant, bound in zip(generalised_plants(), bounds, strict=True):
+        if not (norm := closed_loop_norm(plant, k)) <= BACK_OFF * bound * least:
+            raise InputError(
+                f"multi-objective-hinf of order {ORDER} has the norm {norm:.4g}",
+                allowed=f"at most {BACK_OFF * bound * least:.4g}",
+                remedy="choose less extreme bounds in [controller.multi-objective-hinf]",
+            )
+    return k, least
+
+
+def without_last(a, b, c):
+    """The system without its last state, which is at rest at once (singular perturbation)."""
+    share = a[:-1, -1:] / a[-1, -1]
+    into, at_rest = b[-1:], a[-1:, :-1]
+    return control.ss(
+        a[:-1, :-1] - share @ at_rest,
+        b[:-1] - share @ into,
+        c[:, :-1] - c[:, -1:] @ at_rest / a[-1, -1],
+        -c[:, -1:] @ into / a[-1, -1],
+    )
+
+
+def prepare(nominal):
+    """Parameters and memory."""
+    given = nominal.parameters
+    k, _ = controller(*(float(given[name]) for name in ("slowness", "effort", "swing")))
+    depths = -nominal.reference[:, Z]
+    w = sqrt(nominal.rig.gravity / (0.5 * (depths.min() + depths.max())))
+    slowed = control.ss(w * k.A, w * k.B, w * k.C, w * k.D)
+    sampled = control.sample_system(slowed, nominal.period, "tustin")
+    matrices = [matrix.ravel() for matrix in (sampled.A, sampled.B, sampled.C, sampled.D)]
+    head = (nominal.rig.gravity, w * given["rope_pole"], *nominal.rig.time_constants)
+    return np.concatenate([head, *matrices]), np.zeros(MEMORY)
+
+
+MULTI_OBJECTIVE_HINF = Controller(
+    name="multi-objective-hinf",
+    title="one controller of order 2 for four H-infinity bounds, flat path as feed-forward",
+    step=step,
+    prepare=prepare,
+    command="velocity",
+    parameters=(
+        Parameter("slowness", 4.0, "sqrt(l/g)", "bound of error by speed", 1e-2, 1e3, search=(1.0, 10.0)),
+        Parameter("effort", 1.0, "sqrt(g/l)", "bound of velocity by error", 1e-2, 1e3, search=(0.2, 5.0)),
+        Parameter("swing", 2.0, "1", "bound of the load's error by a push", 1e-2, 1e3, search=(0.5, 5.0)),
+        Parameter("rope_pole", 1.0, "sqrt(g/l)", "of the rope's length", 0.0, 1e3, search=(0.3, 6.0)),
+    ),
+)
