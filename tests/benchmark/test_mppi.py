@@ -1,0 +1,87 @@
+"""`mppi`: its numbers, its average against the closed form, that runs repeat, what tells it of a push."""
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.reference import load_scenario
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import ROOT
+from validation.benchmark.mppi import (
+    EFFORT,
+    GRAVITY,
+    KNOTS,
+    NOISE,
+    NUMBERS,
+    PERIOD,
+    RATE,
+    SEED,
+    STEPS,
+    TEMPERATURE,
+    cost,
+    normal,
+    plan,
+    uniform,
+)
+
+LAW = f"{ROOT / 'validation' / 'benchmark' / 'mppi.py'}:MPPI"
+
+
+def run_of(*overrides: str, plant: str, scenario: str = "fixed-position") -> Run:
+    crane = load_scenario(scenario, overrides=overrides)
+    return simulate_run(crane, plant=plant, drive="velocity", controller=open_law(LAW))
+
+
+def test_random_numbers_are_those_of_park_and_miller() -> None:
+    """Their check of an implementation: from 1 the 10 000th is 1043618065."""
+    memory = np.array([1.0])
+    for _ in range(10_000):
+        uniform(memory)
+    assert memory[SEED] == 1043618065.0
+    drawn = np.array([normal(memory) for _ in range(40_000)])
+    moments = [np.mean(drawn**k) for k in (1, 2, 3, 4)]
+    np.testing.assert_allclose(moments, [0.0, 1.0, 0.0, 3.0], atol=0.1)
+
+
+def test_the_average_is_the_one_that_a_quadratic_cost_has() -> None:
+    """Normal weights times normal paths: precision 1/s² + H/T, H the cost's second derivative."""
+    parameters = np.zeros(NUMBERS)
+    values = {PERIOD: 0.02, GRAVITY: 9.81, NOISE: 0.1, TEMPERATURE: 0.02, RATE: 0.3, EFFORT: 0.1}
+    parameters[list(values)] = list(values.values())
+    lengths = np.column_stack([np.linspace(1.2, 0.6, STEPS), np.full(STEPS, -0.6)])
+    start, push = np.array([0.1, -0.2, 0.05, 0.3]), 0.5
+    planned = np.linspace(-1.0, 1.0, KNOTS)
+
+    def s(knots: np.ndarray) -> float:
+        return cost(parameters, lengths, start, push, knots)
+
+    one, zero = np.eye(KNOTS), s(np.zeros(KNOTS))
+    slope = np.array([0.5 * (s(row) - s(-row)) for row in one])
+    curve = np.array([[s(a + b) - s(a) - s(b) + zero for a in one] for b in one])
+    precision = (parameters[NOISE] * parameters[GRAVITY]) ** -2 * one
+    wanted = np.linalg.solve(
+        precision + curve / parameters[TEMPERATURE], precision @ planned - slope / parameters[TEMPERATURE]
+    )
+    found, memory = planned.copy(), np.array([1.0])
+    plan(parameters, lengths, start, push, found, memory, 100_000)
+    assert np.abs(wanted - planned).max() > 0.4, "it is another plan"
+    np.testing.assert_allclose(found, wanted, atol=0.03)
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_a_push_that_an_observer_tells_of_leaves_little(plant: str) -> None:
+    told, untold = (
+        run_of(*more, plant=plant) for more in (["effects.sensing.angle_noise=0.0"], ["duration=25.0"])
+    )
+    off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (told, untold)]
+    assert off[0] < 0.005
+    assert off[1] > 0.05
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_it_brings_the_load_back_and_repeats(plant: str) -> None:
+    overrides = ["disturbances=[]", "duration=6.0", "initial.load_offset=[0.1, -0.05, 0.02]"]
+    first, again = (run_of(*overrides, plant=plant) for _ in range(2))
+    late = np.linalg.norm(first.block("error")[first.time > 5.0, :3], axis=1)
+    assert late.max() < 0.003
+    np.testing.assert_array_equal(first.table, again.table)

@@ -1,0 +1,168 @@
+"""`mppi`: model predictive path integral control, an average over random futures weighted by their cost.
+
+    cranectl run fast-diagonal --controller validation/benchmark/mppi.py:MPPI
+
+Source: Williams, Aldrich, Theodorou, J. Guidance Control Dyn. 40 (2017). Twenty periods apart it plans
+STEPS steps ahead, for each horizontal axis, with a model of the deviations from what the flat map gives for
+the path, x of the drive and b of the angle, along the rope's length l on the path, and d what the observer
+says of pushes:
+
+    x'' = v    l b'' = -g b - 2 l' b' - v + l d    e = x + l b    u = u_d + v
+
+    S = mean of (e/l)² + rate (e'/(w l))² + effort (v/g)²    w² = g/l
+    v <- sum of exp(-S_i/temperature) v_i, over the sum of these weights
+
+v runs straight between KNOTS knots; those of path i are normal about those of v, which begins as it was
+planned before. Random numbers are of Park and Miller (Comm. ACM 31, 1988), from one seed, so runs repeat.
+Assumes: full state, preview of the path; masses are not used. Certain: the method; ours: model and cost. A
+standing push that no observer tells of leaves an error.
+"""
+
+from math import cos, exp, log, pi, sqrt
+
+import numpy as np
+from numba import carray
+
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.model.flatness import state_and_input
+from cranectl.signals import (
+    ACCELERATION,
+    ALPHA,
+    BETA,
+    BRIDGE,
+    MEASUREMENT,
+    REFERENCE,
+    ROPE,
+    ROPE_RATE,
+    STATE,
+    TROLLEY,
+    X,
+    Z,
+)
+from cranectl.support.jit import jit
+
+EVERY = 20  # control periods between two plans, and in a step of a plan
+PATHS = 256
+STEPS = 48
+KNOTS = 7
+PER_KNOT = STEPS // (KNOTS - 1)
+
+# Places of parameters and memory.
+PERIOD, GRAVITY, NOISE, TEMPERATURE, RATE, EFFORT, ROPE_POLE, NUMBERS = range(8)
+SEED, PLANNED, MEMORY = 0, 1, 1 + 2 * KNOTS
+ROW, TOLD, STATES = len(REFERENCE), len(MEASUREMENT), len(STATE)
+FIRST_SEED = 20170131.0
+
+
+@jit
+def uniform(memory):
+    """Between 0 and 1; the products are whole numbers below 2^46, exact as doubles."""
+    memory[SEED] = (16807.0 * memory[SEED]) % 2147483647.0
+    return memory[SEED] / 2147483647.0
+
+
+@jit
+def normal(memory):
+    """Of mean 0 and deviation 1 (Box, Muller)."""
+    radius = sqrt(-2.0 * log(uniform(memory)))
+    return radius * cos(2.0 * pi * uniform(memory))
+
+
+@jit
+def between(knots, k):
+    """The input v at step `k` of a plan."""
+    first = min(k // PER_KNOT, KNOTS - 2)
+    share = (k - PER_KNOT * first) / PER_KNOT
+    return knots[first] + share * (knots[first + 1] - knots[first])
+
+
+@jit
+def cost(parameters, lengths, start, push, knots):
+    """S of one path from `start`, (x, x', b, b'); `lengths` (STEPS, 2) are l and l'."""
+    period, gravity = parameters[PERIOD], parameters[GRAVITY]
+    x, x_rate, b, b_rate = start[0], start[1], start[2], start[3]
+    total = 0.0
+    for k in range(STEPS):
+        v, length, rate = between(knots, k), lengths[k, 0], lengths[k, 1]
+        b_rate += period * (push - (gravity * b + 2.0 * rate * b_rate + v) / length)
+        x_rate += period * v
+        b += period * b_rate
+        x += period * x_rate
+        error, error_rate = x + length * b, x_rate + length * b_rate + rate * b
+        total += (error / length) ** 2 + parameters[RATE] * error_rate**2 / (gravity * length)
+        total += parameters[EFFORT] * (v / gravity) ** 2
+    return total / STEPS
+
+
+@jit
+def plan(parameters, lengths, start, push, knots, memory, paths):
+    """Replace `knots` (KNOTS,) by the average of as many as `paths` around them."""
+    tried, costs = np.empty((paths, KNOTS)), np.empty(paths)
+    for i in range(paths):
+        for j in range(KNOTS):
+            tried[i, j] = knots[j] + parameters[NOISE] * parameters[GRAVITY] * normal(memory)
+        costs[i] = cost(parameters, lengths, start, push, tried[i])
+    least, total = costs.min(), 0.0
+    knots[:] = 0.0
+    for i in range(paths):
+        weight = exp((least - costs[i]) / parameters[TEMPERATURE])
+        total += weight
+        for j in range(KNOTS):
+            knots[j] += weight * tried[i, j]
+    for j in range(KNOTS):
+        knots[j] /= total
+
+
+def step(parameters, measured, reference, memory, command):
+    """One plan; see `controller`. State and path in, accelerations out."""
+    held, rows = carray(memory, (MEMORY,)), carray(reference, ((1 + EVERY * STEPS) * ROW,))
+    told = carray(measured, (TOLD,))
+    desired, inputs, later = np.empty(STATES), np.empty(3), np.empty(3)
+    lengths, start = np.empty((STEPS, 2)), np.empty(4)
+    gravity = parameters[GRAVITY]
+    for k in range(STEPS, -1, -1):
+        row = rows[EVERY * k * ROW : (EVERY * k + 1) * ROW]
+        if row[ACCELERATION + Z] + gravity <= 0.0 or row[Z] >= 0.0:
+            return 2
+        state_and_input(row, gravity, desired, inputs if k == 0 else later)
+        if k > 0:
+            lengths[k - 1, 0], lengths[k - 1, 1] = desired[ROPE], desired[ROPE_RATE]
+    for axis in range(2):
+        joint, angle, push = (BRIDGE, BETA, 11) if axis == X else (TROLLEY, ALPHA, 10)
+        start[:2] = told[joint : joint + 2] - desired[joint : joint + 2]
+        start[2:] = told[angle : angle + 2] - desired[angle : angle + 2]
+        knots = held[PLANNED + KNOTS * axis : PLANNED + KNOTS * (axis + 1)]
+        plan(parameters, lengths, start, told[push], knots, held, PATHS)
+        command[axis] = inputs[axis] + knots[0]
+        for j in range(KNOTS):  # as the next plan begins, a step later
+            knots[j] = between(knots, min(j * PER_KNOT + 1, STEPS))
+    pole = parameters[ROPE_POLE] * sqrt(gravity / told[ROPE])
+    command[Z] = inputs[Z] - pole * pole * (told[ROPE] - desired[ROPE])
+    command[Z] -= 2.0 * pole * (told[ROPE_RATE] - desired[ROPE_RATE])
+    return 0
+
+
+def prepare(nominal):
+    """Parameters and memory."""
+    names = ("noise", "temperature", "rate", "effort", "rope_pole")
+    memory = np.zeros(MEMORY)
+    memory[SEED] = FIRST_SEED
+    given = [float(nominal.parameters[name]) for name in names]
+    return np.array([nominal.period, nominal.rig.gravity, *given]), memory
+
+
+MPPI = Controller(
+    name="mppi",
+    title="model predictive path integral control about the flat path",
+    step=step,
+    prepare=prepare,
+    every=EVERY,
+    preview=EVERY * STEPS,
+    parameters=(
+        Parameter("noise", 0.02, "g", "deviation of the knots", 1e-6, 10.0, search=(0.005, 0.2)),
+        Parameter("temperature", 1e-4, "1", "of the weights", 1e-12, 1e3, search=(1e-6, 1e-2)),
+        Parameter("rate", 0.3, "1", "weight of the error's rate", 0.0, 1e3, search=(0.03, 3.0)),
+        Parameter("effort", 0.1, "1", "weight of the input", 0.0, 1e3, search=(0.01, 1.0)),
+        Parameter("rope_pole", 1.0, "sqrt(g/l)", "double pole of the rope", 0.0, 1e3, search=(0.3, 6.0)),
+    ),
+)
