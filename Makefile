@@ -38,14 +38,15 @@ validate: setup ## run every scenario with every controller on three plants and 
 
 test: setup cluster video fmi kernels ## run the tests, those of these three extras too
 	@tests/install
-	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/reference/planning
+	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/reference/planning \
+		--ignore tests/benchmark/test_nmpc_plans.py
 
 test-docs: setup cluster video fmi ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
 	@tests/install
 	$(call limit,600) $(BIN)/python -m pytest tests/docs tests/thesis
 
-test-plan: setup plan ## hold plans in minimum time to lower bounds, a second solver and fine samples; minutes, PLAN_CASES=200 for a share
-	$(call limit,900) $(BIN)/python -m pytest tests/reference/planning
+test-plan: setup plan ## hold plans in minimum time to lower bounds, a second solver and fine samples, those of nmpc to the solver; minutes, PLAN_CASES=200 for a share
+	$(call limit,900) $(BIN)/python -m pytest tests/reference/planning tests/benchmark/test_nmpc_plans.py
 
 test-drake: setup drake ## hold the plant in Drake to the one in MuJoCo; minutes, DRAKE_CASES=12 takes as many of the cases
 	$(call limit,2400) $(BIN)/python -m pytest tests/drake

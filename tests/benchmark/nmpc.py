@@ -1,0 +1,20 @@
+"""`nmpc` built, as its first comment says."""
+
+import subprocess
+from pathlib import Path
+
+from cranectl.controllers.doors.c_law import HEADER
+from tests.conftest import ROOT
+
+FOLDER = ROOT / "validation" / "benchmark" / "nmpc"
+
+
+def built(folder: Path) -> Path:
+    """The library, in `folder`."""
+    library = folder / "nmpc.so"
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror", "-shared", "-fPIC"]
+    flags += ["-ffp-contract=off", f"-I{HEADER.parent}"]
+    subprocess.run(
+        ["cc", *flags, "-o", library, FOLDER / "nmpc.c", FOLDER / "model.c", "-lm"], check=True, timeout=60
+    )
+    return library

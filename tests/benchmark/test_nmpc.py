@@ -1,0 +1,47 @@
+"""`nmpc` in C: keeps to its limits, brings the load back; what tells it of a push."""
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.reference import load_scenario
+from cranectl.simulate import Run, simulate_run
+from tests.benchmark.nmpc import built
+
+BESIDE = ["disturbances=[]", "duration=8.0", "reference.start=[1.0, 0.77, -0.7]", "reference.segments=[]"]
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(built(tmp_path_factory.mktemp("nmpc")))
+
+
+def run_of(library: str, *overrides: str, plant: str, drive: str = "velocity") -> Run:
+    law = open_law(library)
+    numbers = [each.replace("nmpc.", "controller.nmpc.") for each in overrides]
+    scenario = load_scenario("fixed-position", overrides=numbers)
+    return simulate_run(scenario, plant=plant, drive=drive, controller=law)
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_it_keeps_to_its_limits_and_brings_the_load_back(library: str, plant: str) -> None:
+    """0.5 m are too far for the limits: 0.05 g and 0.1 sqrt(g l)."""
+    limits = ["nmpc.acceleration=0.05", "nmpc.speed=0.1"]
+    run = run_of(
+        library, *BESIDE, *limits, "initial.load_offset=[0.5, -0.4, 0.0]", plant=plant, drive="ideal"
+    )
+    found, speed = np.abs(run.block("input")[:, :2]).max(), np.abs(run.block("state")[:, [1, 3]]).max()
+    assert found == pytest.approx(0.05 * 9.81, rel=1e-9)
+    # The quadratic programs are solved in SPLITS iterations, and that is how well speeds keep to theirs.
+    largest = 0.1 * np.sqrt(9.81 * 0.7)
+    assert 0.98 * largest < speed < 1.02 * largest
+    assert np.linalg.norm(run.block("error")[run.time > 7.0, :3], axis=1).max() < 1e-3
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_a_push_that_an_observer_tells_of_leaves_little(library: str, plant: str) -> None:
+    told = run_of(library, "effects.sensing.angle_noise=0.0", plant=plant)
+    untold = run_of(library, plant=plant)
+    off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (told, untold)]
+    assert off[0] < 0.004
+    assert off[1] > 0.02

@@ -1,0 +1,1 @@
+"""The law `nmpc`: C, and what writes the part of it that is generated."""
