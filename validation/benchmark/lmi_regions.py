@@ -128,7 +128,7 @@ LMI_REGIONS = Controller(
         Parameter("radius", 3.0, "sqrt(g/l)", "largest modulus of a pole", 0.1, 1e3, search=(2.0, 10.0)),
         Parameter("damping", 0.6, "1", "least damping ratio of a pole", 0.0, 0.999, search=(0.2, 0.95)),
         Parameter(
-            "effort", 0.3, "1", "rho on the drive's acceleration over g", 1e-3, 1e3, search=(0.03, 3.0)
+            "effort", 1.0, "1", "rho on the drive's acceleration over g", 1e-3, 1e3, search=(0.1, 10.0)
         ),
         Parameter("rope_pole", 1.0, "sqrt(g/l)", "double pole of the rope", 0.0, 1e3, search=(0.3, 6.0)),
     ),

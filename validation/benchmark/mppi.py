@@ -162,7 +162,7 @@ MPPI = Controller(
         Parameter("noise", 0.02, "g", "deviation of the knots", 1e-6, 10.0, search=(0.005, 0.2)),
         Parameter("temperature", 1e-4, "1", "of the weights", 1e-12, 1e3, search=(1e-6, 1e-2)),
         Parameter("rate", 0.3, "1", "weight of the error's rate", 0.0, 1e3, search=(0.03, 3.0)),
-        Parameter("effort", 0.1, "1", "weight of the input", 0.0, 1e3, search=(0.01, 1.0)),
+        Parameter("effort", 1.0, "1", "weight of the input", 0.0, 1e3, search=(0.1, 10.0)),
         Parameter("rope_pole", 1.0, "sqrt(g/l)", "double pole of the rope", 0.0, 1e3, search=(0.3, 6.0)),
     ),
 )

@@ -14,7 +14,8 @@
  * about the last plan, a step later: rigid crane (`model.c`, by CasADi), observed pushes held. Splitting (ADMM)
  * leaves the limits to clipping, at prices that go on from plan to plan, and for the rest a linear-quadratic
  * problem, one Riccati recursion a plan. Assumes: full state, preview; masses are not used. Certain: the
- * method; ours: weights and horizon. A standing push that no observer tells of leaves an error.
+ * method; ours: weights and horizon. A standing push that no observer tells of leaves an error; commands step
+ * from plan to plan, so with less `effort` drives' limits on acceleration make it unstable.
  */
 #include <math.h>
 #include <string.h>
@@ -31,7 +32,7 @@ int crane_load(const double **arg, double **res, long long *iw, double *w, int m
 
 static const cranectl_parameter parameters[] = {
     {"rate", "1", "weight of the error's rate", 0.3, 0.0, 1e3},
-    {"effort", "1", "weight of accelerations", 0.03, 1e-9, 1e3},
+    {"effort", "1", "weight of accelerations", 1.0, 1e-9, 1e3},
     {"acceleration", "g", "limit of each drive", 0.5, 1e-3, 1e2},
     {"speed", "sqrt(g l)", "limit of each drive", 1.0, 1e-3, 1e2},
 };
