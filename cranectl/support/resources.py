@@ -15,6 +15,7 @@ RIG_DIRECTORY = _ROOT / "validation" / "rigs"
 TOLERANCE_FILE = _ROOT / "validation" / "tolerances.toml"
 THESIS_DIRECTORY = _ROOT / "validation" / "thesis"
 CAMPAIGN_DIRECTORY = _ROOT / "validation" / "campaigns"
+BENCHMARK_DIRECTORY = _ROOT / "validation" / "benchmark"
 REGRESSION_DIRECTORY = _ROOT / "validation" / "regression"
 
 

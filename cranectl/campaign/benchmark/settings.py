@@ -1,0 +1,118 @@
+"""Benchmark files: which laws on which scenarios and sets of cranes, and how they are tuned.
+
+All but the laws and the seed are the rules, which have a digest: results of other rules are not compared.
+"""
+
+import hashlib
+import inspect
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+import cranectl.metrics
+from cranectl.plants.plant import Drive
+from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.support import resources
+from cranectl.support.documents import Table, read_toml
+from cranectl.support.provenance import DIGITS
+
+Overrides = Annotated[tuple[str, ...], Field(strict=False)]
+Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+Draws = Annotated[int, Field(ge=1, le=100_000)]
+Spread = Annotated[float, Field(ge=0.0, le=100.0)]
+Follows = Literal["path", "set-point"]
+
+
+class MeasuredScenario(Settings):
+    """A scenario on which laws are measured."""
+
+    file: str = Field(description="name of a scenario, or path of its file from the benchmark's")
+    suits: Annotated[tuple[Follows, ...], Field(strict=False, min_length=1)] = Field(
+        description="laws of what they follow; others are not run"
+    )
+    set: Overrides = Field((), description="settings of the scenario, key=value")
+    uncertain: dict[str, Any] = Field({}, description="distributions besides, or in place of, those of all")
+
+
+class CraneSet(Settings):
+    """How far cranes are from what laws take them for."""
+
+    spread: Spread = Field(description="factor on how far all uncertain values are from the nominal ones")
+    draws: Draws = Field(description="cranes, the same for every law")
+    uncertain: dict[str, Any] = Field({}, description="distributions in place of those of all")
+
+
+class Radius(Settings):
+    """By which factor on all spreads runs begin to fail."""
+
+    scenario: str
+    spreads: Annotated[tuple[Spread, ...], Field(strict=False, min_length=2)]
+    draws: Draws
+
+
+class Tuning(Settings):
+    """How the numbers of a law are found: on cranes that are never judged."""
+
+    scenarios: Names
+    spread: Spread = 1.0
+    draws: Draws = Field(description="cranes of each scenario")
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="of these cranes and of the search")
+    runs: Annotated[int, Field(ge=1)] = Field(description="budget of a law, in simulated runs")
+    variation_price: Annotated[float, Field(ge=0.0)] = Field(
+        description="cost of a command that varies by g in a second"
+    )
+
+
+class Benchmark(Settings):
+    """What is measured, by which rules."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
+    title: str = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="of the cranes that are judged on")
+    laws: Names = Field(description="names of controllers, or their files from the benchmark's: law.py:NAME")
+    baseline: str = Field(description="the law with which all are compared")
+    plant: str = "mujoco"
+    second_plant: str = Field("elastic", description="on which a share of the draws is repeated")
+    second_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
+    drive: Drive = "velocity"
+    set: Overrides = Field((), description="settings of every scenario, key=value")
+    uncertain: dict[str, Any] = Field(description="a table with a distribution for each uncertain parameter")
+    scenarios: Annotated[dict[str, MeasuredScenario], Field(min_length=1)]
+    sets: Annotated[dict[str, CraneSet], Field(min_length=1)]
+    radius: Radius
+    tuning: Tuning
+
+    @model_validator(mode="after")
+    def _names_are_known(self) -> "Benchmark":
+        unknown = {self.radius.scenario, *self.tuning.scenarios} - self.scenarios.keys()
+        if unknown:
+            raise ValueError(f"{', '.join(sorted(unknown))}: no scenario of this benchmark")
+        return self
+
+    @property
+    def rules(self) -> str:
+        """Digest of all that decides a comparison but the laws and the seed: this file, and the metrics."""
+        table = self.model_dump(mode="json", exclude={"laws", "seed", "title"})
+        text = json.dumps(table, sort_keys=True)
+        for path in sorted(Path(inspect.getfile(cranectl.metrics)).parent.glob("*.py")):
+            text += path.read_text(encoding="utf-8")
+        return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+
+
+def benchmark_names() -> list[str]:
+    """Names of the benchmarks that come with cranectl."""
+    return resources.toml_names(resources.BENCHMARK_DIRECTORY)
+
+
+def benchmark_file(name_or_path: str) -> Path:
+    """Where a benchmark is read; raises InputError for none."""
+    return resources.toml_file("benchmark", name_or_path, resources.BENCHMARK_DIRECTORY)
+
+
+def read_benchmark(name_or_path: str) -> Benchmark:
+    """A benchmark by name or from a TOML file; raises InputError for what is wrong in it."""
+    path = benchmark_file(name_or_path)
+    table: Table = read_toml(path)
+    return parse_settings(Benchmark, table, path.name)
