@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: help setup cluster video fmi plan drake kernels validate test test-docs test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
+.PHONY: help setup cluster video fmi plan tune drake kernels validate test test-docs test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -24,6 +24,7 @@ cluster: .venv/extra-cluster ## add what campaigns on several machines need (Das
 video: .venv/extra-video ## add what renders videos (PyAV)
 fmi: .venv/extra-fmi ## add what reads FMUs (FMPy)
 plan: .venv/extra-plan ## add a second solver of plans, and oracle of the first (CasADi with IPOPT)
+tune: .venv/extra-tune ## add what tunes laws (pycma)
 drake: .venv/extra-drake ## add the plant in Drake, 270 MB
 
 .venv/extra-%: .venv/ready
@@ -36,12 +37,12 @@ kernels: setup cluster video fmi ## compile and plan what tests need, before two
 validate: setup ## run every scenario with every controller on three plants and judge
 	$(call limit,600) $(BIN)/cranectl validate
 
-test: setup cluster video fmi kernels ## run the tests, those of these three extras too
+test: setup cluster video fmi tune kernels ## run the tests, those of these four extras too
 	@tests/install
 	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/reference/planning \
 		--ignore tests/benchmark/test_nmpc_plans.py
 
-test-docs: setup cluster video fmi ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
+test-docs: setup cluster video fmi tune ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
 	@tests/install
 	$(call limit,600) $(BIN)/python -m pytest tests/docs tests/thesis
 

@@ -12,7 +12,19 @@ import cranectl
 from tests.conftest import ROOT
 
 HEAVY = ("mujoco", "numba", "control", "matplotlib", "scipy", "pydantic")
-HEAVY += ("foxglove", "mcap", "pyarrow", "filelock", "PIL", "av", "pydrake", "fmpy", "clarabel", "casadi")
+HEAVY += (
+    "foxglove",
+    "mcap",
+    "pyarrow",
+    "filelock",
+    "PIL",
+    "av",
+    "pydrake",
+    "fmpy",
+    "clarabel",
+    "casadi",
+    "cma",
+)
 
 
 def run_lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
@@ -58,6 +70,7 @@ def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
         ("metrics/summary.py", "import pydrake", "only the Drake plant"),
         ("controllers/doors/opening.py", "import fmpy", "only the door for FMUs"),
         ("reference/planning/programs.py", "import casadi", "only the planner's second solver"),
+        ("campaign/workers.py", "import cma", "only tuning imports cma"),
         ("metrics/summary.py", "import mcap", "only logs and live sessions"),
     ],
 )

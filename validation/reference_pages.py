@@ -17,6 +17,7 @@ from typing import Any
 
 from google.protobuf import descriptor_pb2
 
+from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
 from cranectl.cli.schema import DOCUMENTS, json_schema
@@ -106,10 +107,12 @@ NO_BRACKETS = str.maketrans("", "", "[]")
 
 
 def settings() -> str:
-    """A section for each table of a scenario, of the laws in it, then of a campaign."""
-    scenario, campaign = (_sections(model.model_json_schema()) for model in (Scenario, CampaignSettings))
+    """A section for each table of a scenario, of the laws in it, then of a campaign and of a benchmark."""
+    models = (Scenario, CampaignSettings, Benchmark)
+    scenario, campaign, benchmark = (_sections(model.model_json_schema()) for model in models)
     laws = map(_law_section, WHERE)
-    return "\n".join(("## Scenario\n", *scenario, *laws, "## Campaign\n", *campaign))
+    files = ("## Campaign\n", *campaign, "## Benchmark\n", *benchmark)
+    return "\n".join(("## Scenario\n", *scenario, *laws, *files))
 
 
 def _law_section(name: str) -> str:

@@ -27,7 +27,7 @@ KINDS = {
 # Logs of runs by label.
 OVERLAYS = {
     "ladder": "ladder fixed-position --set duration=13 --set log.every=20 --out {ladder}",
-    "overlay": "overlay {one-plant} {robustified} --label one,lqr+hinf --out {overlay}",
+    "overlay": "log overlay {one-plant} {robustified} --label one,lqr+hinf --out {overlay}",
 }
 FOUR = "four"  # cranes, apart
 CUT_OFF = "cut-off"  # half of the log of one plant, as a process that is killed leaves it

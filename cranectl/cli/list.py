@@ -5,16 +5,23 @@ from typing import Any
 import click
 
 from cranectl.cli.command import Command, json_option
+from cranectl.cli.schema import schema_option
 
 
 @click.command("list", cls=Command)
+@schema_option
 @json_option
 def list_command(json_file: str | None) -> None:
     """List scenarios, rigs, controllers, plants and drives.
 
+    With --schema the keys of a kind of file. With `#:schema scenario.json` in the first line of a TOML file,
+    editors that know TOML complete its keys, show what they mean and mark what is wrong. Metrics, plants and
+    laws of installed packages are in it.
+
     \b
     cranectl list
     cranectl list --json -
+    cranectl list --schema scenario > scenario.json
     """
     from cranectl.cli.output import console, write_json
     from cranectl.controllers.registry import described_controllers

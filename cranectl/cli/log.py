@@ -1,4 +1,4 @@
-"""`cranectl log`: export a log, recover one, lay out its viewer."""
+"""`cranectl log`: export a log, recover one, overlay several, lay out a viewer."""
 
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from cranectl.cli.command import (
     output_option,
     plants_option,
 )
+from cranectl.cli.overlay import overlay_command
 from cranectl.support.files import JSON, MCAP
 
 
@@ -81,7 +82,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     comparison    several plants: the crane and its ghosts, the same signals, what parts them
     controller    what the controller thought
     live          a live session, and what steers it
-    overlay       the runs of `cranectl overlay` on top of each other
+    overlay       the runs of `cranectl log overlay` on top of each other
     ladder        all levels of `cranectl ladder` on top of each other
 
     \b
@@ -145,6 +146,6 @@ def recover_log_command(file: Path, out: Path | None, json_file: str | None) -> 
 
 log_command = Group(
     "log",
-    [export_log, write_layout, recover_log_command],
-    help="Export a log, recover one, lay out its viewer.",
+    [export_log, write_layout, overlay_command, recover_log_command],
+    help="Export a log, recover one, overlay several, lay out a viewer.",
 )

@@ -23,14 +23,13 @@ from cranectl.cli.list import list_command
 from cranectl.cli.live import live_command
 from cranectl.cli.log import log_command
 from cranectl.cli.new import new_command
-from cranectl.cli.overlay import overlay_command
 from cranectl.cli.plan import plan_command
 from cranectl.cli.render import render_command
 from cranectl.cli.report import report_command
 from cranectl.cli.run import run_command
-from cranectl.cli.schema import schema_command
 from cranectl.cli.streams import steady_streams
 from cranectl.cli.thesis import thesis_command
+from cranectl.cli.tune import tune_command
 from cranectl.cli.validate import validate_command
 from cranectl.support.errors import CranectlError, InputError, printable
 from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, interrupt
@@ -49,13 +48,11 @@ Exit codes:
 
 
 COMMANDS: dict[str, tuple[click.Command, ...]] = {
-    "Run": (new_command, plan_command, run_command, live_command, campaign_command),
+    "Run": (new_command, plan_command, run_command, live_command, campaign_command, tune_command),
     "Look": (
         list_command,
-        schema_command,
         info_command,
         compare_command,
-        overlay_command,
         report_command,
         render_command,
         log_command,

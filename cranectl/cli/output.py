@@ -168,13 +168,13 @@ def _finite(value: Any) -> Any:
 
 @contextmanager
 def progress_bar(
-    total: float, *, done: str = "simulated"
+    total: float, *, unit: str = "s", done: str = "simulated"
 ) -> Iterator[tuple[Callable[[float], None], Callable[[str], None]]]:
-    """A bar on standard error, over simulated seconds; yields (advance, describe). Silent if no terminal."""
+    """A bar on standard error, over seconds or else; yields (advance, describe). Silent if no terminal."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
-        TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} s {done}"),
+        TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} {unit} {done}"),
         TimeRemainingColumn(),
     )
     with progress(*columns) as shown:

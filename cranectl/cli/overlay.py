@@ -1,4 +1,4 @@
-"""`cranectl overlay`."""
+"""`cranectl log overlay`."""
 
 from pathlib import Path
 
@@ -29,8 +29,8 @@ def overlay_command(
     `log export` read such a log too.
 
     \b
-    cranectl overlay logs/fixed-position/lqr-ideal.mcap logs/fixed-position/pole-placement-ideal.mcap
-    cranectl overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
+    cranectl log overlay logs/fixed-position/lqr-ideal.mcap logs/fixed-position/pole-placement-ideal.mcap
+    cranectl log overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
     """
     from cranectl.cases.places import LOG_DIRECTORY
     from cranectl.cli.output import console, styled, write_json

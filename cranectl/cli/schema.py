@@ -1,41 +1,48 @@
-"""`cranectl schema`."""
+"""`cranectl list --schema`."""
 
 from math import isfinite
 from typing import Any
 
 import click
 
-from cranectl.cli.command import Command
-
-DOCUMENTS = ("scenario", "rig", "campaign")
+DOCUMENTS = ("scenario", "rig", "campaign", "benchmark")
 
 
-@click.command("schema", cls=Command)
-@click.argument("document", type=click.Choice(DOCUMENTS))
-def schema_command(document: str) -> None:
-    """Print the JSON Schema of a kind of file, for editors.
-
-    With `#:schema scenario.json` in the first line of a TOML file, editors that know TOML complete its keys,
-    show what they mean and mark what is wrong. Metrics, plants and laws of installed packages are in it.
-
-    \b
-    cranectl schema scenario > scenario.json
-    cranectl schema campaign
-    """
+def _show(context: click.Context, _: click.Parameter, document: str | None) -> None:
+    """Print the schema and end the command."""
+    if document is None:
+        return
     import json
 
     click.echo(json.dumps(json_schema(document), indent=1, ensure_ascii=False))
+    context.exit()
+
+
+schema_option = click.option(
+    "--schema",
+    type=click.Choice(DOCUMENTS),
+    callback=_show,
+    is_eager=True,
+    expose_value=False,
+    help="Print the JSON Schema of this kind of file instead, for editors.",
+)
 
 
 def json_schema(document: str) -> dict[str, Any]:
     """What a file of the kind `document`, one of DOCUMENTS, may hold: JSON Schema, draft 2020-12."""
+    from cranectl.campaign.benchmark.settings import Benchmark
     from cranectl.campaign.settings import CampaignSettings
     from cranectl.scenario import Scenario
     from cranectl.scenario.rig import RigParameters
     from cranectl.scenario.segments import added_kinds
 
-    model: Any = {"scenario": Scenario, "rig": RigParameters, "campaign": CampaignSettings}[document]
-    schema = model.model_json_schema()
+    models: dict[str, Any] = {
+        "scenario": Scenario,
+        "rig": RigParameters,
+        "campaign": CampaignSettings,
+        "benchmark": Benchmark,
+    }
+    schema = models[document].model_json_schema()
     if document == "scenario":
         schema["$defs"]["LimitSettings"] |= _limits()
         schema["$defs"]["AddedSegment"]["properties"]["kind"]["enum"] = list(added_kinds())

@@ -96,7 +96,7 @@ def headers_of(path: str | Path, contents: Contents) -> dict[str, LogHeader]:
         raise LogError(
             f"{path} is an overlay of the runs {', '.join(labels)}, in a format for viewers only",
             allowed=f"overlays of format {FORMAT}",
-            remedy="write it again, with cranectl ladder or cranectl overlay",
+            remedy="write it again, with cranectl ladder or cranectl log overlay",
         )
     attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
     headers = {}

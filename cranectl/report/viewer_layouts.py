@@ -179,7 +179,7 @@ def _overlay(labels: Sequence[str]) -> Layout:
     if not labels:
         raise InputError(
             "the layout overlay, of no runs",
-            allowed="the runs of a log that cranectl overlay or cranectl ladder wrote",
+            allowed="the runs of a log that cranectl log overlay or cranectl ladder wrote",
             remedy="name such a log with --log",
         )
     titles = {("load", f"load_{axis}"): f"load {axis}" for axis in "xyz"}

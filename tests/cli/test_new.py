@@ -1,4 +1,4 @@
-"""`cranectl new` and `cranectl schema`: what people write, begun for them and checked in their editor."""
+"""`cranectl new` and `cranectl list --schema`: what people write, begun and checked for them."""
 
 import json
 import tomllib
@@ -51,14 +51,16 @@ def test_nothing_is_replaced_and_names_are_checked(capsys: pytest.CaptureFixture
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_the_shipped_schemas_are_todays(document: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", document]) == 0
+    assert main(["list", "--schema", document]) == 0
     printed: dict[str, Any] = json.loads(capsys.readouterr().out)
     Draft202012Validator.check_schema(printed)
     shipped = ROOT / "validation" / "schemas" / f"{document}.json"
     assert json.loads(shipped.read_text()) == printed, "run python validation/reference_pages.py --write"
 
 
-@pytest.mark.parametrize(("document", "folder"), [("scenario", "scenarios"), ("campaign", "campaigns")])
+@pytest.mark.parametrize(
+    ("document", "folder"), [("scenario", "scenarios"), ("campaign", "campaigns"), ("benchmark", "benchmark")]
+)
 def test_every_shipped_file_names_its_schema_and_keeps_it(document: str, folder: str) -> None:
     for path in (ROOT / "validation" / folder).glob("*.toml"):
         text = path.read_text()

@@ -20,7 +20,7 @@ def overlay(tmp_path: Path) -> Path:
     for name in NAMES:
         assert main(["run", "fixed-position", "--controller", name, *SHORT, "--out", f"{name}.mcap"]) == 0
     path = tmp_path / "all.mcap"
-    assert main(["overlay", *(f"{name}.mcap" for name in NAMES), "--out", str(path)]) == 0
+    assert main(["log", "overlay", *(f"{name}.mcap" for name in NAMES), "--out", str(path)]) == 0
     return path
 
 
@@ -52,11 +52,11 @@ def test_runs_of_several_scenarios_are_named_by_them(capsys: pytest.CaptureFixtu
             main(["run", "fixed-position", *SHORT, "--set", f"name={name}", "--out", f"{name}/a.mcap"]) == 0
         )
     capsys.readouterr()
-    assert main(["overlay", "here/a.mcap", "there/a.mcap", "--out", "both.mcap", "--json", "-"]) == 0
+    assert main(["log", "overlay", "here/a.mcap", "there/a.mcap", "--out", "both.mcap", "--json", "-"]) == 0
     captured = capsys.readouterr()
     assert json.loads(captured.out)["labels"] == ["here", "there"]
     assert "scenarios differ: here, there" in captured.err
-    assert main(["overlay", "here/a.mcap", "here/a.mcap", "--out", "both.mcap"]) == 0
+    assert main(["log", "overlay", "here/a.mcap", "here/a.mcap", "--out", "both.mcap"]) == 0
     assert "differ" not in capsys.readouterr().out
 
 

@@ -99,18 +99,18 @@ def test_runs_of_several_logs(short: Scenario, capsys: pytest.CaptureFixture[str
             f"{name}.mcap",
             [simulate_run(short, plant=plant, controller=name) for plant in ("analytic", "mujoco")],
         )
-    assert main(["overlay", "lqr.mcap", "pole-placement.mcap", "--out", "both.mcap"]) == 0
+    assert main(["log", "overlay", "lqr.mcap", "pole-placement.mcap", "--out", "both.mcap"]) == 0
     assert "log layout overlay view.json --log both.mcap" in capsys.readouterr().out
     read = read_layers("both.mcap")
     for name, layer in read.items():
         assert_same(layer.run, read_log(f"{name}.mcap")["mujoco"])
-    assert main(["overlay", "both.mcap", "lqr.mcap", "--plants", "analytic", "--label", "a,b,c"]) == 0
+    assert main(["log", "overlay", "both.mcap", "lqr.mcap", "--plants", "analytic", "--label", "a,b,c"]) == 0
     assert [layer.run.plant for layer in read_layers("logs/fixed-position/overlay.mcap").values()] == [
         "mujoco",
         "mujoco",
         "analytic",
     ]
-    assert main(["overlay", "lqr.mcap", "both.mcap", "--label", "a"]) == 2
+    assert main(["log", "overlay", "lqr.mcap", "both.mcap", "--label", "a"]) == 2
     assert "1 labels of 3 runs" in capsys.readouterr().err
     with pytest.raises(LogError, match=r"both\.mcap is an overlay of the runs lqr,pole-placement") as caught:
         read_log("both.mcap")

@@ -1,0 +1,65 @@
+"""What tuning found, as files: the numbers of a law in TOML, every point of the search in Parquet."""
+
+from pathlib import Path
+from typing import Any
+
+from cranectl.campaign.benchmark.settings import Benchmark
+from cranectl.campaign.benchmark.tuning import Tuned
+from cranectl.controllers.registry import REGISTERED
+from cranectl.support.documents import toml_text
+from cranectl.support.files import Kind, check_place, replacing, write_text, writing
+
+TOML = Kind("result of tuning", rb"law = ")
+PARQUET = Kind("Parquet file", rb"PAR1")
+
+
+def tuned_files(directory: Path, law: str) -> tuple[Path, Path]:
+    """Where numbers and points of `law` go; raises InputError where they cannot."""
+    files = directory / f"{law}.toml", directory / f"{law}.parquet"
+    for path, kind in zip(files, (TOML, PARQUET), strict=True):
+        check_place(path, kind, option="--out")
+    return files
+
+
+def tuned_table(tuned: Tuned, benchmark: Benchmark) -> dict[str, Any]:
+    """What was found, by which rules, of which law; numbers are those on the laboratory rig."""
+    found = tuned.found
+    origin = REGISTERED[tuned.law].origin if tuned.law in REGISTERED else None
+    return {
+        "law": tuned.law,
+        "sha256": origin.sha256 if origin else None,
+        "benchmark": benchmark.name,
+        "rules": benchmark.rules,
+        "seed": benchmark.tuning.seed,
+        "budget_runs": tuned.evaluations * tuned.runs_each,
+        "runs": len(tuned.points) * tuned.runs_each,
+        "cost": {name: point.cost for name, point in found.items()},
+        "failed": {name: point.failed for name, point in found.items()},
+        "parameters": tuned.parameters,
+    }
+
+
+def write_tuned(tuned: Tuned, benchmark: Benchmark, files: tuple[Path, Path]) -> None:
+    """Write `files`, of `tuned_files`, each whole or not at all; raises InputError where that fails."""
+    numbers, points = files
+    with writing(points):
+        _write_points(tuned, benchmark, points)
+    with writing(numbers):
+        write_text(numbers, toml_text(tuned_table(tuned, benchmark)))
+
+
+def _write_points(tuned: Tuned, benchmark: Benchmark, path: Path) -> None:
+    """A row a candidate: its number, 0 for the untuned law, its numbers by setting, cost, share failed."""
+    import pyarrow
+    from pyarrow import parquet
+
+    keys = [variable.key for variable in tuned.variables]
+    columns = {
+        "evaluation": list(range(len(tuned.points))),
+        **{key: [point.values[k] for point in tuned.points] for k, key in enumerate(keys)},
+        "cost": [point.cost for point in tuned.points],
+        "failed_share": [point.failed for point in tuned.points],
+    }
+    metadata = {"law": tuned.law, "benchmark": benchmark.name, "rules": benchmark.rules}
+    with replacing(path) as unfinished:
+        parquet.write_table(pyarrow.table(columns, metadata=metadata), unfinished, compression="zstd")

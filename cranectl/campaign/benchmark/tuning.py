@@ -1,0 +1,287 @@
+"""Find the numbers of a law: the least mean cost over cranes that are never judged, in a budget of runs.
+
+The search is CMA-ES (Hansen, The CMA Evolution Strategy: A Tutorial, 2016) over the logarithms of the
+numbers, each between its bounds. All candidates drive the same cranes. Every point is kept, the start first.
+"""
+
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cranectl.campaign.benchmark.settings import Benchmark
+from cranectl.campaign.benchmark.variables import Variable, assignments, variables_of
+from cranectl.campaign.definition import Batch, Campaign
+from cranectl.campaign.load import make_campaign
+from cranectl.campaign.settings import parse_campaign
+from cranectl.campaign.summary import failed
+from cranectl.campaign.table import Row
+from cranectl.campaign.workers import Prepared, StoppedError, Worker
+from cranectl.controllers.registry import load_controller, runs_alone
+from cranectl.design import CONTROLLERS as FLAT_FAMILY
+from cranectl.metrics.limits import limits_of
+from cranectl.metrics.table import DRIVES
+from cranectl.scenario import Scenario
+from cranectl.scenario.similarity import size_of
+from cranectl.status import RunStatus
+from cranectl.support.documents import leaves
+from cranectl.support.errors import InputError
+from cranectl.support.resources import is_path
+
+WORST, STOPPED, REFUSED = 5.0, 10.0, 20.0  # costs of what completes, at most, and of what fails: `run_cost`
+FIRST_STEP = 0.2  # standard deviation of the first candidates, as a share of the way between the bounds
+
+Advance = Callable[[int], None]  # told how many runs are done
+
+
+def run_cost(row: Row, scenario: Scenario, broken: bool, variation_price: float) -> float:
+    """The cost of one run of `scenario`; `broken`: whether it broke one of its limits.
+
+    Of one that completes: 5 c / (5 + c), never more than 5, with
+    c = (rms_error_m + final_error_m) / (5 settling_tolerance) + residual_sway_about_lean_rad / 0.1
+    + saturated_s / duration + variation_price Σ command_variation_m_s2 / (g duration), Σ over all drives.
+    One that breaks a limit costs 5 more; one that stops early 10 and the share of the time that is missing:
+    to fail is always dearer, less so the closer a run comes. Of a design that is refused each run costs 20.
+    """
+    if row["status"] != RunStatus.COMPLETED.label:
+        return STOPPED + 1.0 - _number(row["end_s"]) / scenario.duration
+    variation = sum(_number(row[f"command_variation_m_s2_{drive}"]) for drive in DRIVES)
+    cost = (
+        (_number(row["rms_error_m"]) + _number(row["final_error_m"]))
+        / (5.0 * scenario.metrics.settling_tolerance)
+        + _number(row["residual_sway_about_lean_rad"]) / 0.1
+        + _number(row["saturated_s"]) / scenario.duration
+        + variation_price * variation / (scenario.rig.gravity * scenario.duration)
+    )
+    return WORST * cost / (WORST + cost) + (WORST if broken else 0.0)
+
+
+def _number(value: Any) -> float:
+    """A metric; what the run has no such thing of costs nothing."""
+    return 0.0 if value is None else float(value)
+
+
+def tuning_campaign(benchmark: Benchmark, directory: Path, scenario: str, law: str) -> Campaign:
+    """The cranes of `scenario` on which the untuned `law` is tuned; `directory` is the benchmark's."""
+    return make_campaign(parse_campaign(_table(benchmark, directory, scenario, law, ()), benchmark.name))
+
+
+def _table(
+    benchmark: Benchmark, directory: Path, scenario: str, law: str, settings: Sequence[str]
+) -> dict[str, Any]:
+    measured, tuning = benchmark.scenarios[scenario], benchmark.tuning
+    return {
+        "name": "tuning",
+        "scenario": str(directory / measured.file) if is_path(measured.file) else measured.file,
+        "controllers": [law],
+        "plants": [benchmark.plant],
+        "drive": benchmark.drive,
+        "runs": tuning.draws,
+        "seed": tuning.seed,
+        "sampling": "monte-carlo",
+        "spread": tuning.spread,
+        "set": [*benchmark.set, *measured.set, *settings],
+        "uncertain": {**_by_name(benchmark.uncertain), **_by_name(measured.uncertain)},
+    }
+
+
+def _by_name(uncertain: Mapping[str, Any]) -> dict[str, Any]:
+    """Distributions by dotted name of their parameter, nested in tables or not."""
+    return dict(
+        leaves(uncertain, is_leaf=lambda value: not isinstance(value, Mapping) or "distribution" in value)
+    )
+
+
+class Point(NamedTuple):
+    """A candidate that was run."""
+
+    values: tuple[float, ...]  # of the variables, on the laboratory rig
+    cost: float  # mean over all runs
+    failed: float  # share of them
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """All that a search found."""
+
+    law: str
+    variables: tuple[Variable, ...]
+    evaluations: int  # that the budget has
+    runs_each: int
+    points: tuple[Point, ...]  # in the order of the search, the untuned law first
+
+    @property
+    def found(self) -> dict[str, Point]:
+        """Untuned, and the best with half the budget and with all of it."""
+        half = self.points[: max(1, self.evaluations // 2)]
+        return {"untuned": self.points[0], "half": _best(half), "full": _best(self.points)}
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The best numbers by their setting, on the laboratory rig."""
+        return dict(zip((each.key for each in self.variables), self.found["full"].values, strict=True))
+
+
+def _best(points: Sequence[Point]) -> Point:
+    return min(points, key=lambda point: point.cost)  # of equal ones the first
+
+
+@dataclass(frozen=True)
+class _Cranes:
+    """The tuning set of a law."""
+
+    benchmark: Benchmark
+    directory: Path
+    law: str
+    variables: tuple[Variable, ...]
+    campaigns: Mapping[str, Campaign]  # by scenario, of the untuned law
+
+    @property
+    def runs(self) -> int:
+        """Of one candidate."""
+        return sum(campaign.runs for campaign in self.campaigns.values())
+
+    def rows(self, scenario: str, values: Sequence[float], stop: Callable[[], bool]) -> list[Row]:
+        """All runs of `scenario` with the law's numbers at `values`; raises InputError where it refuses."""
+        length = size_of(self.campaigns[scenario].nominal.rig)
+        settings = assignments(self.variables, values, length)
+        table = _table(self.benchmark, self.directory, scenario, self.law, settings)
+        campaign = make_campaign(parse_campaign(table, self.benchmark.name))
+        batch = Batch(self.benchmark.plant, self.law, 0, campaign.runs)
+        return Worker(Prepared(campaign)).run_batch(batch, stop)
+
+    def point(self, values: Sequence[float], rows: Mapping[str, list[Row] | None]) -> Point:
+        """The candidate with its rows by scenario, None where it is refused."""
+        costs, failures = [], 0
+        for scenario, of_scenario in rows.items():
+            campaign = self.campaigns[scenario]
+            if of_scenario is None:
+                costs += [REFUSED] * campaign.runs
+                failures += campaign.runs
+                continue
+            limits = limits_of(campaign.nominal, [self.benchmark.plant])[self.benchmark.plant]
+            columns = {name: [row[name] for row in of_scenario] for name in of_scenario[0]}
+            bad = failed(columns.__getitem__, limits)
+            price = self.benchmark.tuning.variation_price
+            costs += [
+                run_cost(row, campaign.nominal, bool(broken), price)
+                for row, broken in zip(of_scenario, bad, strict=True)
+            ]
+            failures += int(bad.sum())
+        return Point(tuple(values), float(np.mean(costs)), failures / self.runs)
+
+
+def tune(
+    benchmark: Benchmark,
+    directory: Path,
+    law: str,
+    *,
+    runs: int | None = None,
+    workers: int = 1,
+    advance: Advance = lambda _: None,
+) -> Tuned:
+    """Tune `law` by the rules of `benchmark`, whose file lies in `directory`.
+
+    `runs`: budget, by default the benchmark's. The result is the same for any number of `workers`, threads.
+    Raises InputError for a law that cannot be run as it is, and for too small a budget.
+    """
+    variables = variables_of(law)
+    follows = "path" if law in FLAT_FAMILY else load_controller(law).follows
+    suited = [name for name in benchmark.tuning.scenarios if follows in benchmark.scenarios[name].suits]
+    if not suited:
+        raise InputError(
+            f"'{law}' follows a {follows}, and {benchmark.name} tunes on no scenario that suits it",
+            allowed="one scenario at least that suits the law",
+            remedy="add one to [tuning] of the benchmark",
+        )
+    cranes = _Cranes(
+        benchmark,
+        directory,
+        law,
+        variables,
+        {name: tuning_campaign(benchmark, directory, name, law) for name in suited},
+    )
+    budget = benchmark.tuning.runs if runs is None else runs
+    evaluations = budget // cranes.runs if variables else 1
+    if variables and evaluations < 2:
+        raise InputError(
+            f"a budget of {budget} runs, and the cranes of one candidate are {cranes.runs}",
+            allowed=f"{2 * cranes.runs} runs or more",
+            remedy="raise --runs, or the benchmark's tuning.runs",
+        )
+    start = tuple(each.start for each in variables)
+    search = _strategy(variables, benchmark.tuning.seed) if variables else None
+    with _evaluating(cranes, 1 if runs_alone([law]) else workers, advance) as evaluate:
+        points = evaluate([start], may_refuse=False)
+        while search is not None and len(points) < evaluations:  # only the budget ends it
+            places = search.ask()
+            asked = [tuple(v.at(p) for v, p in zip(variables, place, strict=False)) for place in places]
+            found = evaluate(asked[: evaluations - len(points)], may_refuse=True)
+            points += found
+            if len(found) == len(places):
+                search.tell(places, [point.cost for point in found])
+    return Tuned(law, variables, evaluations, cranes.runs, tuple(points))
+
+
+def _strategy(variables: Sequence[Variable], seed: int) -> Any:
+    """The search from the untuned numbers, in the unit cube; raises InputError without pycma.
+
+    With a coordinate more that means nothing where there is one only, which it does not take.
+    """
+    try:
+        import cma
+    except ImportError as error:
+        raise InputError(
+            f"tuning needs pycma: {error}",
+            allowed="an installation with the extra 'tune'",
+            remedy="pip install 'cranectl[tune]'",
+        ) from None
+    start = [each.place for each in variables]
+    random = np.random.default_rng(seed)
+    options = {
+        "bounds": [0.0, 1.0],
+        "randn": lambda *shape: random.standard_normal(shape),
+        "seed": np.nan,  # leaves NumPy's own generator, which others share, alone
+        "verbose": -9,
+        "verb_log": 0,
+    }
+    return cma.CMAEvolutionStrategy(start if len(start) > 1 else [*start, 0.5], FIRST_STEP, options)
+
+
+@contextmanager
+def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Callable[..., list[Point]]]:
+    """Yields what runs candidates in threads; they leave their runs once the block is left."""
+    left = threading.Event()
+
+    def rows(scenario: str, values: Sequence[float], may_refuse: bool) -> list[Row] | None:
+        if left.is_set():
+            raise StoppedError
+        try:
+            return cranes.rows(scenario, values, left.is_set)
+        except (InputError, ValueError, ArithmeticError):  # it refuses them, or cannot compute its design
+            if not may_refuse:
+                raise
+            return None
+
+    def evaluate(candidates: Sequence[tuple[float, ...]], *, may_refuse: bool) -> list[Point]:
+        asked = [
+            {name: pool.submit(rows, name, values, may_refuse) for name in cranes.campaigns}
+            for values in candidates
+        ]
+        points = []
+        for values, by_scenario in zip(candidates, asked, strict=True):
+            points.append(cranes.point(values, {name: each.result() for name, each in by_scenario.items()}))
+            advance(cranes.runs)
+        return points
+
+    with ThreadPoolExecutor(max(1, workers), thread_name_prefix="tuning") as pool:
+        try:
+            yield evaluate
+        finally:
+            left.set()
+            pool.shutdown(cancel_futures=True)

@@ -1,0 +1,93 @@
+"""What of a controller tuning may change: settings of a scenario, each within bounds, on logarithmic scales.
+
+All are numbers on the laboratory rig; on a similar crane they go by a power of its length, as defaults do.
+"""
+
+from collections.abc import Sequence
+from math import copysign, log
+from typing import NamedTuple
+
+from cranectl.controllers.registry import checked_controller, load_controller
+from cranectl.design import CONTROLLERS as FLAT_FAMILY
+from cranectl.scenario.design import DesignSettings
+from cranectl.scenario.similarity import POWERS, rounded
+from cranectl.support.documents import leaves
+
+DIGITS = 4  # of a tuned number: what is printed is what was run
+
+
+class Variable(NamedTuple):
+    """A number that tuning may change."""
+
+    key: str  # dotted setting of a scenario
+    start: float  # as it is untuned
+    low: float  # bounds of its size, both positive; it keeps the sign of `start`
+    high: float
+    length_power: float = 0.0
+
+    @property
+    def place(self) -> float:
+        """Where `start` lies between the bounds, on a logarithmic scale from 0 to 1; at an end if beyond."""
+        inside = min(max(abs(self.start), self.low), self.high)
+        return log(inside / self.low) / log(self.high / self.low)
+
+    def at(self, place: float) -> float:
+        """The number at a place from 0 to 1, to DIGITS digits."""
+        size = self.low * (self.high / self.low) ** place
+        return copysign(float(f"{size:.{DIGITS}g}"), self.start)
+
+    def sized(self, value: float, length: float) -> float:
+        """What `value` is on a crane `length` times as large as the laboratory rig."""
+        scaled = self.length_power and length != 1.0
+        return rounded(value * length**self.length_power) if scaled else value
+
+
+# Of the flat family by part: setting of its designs, bounds. A decade or so to each side of the thesis's.
+DESIGNS: dict[str, dict[str, tuple[float, float]]] = {
+    "pole-placement": {f"poles.{k}": (0.8, 8.0) for k in range(4)},
+    "lqr": {
+        "state_weights.0": (30.0, 30_000.0),
+        **{f"state_weights.{k}": (0.03, 30.0) for k in (1, 2, 3)},
+    },
+    "hinf": {"hinf.bandwidth": (0.2, 4.0), "hinf.offset": (0.01, 0.5), "hinf.control_weight": (1e-6, 1e-2)},
+    "loop-shaping": {"loop_shaping.proportional": (2.0, 200.0), "loop_shaping.integral": (8.0, 800.0)},
+}
+
+
+def variables_of(name: str) -> tuple[Variable, ...]:
+    """What tuning may change of the controller `name`; raises InputError for an unknown one."""
+    checked_controller(name)
+    if name in FLAT_FAMILY:
+        return tuple(
+            _of_design(f"design.{setting}", *bounds)
+            for part in name.split("+")
+            for setting, bounds in DESIGNS[part].items()
+        )
+    return tuple(
+        Variable(f"controller.{name}.{each.name}", float(each.default), *each.search, each.length_power)
+        for each in load_controller(name).parameters
+        if each.search is not None
+    )
+
+
+def _of_design(key: str, low: float, high: float) -> Variable:
+    usual = dict(leaves({"design": DesignSettings().model_dump()}))
+    power, _ = POWERS.get(key) or POWERS.get(key.rpartition(".")[0], (0.0, 0.0))
+    return Variable(key, usual[key], low, high, power)
+
+
+def assignments(variables: Sequence[Variable], values: Sequence[float], length: float = 1.0) -> list[str]:
+    """Settings `key=value` of a scenario that give `variables` their `values`; without those at their start.
+
+    `variables` are all of a controller, on a crane `length` times as large as the laboratory rig. A list is
+    given as a whole.
+    """
+    sized = {each.key: each.sized(value, length) for each, value in zip(variables, values, strict=True)}
+    lists: dict[str, list[float]] = {}
+    for key, value in sized.items():
+        above, _, last = key.rpartition(".")
+        if last.isdecimal():
+            lists.setdefault(above, []).append(value)
+    changed = [each.key for each, value in zip(variables, values, strict=True) if value != each.start]
+    places = dict.fromkeys(above if (above := key.rpartition(".")[0]) in lists else key for key in changed)
+    return [f"{place}={lists.get(place, sized.get(place))!r}" for place in places]

@@ -1,0 +1,117 @@
+"""`cranectl tune`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cranectl.cli.command import Command, json_option
+from cranectl.cli.laws import opened, trust_option
+
+if TYPE_CHECKING:
+    from cranectl.campaign.benchmark.settings import Benchmark
+    from cranectl.campaign.benchmark.tuning import Tuned
+    from cranectl.report.table import Table
+
+
+@click.command("tune", cls=Command)
+@click.argument("law")
+@click.option(
+    "--benchmark",
+    "benchmark_name",
+    metavar="NAME",
+    default="literature",
+    show_default=True,
+    help="Whose rules hold: a name or a TOML file.",
+)
+@click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    default=Path("logs/tuned"),
+    show_default=True,
+    help="Directory of the results: LAW.toml with the numbers, LAW.parquet with every point of the search.",
+)
+@click.option(
+    "--workers", metavar="N", type=click.IntRange(min=1), help="Threads. Default: one for each core."
+)
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Budget in simulated runs. Default: the benchmark's.",
+)
+@trust_option("the benchmark")
+@json_option
+def tune_command(
+    law: str,
+    benchmark_name: str,
+    out: Path,
+    workers: int | None,
+    runs: int | None,
+    trust: bool,
+    json_file: str | None,
+) -> None:
+    """Find the numbers of LAW, a controller or the file of one.
+
+    What may change, and within which bounds, the law declares. All candidates drive the same uncertain
+    cranes, which the benchmark never judges on. With the extra `tune`; the result is the same for any number
+    of workers. A law that the benchmark names as a file is opened from there with --trust.
+
+    \b
+    cranectl tune lqr-integral
+    cranectl tune super_twisting.py:SUPER_TWISTING --trust
+    cranectl tune mine.py:MINE --runs 160 --out logs/mine
+    """
+    from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
+    from cranectl.campaign.benchmark.tuned import tuned_files, tuned_table, write_tuned
+    from cranectl.campaign.benchmark.tuning import tune
+    from cranectl.cases.workers import available_cores
+    from cranectl.cli.output import console, progress_bar, write_json
+
+    benchmark, directory = read_benchmark(benchmark_name), benchmark_file(benchmark_name).parent
+    name = _opened(law, benchmark, directory, trust)
+    files = tuned_files(out, name)
+    screen = console(json_file)
+    with progress_bar(runs or benchmark.tuning.runs, unit="runs", done="done") as (advance, describe):
+        describe(name)
+        tuned = tune(
+            benchmark, directory, name, runs=runs, workers=workers or available_cores(), advance=advance
+        )
+    write_tuned(tuned, benchmark, files)
+    if not tuned.variables:
+        screen.print(f"{name} has nothing to tune: none of its parameters says where to search")
+    screen.print(_table(tuned))
+    screen.print(f"numbers: {files[0]}, every point: {files[1]}")
+    write_json(json_file, {**tuned_table(tuned, benchmark), "files": [str(path) for path in files]})
+
+
+def _opened(law: str, benchmark: "Benchmark", directory: Path, trust: bool) -> str:
+    """The controller that `law` names: as the benchmark does, or as seen from here."""
+    from cranectl.controllers.doors.opening import is_reference
+    from cranectl.support.errors import InputError
+
+    if law not in benchmark.laws or not is_reference(law):
+        return opened(law)
+    if not trust:
+        raise InputError(
+            f"{benchmark.name} names the file '{law}', whose code is run only if that is wanted",
+            allowed="a controller, the path of a file from here, or --trust",
+            remedy="if you know what is in it, add --trust",
+        )
+    return opened(law, directory)
+
+
+def _table(tuned: "Tuned") -> "Table":
+    """The numbers, cost and failures: untuned, with half the budget, with all of it."""
+    from cranectl.report.table import Table, cells
+
+    found = tuned.found
+    rows = [
+        cells(variable.key, *(f"{point.values[k]:g}" for point in found.values()))
+        for k, variable in enumerate(tuned.variables)
+    ]
+    rows.append(cells("cost", *(f"{point.cost:.4f}" for point in found.values())))
+    rows.append(cells("failed", *(f"{point.failed:.1%}" for point in found.values())))
+    note = f"{len(tuned.points)} candidates, {tuned.runs_each} runs each; numbers as on the laboratory rig"
+    return Table(tuned.law, ("", "untuned", "half the budget", "full budget"), tuple(rows), note=note)

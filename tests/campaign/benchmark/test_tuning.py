@@ -1,0 +1,139 @@
+"""Tuning: its cost by hand, the same for any number of threads, better than the start, every point kept."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+from cranectl import open_law
+from cranectl.campaign.benchmark.settings import Benchmark
+from cranectl.campaign.benchmark.tuning import REFUSED, run_cost, tune, tuning_campaign
+from cranectl.campaign.benchmark.variables import assignments, variables_of
+from cranectl.campaign.definition import Batch
+from cranectl.campaign.workers import Prepared, Worker
+from cranectl.cli.main import main
+from cranectl.reference import load_scenario
+from cranectl.support.documents import read_toml
+from cranectl.support.errors import InputError
+from tests.benchmark.conftest import laws_closed
+from tests.campaign.benchmark.tiny import write_tiny
+
+__all__ = ["laws_closed"]
+
+COMPLETED: dict[str, Any] = {
+    "status": "completed",
+    "end_s": 10.0,
+    "rms_error_m": 0.02,
+    "final_error_m": 0.03,
+    "residual_sway_about_lean_rad": 0.01,
+    "saturated_s": 0.5,
+    "command_variation_m_s2_bridge": 100.0,
+    "command_variation_m_s2_trolley": 60.0,
+    "command_variation_m_s2_rope": 40.0,
+}
+
+
+@pytest.fixture
+def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Benchmark:
+    monkeypatch.chdir(tmp_path)
+    return write_tiny(tmp_path)
+
+
+def test_the_cost_of_a_run() -> None:
+    settings = ["duration=10.0", "disturbances=[]", "metrics.settling_tolerance=0.02", "rig.gravity=10.0"]
+    scenario = load_scenario("fixed-position", overrides=settings)
+    cost = 0.05 / 0.1 + 0.1 + 0.05 + 0.02 * 200.0 / 100.0
+    assert run_cost(COMPLETED, scenario, False, 0.02) == pytest.approx(5.0 * cost / (5.0 + cost))
+    assert run_cost(COMPLETED, scenario, True, 0.02) == pytest.approx(5.0 + 5.0 * cost / (5.0 + cost))
+    moving = {**COMPLETED, "residual_sway_about_lean_rad": None}
+    assert run_cost(moving, scenario, False, 0.02) == pytest.approx(5.0 * (cost - 0.1) / (4.9 + cost))
+    far = {**COMPLETED, "final_error_m": 1e6}
+    assert run_cost(far, scenario, False, 0.02) < 5.0 < run_cost(COMPLETED, scenario, True, 0.02)
+    assert run_cost(far, scenario, True, 0.02) < 10.0
+    for status in ("workspace-left", "failed"):
+        stopped = {**dict.fromkeys(COMPLETED), "status": status, "end_s": 2.5}
+        assert run_cost(stopped, scenario, True, 0.02) == 10.75
+
+
+def test_a_tuned_law_is_better_and_every_point_is_kept(tiny: Benchmark, tmp_path: Path) -> None:
+    law = open_law("mine.py:LAW")
+    done: list[int] = []
+    alone = tune(tiny, tmp_path, law, workers=1, advance=done.append)
+    assert alone == tune(tiny, tmp_path, law, workers=2)
+    assert len(alone.points) == sum(done) / 2 == 20
+    assert alone.points[0].values == (1.0, -2.0)
+    assert len({point.values for point in alone.points}) == 20
+    untuned, half, full = alone.found.values()
+    assert untuned == alone.points[0]
+    assert half.cost == min(point.cost for point in alone.points[:10])
+    assert full.cost == min(point.cost for point in alone.points) < half.cost < 0.9 * untuned.cost
+    for variable, values in zip(alone.variables, np.array([p.values for p in alone.points]).T, strict=True):
+        assert np.all((np.abs(values) >= variable.low) & (np.abs(values) <= variable.high))
+
+
+def test_what_is_written_gives_the_same_cost_again(
+    tiny: Benchmark, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["tune", "mine.py:LAW", "--benchmark", "tiny.toml", "--runs", "13", "--out", "out"]) == 2
+    assert "--trust" in capsys.readouterr().err
+    command = ["tune", "mine.py:LAW", "--benchmark", "tiny.toml", "--trust", "--out", "out", "--runs", "13"]
+    assert main([*command, "--json", "told.json"]) == 0
+    assert "controller.mine.stiffness" in capsys.readouterr().out
+    written, points = read_toml(Path("out/mine.toml")), parquet.read_table("out/mine.parquet")
+    told = json.loads(Path("told.json").read_text())
+    assert told.pop("files") == ["out/mine.toml", "out/mine.parquet"]
+    assert written == told
+    assert (written["law"], written["benchmark"], written["seed"]) == ("mine", "tiny", 7)
+    assert (written["rules"], written["budget_runs"], written["runs"]) == (tiny.rules, 12, 12)
+    assert len(written["sha256"]) == 64
+    assert points["evaluation"].to_pylist() == list(range(6))
+    assert min(points["cost"].to_pylist()) == written["cost"]["full"]
+    best = points["cost"].to_pylist().index(written["cost"]["full"])
+    assert {key: points[key][best].as_py() for key in written["parameters"]} == written["parameters"]
+
+    settings = assignments(variables_of("mine"), list(written["parameters"].values()))
+    again = tiny.model_copy(update={"set": (*tiny.set, *settings)})
+    campaign = tuning_campaign(again, tmp_path, "move", "mine")
+    rows = Worker(Prepared(campaign)).run_batch(Batch("analytic", "mine", 0, 2))
+    broken = [float(str(row["final_error_m"])) > 0.2 for row in rows]
+    costs = [run_cost(row, campaign.nominal, bad, 0.02) for row, bad in zip(rows, broken, strict=True)]
+    assert np.mean(costs) == written["cost"]["full"]
+    assert np.mean(broken) == written["failed"]["full"]
+
+
+def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark, tmp_path: Path) -> None:
+    tuned = tune(tiny, tmp_path, open_law("mine.py:REFUSES"))
+    refused = [point for point in tuned.points if point.values[0] > 12.0]
+    assert 0 < len(refused) < 20
+    assert {(point.cost, point.failed) for point in refused} == {(REFUSED, 1.0)}
+    assert all(point.cost < 11.0 for point in tuned.points if point not in refused)
+
+
+@pytest.mark.usefixtures("tiny")
+def test_a_law_with_nothing_to_tune_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tune", "./mine.py:STIFF", "--benchmark", "tiny.toml", "--out", "out"]) == 0
+    assert "stiff has nothing to tune" in capsys.readouterr().out
+    written = read_toml(Path("out/stiff.toml"))
+    assert written["parameters"] == {}
+    assert written["runs"] == 2
+    assert len(set(written["cost"].values())) == 1
+
+
+def test_what_cannot_be_tuned(tiny: Benchmark, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    law = open_law("mine.py:LAW")
+    with pytest.raises(InputError, match="a budget of 3 runs") as few:
+        tune(tiny, tmp_path, law, runs=3)
+    assert "4 runs or more" in str(few.value)
+    with pytest.raises(InputError, match="'wanders' follows a set-point, and tiny tunes on no scenario"):
+        tune(tiny, tmp_path, open_law("mine.py:WANDERS"))
+    refused = tiny.model_copy(update={"set": ("controller.mine.damping=13.0",)})
+    with pytest.raises(InputError, match="too much damping"):
+        tune(refused, tmp_path, law)
+    monkeypatch.setitem(sys.modules, "cma", None)
+    with pytest.raises(InputError, match="tuning needs pycma") as absent:
+        tune(tiny, tmp_path, law)
+    assert "pip install 'cranectl[tune]'" in str(absent.value)

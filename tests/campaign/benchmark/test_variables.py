@@ -1,0 +1,81 @@
+"""What tuning may change: numbers within bounds, as a law or the flat family declares them."""
+
+import pytest
+
+from cranectl import open_law
+from cranectl.campaign.benchmark.settings import read_benchmark
+from cranectl.campaign.benchmark.variables import Variable, assignments, variables_of
+from cranectl.controllers.registry import load_controller
+from cranectl.design import CONTROLLERS as FLAT_FAMILY
+from cranectl.reference import load_scenario
+from cranectl.scenario.similarity import size_of
+from cranectl.support.errors import InputError
+from tests.benchmark.conftest import laws_closed
+from tests.conftest import ROOT
+
+__all__ = ["laws_closed"]
+
+NEGATIVE = Variable("controller.a.k", -4.0, 1.0, 100.0, -0.5)
+
+
+def test_places_are_logarithmic_and_keep_the_sign() -> None:
+    assert [NEGATIVE.at(place) for place in (0.0, 0.5, 1.0)] == [-1.0, -10.0, -100.0]
+    assert NEGATIVE.at(NEGATIVE.place) == -4.0
+    assert NEGATIVE.at(1.0 / 3.0) == -4.642  # four digits: what is printed is what was run
+    assert NEGATIVE._replace(start=0.0).place == 0.0
+    assert NEGATIVE._replace(start=1e3).place == 1.0
+
+
+def test_a_law_is_tuned_where_it_says() -> None:
+    names = [each.key for each in variables_of("lqr-integral")]
+    declared = [each for each in load_controller("lqr-integral").parameters if each.search]
+    assert names == [f"controller.lqr-integral.{each.name}" for each in declared]
+    assert [(each.low, each.high) for each in variables_of("lqr-integral")] == [e.search for e in declared]
+    with pytest.raises(InputError, match="unknown controller 'lrq'"):
+        variables_of("lrq")
+
+
+def test_the_flat_family_is_tuned_by_its_parts() -> None:
+    parts = {name: [each.key for each in variables_of(name)] for name in FLAT_FAMILY}
+    assert parts["pole-placement"] == [f"design.poles.{k}" for k in range(4)]
+    assert parts["lqr"] == [f"design.state_weights.{k}" for k in range(4)]
+    hinf = [f"design.hinf.{name}" for name in ("bandwidth", "offset", "control_weight")]
+    shaped = [f"design.loop_shaping.{name}" for name in ("proportional", "integral")]
+    for feedback in ("pole-placement", "lqr"):
+        assert parts[f"{feedback}+hinf"] == parts[feedback] + hinf
+        assert parts[f"{feedback}+loop-shaping"] == parts[feedback] + shaped
+    poles, weights = variables_of("pole-placement"), variables_of("lqr")
+    assert [(each.start, each.at(0.0), each.at(1.0), each.length_power) for each in poles] == [
+        (-2.5, -0.8, -8.0, -0.5)
+    ] * 4
+    assert [each.length_power for each in weights] == [-4.0, -3.0, -2.0, -1.0]
+
+
+@pytest.mark.parametrize("name", sorted({*FLAT_FAMILY, *read_benchmark("literature").laws}))
+def test_all_within_the_bounds_is_allowed(name: str) -> None:
+    if ":" in name:
+        name = open_law(str(ROOT / "validation" / "benchmark" / name))
+    variables = variables_of(name)
+    for place in (0.0, 1.0):
+        settings = assignments(variables, [each.at(place) for each in variables])
+        scenario = load_scenario("fast-diagonal", overrides=settings)
+        if name not in FLAT_FAMILY:
+            load_controller(name).designed(scenario.controller.parameters.get(name, {}))
+    for each in variables:
+        assert 0.0 < each.low <= abs(each.start) <= each.high
+
+
+def test_numbers_reach_a_scenario_scaled_to_its_crane() -> None:
+    poles = variables_of("pole-placement")
+    start = [each.start for each in poles]
+    assert assignments(poles, start) == []
+    changed = [-4.0, *start[1:]]
+    scenario = load_scenario("fast-diagonal", overrides=assignments(poles, changed))
+    assert scenario.design.poles == tuple(changed)
+    harbour = load_scenario("ship-to-shore")
+    length = size_of(harbour.rig)
+    assert length > 20.0
+    scaled = load_scenario("ship-to-shore", overrides=assignments(poles, changed, length))
+    assert scaled.design.poles[1:] == harbour.design.poles[1:]
+    assert scaled.design.poles[0] == pytest.approx(-4.0 * length**-0.5, rel=5e-3)
+    assert assignments([NEGATIVE], [-8.0], 4.0) == ["controller.a.k=-4.0"]
