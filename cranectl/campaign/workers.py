@@ -191,7 +191,12 @@ def _reason(error: Exception) -> str:
 
 
 def run_batches(
-    campaign: Campaign, batches: Sequence[Batch], *, workers: int = 1, patience: float = PATIENCE
+    campaign: Campaign,
+    batches: Sequence[Batch],
+    *,
+    workers: int = 1,
+    patience: float = PATIENCE,
+    stop: Stop = lambda: False,
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
     """Run `batches` in `workers` threads; yields each with all its rows, in the order in which they end.
 
@@ -199,19 +204,23 @@ def run_batches(
 
     Once the caller leaves the loop, as it does with Ctrl-C, the workers leave their batches within
     milliseconds; what they had of them is lost. Raises InputError where the nominal crane cannot be run, and
-    whatever is wrong in a worker besides its samples, which have rows that say so.
+    whatever is wrong in a worker besides its samples, which have rows that say so. It raises StoppedError
+    soon after `stop`, which another thread may decide, says so.
     """
     prepared = Prepared(campaign, tuple(dict.fromkeys(batch.controller for batch in batches)))
     left, own = threading.Event(), threading.local()
     made: list[Worker | ChildWorker] = []
 
+    def leaves() -> bool:
+        return left.is_set() or stop()
+
     def run(batch: Batch) -> tuple[Batch, list[Row]]:
-        if left.is_set():
+        if leaves():
             raise StoppedError
         if not hasattr(own, "worker"):
             own.worker = _made_worker(prepared, patience)
             made.append(own.worker)
-        return batch, own.worker.run_batch(batch, left.is_set)
+        return batch, own.worker.run_batch(batch, leaves)
 
     count = 1 if runs_alone(campaign.settings.controllers) else max(1, min(workers, len(batches)))
     with ThreadPoolExecutor(count, thread_name_prefix="worker") as pool:

@@ -12,6 +12,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.advise import advise_command
+from cranectl.cli.benchmark import benchmark_command
 from cranectl.cli.budget import budget_command
 from cranectl.cli.campaign import campaign_command
 from cranectl.cli.certify import certify_command
@@ -57,7 +58,7 @@ COMMANDS: dict[str, tuple[click.Command, ...]] = {
         render_command,
         log_command,
     ),
-    "Judge": (validate_command, certify_command, advise_command),
+    "Judge": (validate_command, benchmark_command, certify_command, advise_command),
     "Explain": (design_command, ladder_command, budget_command, thesis_command),
 }
 

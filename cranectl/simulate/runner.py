@@ -147,7 +147,7 @@ def law_of(
     if isinstance(design, Design):
         return tracker_of(nominal, design)
     controller = load_controller(design.name)
-    return addressed_law(controller, _known(nominal, design, controller, drive, plan))
+    return addressed_law(controller, nominal_crane(nominal, design, controller, drive, plan))
 
 
 def linearised_law(
@@ -160,15 +160,16 @@ def linearised_law(
     controller = load_controller(design.name)
     if controller.linearise is None:
         return []
-    known = _known(nominal, design, controller, "ideal", plan_reference(nominal))
+    known = nominal_crane(nominal, design, controller, "ideal", plan_reference(nominal))
     shortest, longest = nominal.rig.rope_range
     lengths = rope_lengths or (shortest, 0.5 * (shortest + longest), longest)
     return [controller.linearise(known, length) for length in lengths]
 
 
-def _known(
+def nominal_crane(
     nominal: Scenario, design: LawDesign, controller: Controller, drive: Drive, plan: PlannedReference
 ) -> Nominal:
+    """What `controller` is prepared for on the crane that it takes the real one for."""
     reference = plan.reference
     if controller.follows == "set-point":
         reference = build_trajectory(nominal.reference).set_points(plan.time_ns / NANOSECONDS)

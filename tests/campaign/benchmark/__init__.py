@@ -1,0 +1,1 @@
+"""The benchmark: rules, pieces, scores, tuning, commands."""

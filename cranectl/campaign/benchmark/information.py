@@ -1,0 +1,46 @@
+"""Classes of information: what a law is told of crane and path, found out where that can be."""
+
+from typing import Any
+
+from cranectl.controllers.registry import controller_design, law_digests, load_controller
+from cranectl.design import CONTROLLERS as FLAT_FAMILY
+from cranectl.plants.plant import Drive
+from cranectl.scenario import Scenario
+from cranectl.scenario.rig import RigParameters
+from cranectl.simulate import plan_reference
+from cranectl.simulate.runner import nominal_crane
+
+
+class _Watched:
+    """A rig that remembers what of it was asked for."""
+
+    def __init__(self, rig: RigParameters) -> None:
+        self._rig = rig
+        self.asked: set[str] = set()
+
+    def __getattr__(self, name: str) -> Any:
+        self.asked.add(name)
+        return getattr(self._rig, name)
+
+
+def information(law: str, scenario: Scenario, drive: Drive) -> dict[str, Any]:
+    """Facts of `law`, plain data: what it follows, measures, commands, sees ahead, knows of the rig."""
+    file = {"file": law_digests([law]).get(f"law {law}", "")}
+    if law in FLAT_FAMILY:
+        own = {"follows": "path", "measures": "state", "commands": "acceleration", "preview": 0}
+        return {**own, "every": 1, "rig": ["gravity"], **file}
+    controller = load_controller(law)
+    design = controller_design(law, scenario)
+    known = nominal_crane(scenario, design, controller, drive, plan_reference(scenario))  # type: ignore[arg-type]
+    watched = _Watched(known.rig)
+    controller.prepare(known._replace(rig=watched))  # type: ignore[arg-type]
+    masses = ["masses"] if controller.command == "force" else []  # by which the loop knows what a force does
+    return {
+        "follows": controller.follows,
+        "measures": controller.measures,
+        "commands": controller.command,
+        "preview": controller.preview,
+        "every": controller.every,
+        "rig": sorted(watched.asked) + masses,
+        **file,
+    }

@@ -1,0 +1,150 @@
+"""The pieces of a benchmark: one law on one scenario, set of cranes and plant, each a campaign.
+
+Sample k is the same crane in every piece of a scenario and set, whatever law or plant.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cranectl.campaign.benchmark.settings import Benchmark, CraneSet
+from cranectl.campaign.definition import Campaign
+from cranectl.campaign.load import make_campaign
+from cranectl.campaign.settings import parse_campaign
+from cranectl.controllers.registry import load_controller
+from cranectl.design import CONTROLLERS as FLAT_FAMILY
+from cranectl.metrics.limits import limits_of
+from cranectl.scenario.load import read_scenario
+from cranectl.support import resources
+from cranectl.support.documents import leaves
+from cranectl.support.errors import InputError, unknown_name
+
+RADIUS = "spread-"  # begins the names of the sets that find the radius
+SINGLE = "single-effects"  # the set that changes one value at a time
+
+
+class Piece(NamedTuple):
+    """A campaign of one law."""
+
+    plant: str
+    crane_set: str
+    scenario: str
+    law: str  # name of the controller
+
+    @property
+    def place(self) -> Path:
+        """Of its result below that of the benchmark."""
+        return Path(*self)
+
+
+def follows(law: str) -> str:
+    """What a law follows, "path" or "set-point"."""
+    return "path" if law in FLAT_FAMILY else load_controller(law).follows
+
+
+def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
+    """The sets that are judged, then those that find the radius."""
+    radius = benchmark.radius
+    ladder = {f"{RADIUS}{s:g}": CraneSet(spread=s, draws=radius.draws) for s in radius.spreads}
+    return {**benchmark.sets, **ladder}
+
+
+def pieces_of(
+    benchmark: Benchmark, laws: Sequence[str], sets: Sequence[str] = (), scenarios: Sequence[str] = ()
+) -> list[Piece]:
+    """All pieces of `laws`, names of controllers; of `sets` and `scenarios` only, where any are named.
+
+    By set, scenario and plant, so that what all laws have in common comes together.
+    """
+    known = sets_of(benchmark)
+    for kind, names, there in (("set", sets, known), ("scenario", scenarios, benchmark.scenarios)):
+        for name in names:
+            if name not in there:
+                raise unknown_name(f"{kind} of {benchmark.name}", name, there)
+    pieces = (piece for name in sets or known for piece in _pieces(benchmark, name, laws))
+    return [piece for piece in pieces if not scenarios or piece.scenario in scenarios]
+
+
+def _pieces(benchmark: Benchmark, name: str, laws: Sequence[str]) -> Iterator[Piece]:
+    ladder = name not in benchmark.sets
+    for scenario, measured in benchmark.scenarios.items():
+        if ladder and scenario != benchmark.radius.scenario:
+            continue
+        for plant in (benchmark.plant,) if ladder else (benchmark.plant, benchmark.second_plant):
+            for law in laws:
+                if follows(law) in measured.suits:
+                    yield Piece(plant, name, scenario, law)
+
+
+def campaign_of(benchmark: Benchmark, directory: Path, piece: Piece, most: int | None = None) -> Campaign:
+    """The campaign of `piece`, of `most` draws at most; `directory` is that of the benchmark's file.
+
+    Raises InputError as `make_campaign`.
+    """
+    cranes = sets_of(benchmark)[piece.crane_set]
+    draws = cranes.draws if most is None else min(most, cranes.draws)
+    if piece.plant == benchmark.second_plant:
+        draws = max(1, round(benchmark.second_share * draws))
+    measured = benchmark.scenarios[piece.scenario]
+    return piece_campaign(
+        benchmark,
+        directory,
+        piece.scenario,
+        piece.law,
+        plant=piece.plant,
+        runs=draws,
+        seed=benchmark.seed,
+        spread=cranes.spread,
+        uncertain=_flat(benchmark.uncertain, cranes.uncertain, measured.uncertain),
+    )
+
+
+def piece_campaign(
+    benchmark: Benchmark,
+    directory: Path,
+    scenario: str,
+    law: str,
+    *,
+    plant: str,
+    numbers: Sequence[str] = (),
+    **settings: Any,
+) -> Campaign:
+    """A campaign of `law` on a scenario of the benchmark, with `numbers` of the law, key=value each."""
+    measured = benchmark.scenarios[scenario]
+    file = scenario_place(measured.file, directory)
+    table = {
+        "name": scenario,
+        "scenario": file,
+        "controllers": [law],
+        "plants": [plant],
+        "drive": benchmark.drive,
+        "sampling": "monte-carlo",
+        "set": [*benchmark.set, *measured.set, *numbers],
+        "uncertain": _flat(benchmark.uncertain, measured.uncertain),
+        "limits": limits_of(read_scenario(file), [plant])[plant],
+        **settings,
+    }
+    return make_campaign(parse_campaign(table, benchmark.name))
+
+
+def scenario_place(file: str, directory: Path) -> str:
+    """A scenario by its name, or the path of its file seen from the benchmark's; raises InputError."""
+    if not resources.is_path(file):
+        return file
+    path = directory / file
+    if not path.is_file():
+        raise InputError(
+            f"{path}, a scenario of the benchmark, is no file",
+            allowed="a scenario by its name, or the path of its file from the benchmark's",
+            remedy="correct the path",
+        )
+    return str(path)
+
+
+def _flat(*tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Distributions by the dotted names of their parameters; later tables come before earlier ones."""
+
+    def is_leaf(value: Any) -> bool:
+        return not isinstance(value, Mapping) or "distribution" in value
+
+    return {name: found for table in tables for name, found in leaves(table, is_leaf=is_leaf)}

@@ -1,0 +1,102 @@
+"""What a benchmark's runs amount to: pure functions of arrays, a row for each crane.
+
+A run that failed counts as worse than any that did not; one that never settles as settling after its end. So
+no law gains by losing its hard cranes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cranectl.support.arrays import Array, Mask
+
+RESAMPLES = 2000  # of the bootstrap
+LEVEL = 0.95
+ACCEPTED = 0.05  # share of failures at the robustness radius
+
+
+class PairedDifference(NamedTuple):
+    """A law less the baseline over the cranes on which both come to an end."""
+
+    cranes: int
+    median: float
+    low: float  # ends of the interval of the median, by bootstrap
+    high: float
+    effect: float  # share of cranes on which it is larger, less that on which it is smaller
+
+
+def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDifference:
+    """Of (n,) values with those of the baseline on the same cranes; NaN where a run has none."""
+    difference = (values - baseline)[np.isfinite(values) & np.isfinite(baseline)]
+    if not difference.size:
+        return PairedDifference(0, *[float("nan")] * 4)
+    generator = np.random.Generator(np.random.Philox(seed))
+    drawn = generator.integers(difference.size, size=(RESAMPLES, difference.size))
+    tails = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
+    low, high = np.percentile(np.median(difference[drawn], axis=1), tails)
+    effect = float(np.sign(difference).mean())
+    return PairedDifference(difference.size, float(np.median(difference)), float(low), float(high), effect)
+
+
+def unsettled_share(settling: Array, failed: Mask, horizon: float) -> float:
+    """Mean share of the rest, `horizon` [s], that passes unsettled: the restricted mean of censored times.
+
+    `settling` (n,) is NaN where a run did not settle.
+    """
+    times = np.where(failed | np.isnan(settling), horizon, np.minimum(settling, horizon))
+    return float(times.mean() / horizon)
+
+
+def settled_share(settling: Array, failed: Mask) -> float:
+    """Share of runs that settle and do not fail."""
+    return float((~failed & np.isfinite(settling)).mean())
+
+
+def settling_quantile(settling: Array, failed: Mask, at: float) -> float:
+    """Quantile of settling times [s] in which runs that do not settle are longer than any: inf among them.
+
+    All runs are censored at the same time, so it is that of Kaplan and Meier.
+    """
+    times = np.sort(np.where(failed | np.isnan(settling), np.inf, settling))
+    return float(times[min(int(np.ceil(at * times.size)) - 1, times.size - 1)])
+
+
+def performance_ratios(costs: Array) -> Array:
+    """Costs (laws, problems) over the least of each problem; inf for failures (Dolan and Moré 2002).
+
+    Costs are positive; NaN is a failure. A problem that every law fails has inf for all.
+    """
+    costs = np.where(np.isnan(costs), np.inf, costs)
+    best = costs.min(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratios: Array = costs / best
+    ratios[np.isinf(costs)] = np.inf
+    return ratios
+
+
+def profile(ratios: Array, at: Array) -> Array:
+    """Share of the problems (laws, problems) that each law solves within a ratio of the best: (laws, at)."""
+    shares: Array = (ratios[:, :, np.newaxis] <= at).mean(axis=1)
+    return shares
+
+
+def undominated(points: Array) -> Mask:
+    """Which of (n, d) points, all d the lower the better, no other one is as good as and better in one."""
+    no_worse = (points[:, np.newaxis] <= points[np.newaxis]).all(axis=2)
+    better = (points[:, np.newaxis] < points[np.newaxis]).any(axis=2)
+    return np.asarray(~(no_worse & better).any(axis=0))
+
+
+def radius(spreads: Array, shares: Array) -> float:
+    """The factor on all spreads at which the share of failures passes ACCEPTED, between factors linear.
+
+    `spreads` increase; 0 where it is passed at the first one already, inf where it is not passed at all.
+    """
+    above = np.flatnonzero(shares > ACCEPTED)
+    if not above.size:
+        return float("inf")
+    k = int(above[0])
+    if k == 0:
+        return 0.0
+    part = (ACCEPTED - shares[k - 1]) / (shares[k] - shares[k - 1])
+    return float(spreads[k - 1] + part * (spreads[k] - spreads[k - 1]))

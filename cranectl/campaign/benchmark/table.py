@@ -1,0 +1,139 @@
+"""All runs of a benchmark in one Parquet file: what a page is made from, and what is shipped.
+
+A row for each run, by piece and sample, with the metrics that are compared; what is the same for all runs of
+a law or a scenario is in the file's metadata, as JSON.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cranectl.campaign.benchmark.pieces import Piece
+from cranectl.campaign.results import Results
+from cranectl.campaign.summary import EFFORT, EFFORTS, failed
+from cranectl.support.arrays import Array, Mask
+from cranectl.support.errors import InputError
+from cranectl.support.files import replacing
+
+VARIATION = "variation_m_s2"  # of the commands of all drives together
+METRICS = (
+    "rms_error_m",
+    "final_error_m",
+    "settling_time_s",
+    "overshoot_m",
+    "residual_sway_about_lean_rad",
+    "max_sway_rad",
+    "saturated_s",
+    "rest_s",
+)
+ABOUT = b"benchmark"  # metadata
+
+
+@dataclass(frozen=True)
+class Runs:
+    """The runs of a piece, by sample."""
+
+    failed: Mask  # (n,)
+    status: tuple[str, ...]
+    metrics: Mapping[str, Array]  # (n,) each; NaN where a run has none
+
+    @property
+    def task(self) -> Array:
+        """Time from the start until the load has settled [s], (n,); NaN where it does not, or fails."""
+        times = self.metrics["rest_s"] + self.metrics["settling_time_s"]
+        return np.where(self.failed, np.nan, times)
+
+
+@dataclass(frozen=True)
+class BenchmarkTable:
+    """All pieces there are, and what is the same for all runs: `rules`, `seed`, facts of laws, scenarios."""
+
+    about: Mapping[str, Any]
+    pieces: Mapping[Piece, Runs]
+
+
+def runs_of(results: Results) -> Runs:
+    """Of the result of one piece."""
+    column = results.column
+    metrics = {name: np.asarray(column(name), dtype=np.float64) for name in METRICS}
+    efforts = np.stack([column(name) for name in EFFORTS])
+    varied = [column(f"command_variation_m_s2_{drive}") for drive in ("bridge", "trolley", "rope")]
+    metrics[EFFORT] = np.sqrt(np.square(efforts).sum(axis=0))
+    metrics[VARIATION] = np.sum(varied, axis=0)
+    bad = failed(column, results.campaign.settings.limits.given)
+    return Runs(bad, tuple(column("status").tolist()), metrics)
+
+
+def write_table(path: Path, table: BenchmarkTable) -> None:
+    """Write the file, whole or not at all; metrics to four digits."""
+    import pyarrow
+    from pyarrow import parquet
+
+    columns: dict[str, list[Any]] = {name: [] for name in (*Piece._fields, "sample", "failed", "status")}
+    numbers: dict[str, list[Array]] = {name: [] for name in (*METRICS, EFFORT, VARIATION)}
+    for piece, runs in table.pieces.items():
+        n = len(runs.status)
+        for name, value in piece._asdict().items():
+            columns[name] += [value] * n
+        columns["sample"] += range(n)
+        columns["failed"] += runs.failed.tolist()
+        columns["status"] += runs.status
+        for name, values in runs.metrics.items():
+            numbers[name].append(values)
+    arrays = {name: _rounded(np.concatenate(values)) for name, values in numbers.items()}
+    whole = pyarrow.table({**columns, **arrays})
+    whole = whole.replace_schema_metadata({ABOUT: json.dumps(table.about, sort_keys=True)})
+    with replacing(path) as unfinished, unfinished.open("wb") as stream:
+        parquet.write_table(whole, stream, compression="zstd", compression_level=19)
+
+
+def _rounded(values: Array) -> Any:
+    """To four digits, which are small when compressed."""
+    scale = 10.0 ** (3 - np.floor(np.log10(np.where(np.abs(values) > 0.0, np.abs(values), 1.0))))
+    return (np.round(values * scale) / scale).astype(np.float32)
+
+
+def read_table(path: Path) -> BenchmarkTable:
+    """What `write_table` has written; raises InputError for anything else."""
+    import pyarrow
+    from pyarrow import parquet
+
+    try:
+        whole = parquet.read_table(path)
+        about = json.loads(whole.schema.metadata[ABOUT])
+        keys = list(zip(*(whole[name].to_pylist() for name in Piece._fields), strict=True))
+        columns = {name: whole[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
+    except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path} holds no benchmark: {error}",
+            allowed="a file that 'cranectl benchmark report --table' has written",
+            remedy="check the place",
+        ) from None
+    ends = [k for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
+    pieces = {}
+    for rows in np.split(np.arange(len(keys)), ends):
+        metrics = {name: columns[name][rows].astype(np.float64) for name in (*METRICS, EFFORT, VARIATION)}
+        failed_runs = columns["failed"][rows].astype(bool)
+        pieces[Piece(*keys[rows[0]])] = Runs(failed_runs, tuple(columns["status"][rows]), metrics)
+    return BenchmarkTable(about, pieces)
+
+
+def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
+    """Several tables in one, the first counts before others; raises InputError for other rules or seeds."""
+    first, *others = tables
+    pieces, laws = dict(first.pieces), dict(first.about["laws"])
+    for other in others:
+        for name in ("rules", "seed"):
+            if other.about[name] != first.about[name]:
+                raise InputError(
+                    f"two results whose {name} differ: {first.about[name]} and {other.about[name]}",
+                    allowed="results of one benchmark, by the same rules and on the same cranes",
+                    remedy="run the law again with this version of the benchmark",
+                )
+        pieces = {**other.pieces, **pieces}
+        laws = {**other.about["laws"], **laws}
+    return BenchmarkTable({**first.about, "laws": laws}, pieces)

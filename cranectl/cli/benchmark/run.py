@@ -1,0 +1,113 @@
+"""`cranectl benchmark run`."""
+
+import functools
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+from cranectl.cli import exit_codes
+from cranectl.cli.command import Command
+from cranectl.cli.laws import controllers_option, opened, patience_option, trust_option
+from cranectl.cli.output import console, progress
+from cranectl.support import resources
+from cranectl.support.errors import InputError
+
+BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+
+
+@click.command("run", cls=Command)
+@click.argument("benchmark", default="literature")
+@controllers_option("A law to measure, by name or file; repeatable. Default: all of the benchmark's.")
+@click.option("--set-of-cranes", "sets", metavar="NAME", multiple=True, help="Only this set; repeatable.")
+@click.option("--scenario", "scenarios", metavar="NAME", multiple=True, help="Only this one; repeatable.")
+@click.option(
+    "--draws", metavar="N", type=click.IntRange(min=1), help="At most the first N cranes of each set."
+)
+@click.option(
+    "--workers", metavar="N", type=click.IntRange(min=1), help="Pieces at a time. Default: one for each core."
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of this Dask scheduler.")
+@click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Directory of the results. Default: logs/benchmark-NAME",
+)
+@click.option("--despite-differences", is_flag=True, help="Go on with what other sources or versions began.")
+@patience_option
+@trust_option("BENCHMARK")
+def run_benchmark(
+    benchmark: str,
+    controllers: tuple[str, ...],
+    sets: tuple[str, ...],
+    scenarios: tuple[str, ...],
+    draws: int | None,
+    workers: int | None,
+    scheduler: str | None,
+    out: Path | None,
+    despite_differences: bool,
+    patience: float,
+    trust: bool,
+) -> int:
+    """Run what is missing of BENCHMARK, by default `literature`.
+
+    Each law on each scenario, set of cranes and plant is a result of its own below the directory: after a
+    kill or Ctrl-C the same command goes on. Crane k is the same for every law.
+
+    \b
+    cranectl benchmark run --controller my_law.py:LAW --controller lqr-integral --draws 20
+    cranectl benchmark run --set-of-cranes nominal --set-of-cranes lab-rig
+    cranectl benchmark run --out results/literature --scheduler tcp://host:8786
+
+    Exit codes: 0 all runs are there, failed ones included; 2 bad input; 3 a law could not be run at all.
+    """
+    from cranectl.campaign.benchmark.pieces import campaign_of, pieces_of
+    from cranectl.campaign.benchmark.running import run_pieces
+    from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
+    from cranectl.campaign.results import read_results
+    from cranectl.campaign.table import FAILED
+    from cranectl.cases.workers import available_cores
+    from cranectl.cli.benchmark.engine import engine_of
+
+    settings, file = read_benchmark(benchmark), benchmark_file(benchmark)
+    laws = controllers or benchmark_laws(settings.laws, file, trust)
+    pieces = pieces_of(settings, tuple(laws), sets, scenarios)
+    directory = out or Path("logs") / f"benchmark-{settings.name}"
+    campaign = functools.partial(campaign_of, settings, file.parent, most=draws)
+    with engine_of(scheduler, patience) as engine, progress(*BAR) as shown:
+        task = shown.add_task(settings.name, total=len(pieces))
+        done = run_pieces(
+            pieces,
+            campaign,
+            directory,
+            engine,
+            workers=workers or available_cores(),
+            despite_differences=despite_differences,
+        )
+        not_run = []
+        for piece in done:
+            shown.advance(task)
+            rows = read_results(directory / piece.place)
+            if set(rows.column("status")) == {FAILED}:
+                not_run.append(f"{piece.law} on {piece.scenario}: {rows.column('reason')[0]}")
+    screen = console(None)
+    for line in sorted(not_run):
+        screen.print(f"could not be run: {line}")
+    screen.print(f"{len(pieces)} pieces of {len(laws)} laws: {directory}")
+    return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD
+
+
+def benchmark_laws(laws: Iterable[str], file: Path, trust: bool) -> tuple[str, ...]:
+    """Names of the laws of a benchmark's file, those in files opened; ours are, others' only by `trust`."""
+    found = []
+    for law in laws:
+        if {".", ":"} & set(law) and not trust and not file.is_relative_to(resources.BENCHMARK_DIRECTORY):
+            raise InputError(
+                f"{file} names the law {law}, and no file runs code by itself",
+                allowed="laws by name, and files named on the command line",
+                remedy="if you know what is in it, add --trust, or name it: --controller PATH",
+            )
+        found.append(opened(law, file.parent))
+    return tuple(found)

@@ -1,0 +1,121 @@
+"""A benchmark of a second, two laws, and few cranes."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cranectl.controllers.doors.opening import close_laws
+
+SMALL = """
+name = "small"
+seed = 3
+laws = ["lqr-integral", "servo.py:SERVO"]
+baseline = "lqr-integral"
+second_plant = "analytic"
+second_share = 0.34
+
+[scenarios.short]
+file = "short.toml"
+suits = ["path", "set-point"]
+
+[scenarios.path]
+file = "short.toml"
+suits = ["path"]
+set = ["duration=0.8"]
+uncertain.rig.load_mass = {distribution = "uniform", low = 0.9, high = 1.1}
+
+[sets.nominal]
+spread = 0.0
+draws = 2
+
+[sets.wide]
+spread = 2.0
+draws = 6
+uncertain."effects.delay.seconds" = {distribution = "fixed", value = 0.01}
+
+[radius]
+scenario = "short"
+spreads = [1.0, 3.0]
+draws = 4
+
+[tuning]
+scenarios = ["short"]
+draws = 2
+seed = 5
+runs = 40
+variation_price = 0.02
+
+[uncertain.rig.load_mass]
+distribution = "log-uniform"
+low = 0.5
+high = 2.0
+relative = true
+
+[uncertain.effects.delay.seconds]
+distribution = "log-uniform"
+low = 0.002
+high = 0.008
+
+[uncertain.effects.sensing.seed]
+distribution = "integers"
+"""
+
+SHORT = """
+name = "short"
+duration = 1.0
+
+[reference]
+start = [0.5, 0.5, -0.8]
+
+[[reference.segments]]
+kind = "line"
+to = [0.6, 0.55, -0.8]
+duration = 0.6
+
+[limits]
+final_error_m = 0.05
+"""
+
+SERVO = '''
+"""A spring and a damper on each drive."""
+
+import numpy as np
+
+from cranectl import Controller, Parameter
+
+
+def step(parameters, measured, reference, memory, command):
+    for axis in range(3):
+        target = -reference[2] if axis == 2 else reference[axis]
+        command[axis] = parameters[0] * (target - measured[2 * axis]) - parameters[1] * measured[2 * axis + 1]
+    return 0
+
+
+def prepare(nominal):
+    stiffness = nominal.parameters["stiffness"] * nominal.rig.gravity
+    return np.array([stiffness, nominal.parameters["damping"]]), np.zeros(1)
+
+
+SERVO = Controller(
+    name="servo",
+    title="a spring and a damper on each drive",
+    step=step,
+    prepare=prepare,
+    follows="set-point",
+    parameters=(
+        Parameter("stiffness", 0.4, "", "of the spring over g", 0.0, 1e3, search=(0.1, 10.0)),
+        Parameter("damping", 4.0, "1/s", "damper", 0.0, 1e3, search=(1.0, 40.0), length_power=-0.5),
+    ),
+)
+'''
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Iterator[Path]:
+    """The file of the benchmark, its law and scenario beside it."""
+    (tmp_path / "short.toml").write_text(SHORT)
+    (tmp_path / "servo.py").write_text(SERVO)
+    (tmp_path / "small.toml").write_text(SMALL)
+    yield tmp_path / "small.toml"
+    close_laws()

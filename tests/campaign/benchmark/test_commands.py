@@ -1,0 +1,69 @@
+"""`cranectl benchmark`: from a file to a page, again, and beside what others have run."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.benchmark.table import read_table
+from cranectl.cli.main import main
+
+
+def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, page, table = (small.with_name(name) for name in ("out", "page.html", "all.parquet"))
+    run = ["benchmark", "run", str(small), "--trust", "--out", str(out), "--workers", "2"]
+    assert main(run) == 0
+    parts = {path: path.read_bytes() for path in out.rglob("*.parquet")}
+    assert len(parts) == 2 * 2 * 3 + 2 * 2
+    next(iter(parts)).unlink()
+    assert main([*run, "--workers", "1"]) == 0, "goes on with what is missing"
+    assert {path: path.read_bytes() for path in out.rglob("*.parquet")} == parts, "the same, whoever runs it"
+
+    report = ["benchmark", "report", str(out), "--benchmark", str(small), "--trust", "--out", str(page)]
+    capsys.readouterr()
+    assert main([*report, "--table", str(table), "--json", "-"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["laws"]["servo"] == {
+        "follows": "set-point",
+        "measures": "state",
+        "commands": "acceleration",
+        "preview": 0,
+        "every": 1,
+        "rig": ["gravity"],
+        "file": told["laws"]["servo"]["file"],
+    }
+    assert len(told["laws"]["servo"]["file"]) >= 12
+    assert [row["runs"] for row in told["sets"]["wide"]] == [6, 6]
+    text = page.read_text(encoding="utf-8")
+    for wanted in ("Rules and information", "Cranes: wide", "Robustness radius", "On analytic", "set points"):
+        assert wanted in text
+
+    # What was written reads as what was measured, to four digits.
+    written = read_table(table)
+    assert len(written.pieces) == len(parts)
+    alone = small.with_name("alone.html")
+    mine = ["benchmark", "report", str(out), "--benchmark", str(small), "--controller", "lqr-integral"]
+    assert main([*mine, "--beside", str(table), "--out", str(alone)]) == 0
+    assert "servo" in alone.read_text(encoding="utf-8")
+    for runs in written.pieces.values():
+        assert np.isfinite(runs.metrics["rms_error_m"]).all()
+
+
+def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, table = small.with_name("out"), small.with_name("all.parquet")
+    of = ["--controller", "lqr-integral"]
+    run = ["benchmark", "run", str(small), *of, "--set-of-cranes", "nominal", "--out", str(out)]
+    report = ["benchmark", "report", str(out), "--benchmark", str(small), *of]
+    assert main(run) == 0
+    assert main([*report, "--table", str(table)]) == 0
+    small.write_text(small.read_text().replace("draws = 6", "draws = 7"))
+    assert main([*report, "--beside", str(table)]) == 2
+    assert "two results whose rules differ" in capsys.readouterr().err
+
+
+def test_code_runs_only_where_somebody_asked_for_it(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["benchmark", "run", str(small), "--out", str(small.with_name("out"))]) == 2
+    assert "no file runs code by itself" in capsys.readouterr().err
+    assert main(["benchmark", "report", str(small.parent), "--benchmark", str(small), "--trust"]) == 2
+    assert "holds no result" in capsys.readouterr().err

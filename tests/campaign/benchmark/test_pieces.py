@@ -1,0 +1,88 @@
+"""Every law meets the same cranes; which pieces there are."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.benchmark.pieces import Piece, campaign_of, pieces_of
+from cranectl.campaign.benchmark.settings import benchmark_names, read_benchmark
+from cranectl.campaign.sampling import sample_values
+from cranectl.controllers.doors.opening import open_law
+from cranectl.support.errors import InputError
+
+
+def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: Path) -> None:
+    benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
+    first = campaign_of(benchmark, small.parent, Piece("mujoco", "wide", "short", "lqr-integral"))
+    cranes = sample_values(first, 0, first.runs)
+    assert len(cranes) == 6
+    for piece, most, runs in (
+        (Piece("mujoco", "wide", "short", servo), None, 6),
+        (Piece("mujoco", "wide", "short", servo), 3, 3),
+        (Piece("analytic", "wide", "short", "lqr-integral"), None, 2),
+    ):
+        other = campaign_of(benchmark, small.parent, piece, most)
+        assert other.runs == runs
+        np.testing.assert_array_equal(sample_values(other, 0, runs), cranes[:runs])
+
+
+def test_a_wider_set_has_the_same_cranes_farther_out(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    at = {
+        name: campaign_of(benchmark, small.parent, Piece("mujoco", name, "short", "pid"))
+        for name in ("spread-1", "spread-3", "nominal")
+    }
+    (one, three), none = (sample_values(at[n], 0, 4) for n in ("spread-1", "spread-3")), at["nominal"]
+    mass, delay, seed = (
+        none.names.index(n) for n in ("rig.load_mass", "effects.delay.seconds", "effects.sensing.seed")
+    )
+    np.testing.assert_allclose(three[:, mass], one[:, mass] ** 3, rtol=1e-12)
+    assert np.ptp(one[:, delay]) > 0.0
+    assert set(sample_values(none, 0, 2)[:, mass]) == {1.0}
+    np.testing.assert_array_equal(three[:, seed], one[:, seed])
+
+
+def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    wide = campaign_of(benchmark, small.parent, Piece("mujoco", "wide", "path", "pid"))
+    values = dict(zip(wide.names, sample_values(wide, 0, 6).T, strict=True))
+    assert set(values["effects.delay.seconds"]) == {0.01}
+    assert 0.8 <= values["rig.load_mass"].min() < values["rig.load_mass"].max() <= 1.2
+    assert wide.nominal.duration == 0.8
+    assert wide.settings.limits.given == {"final_error_m": 0.05}
+
+
+def test_laws_run_where_it_suits_them(small: Path) -> None:
+    benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
+    pieces = pieces_of(benchmark, ("lqr-integral", servo))
+    assert len(pieces) == len(set(pieces)) == 2 * 2 * 3 + 2 * 2
+    assert not [p for p in pieces if p.law == servo and p.scenario == "path"]
+    few = pieces_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
+    assert few == [Piece(plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")]
+    with pytest.raises(InputError, match="unknown set of small 'narrow'"):
+        pieces_of(benchmark, ("lqr-integral",), ("narrow",))
+
+
+def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
+    rules = read_benchmark(str(small)).rules
+    text = small.read_text()
+    for old, new, same in (
+        ("seed = 3", "seed = 4", True),
+        ('["lqr-integral", "servo.py:SERVO"]', '["lqr"]', True),
+        ("spread = 2.0", "spread = 2.5", False),
+        ("variation_price = 0.02", "variation_price = 0.03", False),
+    ):
+        assert old in text
+        small.write_text(text.replace(old, new))
+        assert (read_benchmark(str(small)).rules == rules) is same
+
+
+@pytest.mark.parametrize("name", benchmark_names())
+def test_those_that_come_with_cranectl_can_be_run(name: str) -> None:
+    from cranectl.support import resources
+
+    benchmark = read_benchmark(name)
+    assert benchmark.baseline in benchmark.laws
+    for piece in pieces_of(benchmark, ("lqr-integral",)):
+        campaign_of(benchmark, resources.BENCHMARK_DIRECTORY, piece)

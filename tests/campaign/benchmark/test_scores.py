@@ -1,0 +1,61 @@
+"""Scores against what comes out by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.benchmark import scores
+
+NAN = math.nan
+
+
+def test_paired_differences_are_over_the_cranes_that_both_master() -> None:
+    theirs = np.array([1.0, 2.0, 3.0, NAN, 5.0])
+    own = theirs - np.array([0.5, 0.5, 0.5, 0.5, -0.1])
+    own[0] = NAN
+    found = scores.paired_difference(own, theirs, seed=1)
+    assert found.cranes == 3
+    assert found.median == pytest.approx(-0.5)
+    assert found.low == pytest.approx(-0.5)
+    assert found.high == pytest.approx(0.1)
+    assert found.effect == pytest.approx(-1.0 / 3.0)
+    assert scores.paired_difference(own, theirs, seed=1) == found
+    assert scores.paired_difference(np.full(5, NAN), theirs, seed=1).cranes == 0
+
+
+def test_the_interval_of_the_median_covers_it_as_often_as_it_says() -> None:
+    generator = np.random.Generator(np.random.Philox(5))
+    inside = 0
+    for trial in range(200):
+        found = scores.paired_difference(generator.normal(0.3, 1.0, 50), np.zeros(50), seed=trial)
+        inside += found.low <= 0.3 <= found.high
+    assert 0.90 <= inside / 200 <= 0.99
+
+
+def test_what_does_not_settle_counts_to_the_end_and_failures_too() -> None:
+    settling, failed = np.array([0.0, 2.0, NAN, 1.0]), np.array([False, False, False, True])
+    assert scores.unsettled_share(settling, failed, 4.0) == pytest.approx((0.0 + 2.0 + 4.0 + 4.0) / 16.0)
+    assert scores.settled_share(settling, failed) == 0.5
+    assert scores.settling_quantile(settling, failed, 0.5) == 2.0
+    assert scores.settling_quantile(settling, failed, 0.75) == math.inf
+
+
+def test_profiles_have_failures_at_infinity() -> None:
+    costs = np.array([[1.0, 4.0, NAN, NAN], [2.0, 2.0, 3.0, NAN]])
+    ratios = scores.performance_ratios(costs)
+    np.testing.assert_array_equal(ratios, [[1.0, 2.0, np.inf, np.inf], [2.0, 1.0, 1.0, np.inf]])
+    shares = scores.profile(ratios, np.array([1.0, 2.0, 1e9]))
+    np.testing.assert_array_equal(shares, [[0.25, 0.5, 0.5], [0.5, 0.75, 0.75]])
+
+
+def test_the_front_keeps_what_no_other_is_better_than() -> None:
+    points = np.array([[1.0, 5.0], [2.0, 2.0], [2.0, 2.0], [3.0, 2.0], [5.0, 1.0]])
+    assert scores.undominated(points).tolist() == [True, True, True, False, True]
+
+
+def test_the_radius_lies_where_a_twentieth_fails() -> None:
+    spreads = np.array([1.0, 2.0, 4.0])
+    assert scores.radius(spreads, np.array([0.0, 0.0, 0.2])) == pytest.approx(2.5)
+    assert scores.radius(spreads, np.array([0.1, 0.0, 0.2])) == 0.0
+    assert scores.radius(spreads, np.array([0.0, 0.05, 0.05])) == math.inf
