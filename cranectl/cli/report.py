@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @output_option("--out", HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
 @predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict | None") -> int:
-    """Write runs, or the thesis, as one HTML page of figures and tables.
+    """Write runs, or the thesis, as one page of figures and tables.
 
     To be read in any browser, without a network. Of up to four LOGs, or runs of overlays: how they went, all
     figures with both plants overlaid, every difference. Without a LOG: the whole of chapter 5 of the thesis,

@@ -4,20 +4,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cranectl.campaign.benchmark.information import information
-from cranectl.campaign.benchmark.pieces import pieces_of
+from cranectl.campaign.benchmark.pieces import Division, pieces_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import BenchmarkTable, runs_of
 from cranectl.campaign.results import MANIFEST_FILE, read_results
 from cranectl.support.errors import InputError
 
 
-def collected(benchmark: Benchmark, directory: Path, laws: Sequence[str]) -> BenchmarkTable:
-    """The pieces of `laws` below `directory` that are whole.
+def collected(
+    benchmark: Benchmark, directory: Path, laws: Sequence[str], division: Division
+) -> BenchmarkTable:
+    """The pieces of `laws` in `division` below `directory` that are whole.
 
     Raises InputError where there is none, or one is damaged.
     """
     pieces, nominal = {}, {}
-    for piece in pieces_of(benchmark, laws):
+    for piece in pieces_of(benchmark, laws, division=division):
         if not (directory / piece.place / MANIFEST_FILE).exists():
             continue
         results = read_results(directory / piece.place, unfinished=True)

@@ -3,9 +3,9 @@
 Sample k is the same crane in every piece of a scenario and set, whatever law or plant.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from cranectl.campaign.benchmark.settings import Benchmark, CraneSet
 from cranectl.campaign.definition import Campaign
@@ -15,17 +15,19 @@ from cranectl.controllers.registry import load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.metrics.limits import limits_of
 from cranectl.scenario.load import read_scenario
+from cranectl.scenario.similarity import size_of
 from cranectl.support import resources
 from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, unknown_name
 
 RADIUS = "spread-"  # begins the names of the sets that find the radius
-SINGLE = "single-effects"  # the set that changes one value at a time
+Division = Literal["published", "tuned"]  # its defaults, or what tuning has found
 
 
 class Piece(NamedTuple):
     """A campaign of one law."""
 
+    division: Division
     plant: str
     crane_set: str
     scenario: str
@@ -50,7 +52,12 @@ def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
 
 
 def pieces_of(
-    benchmark: Benchmark, laws: Sequence[str], sets: Sequence[str] = (), scenarios: Sequence[str] = ()
+    benchmark: Benchmark,
+    laws: Sequence[str],
+    sets: Sequence[str] = (),
+    scenarios: Sequence[str] = (),
+    *,
+    division: Division = "published",
 ) -> list[Piece]:
     """All pieces of `laws`, names of controllers; of `sets` and `scenarios` only, where any are named.
 
@@ -61,11 +68,11 @@ def pieces_of(
         for name in names:
             if name not in there:
                 raise unknown_name(f"{kind} of {benchmark.name}", name, there)
-    pieces = (piece for name in sets or known for piece in _pieces(benchmark, name, laws))
+    pieces = (piece for name in sets or known for piece in _pieces(benchmark, name, laws, division))
     return [piece for piece in pieces if not scenarios or piece.scenario in scenarios]
 
 
-def _pieces(benchmark: Benchmark, name: str, laws: Sequence[str]) -> Iterator[Piece]:
+def _pieces(benchmark: Benchmark, name: str, laws: Sequence[str], division: Division) -> Iterator[Piece]:
     ladder = name not in benchmark.sets
     for scenario, measured in benchmark.scenarios.items():
         if ladder and scenario != benchmark.radius.scenario:
@@ -73,11 +80,20 @@ def _pieces(benchmark: Benchmark, name: str, laws: Sequence[str]) -> Iterator[Pi
         for plant in (benchmark.plant,) if ladder else (benchmark.plant, benchmark.second_plant):
             for law in laws:
                 if follows(law) in measured.suits:
-                    yield Piece(plant, name, scenario, law)
+                    yield Piece(division, plant, name, scenario, law)
 
 
-def campaign_of(benchmark: Benchmark, directory: Path, piece: Piece, most: int | None = None) -> Campaign:
+def campaign_of(
+    benchmark: Benchmark,
+    directory: Path,
+    piece: Piece,
+    *,
+    most: int | None = None,
+    tuned: Callable[[str, float], Sequence[str]] = lambda _law, _length: (),
+) -> Campaign:
     """The campaign of `piece`, of `most` draws at most; `directory` is that of the benchmark's file.
+
+    `tuned` gives the settings of a law that was tuned, on a crane so many times as large as the laboratory's.
 
     Raises InputError as `make_campaign`.
     """
@@ -86,6 +102,8 @@ def campaign_of(benchmark: Benchmark, directory: Path, piece: Piece, most: int |
     if piece.plant == benchmark.second_plant:
         draws = max(1, round(benchmark.second_share * draws))
     measured = benchmark.scenarios[piece.scenario]
+    rig = read_scenario(scenario_place(measured.file, directory)).rig
+    numbers = tuned(piece.law, size_of(rig)) if piece.division == "tuned" else ()
     return piece_campaign(
         benchmark,
         directory,
@@ -95,6 +113,7 @@ def campaign_of(benchmark: Benchmark, directory: Path, piece: Piece, most: int |
         runs=draws,
         seed=benchmark.seed,
         spread=cranes.spread,
+        numbers=numbers,
         uncertain=_flat(benchmark.uncertain, cranes.uncertain, measured.uncertain),
     )
 

@@ -5,12 +5,13 @@ from typing import Any
 
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import Tuned
+from cranectl.campaign.benchmark.variables import assignments, variables_of
 from cranectl.controllers.registry import REGISTERED
-from cranectl.support.documents import toml_text
-from cranectl.support.files import Kind, check_place, replacing, write_text, writing
+from cranectl.support.documents import leaves, read_toml, toml_text
+from cranectl.support.errors import InputError
+from cranectl.support.files import PARQUET, Kind, check_place, replacing, write_text, writing
 
 TOML = Kind("result of tuning", rb"law = ")
-PARQUET = Kind("Parquet file", rb"PAR1")
 
 
 def tuned_files(directory: Path, law: str) -> tuple[Path, Path]:
@@ -63,3 +64,25 @@ def _write_points(tuned: Tuned, benchmark: Benchmark, path: Path) -> None:
     metadata = {"law": tuned.law, "benchmark": benchmark.name, "rules": benchmark.rules}
     with replacing(path) as unfinished:
         parquet.write_table(pyarrow.table(columns, metadata=metadata), unfinished, compression="zstd")
+
+
+def tuned_settings(directory: Path, law: str, length: float) -> list[str]:
+    """Settings `key=value` of the tuned `law`, on a crane `length` times as large as the laboratory's.
+
+    Raises InputError where there are none in `directory`, or the law was another one when it was tuned.
+    """
+    path = directory / f"{law}.toml"
+    again = f"cranectl tune {law} --out {directory}"
+    if not path.is_file():
+        raise InputError(f"{law} is not tuned: {path} is no file", remedy=f"tune it: {again}")
+    table = read_toml(path)
+    origin = REGISTERED[law].origin if law in REGISTERED else None
+    if table.get("sha256") != (origin.sha256 if origin else None):
+        raise InputError(
+            f"{path} holds the numbers of another version of {law}",
+            allowed="numbers that were found for the law as it is",
+            remedy=f"tune it again: {again}",
+        )
+    found = dict(leaves(table.get("parameters", {})))
+    variables = variables_of(law)
+    return assignments(variables, [float(found.get(each.key, each.start)) for each in variables], length)

@@ -14,24 +14,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cranectl.campaign.benchmark.pieces import follows, piece_campaign
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.variables import Variable, assignments, variables_of
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.load import make_campaign
-from cranectl.campaign.settings import parse_campaign
 from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
 from cranectl.campaign.workers import Prepared, StoppedError, Worker
-from cranectl.controllers.registry import load_controller, runs_alone
-from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.metrics.limits import limits_of
+from cranectl.controllers.registry import runs_alone
 from cranectl.metrics.table import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import size_of
 from cranectl.status import RunStatus
-from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError
-from cranectl.support.resources import is_path
 
 WORST, STOPPED, REFUSED = 5.0, 10.0, 20.0  # costs of what completes, at most, and of what fails: `run_cost`
 FIRST_STEP = 0.2  # standard deviation of the first candidates, as a share of the way between the bounds
@@ -66,34 +61,21 @@ def _number(value: Any) -> float:
     return 0.0 if value is None else float(value)
 
 
-def tuning_campaign(benchmark: Benchmark, directory: Path, scenario: str, law: str) -> Campaign:
-    """The cranes of `scenario` on which the untuned `law` is tuned; `directory` is the benchmark's."""
-    return make_campaign(parse_campaign(_table(benchmark, directory, scenario, law, ()), benchmark.name))
-
-
-def _table(
-    benchmark: Benchmark, directory: Path, scenario: str, law: str, settings: Sequence[str]
-) -> dict[str, Any]:
-    measured, tuning = benchmark.scenarios[scenario], benchmark.tuning
-    return {
-        "name": "tuning",
-        "scenario": str(directory / measured.file) if is_path(measured.file) else measured.file,
-        "controllers": [law],
-        "plants": [benchmark.plant],
-        "drive": benchmark.drive,
-        "runs": tuning.draws,
-        "seed": tuning.seed,
-        "sampling": "monte-carlo",
-        "spread": tuning.spread,
-        "set": [*benchmark.set, *measured.set, *settings],
-        "uncertain": {**_by_name(benchmark.uncertain), **_by_name(measured.uncertain)},
-    }
-
-
-def _by_name(uncertain: Mapping[str, Any]) -> dict[str, Any]:
-    """Distributions by dotted name of their parameter, nested in tables or not."""
-    return dict(
-        leaves(uncertain, is_leaf=lambda value: not isinstance(value, Mapping) or "distribution" in value)
+def tuning_campaign(
+    benchmark: Benchmark, directory: Path, scenario: str, law: str, settings: Sequence[str] = ()
+) -> Campaign:
+    """The cranes of `scenario` on which `law` is tuned, with `settings`; `directory` is the benchmark's."""
+    tuning = benchmark.tuning
+    return piece_campaign(
+        benchmark,
+        directory,
+        scenario,
+        law,
+        plant=benchmark.plant,
+        numbers=settings,
+        runs=tuning.draws,
+        seed=tuning.seed,
+        spread=tuning.spread,
     )
 
 
@@ -150,8 +132,7 @@ class _Cranes:
         """All runs of `scenario` with the law's numbers at `values`; raises InputError where it refuses."""
         length = size_of(self.campaigns[scenario].nominal.rig)
         settings = assignments(self.variables, values, length)
-        table = _table(self.benchmark, self.directory, scenario, self.law, settings)
-        campaign = make_campaign(parse_campaign(table, self.benchmark.name))
+        campaign = tuning_campaign(self.benchmark, self.directory, scenario, self.law, settings)
         batch = Batch(self.benchmark.plant, self.law, 0, campaign.runs)
         return Worker(Prepared(campaign)).run_batch(batch, stop)
 
@@ -164,7 +145,7 @@ class _Cranes:
                 costs += [REFUSED] * campaign.runs
                 failures += campaign.runs
                 continue
-            limits = limits_of(campaign.nominal, [self.benchmark.plant])[self.benchmark.plant]
+            limits = campaign.settings.limits.given
             columns = {name: [row[name] for row in of_scenario] for name in of_scenario[0]}
             bad = failed(columns.__getitem__, limits)
             price = self.benchmark.tuning.variation_price
@@ -191,11 +172,11 @@ def tune(
     Raises InputError for a law that cannot be run as it is, and for too small a budget.
     """
     variables = variables_of(law)
-    follows = "path" if law in FLAT_FAMILY else load_controller(law).follows
-    suited = [name for name in benchmark.tuning.scenarios if follows in benchmark.scenarios[name].suits]
+    followed = follows(law)
+    suited = [name for name in benchmark.tuning.scenarios if followed in benchmark.scenarios[name].suits]
     if not suited:
         raise InputError(
-            f"'{law}' follows a {follows}, and {benchmark.name} tunes on no scenario that suits it",
+            f"'{law}' follows a {followed}, and {benchmark.name} tunes on no scenario that suits it",
             allowed="one scenario at least that suits the law",
             remedy="add one to [tuning] of the benchmark",
         )

@@ -2,18 +2,23 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.benchmark.run import benchmark_laws
+from cranectl.cli.benchmark.run import benchmark_laws, division_option
 from cranectl.cli.command import Command, json_option, output_option
 from cranectl.cli.laws import controllers_option, trust_option
 from cranectl.support.files import HTML, PARQUET
+
+if TYPE_CHECKING:
+    from cranectl.campaign.benchmark.pieces import Division
 
 
 @click.command("report", cls=Command)
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("--benchmark", default="literature", show_default=True, help="Name or TOML file.")
+@division_option
 @controllers_option("Laws of the result, by name or file; repeatable. Default: all of the benchmark's.")
 @click.option(
     "--beside",
@@ -28,6 +33,7 @@ from cranectl.support.files import HTML, PARQUET
 def report_benchmark(
     result: Path,
     benchmark: str,
+    division: "Division",
     controllers: tuple[str, ...],
     beside: Path | None,
     out: Path | None,
@@ -52,15 +58,15 @@ def report_benchmark(
 
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)
     laws: Sequence[str] = controllers or benchmark_laws(settings.laws, file, trust)
-    found = collected(settings, result, laws)
+    found = collected(settings, result, laws, division)
     if beside is not None:
         found = joined([found, read_table(beside)])
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
-    write_page(benchmark_page(settings, found, f"cranectl benchmark report {result}"), page)
+    write_page(benchmark_page(settings, found, division, f"cranectl benchmark report {result}"), page)
     if table is not None:
         write_table(table, found)
     screen = console(json_file)
-    standings = {name: set_standings(settings, found, name) for name in settings.sets}
+    standings = {name: set_standings(settings, found, division, name) for name in settings.sets}
     for name, each in standings.items():
         if each:
             screen.print(standing_table(settings, each, f"{settings.name}, {name}, on {settings.plant}"))

@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -14,7 +15,19 @@ from cranectl.cli.output import console, progress
 from cranectl.support import resources
 from cranectl.support.errors import InputError
 
+if TYPE_CHECKING:
+    from cranectl.campaign.benchmark.pieces import Division
+
 BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+
+
+division_option = click.option(
+    "--division",
+    type=click.Choice(["published", "tuned"]),
+    default="published",
+    show_default=True,
+    help="Laws with their defaults, or with what `cranectl tune` has found.",
+)
 
 
 @click.command("run", cls=Command)
@@ -22,6 +35,7 @@ BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), Time
 @controllers_option("A law to measure, by name or file; repeatable. Default: all of the benchmark's.")
 @click.option("--set-of-cranes", "sets", metavar="NAME", multiple=True, help="Only this set; repeatable.")
 @click.option("--scenario", "scenarios", metavar="NAME", multiple=True, help="Only this one; repeatable.")
+@division_option
 @click.option(
     "--draws", metavar="N", type=click.IntRange(min=1), help="At most the first N cranes of each set."
 )
@@ -35,6 +49,12 @@ BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), Time
     type=click.Path(path_type=Path),
     help="Directory of the results. Default: logs/benchmark-NAME",
 )
+@click.option(
+    "--tuned",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Where the numbers of tuned laws are. Default: tuned/ beside the benchmark.",
+)
 @click.option("--despite-differences", is_flag=True, help="Go on with what other sources or versions began.")
 @patience_option
 @trust_option("BENCHMARK")
@@ -43,6 +63,8 @@ def run_benchmark(
     controllers: tuple[str, ...],
     sets: tuple[str, ...],
     scenarios: tuple[str, ...],
+    division: "Division",
+    tuned: Path | None,
     draws: int | None,
     workers: int | None,
     scheduler: str | None,
@@ -66,6 +88,7 @@ def run_benchmark(
     from cranectl.campaign.benchmark.pieces import campaign_of, pieces_of
     from cranectl.campaign.benchmark.running import run_pieces
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
+    from cranectl.campaign.benchmark.tuned import tuned_settings
     from cranectl.campaign.results import read_results
     from cranectl.campaign.table import FAILED
     from cranectl.cases.workers import available_cores
@@ -73,9 +96,10 @@ def run_benchmark(
 
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)
     laws = controllers or benchmark_laws(settings.laws, file, trust)
-    pieces = pieces_of(settings, tuple(laws), sets, scenarios)
+    pieces = pieces_of(settings, tuple(laws), sets, scenarios, division=division)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
-    campaign = functools.partial(campaign_of, settings, file.parent, most=draws)
+    numbers = functools.partial(tuned_settings, tuned or file.parent / "tuned")
+    campaign = functools.partial(campaign_of, settings, file.parent, most=draws, tuned=numbers)
     with engine_of(scheduler, patience) as engine, progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(pieces))
         done = run_pieces(

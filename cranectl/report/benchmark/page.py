@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.pieces import Piece, sets_of
+from cranectl.campaign.benchmark.pieces import Division, Piece, sets_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import VARIATION, BenchmarkTable, Runs
 from cranectl.campaign.summary import EFFORT, failure_interval
@@ -32,23 +32,30 @@ class Standing(NamedTuple):
     variation: float  # median [m/s²] in a second
 
 
-def benchmark_page(benchmark: Benchmark, table: BenchmarkTable, remade_by: str) -> Page:
+def benchmark_page(benchmark: Benchmark, table: BenchmarkTable, division: Division, remade_by: str) -> Page:
     """The page."""
     sections = [_rules(benchmark, table)]
     for name in benchmark.sets:
-        section = _set(benchmark, table, name)
+        section = _set(benchmark, table, division, name)
         if section is not None:
             sections.append(section)
-    sections += [*_radius(benchmark, table), *_second(benchmark, table), *_failures(table)]
-    return Page(f"Benchmark {benchmark.name}", benchmark.title, tuple(sections), remade_by)
+    sections += [
+        *_radius(benchmark, table, division),
+        *_second(benchmark, table, division),
+        *_failures(table),
+    ]
+    title = {"published": "laws as published", "tuned": "laws tuned"}[division]
+    return Page(f"Benchmark {benchmark.name}: {title}", benchmark.title, tuple(sections), remade_by)
 
 
-def set_standings(benchmark: Benchmark, table: BenchmarkTable, crane_set: str) -> list[Standing]:
+def set_standings(
+    benchmark: Benchmark, table: BenchmarkTable, division: Division, crane_set: str
+) -> list[Standing]:
     """Of every law that has been run there, the fewest failures first, then the least unsettled."""
     shared = [name for name, each in benchmark.scenarios.items() if len(each.suits) > 1]
     found = []
     for law in _laws(table):
-        places = [Piece(benchmark.plant, crane_set, scenario, law) for scenario in shared]
+        places = [Piece(division, benchmark.plant, crane_set, scenario, law) for scenario in shared]
         if not all(place in table.pieces for place in places):
             continue
         runs = [table.pieces[place] for place in places]
@@ -113,8 +120,8 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     return Section("rules", "Rules and information", texts, (Table("", headings, rows, labels=6, note=note),))
 
 
-def _set(benchmark: Benchmark, table: BenchmarkTable, name: str) -> Section | None:
-    found = set_standings(benchmark, table, name)
+def _set(benchmark: Benchmark, table: BenchmarkTable, division: Division, name: str) -> Section | None:
+    found = set_standings(benchmark, table, division, name)
     if not found:
         return None
     points = _points(found)
@@ -135,7 +142,9 @@ def _set(benchmark: Benchmark, table: BenchmarkTable, name: str) -> Section | No
     laws = [s.law for s in found]
     times = np.stack(
         [
-            np.concatenate([table.pieces[Piece(benchmark.plant, name, n, law)].task for n in shared])
+            np.concatenate(
+                [table.pieces[Piece(division, benchmark.plant, name, n, law)].task for n in shared]
+            )
             for law in laws
         ]
     )
@@ -151,7 +160,9 @@ def _set(benchmark: Benchmark, table: BenchmarkTable, name: str) -> Section | No
         )
     )
     tables = [standing_table(benchmark, found, f"All laws on {benchmark.plant}")]
-    tables += [_scenario_table(benchmark, table, name, scenario) for scenario in benchmark.scenarios]
+    tables += [
+        _scenario_table(benchmark, table, division, name, scenario) for scenario in benchmark.scenarios
+    ]
     return Section(name, f"Cranes: {name}", (), tuple(tables), tuple(drawn))
 
 
@@ -179,14 +190,16 @@ def standing_table(benchmark: Benchmark, found: Sequence[Standing], title: str) 
     return Table(title, headings, tuple(rows), labels=2, note=note)
 
 
-def _scenario_table(benchmark: Benchmark, table: BenchmarkTable, name: str, scenario: str) -> Table:
-    baseline = table.pieces.get(Piece(benchmark.plant, name, scenario, benchmark.baseline))
+def _scenario_table(
+    benchmark: Benchmark, table: BenchmarkTable, division: Division, name: str, scenario: str
+) -> Table:
+    baseline = table.pieces.get(Piece(division, benchmark.plant, name, scenario, benchmark.baseline))
     headings = ("law", "failed\n%", "settled\n%", "settling time\n50 % [s]", "settling time\n90 % [s]",
                 "sway about lean\n50 % [°]", "RMS error\n50 % [mm]", "less baseline\n50 % [mm]",
                 "less baseline\n95 % of it", "less baseline\neffect")  # fmt: skip
     rows = []
     for law in _laws(table):
-        runs = table.pieces.get(Piece(benchmark.plant, name, scenario, law))
+        runs = table.pieces.get(Piece(division, benchmark.plant, name, scenario, law))
         if runs is None:
             continue
         settling = runs.metrics["settling_time_s"]
@@ -228,12 +241,13 @@ def _median(values: Array) -> str:
     return f"{np.nanmedian(values):.3g}" if np.isfinite(values).any() else ""
 
 
-def _radius(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
+def _radius(benchmark: Benchmark, table: BenchmarkTable, division: Division) -> Iterator[Section]:
     ladder = [(n, s.spread) for n, s in sets_of(benchmark).items() if n not in benchmark.sets]
     found = []
     for law in _laws(table):
         runs = [
-            table.pieces.get(Piece(benchmark.plant, n, benchmark.radius.scenario, law)) for n, _ in ladder
+            table.pieces.get(Piece(division, benchmark.plant, n, benchmark.radius.scenario, law))
+            for n, _ in ladder
         ]
         there = [each for each in runs if each is not None]
         if len(there) == len(ladder):
@@ -257,14 +271,14 @@ def _radius(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
     yield Section("radius", "Robustness radius", (text,), (Table("", headings, rows),))
 
 
-def _second(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
+def _second(benchmark: Benchmark, table: BenchmarkTable, division: Division) -> Iterator[Section]:
     rows = []
     for name in benchmark.sets:
         for law in _laws(table):
             pairs = [
                 (runs, table.pieces[first])
                 for piece, runs in table.pieces.items()
-                if (piece.plant, piece.crane_set, piece.law) == (benchmark.second_plant, name, law)
+                if piece._replace(scenario="") == Piece(division, benchmark.second_plant, name, "", law)
                 and (first := piece._replace(plant=benchmark.plant)) in table.pieces
             ]
             if not pairs:

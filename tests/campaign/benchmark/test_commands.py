@@ -1,6 +1,7 @@
 """`cranectl benchmark`: from a file to a page, again, and beside what others have run."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.cli.main import main
+from cranectl.controllers.doors.opening import close_laws
+from cranectl.support.documents import leaves
 
 
 def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -67,3 +70,27 @@ def test_code_runs_only_where_somebody_asked_for_it(small: Path, capsys: pytest.
     assert "no file runs code by itself" in capsys.readouterr().err
     assert main(["benchmark", "report", str(small.parent), "--benchmark", str(small), "--trust"]) == 2
     assert "holds no result" in capsys.readouterr().err
+
+
+def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    servo = ["--controller", f"{small.with_name('servo.py')}:SERVO"]
+    tuned, out = small.with_name("tuned"), small.with_name("out")
+    run = ["benchmark", "run", str(small), *servo, "--set-of-cranes", "nominal", "--out", str(out)]
+    assert main([*run, "--division", "tuned"]) == 2
+    assert "servo is not tuned" in capsys.readouterr().err
+    assert main(["tune", servo[1], "--benchmark", str(small), "--out", str(tuned)]) == 0
+    assert main([*run, "--division", "tuned"]) == 0
+    found = tomllib.loads((tuned / "servo.toml").read_text())
+    assert found["cost"]["full"] < found["cost"]["untuned"]
+    manifest = json.loads(
+        (out / "tuned" / "mujoco" / "nominal" / "short" / "servo" / "campaign.json").read_text()
+    )
+    wanted = {key.rpartition(".")[2]: value for key, value in leaves(found["parameters"])}
+    assert manifest["scenario"]["controller"]["servo"] == wanted
+
+    # Another law of the same name is not judged by these numbers.
+    law = small.with_name("servo.py")
+    law.write_text(law.read_text().replace("damper on each drive.", "damper, on each drive."))
+    close_laws()
+    assert main([*run, "--division", "tuned"]) == 2
+    assert "another version of servo" in capsys.readouterr().err

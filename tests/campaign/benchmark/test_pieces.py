@@ -14,15 +14,17 @@ from cranectl.support.errors import InputError
 
 def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: Path) -> None:
     benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
-    first = campaign_of(benchmark, small.parent, Piece("mujoco", "wide", "short", "lqr-integral"))
+    first = campaign_of(
+        benchmark, small.parent, Piece("published", "mujoco", "wide", "short", "lqr-integral")
+    )
     cranes = sample_values(first, 0, first.runs)
     assert len(cranes) == 6
     for piece, most, runs in (
-        (Piece("mujoco", "wide", "short", servo), None, 6),
-        (Piece("mujoco", "wide", "short", servo), 3, 3),
-        (Piece("analytic", "wide", "short", "lqr-integral"), None, 2),
+        (Piece("published", "mujoco", "wide", "short", servo), None, 6),
+        (Piece("published", "mujoco", "wide", "short", servo), 3, 3),
+        (Piece("published", "analytic", "wide", "short", "lqr-integral"), None, 2),
     ):
-        other = campaign_of(benchmark, small.parent, piece, most)
+        other = campaign_of(benchmark, small.parent, piece, most=most)
         assert other.runs == runs
         np.testing.assert_array_equal(sample_values(other, 0, runs), cranes[:runs])
 
@@ -30,7 +32,7 @@ def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: P
 def test_a_wider_set_has_the_same_cranes_farther_out(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     at = {
-        name: campaign_of(benchmark, small.parent, Piece("mujoco", name, "short", "pid"))
+        name: campaign_of(benchmark, small.parent, Piece("published", "mujoco", name, "short", "pid"))
         for name in ("spread-1", "spread-3", "nominal")
     }
     (one, three), none = (sample_values(at[n], 0, 4) for n in ("spread-1", "spread-3")), at["nominal"]
@@ -45,7 +47,7 @@ def test_a_wider_set_has_the_same_cranes_farther_out(small: Path) -> None:
 
 def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Path) -> None:
     benchmark = read_benchmark(str(small))
-    wide = campaign_of(benchmark, small.parent, Piece("mujoco", "wide", "path", "pid"))
+    wide = campaign_of(benchmark, small.parent, Piece("published", "mujoco", "wide", "path", "pid"))
     values = dict(zip(wide.names, sample_values(wide, 0, 6).T, strict=True))
     assert set(values["effects.delay.seconds"]) == {0.01}
     assert 0.8 <= values["rig.load_mass"].min() < values["rig.load_mass"].max() <= 1.2
@@ -59,7 +61,9 @@ def test_laws_run_where_it_suits_them(small: Path) -> None:
     assert len(pieces) == len(set(pieces)) == 2 * 2 * 3 + 2 * 2
     assert not [p for p in pieces if p.law == servo and p.scenario == "path"]
     few = pieces_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
-    assert few == [Piece(plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")]
+    assert few == [
+        Piece("published", plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")
+    ]
     with pytest.raises(InputError, match="unknown set of small 'narrow'"):
         pieces_of(benchmark, ("lqr-integral",), ("narrow",))
 
