@@ -44,9 +44,7 @@ class ChildWorker:
             self._child = None
 
     def _row(self, batch: Batch, stop: Stop) -> Row:
-        process, connection = self._child = self._child or spawned(
-            _work, manifest_of(self._prepared.campaign), tuple(OPENED.values())
-        )
+        process, connection = self._child = self._child or self._spawned()
         connection.send(batch)
         patience = COMPILING
         while True:
@@ -65,6 +63,11 @@ class ChildWorker:
             patience = self._patience
             if row is not None:
                 return row
+
+    def _spawned(self) -> tuple[BaseProcess, Connection]:
+        campaign = self._prepared.campaign
+        laws = tuple(OPENED[name] for name in campaign.settings.controllers if name in OPENED)
+        return spawned(_work, manifest_of(campaign), laws)
 
     def _failed(self, batch: Batch, what: str) -> Row:
         self.close()

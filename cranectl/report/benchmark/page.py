@@ -52,7 +52,7 @@ def set_standings(
     benchmark: Benchmark, table: BenchmarkTable, division: Division, crane_set: str
 ) -> list[Standing]:
     """Of every law that has been run there, the fewest failures first, then the least unsettled."""
-    shared = [name for name, each in benchmark.scenarios.items() if len(each.suits) > 1]
+    shared = _shared(benchmark, table, division, crane_set)
     found = []
     for law in _laws(table):
         places = [Piece(division, benchmark.plant, crane_set, scenario, law) for scenario in shared]
@@ -75,6 +75,12 @@ def set_standings(
             )
         )
     return sorted(found, key=lambda each: (each.failures / each.runs, each.unsettled))
+
+
+def _shared(benchmark: Benchmark, table: BenchmarkTable, division: Division, crane_set: str) -> list[str]:
+    """Scenarios that suit laws of every kind and on which any has been run."""
+    there = {p.scenario for p in table.pieces if p[:3] == (division, benchmark.plant, crane_set)}
+    return [name for name, each in benchmark.scenarios.items() if len(each.suits) > 1 and name in there]
 
 
 def _points(found: Sequence[Standing]) -> Array:
@@ -138,7 +144,7 @@ def _set(benchmark: Benchmark, table: BenchmarkTable, division: Division, name: 
             alone=True,
         )
     ]
-    shared = [n for n, each in benchmark.scenarios.items() if len(each.suits) > 1]
+    shared = _shared(benchmark, table, division, name)
     laws = [s.law for s in found]
     times = np.stack(
         [
