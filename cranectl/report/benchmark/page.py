@@ -56,7 +56,7 @@ def set_standings(
     found = []
     for law in _laws(table):
         places = [Piece(division, benchmark.plant, crane_set, scenario, law) for scenario in shared]
-        if not all(place in table.pieces for place in places):
+        if not places or not all(place in table.pieces for place in places):
             continue
         runs = [table.pieces[place] for place in places]
         durations = [float(table.about["durations"][place.scenario]) for place in places]
