@@ -51,9 +51,10 @@ def report_benchmark(
     """
     from cranectl.campaign.benchmark.collecting import collected
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
+    from cranectl.campaign.benchmark.standings import set_standings
     from cranectl.campaign.benchmark.table import joined, read_table, write_table
     from cranectl.cli.output import console, write_json
-    from cranectl.report.benchmark.page import benchmark_page, set_standings, standing_table
+    from cranectl.report.benchmark.page import benchmark_page, standing_table
     from cranectl.report.page import write_page
 
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)

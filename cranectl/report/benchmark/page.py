@@ -3,33 +3,27 @@
 import math
 import shlex
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
 from cranectl.campaign.benchmark.pieces import Division, Piece, sets_of
 from cranectl.campaign.benchmark.settings import Benchmark
-from cranectl.campaign.benchmark.table import VARIATION, BenchmarkTable, Runs
-from cranectl.campaign.summary import EFFORT, failure_interval
+from cranectl.campaign.benchmark.standings import (
+    Standing,
+    laws_of,
+    points_of,
+    set_standings,
+    shared_scenarios,
+)
+from cranectl.campaign.benchmark.table import BenchmarkTable
+from cranectl.campaign.summary import failure_interval
 from cranectl.report.benchmark import figures
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.table import Cell, Table, cells
 from cranectl.support.arrays import Array
 
 COMPARED = "rms_error_m"  # with the baseline, crane by crane
-
-
-class Standing(NamedTuple):
-    """A law on one set of cranes and plant, over all scenarios that suit laws of every kind."""
-
-    law: str
-    runs: int
-    failures: int
-    settled: float  # share
-    unsettled: float  # share of the rest
-    effort: float  # median [m/s²]
-    variation: float  # median [m/s²] in a second
 
 
 def benchmark_page(benchmark: Benchmark, table: BenchmarkTable, division: Division, remade_by: str) -> Page:
@@ -46,59 +40,6 @@ def benchmark_page(benchmark: Benchmark, table: BenchmarkTable, division: Divisi
     ]
     title = {"published": "laws as published", "tuned": "laws tuned"}[division]
     return Page(f"Benchmark {benchmark.name}: {title}", benchmark.title, tuple(sections), remade_by)
-
-
-def set_standings(
-    benchmark: Benchmark, table: BenchmarkTable, division: Division, crane_set: str
-) -> list[Standing]:
-    """Of every law that has been run there, the fewest failures first, then the least unsettled."""
-    shared = _shared(benchmark, table, division, crane_set)
-    found = []
-    for law in _laws(table):
-        places = [Piece(division, benchmark.plant, crane_set, scenario, law) for scenario in shared]
-        if not places or not all(place in table.pieces for place in places):
-            continue
-        runs = [table.pieces[place] for place in places]
-        durations = [float(table.about["durations"][place.scenario]) for place in places]
-        settled = [scores.settled_share(r.metrics["settling_time_s"], r.failed) for r in runs]
-        effort = _all(runs, EFFORT)
-        variation = [r.metrics[VARIATION] / t for r, t in zip(runs, durations, strict=True)]
-        found.append(
-            Standing(
-                law,
-                sum(r.failed.size for r in runs),
-                sum(int(r.failed.sum()) for r in runs),
-                float(np.mean(settled)),
-                float(np.mean([_unsettled(r, t) for r, t in zip(runs, durations, strict=True)])),
-                float(np.nanmedian(effort)) if np.isfinite(effort).any() else math.nan,
-                float(np.nanmedian(np.concatenate(variation))) if np.isfinite(effort).any() else math.nan,
-            )
-        )
-    return sorted(found, key=lambda each: (each.failures / each.runs, each.unsettled))
-
-
-def _shared(benchmark: Benchmark, table: BenchmarkTable, division: Division, crane_set: str) -> list[str]:
-    """Scenarios that suit laws of every kind and on which any has been run."""
-    there = {p.scenario for p in table.pieces if p[:3] == (division, benchmark.plant, crane_set)}
-    return [name for name, each in benchmark.scenarios.items() if len(each.suits) > 1 and name in there]
-
-
-def _points(found: Sequence[Standing]) -> Array:
-    """(laws, 3): unsettled share of the rest, effort, share of failures; the lower the better."""
-    return np.array([[s.unsettled, s.effort, s.failures / s.runs] for s in found])
-
-
-def _laws(table: BenchmarkTable) -> list[str]:
-    return list(dict.fromkeys(piece.law for piece in table.pieces))
-
-
-def _all(runs: Sequence[Runs], metric: str) -> Array:
-    return np.concatenate([each.metrics[metric] for each in runs])
-
-
-def _unsettled(runs: Runs, duration: float) -> float:
-    rest = np.nanmin(runs.metrics["rest_s"]) if np.isfinite(runs.metrics["rest_s"]).any() else 0.0
-    return scores.unsettled_share(runs.metrics["settling_time_s"], runs.failed, duration - float(rest))
 
 
 def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
@@ -130,7 +71,7 @@ def _set(benchmark: Benchmark, table: BenchmarkTable, division: Division, name: 
     found = set_standings(benchmark, table, division, name)
     if not found:
         return None
-    points = _points(found)
+    points = points_of(found)
     best = scores.undominated(points)
     drawn = [
         Figure.drawn(
@@ -144,7 +85,7 @@ def _set(benchmark: Benchmark, table: BenchmarkTable, division: Division, name: 
             alone=True,
         )
     ]
-    shared = _shared(benchmark, table, division, name)
+    shared = shared_scenarios(benchmark, table, division, name)
     laws = [s.law for s in found]
     times = np.stack(
         [
@@ -174,7 +115,7 @@ def _set(benchmark: Benchmark, table: BenchmarkTable, division: Division, name: 
 
 def standing_table(benchmark: Benchmark, found: Sequence[Standing], title: str) -> Table:
     """How the laws stand; on the front are those that no other dominates in settling, effort and failures."""
-    best = scores.undominated(_points(found))
+    best = scores.undominated(points_of(found))
     headings = ("law", "front", "failed\n%", "failed\n95 %", "settled\n%", "unsettled\ntime %", "RMS u\nm/s²",
                 "variation\nm/s² in 1 s")  # fmt: skip
     rows = []
@@ -204,7 +145,7 @@ def _scenario_table(
                 "sway about lean\n50 % [°]", "RMS error\n50 % [mm]", "less baseline\n50 % [mm]",
                 "less baseline\n95 % of it", "less baseline\neffect")  # fmt: skip
     rows = []
-    for law in _laws(table):
+    for law in laws_of(table):
         runs = table.pieces.get(Piece(division, benchmark.plant, name, scenario, law))
         if runs is None:
             continue
@@ -250,7 +191,7 @@ def _median(values: Array) -> str:
 def _radius(benchmark: Benchmark, table: BenchmarkTable, division: Division) -> Iterator[Section]:
     ladder = [(n, s.spread) for n, s in sets_of(benchmark).items() if n not in benchmark.sets]
     found = []
-    for law in _laws(table):
+    for law in laws_of(table):
         runs = [
             table.pieces.get(Piece(division, benchmark.plant, n, benchmark.radius.scenario, law))
             for n, _ in ladder
@@ -280,7 +221,7 @@ def _radius(benchmark: Benchmark, table: BenchmarkTable, division: Division) -> 
 def _second(benchmark: Benchmark, table: BenchmarkTable, division: Division) -> Iterator[Section]:
     rows = []
     for name in benchmark.sets:
-        for law in _laws(table):
+        for law in laws_of(table):
             pairs = [
                 (runs, table.pieces[first])
                 for piece, runs in table.pieces.items()

@@ -1,0 +1,82 @@
+"""How laws stand on a set of cranes, over all scenarios that suit laws of every kind."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cranectl.campaign.benchmark import scores
+from cranectl.campaign.benchmark.pieces import Division, Piece
+from cranectl.campaign.benchmark.settings import Benchmark
+from cranectl.campaign.benchmark.table import VARIATION, BenchmarkTable, Runs
+from cranectl.campaign.summary import EFFORT
+from cranectl.support.arrays import Array
+
+
+class Standing(NamedTuple):
+    """A law on one set of cranes and plant, over all scenarios that suit laws of every kind."""
+
+    law: str
+    runs: int
+    failures: int
+    settled: float  # share
+    unsettled: float  # share of the rest
+    effort: float  # median [m/s²]
+    variation: float  # median [m/s²] in a second
+
+
+def set_standings(
+    benchmark: Benchmark, table: BenchmarkTable, division: Division, crane_set: str
+) -> list[Standing]:
+    """Of every law that has been run there, the fewest failures first, then the least unsettled."""
+    shared = shared_scenarios(benchmark, table, division, crane_set)
+    found = []
+    for law in laws_of(table):
+        places = [Piece(division, benchmark.plant, crane_set, scenario, law) for scenario in shared]
+        if not places or not all(place in table.pieces for place in places):
+            continue
+        runs = [table.pieces[place] for place in places]
+        durations = [float(table.about["durations"][place.scenario]) for place in places]
+        settled = [scores.settled_share(r.metrics["settling_time_s"], r.failed) for r in runs]
+        effort = _all(runs, EFFORT)
+        variation = [r.metrics[VARIATION] / t for r, t in zip(runs, durations, strict=True)]
+        found.append(
+            Standing(
+                law,
+                sum(r.failed.size for r in runs),
+                sum(int(r.failed.sum()) for r in runs),
+                float(np.mean(settled)),
+                float(np.mean([_unsettled(r, t) for r, t in zip(runs, durations, strict=True)])),
+                float(np.nanmedian(effort)) if np.isfinite(effort).any() else math.nan,
+                float(np.nanmedian(np.concatenate(variation))) if np.isfinite(effort).any() else math.nan,
+            )
+        )
+    return sorted(found, key=lambda each: (each.failures / each.runs, each.unsettled))
+
+
+def shared_scenarios(
+    benchmark: Benchmark, table: BenchmarkTable, division: Division, crane_set: str
+) -> list[str]:
+    """Scenarios that suit laws of every kind and on which any has been run."""
+    there = {p.scenario for p in table.pieces if p[:3] == (division, benchmark.plant, crane_set)}
+    return [name for name, each in benchmark.scenarios.items() if len(each.suits) > 1 and name in there]
+
+
+def points_of(found: Sequence[Standing]) -> Array:
+    """(laws, 3): unsettled share of the rest, effort, share of failures; the lower the better."""
+    return np.array([[s.unsettled, s.effort, s.failures / s.runs] for s in found])
+
+
+def laws_of(table: BenchmarkTable) -> list[str]:
+    """Names of all laws that have been run."""
+    return list(dict.fromkeys(piece.law for piece in table.pieces))
+
+
+def _all(runs: Sequence[Runs], metric: str) -> Array:
+    return np.concatenate([each.metrics[metric] for each in runs])
+
+
+def _unsettled(runs: Runs, duration: float) -> float:
+    rest = np.nanmin(runs.metrics["rest_s"]) if np.isfinite(runs.metrics["rest_s"]).any() else 0.0
+    return scores.unsettled_share(runs.metrics["settling_time_s"], runs.failed, duration - float(rest))
