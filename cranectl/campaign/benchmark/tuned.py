@@ -66,10 +66,10 @@ def _write_points(tuned: Tuned, benchmark: Benchmark, path: Path) -> None:
         parquet.write_table(pyarrow.table(columns, metadata=metadata), unfinished, compression="zstd")
 
 
-def tuned_settings(directory: Path, law: str, length: float) -> list[str]:
+def tuned_settings(directory: Path, rules: str, law: str, length: float) -> list[str]:
     """Settings `key=value` of the tuned `law`, on a crane `length` times as large as the laboratory's.
 
-    Raises InputError where there are none in `directory`, or the law was another one when it was tuned.
+    Raises InputError where there are none in `directory`, or law or rules were others when it was tuned.
     """
     path = directory / f"{law}.toml"
     again = f"cranectl tune {law} --out {directory}"
@@ -84,5 +84,11 @@ def tuned_settings(directory: Path, law: str, length: float) -> list[str]:
             remedy=f"tune it again: {again}",
         )
     found = dict(leaves(table.get("parameters", {})))
+    if table.get("rules") != rules:
+        raise InputError(
+            f"{path} holds numbers that were found by the rules {table.get('rules')}, not {rules}",
+            allowed="numbers that were found by the rules by which they are judged",
+            remedy=f"tune it again: {again}",
+        )
     variables = variables_of(law)
     return assignments(variables, [float(found.get(each.key, each.start)) for each in variables], length)

@@ -98,7 +98,7 @@ def run_benchmark(
     laws = controllers or benchmark_laws(settings.laws, file, trust)
     pieces = pieces_of(settings, tuple(laws), sets, scenarios, division=division)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
-    numbers = functools.partial(tuned_settings, tuned or file.parent / "tuned")
+    numbers = functools.partial(tuned_settings, tuned or file.parent / "tuned", settings.rules)
     campaign = functools.partial(campaign_of, settings, file.parent, most=draws, tuned=numbers)
     with engine_of(scheduler, patience) as engine, progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(pieces))

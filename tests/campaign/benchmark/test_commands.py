@@ -88,6 +88,12 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     wanted = {key.rpartition(".")[2]: value for key, value in leaves(found["parameters"])}
     assert manifest["scenario"]["controller"]["servo"] == wanted
 
+    text = small.read_text()
+    small.write_text(text.replace("variation_price = 0.02", "variation_price = 0.03"))
+    assert main([*run, "--division", "tuned"]) == 2
+    assert "found by the rules" in capsys.readouterr().err
+    small.write_text(text)
+
     # Another law of the same name is not judged by these numbers.
     law = small.with_name("servo.py")
     law.write_text(law.read_text().replace("damper on each drive.", "damper, on each drive."))
