@@ -80,6 +80,12 @@ def worst_first(results: Results, metric: str, among: Rows | None = None) -> Row
     return worst
 
 
+def effort(results: Results) -> Array:
+    """EFFORT of all runs, (runs,); NaN where a run has none."""
+    found: Array = np.linalg.norm([results.column(name).astype(np.float64) for name in EFFORTS], axis=0)
+    return found
+
+
 def failure_interval(failures: int, runs: int) -> tuple[float, float]:
     """Wilson's interval of the probability of a failure, at the level CONFIDENCE."""
     from scipy.stats import binomtest
@@ -178,7 +184,7 @@ def groups_of(results: Results) -> tuple[Group, ...]:
     completed = results.column("status") == RunStatus.COMPLETED.label
     bad = failed(results.column, results.campaign.settings.limits.given)
     metrics = {name: results.column(name).astype(np.float64) for name in MAIN_METRICS}
-    metrics[EFFORT] = np.linalg.norm([results.column(name).astype(np.float64) for name in EFFORTS], axis=0)
+    metrics[EFFORT] = effort(results)
     found = []
     for plant, controller in results.campaign.groups:
         rows = results.rows(plant, controller)

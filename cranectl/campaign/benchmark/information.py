@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.registry import controller_design, law_digests, load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.plants.plant import Drive
@@ -31,7 +32,8 @@ def information(law: str, scenario: Scenario, drive: Drive) -> dict[str, Any]:
         return {**own, "every": 1, "rig": ["gravity"], **file}
     controller = load_controller(law)
     design = controller_design(law, scenario)
-    known = nominal_crane(scenario, design, controller, drive, plan_reference(scenario))  # type: ignore[arg-type]
+    assert isinstance(design, LawDesign)  # of what is not of the flat family
+    known = nominal_crane(scenario, design, controller, drive, plan_reference(scenario))
     watched = _Watched(known.rig)
     controller.prepare(known._replace(rig=watched))  # type: ignore[arg-type]
     masses = ["masses"] if controller.command == "force" else []  # by which the loop knows what a force does

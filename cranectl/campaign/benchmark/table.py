@@ -14,7 +14,8 @@ import numpy as np
 
 from cranectl.campaign.benchmark.pieces import Piece
 from cranectl.campaign.results import Results
-from cranectl.campaign.summary import EFFORT, EFFORTS, failed
+from cranectl.campaign.summary import EFFORT, effort, failed
+from cranectl.metrics.table import DRIVES
 from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError
 from cranectl.support.files import replacing
@@ -60,10 +61,8 @@ def runs_of(results: Results) -> Runs:
     """Of the result of one piece."""
     column = results.column
     metrics = {name: np.asarray(column(name), dtype=np.float64) for name in METRICS}
-    efforts = np.stack([column(name) for name in EFFORTS])
-    varied = [column(f"command_variation_m_s2_{drive}") for drive in ("bridge", "trolley", "rope")]
-    metrics[EFFORT] = np.sqrt(np.square(efforts).sum(axis=0))
-    metrics[VARIATION] = np.sum(varied, axis=0)
+    metrics[EFFORT] = effort(results)
+    metrics[VARIATION] = np.sum([column(f"command_variation_m_s2_{drive}") for drive in DRIVES], axis=0)
     bad = failed(column, results.campaign.settings.limits.given)
     return Runs(bad, tuple(column("status").tolist()), metrics)
 
