@@ -22,7 +22,7 @@ from urllib.parse import urlsplit
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of, software_of
 from cranectl.campaign.table import Row
-from cranectl.campaign.workers import Prepared, Stop, Worker
+from cranectl.campaign.worker import Prepared, Stop, Worker
 from cranectl.controllers.doors.law_file import LawFile
 from cranectl.controllers.doors.opening import OPENED, open_again
 from cranectl.controllers.registry import runs_alone

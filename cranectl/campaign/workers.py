@@ -1,193 +1,20 @@
 """Run the batches of a campaign in threads: the compiled loops do without the interpreter's lock.
 
-Which rows there are, and their bits, depend on the campaign only: not on the number of workers, nor on the
-order of batches. How long a campaign takes here is known from a few runs of it.
+Which rows there are, and their bits, do not depend on the number of workers, nor on the order of batches.
+How long a campaign takes here is known from a few runs of it.
 """
 
-import functools
 import threading
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
-from cranectl.campaign.definition import Batch, Campaign, nominal_scenario, sampled_scenario
-from cranectl.campaign.sampling import sample_values
-from cranectl.campaign.table import FAILED, Row, metric_values
-from cranectl.controllers.addressed import AddressedLaw
-from cranectl.controllers.flat import Tracker
-from cranectl.controllers.registry import controller_design, law_digests, runs_alone
-from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
-from cranectl.plants.plant import Plant
-from cranectl.plants.registry import check_effects
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import PATH_WIDTH
-from cranectl.simulate import PlannedReference, law_of, make_plant, plan_reference, plan_run
+from cranectl.campaign.child_worker import Children, ChildWorker
+from cranectl.campaign.definition import Batch, Campaign
+from cranectl.campaign.table import Row
+from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker
+from cranectl.controllers.registry import law_digests, runs_alone
 from cranectl.simulate.child import PATIENCE
-from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import Block, start_run, stream_run
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-
-if TYPE_CHECKING:
-    from cranectl.campaign.child_worker import ChildWorker
-
-Stop = Callable[[], bool]
-
-DRAWN = 8192  # samples drawn together: some methods take as long for one
-PERIODS = 16  # control periods for which references and trackers are kept
-BLOCK = 1000  # samples of a run that are kept at a time
-
-
-class Controller(NamedTuple):
-    """A controller as it runs on the crane that it knows."""
-
-    nominal: Scenario
-    reference: PlannedReference
-    law: Tracker | AddressedLaw
-    width: int  # columns of its record
-
-
-class Prepared:
-    """The controllers and their reference, both of the nominal crane, and the samples."""
-
-    def __init__(self, campaign: Campaign, controllers: Sequence[str] | None = None) -> None:
-        """`controllers`: by default those of the campaign. Raises InputError where one cannot be run."""
-        self.campaign = campaign
-        names = campaign.settings.controllers if controllers is None else controllers
-        self._designs = {name: controller_design(name, campaign.nominal) for name in names}
-        self._drawn = functools.lru_cache(maxsize=4)(self._draw)
-        self._planned = functools.lru_cache(maxsize=PERIODS)(plan_reference)
-        self._made = functools.lru_cache(maxsize=PERIODS * len(names))(self._make)
-        self._lock = threading.Lock()
-        for name in names:
-            self._made(name, campaign.nominal)
-
-    def controller(self, name: str, sampled: Scenario) -> Controller:
-        """The controller `name`, made for the control period of a sample; raises InputError as above."""
-        with self._lock:
-            return self._made(name, nominal_scenario(self.campaign, sampled))
-
-    def values(self, sample: int) -> Array:
-        """Values (d,) of one sample."""
-        with self._lock:
-            row: Array = self._drawn(sample // DRAWN)[sample % DRAWN]
-        return row
-
-    def _draw(self, block: int) -> Array:
-        first = block * DRAWN
-        return sample_values(self.campaign, first, min(first + DRAWN, self.campaign.runs))
-
-    def _make(self, name: str, nominal: Scenario) -> Controller:
-        design, planned = self._designs[name], self._planned(nominal)
-        law = law_of(nominal, design, self.campaign.settings.drive, planned)
-        return Controller(nominal, planned, law, record_width(design))
-
-
-class StoppedError(Exception):
-    """A batch was told to stop before its end."""
-
-
-class Worker:
-    """For one thread. Gives the same rows as any other worker, whatever it ran before."""
-
-    def __init__(self, prepared: Prepared) -> None:
-        self._prepared = prepared
-        self._plants: dict[tuple[str, int], Plant] = {}  # by name and steps of a control period
-        self._records: dict[int, Array] = {}  # by width
-        self._path_record = np.zeros((BLOCK, PATH_WIDTH))
-
-    def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
-        """The rows of `batch`; raises StoppedError soon after `stop` says so."""
-        return [self._row(batch, sample, stop) for sample in range(batch.first, batch.last)]
-
-    def close(self) -> None:
-        """Nothing to end."""
-
-    def _row(self, batch: Batch, sample: int, stop: Stop) -> Row:
-        """One run; whatever goes wrong in it is the reason of a failed row."""
-        campaign, values = self._prepared.campaign, self._prepared.values(sample)
-        try:
-            scenario = sampled_scenario(campaign, values, f"sample {sample}")
-            status, reason, end_s, metrics = self._run(batch, scenario, stop)
-        except StoppedError:
-            raise
-        except Exception as error:
-            self._plants.clear()  # one of them is in an unknown state
-            status, reason, end_s, metrics = FAILED, _reason(error), 0.0, None
-        return row_of(self._prepared, batch, sample, status, reason, end_s, metrics)
-
-    def _run(self, batch: Batch, scenario: Scenario, stop: Stop) -> tuple[str, str, float, RunMetrics | None]:
-        """How a run ended: status, why it stopped, simulated time [s], metrics."""
-        controller = self._prepared.controller(batch.controller, scenario)
-        plan = plan_run(controller.reference, scenario)
-        plant = self._plant(batch.plant, scenario)
-        run = start_run(
-            plant,
-            scenario,
-            controller.law,
-            plan,
-            nominal=controller.nominal,
-            path_record=self._path_record,
-        )
-        setup, accumulator = metrics_setup(scenario, plant.drive), empty_accumulator()
-
-        def measure(block: Block) -> None:
-            accumulate(setup, accumulator, block.time_ns, block.record, block.reference, block.path)
-            if stop():
-                raise StoppedError
-
-        record = self._records.setdefault(controller.width, np.zeros((BLOCK, controller.width)))
-        run.advance(run.inputs, run.path, record, run.memory, 0, 0)  # compiled, from here on it is quick
-        if stop():
-            raise StoppedError
-        end_ns, status = stream_run(run, plan, record, measure)
-        metrics = finish(setup, accumulator, status, end_ns)
-        reason = status.explanation if status.stopped else ""
-        return status.label, reason, end_ns / NANOSECONDS, metrics
-
-    def _plant(self, name: str, scenario: Scenario) -> Plant:
-        """The plant of `scenario`: one used before, changed in place, where that can be."""
-        drive = self._prepared.campaign.settings.drive
-        plant = self._plants.get((name, scenario.substeps))
-        if plant is not None:
-            check_effects(scenario.effects, plant=name, drive=drive)
-            if plant.retune(scenario.rig, scenario.effects_on_plant):
-                return plant
-        self._plants[name, scenario.substeps] = made = make_plant(name, scenario, drive)
-        return made
-
-
-def row_of(
-    prepared: Prepared,
-    batch: Batch,
-    sample: int,
-    status: str,
-    reason: str,
-    end_s: float,
-    metrics: RunMetrics | None,
-) -> Row:
-    """The row of a run that ended so."""
-    return {
-        "sample": sample,
-        "plant": batch.plant,
-        "controller": batch.controller,
-        "status": status,
-        "reason": reason,
-        "end_s": end_s,
-        **dict(zip(prepared.campaign.names, map(float, prepared.values(sample)), strict=True)),
-        **metric_values(metrics),
-    }
-
-
-def _reason(error: Exception) -> str:
-    """An error on one line, with its type."""
-    text = (
-        f"{error.found}; {error.allowed}" if isinstance(error, InputError) else " ".join(str(error).split())
-    )
-    return f"{type(error).__name__}: {text}".rstrip(":; ")
 
 
 def run_batches(
@@ -197,10 +24,12 @@ def run_batches(
     workers: int = 1,
     patience: float = PATIENCE,
     stop: Stop = lambda: False,
+    children: Children | None = None,
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
     """Run `batches` in `workers` threads; yields each with all its rows, in the order in which they end.
 
-    With laws from outside each thread has them run in a process of its own; `patience` [s] for a block.
+    With laws from outside each thread has them run in a process of its own, taken from `children` and given
+    back, by default from none and ended; `patience` [s] for a block.
 
     Once the caller leaves the loop, as it does with Ctrl-C, the workers leave their batches within
     milliseconds; what they had of them is lost. Raises InputError where the nominal crane cannot be run, and
@@ -218,12 +47,12 @@ def run_batches(
         if leaves():
             raise StoppedError
         if not hasattr(own, "worker"):
-            own.worker = _made_worker(prepared, patience)
+            own.worker = _made_worker(prepared, others if children is None else children, patience)
             made.append(own.worker)
         return batch, own.worker.run_batch(batch, leaves)
 
     count = 1 if runs_alone(campaign.settings.controllers) else max(1, min(workers, len(batches)))
-    with ThreadPoolExecutor(count, thread_name_prefix="worker") as pool:
+    with Children() as others, ThreadPoolExecutor(count, thread_name_prefix="worker") as pool:
         try:
             for future in as_completed([pool.submit(run, batch) for batch in batches]):  # none is kept
                 yield future.result()
@@ -234,12 +63,10 @@ def run_batches(
                 worker.close()
 
 
-def _made_worker(prepared: Prepared, patience: float = PATIENCE) -> "Worker | ChildWorker":
+def _made_worker(prepared: Prepared, children: Children, patience: float = PATIENCE) -> Worker | ChildWorker:
     if not law_digests(prepared.campaign.settings.controllers):
         return Worker(prepared)
-    from cranectl.campaign.child_worker import ChildWorker
-
-    return ChildWorker(prepared, patience)
+    return ChildWorker(prepared, children, patience)
 
 
 def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
@@ -247,13 +74,14 @@ def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
 
     It is run once before it counts, which loads and compiles.
     """
-    worker = _made_worker(Prepared(campaign))
     total = 0.0
-    for plant, controller in campaign.groups:
-        batch = Batch(plant, controller, 0, 1)
-        worker.run_batch(batch)
-        start = perf_counter()
-        worker.run_batch(batch)
-        total += perf_counter() - start
-    worker.close()
+    with Children() as children:
+        worker = _made_worker(Prepared(campaign), children)
+        for plant, controller in campaign.groups:
+            batch = Batch(plant, controller, 0, 1)
+            worker.run_batch(batch)
+            start = perf_counter()
+            worker.run_batch(batch)
+            total += perf_counter() - start
+        worker.close()
     return total * campaign.runs / workers

@@ -8,7 +8,8 @@ import pytest
 from cranectl.campaign import Campaign, sample_values, sampled_scenario
 from cranectl.campaign.definition import Batch, nominal_scenario
 from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
-from cranectl.campaign.workers import Prepared, StoppedError, Worker, run_batches
+from cranectl.campaign.worker import Prepared, StoppedError, Worker
+from cranectl.campaign.workers import run_batches
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run, simulate_run
@@ -168,7 +169,7 @@ def test_errors_in_the_program_are_told_of_a_sample_and_raised_of_a_worker(
         raise ZeroDivisionError("of a worker")
 
     batch = Batch("analytic", "lqr", 0, 1)
-    monkeypatch.setattr("cranectl.campaign.workers.metrics_setup", broken)
+    monkeypatch.setattr("cranectl.campaign.worker.metrics_setup", broken)
     (row,) = run_batch(both, batch)
     assert (row["status"], row["reason"]) == ("failed", "ZeroDivisionError: of a worker")
     monkeypatch.setattr("cranectl.campaign.workers.Worker", broken)

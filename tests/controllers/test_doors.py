@@ -4,13 +4,15 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from cranectl.campaign.child_worker import ChildWorker
+from cranectl.campaign.child_worker import Children, ChildWorker
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.workers import Prepared
+from cranectl.campaign.worker import Prepared, Worker
+from cranectl.campaign.workers import run_batches
 from cranectl.cli.main import main
 from cranectl.compare.runs import differing_fields
 from cranectl.controllers.doors.opening import close_laws, open_law
@@ -19,8 +21,9 @@ from cranectl.log import read_log
 from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import child, law_of, plan_scenario, simulate_run
+from cranectl.simulate.child import spawned
 from cranectl.support.errors import InputError
-from tests.campaign.campaigns import campaign, choice
+from tests.campaign.campaigns import campaign, choice, fixed
 from tests.controllers.law_files import LAW, built
 
 SHORT = ["duration=3.2", "disturbances=[]"]
@@ -201,13 +204,34 @@ def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) ->
         name = open_law(str(built(law.parent, broken=broken)))
         side = {"initial.alpha_offset": choice(-0.03, 0.03)}
         made = campaign(side, controllers=[name], plants=["analytic"], runs=3, set=SHORT)
-        worker = ChildWorker(Prepared(made), patience=1.0)
-        rows = worker.run_batch(Batch("analytic", name, 0, 3))
-        worker.close()
+        with Children() as children:
+            worker = ChildWorker(Prepared(made), children, patience=1.0)
+            rows = worker.run_batch(Batch("analytic", name, 0, 3))
+            worker.close()
         failing = [row["initial.alpha_offset"] > 0.0 for row in rows]
         assert 0 < sum(failing) < 3
         assert [row["reason"] for row in rows] == [f"{name} {found}" if each else "" for each in failing]
         close_laws()
+
+
+def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    started = []
+
+    def counted(*given: Any) -> Any:
+        started.append(given)
+        return spawned(*given)
+
+    monkeypatch.setattr("cranectl.campaign.child_worker.spawned", counted)
+    name = open_law(str(built(law.parent)))
+    with Children() as children:
+        for mass in (0.5, 0.9):
+            made = campaign(
+                {"rig.load_mass": fixed(mass)}, controllers=[name], plants=["analytic"], runs=2, set=SHORT
+            )
+            batch = Batch("analytic", name, 0, 2)
+            ((_, rows),) = run_batches(made, [batch], children=children)
+            assert rows == Worker(Prepared(made)).run_batch(batch)
+        assert len(started) == 1
 
 
 # Broken ones

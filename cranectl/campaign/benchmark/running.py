@@ -10,7 +10,7 @@ from cranectl.campaign.benchmark.pieces import Piece
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.results import open_store
 from cranectl.campaign.table import Row
-from cranectl.campaign.workers import Stop, StoppedError
+from cranectl.campaign.worker import Stop, StoppedError
 
 # What runs batches: threads here, or a cluster. It leaves them soon after it is told to stop.
 Engine = Callable[[Campaign, Sequence[Batch], Stop], Generator[tuple[Batch, list[Row]], None, None]]

@@ -20,7 +20,7 @@ from cranectl.campaign.benchmark.variables import Variable, assignments, variabl
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
-from cranectl.campaign.workers import Prepared, StoppedError, Worker
+from cranectl.campaign.worker import Prepared, StoppedError, Worker
 from cranectl.controllers.registry import runs_alone
 from cranectl.metrics.table import DRIVES
 from cranectl.scenario import Scenario

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from cranectl.campaign.benchmark.running import Engine
     from cranectl.campaign.definition import Batch, Campaign
     from cranectl.campaign.table import Row
-    from cranectl.campaign.workers import Stop
+    from cranectl.campaign.worker import Stop
 
     Batches = Generator[tuple[Batch, list[Row]], None, None]
 
@@ -17,12 +17,15 @@ if TYPE_CHECKING:
 def engine_of(scheduler: str | None, patience: float) -> Iterator["Engine"]:
     """One thread for each piece; with `scheduler` the workers of that cluster."""
     if scheduler is None:
+        from cranectl.campaign.child_worker import Children
         from cranectl.campaign.workers import run_batches
 
-        def here(campaign: "Campaign", batches: "Sequence[Batch]", stop: "Stop") -> "Batches":
-            return run_batches(campaign, batches, patience=patience, stop=stop)
+        with Children() as children:
 
-        yield here
+            def here(campaign: "Campaign", batches: "Sequence[Batch]", stop: "Stop") -> "Batches":
+                return run_batches(campaign, batches, patience=patience, stop=stop, children=children)
+
+            yield here
         return
     from cranectl.campaign.cluster import cluster_client, run_batches_on
 

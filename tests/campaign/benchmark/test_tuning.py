@@ -14,7 +14,7 @@ from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import REFUSED, run_cost, tune, tuning_campaign
 from cranectl.campaign.benchmark.variables import assignments, variables_of
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.workers import Prepared, Worker
+from cranectl.campaign.worker import Prepared, Worker
 from cranectl.cli.main import main
 from cranectl.reference import load_scenario
 from cranectl.support.documents import read_toml
