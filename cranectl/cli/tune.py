@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl.cli.benchmark.run import benchmark_laws
 from cranectl.cli.command import Command, json_option
 from cranectl.cli.laws import opened, trust_option
 
 if TYPE_CHECKING:
-    from cranectl.campaign.benchmark.settings import Benchmark
     from cranectl.campaign.benchmark.tuning import Tuned
     from cranectl.report.table import Table
 
@@ -56,50 +56,37 @@ def tune_command(
 
     What may change, and within which bounds, the law declares. All candidates drive the same uncertain
     cranes, which the benchmark never judges on. With the extra `tune`; the result is the same for any number
-    of workers. A law that the benchmark names as a file is opened from there with --trust.
+    of workers. Laws can be named as the benchmark names them.
 
     \b
     cranectl tune lqr-integral
-    cranectl tune super_twisting.py:SUPER_TWISTING --trust
+    cranectl tune super_twisting.py:SUPER_TWISTING
     cranectl tune mine.py:MINE --runs 160 --out logs/mine
     """
+    from cranectl.campaign.benchmark.rules import rules_of
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
     from cranectl.campaign.benchmark.tuned import tuned_files, tuned_table, write_tuned
     from cranectl.campaign.benchmark.tuning import tune
     from cranectl.cases.workers import available_cores
     from cranectl.cli.output import console, progress_bar, write_json
 
-    benchmark, directory = read_benchmark(benchmark_name), benchmark_file(benchmark_name).parent
-    name = _opened(law, benchmark, directory, trust)
-    files = tuned_files(out, name)
+    benchmark, file = read_benchmark(benchmark_name), benchmark_file(benchmark_name)
+    (name,) = benchmark_laws([law], file, trust) if law in benchmark.laws else [opened(law)]
+    directory = file.parent
+    files, rules = tuned_files(out, name), rules_of(benchmark, directory)
     screen = console(json_file)
     with progress_bar(runs or benchmark.tuning.runs, unit="runs", done="done") as (advance, describe):
         describe(name)
         tuned = tune(
             benchmark, directory, name, runs=runs, workers=workers or available_cores(), advance=advance
         )
-    write_tuned(tuned, benchmark, files)
+    table = tuned_table(tuned, benchmark, rules)
+    write_tuned(tuned, table, files)
     if not tuned.variables:
         screen.print(f"{name} has nothing to tune: none of its parameters says where to search")
     screen.print(_table(tuned))
     screen.print(f"numbers: {files[0]}, every point: {files[1]}")
-    write_json(json_file, {**tuned_table(tuned, benchmark), "files": [str(path) for path in files]})
-
-
-def _opened(law: str, benchmark: "Benchmark", directory: Path, trust: bool) -> str:
-    """The controller that `law` names: as the benchmark does, or as seen from here."""
-    from cranectl.controllers.doors.opening import is_reference
-    from cranectl.support.errors import InputError
-
-    if law not in benchmark.laws or not is_reference(law):
-        return opened(law)
-    if not trust:
-        raise InputError(
-            f"{benchmark.name} names the file '{law}', whose code is run only if that is wanted",
-            allowed="a controller, the path of a file from here, or --trust",
-            remedy="if you know what is in it, add --trust",
-        )
-    return opened(law, directory)
+    write_json(json_file, {**table, "files": [str(path) for path in files]})
 
 
 def _table(tuned: "Tuned") -> "Table":

@@ -12,14 +12,14 @@ from cranectl.support.errors import InputError
 
 
 def collected(
-    benchmark: Benchmark, directory: Path, laws: Sequence[str], division: Division
+    benchmark: Benchmark, rules: str, directory: Path, laws: Sequence[str], divisions: Sequence[Division]
 ) -> BenchmarkTable:
-    """The pieces of `laws` in `division` below `directory` that are whole.
+    """The pieces of `laws` in `divisions` below `directory` that are whole; `rules`: digest of `benchmark`'s.
 
     Raises InputError where there is none, or one is damaged.
     """
     pieces, nominal = {}, {}
-    for piece in pieces_of(benchmark, laws, division=division):
+    for piece in (p for division in divisions for p in pieces_of(benchmark, laws, division=division)):
         if not (directory / piece.place / MANIFEST_FILE).exists():
             continue
         results = read_results(directory / piece.place, unfinished=True)
@@ -34,7 +34,7 @@ def collected(
         )
     there = {piece.law: nominal[piece.scenario] for piece in pieces}
     about = {
-        "rules": benchmark.rules,
+        "rules": rules,
         "seed": benchmark.seed,
         "durations": {name: each.duration for name, each in nominal.items()},
         "laws": {law: information(law, known, benchmark.drive) for law, known in there.items()},

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from cranectl.campaign.benchmark.settings import Benchmark, CraneSet
+from cranectl.campaign.benchmark.settings import Benchmark, CraneSet, MeasuredScenario
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import make_campaign
 from cranectl.campaign.settings import parse_campaign
@@ -20,7 +20,8 @@ from cranectl.support import resources
 from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, unknown_name
 
-RADIUS = "spread-"  # begins the names of the sets that find the radius
+# Begin the names of sets that find the radius, and of those on which one uncertainty is alone.
+RADIUS, SINGLE = "spread-", "only-"
 Division = Literal["published", "tuned"]  # its defaults, or what tuning has found
 
 
@@ -45,10 +46,21 @@ def follows(law: str) -> str:
 
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
-    """The sets that are judged, then those that find the radius."""
-    radius = benchmark.radius
-    ladder = {f"{RADIUS}{s:g}": CraneSet(spread=s, draws=radius.draws) for s in radius.spreads}
-    return {**benchmark.sets, **ladder}
+    """The sets that are judged, then those that find the radius and what one uncertainty does."""
+    radius, singles = benchmark.radius, benchmark.singles
+    ladder = {
+        f"{RADIUS}{s:g}": CraneSet(spread=s, draws=radius.draws, scenarios=(radius.scenario,))
+        for s in radius.spreads
+    }
+    if singles is None:
+        return {**benchmark.sets, **ladder}
+    alone = {
+        f"{SINGLE}{name}": CraneSet(
+            spread=singles.spread, draws=singles.draws, scenarios=(singles.scenario,), only=only
+        )
+        for name, only in singles.effects.items()
+    }
+    return {**benchmark.sets, **ladder, **alone}
 
 
 def pieces_of(
@@ -73,11 +85,12 @@ def pieces_of(
 
 
 def _pieces(benchmark: Benchmark, name: str, laws: Sequence[str], division: Division) -> Iterator[Piece]:
-    ladder = name not in benchmark.sets
+    cranes = sets_of(benchmark)[name]
+    judged = name in benchmark.sets
     for scenario, measured in benchmark.scenarios.items():
-        if ladder and scenario != benchmark.radius.scenario:
+        if cranes.scenarios and scenario not in cranes.scenarios:
             continue
-        for plant in (benchmark.plant,) if ladder else (benchmark.plant, benchmark.second_plant):
+        for plant in (benchmark.plant, benchmark.second_plant) if judged else (benchmark.plant,):
             for law in laws:
                 if follows(law) in measured.suits:
                     yield Piece(division, plant, name, scenario, law)
@@ -114,8 +127,26 @@ def campaign_of(
         seed=benchmark.seed,
         spread=cranes.spread,
         numbers=numbers,
-        uncertain=_flat(benchmark.uncertain, cranes.uncertain, measured.uncertain),
+        uncertain=_uncertain(benchmark, cranes, measured),
     )
+
+
+def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenario) -> dict[str, Any]:
+    found = _flat(benchmark.uncertain, cranes.uncertain, measured.uncertain)
+    if not cranes.only:
+        return found
+    alone = {
+        name: each
+        for name, each in found.items()
+        if any(f"{name}.".startswith(f"{only}.") for only in cranes.only)
+    }
+    if not alone:
+        raise InputError(
+            f"{', '.join(cranes.only)}: nothing of it is uncertain",
+            allowed=", ".join(found),
+            remedy="name one of these, or a table of some",
+        )
+    return alone
 
 
 def piece_campaign(

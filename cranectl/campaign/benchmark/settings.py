@@ -1,22 +1,14 @@
-"""Benchmark files: which laws on which scenarios and sets of cranes, and how they are tuned.
+"""Benchmark files: which laws on which scenarios and sets of cranes, and how they are tuned."""
 
-All but the laws and the seed are the rules, which have a digest: results of other rules are not compared.
-"""
-
-import hashlib
-import inspect
-import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-import cranectl.metrics
 from cranectl.plants.plant import Drive
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import Table, read_toml
-from cranectl.support.provenance import DIGITS
 
 Overrides = Annotated[tuple[str, ...], Field(strict=False)]
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
@@ -42,6 +34,10 @@ class CraneSet(Settings):
     spread: Spread = Field(description="factor on how far all uncertain values are from the nominal ones")
     draws: Draws = Field(description="cranes, the same for every law")
     uncertain: dict[str, Any] = Field({}, description="distributions in place of those of all")
+    scenarios: Annotated[tuple[str, ...], Field(strict=False)] = Field((), description="only these, or all")
+    only: Annotated[tuple[str, ...], Field(strict=False)] = Field(
+        (), description="parameters, or tables of some, that alone are uncertain, or all"
+    )
 
 
 class Radius(Settings):
@@ -50,6 +46,17 @@ class Radius(Settings):
     scenario: str
     spreads: Annotated[tuple[Spread, ...], Field(strict=False, min_length=2)]
     draws: Draws
+
+
+class Singles(Settings):
+    """What one uncertainty does by itself."""
+
+    scenario: str
+    spread: Spread
+    draws: Draws
+    effects: Annotated[dict[str, Names], Field(min_length=1)] = Field(
+        description="by name: the parameters, or tables of some, that alone are uncertain"
+    )
 
 
 class Tuning(Settings):
@@ -82,23 +89,18 @@ class Benchmark(Settings):
     scenarios: Annotated[dict[str, MeasuredScenario], Field(min_length=1)]
     sets: Annotated[dict[str, CraneSet], Field(min_length=1)]
     radius: Radius
+    singles: Singles | None = None
     tuning: Tuning
 
     @model_validator(mode="after")
     def _names_are_known(self) -> "Benchmark":
-        unknown = {self.radius.scenario, *self.tuning.scenarios} - self.scenarios.keys()
+        named = {self.radius.scenario, *self.tuning.scenarios}
+        named.update({self.singles.scenario} if self.singles else ())
+        named.update(name for cranes in self.sets.values() for name in cranes.scenarios)
+        unknown = named - self.scenarios.keys()
         if unknown:
             raise ValueError(f"{', '.join(sorted(unknown))}: no scenario of this benchmark")
         return self
-
-    @property
-    def rules(self) -> str:
-        """Digest of all that decides a comparison but the laws and the seed: this file, and the metrics."""
-        table = self.model_dump(mode="json", exclude={"laws", "seed", "title"})
-        text = json.dumps(table, sort_keys=True)
-        for path in sorted(Path(inspect.getfile(cranectl.metrics)).parent.glob("*.py")):
-            text += path.read_text(encoding="utf-8")
-        return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
 
 
 def benchmark_names() -> list[str]:

@@ -1,5 +1,6 @@
 """What tuning found, as files: the numbers of a law in TOML, every point of the search in Parquet."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +23,15 @@ def tuned_files(directory: Path, law: str) -> tuple[Path, Path]:
     return files
 
 
-def tuned_table(tuned: Tuned, benchmark: Benchmark) -> dict[str, Any]:
-    """What was found, by which rules, of which law; numbers are those on the laboratory rig."""
+def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any]:
+    """What was found by `rules`, of `rules_of`, for which law; numbers are those on the laboratory rig."""
     found = tuned.found
     origin = REGISTERED[tuned.law].origin if tuned.law in REGISTERED else None
     return {
         "law": tuned.law,
         "sha256": origin.sha256 if origin else None,
         "benchmark": benchmark.name,
-        "rules": benchmark.rules,
+        "rules": rules,
         "seed": benchmark.tuning.seed,
         "budget_runs": tuned.evaluations * tuned.runs_each,
         "runs": len(tuned.points) * tuned.runs_each,
@@ -40,16 +41,19 @@ def tuned_table(tuned: Tuned, benchmark: Benchmark) -> dict[str, Any]:
     }
 
 
-def write_tuned(tuned: Tuned, benchmark: Benchmark, files: tuple[Path, Path]) -> None:
-    """Write `files`, of `tuned_files`, each whole or not at all; raises InputError where that fails."""
+def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
+    """Write `table`, of `tuned_table`, and all points into `files`, of `tuned_files`; raises InputError.
+
+    Each is whole or not there.
+    """
     numbers, points = files
     with writing(points):
-        _write_points(tuned, benchmark, points)
+        _write_points(tuned, table, points)
     with writing(numbers):
-        write_text(numbers, toml_text(tuned_table(tuned, benchmark)))
+        write_text(numbers, toml_text(table))
 
 
-def _write_points(tuned: Tuned, benchmark: Benchmark, path: Path) -> None:
+def _write_points(tuned: Tuned, table: Mapping[str, Any], path: Path) -> None:
     """A row a candidate: its number, 0 for the untuned law, its numbers by setting, cost, share failed."""
     import pyarrow
     from pyarrow import parquet
@@ -61,7 +65,7 @@ def _write_points(tuned: Tuned, benchmark: Benchmark, path: Path) -> None:
         "cost": [point.cost for point in tuned.points],
         "failed_share": [point.failed for point in tuned.points],
     }
-    metadata = {"law": tuned.law, "benchmark": benchmark.name, "rules": benchmark.rules}
+    metadata = {name: table[name] for name in ("law", "benchmark", "rules")}
     with replacing(path) as unfinished:
         parquet.write_table(pyarrow.table(columns, metadata=metadata), unfinished, compression="zstd")
 

@@ -50,6 +50,7 @@ def report_benchmark(
     cranectl benchmark report mine --controller my_law.py:LAW --beside literature.parquet
     """
     from cranectl.campaign.benchmark.collecting import collected
+    from cranectl.campaign.benchmark.rules import rules_of
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
     from cranectl.campaign.benchmark.standings import set_standings
     from cranectl.campaign.benchmark.table import joined, read_table, write_table
@@ -59,7 +60,7 @@ def report_benchmark(
 
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)
     laws: Sequence[str] = controllers or benchmark_laws(settings.laws, file, trust)
-    found = collected(settings, result, laws, division)
+    found = collected(settings, rules_of(settings, file.parent), result, laws, (division,))
     if beside is not None:
         found = joined([found, read_table(beside)])
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")

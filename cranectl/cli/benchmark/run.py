@@ -86,6 +86,7 @@ def run_benchmark(
     Exit codes: 0 all runs are there, failed ones included; 2 bad input; 3 a law could not be run at all.
     """
     from cranectl.campaign.benchmark.pieces import campaign_of, pieces_of
+    from cranectl.campaign.benchmark.rules import rules_of
     from cranectl.campaign.benchmark.running import run_pieces
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
     from cranectl.campaign.benchmark.tuned import tuned_settings
@@ -97,8 +98,9 @@ def run_benchmark(
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)
     laws = controllers or benchmark_laws(settings.laws, file, trust)
     pieces = pieces_of(settings, tuple(laws), sets, scenarios, division=division)
+    rules = rules_of(settings, file.parent)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
-    numbers = functools.partial(tuned_settings, tuned or file.parent / "tuned", settings.rules)
+    numbers = functools.partial(tuned_settings, tuned or file.parent / "tuned", rules)
     campaign = functools.partial(campaign_of, settings, file.parent, most=draws, tuned=numbers)
     with engine_of(scheduler, patience) as engine, progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(pieces))

@@ -39,6 +39,15 @@ scenario = "short"
 spreads = [1.0, 3.0]
 draws = 4
 
+[singles]
+scenario = "short"
+spread = 3.0
+draws = 3
+
+[singles.effects]
+load = ["rig.load_mass"]
+sensing = ["effects.sensing"]
+
 [tuning]
 scenarios = ["short"]
 draws = 2

@@ -18,7 +18,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     run = ["benchmark", "run", str(small), "--trust", "--out", str(out), "--workers", "2"]
     assert main(run) == 0
     parts = {path: path.read_bytes() for path in out.rglob("*.parquet")}
-    assert len(parts) == 2 * 2 * 3 + 2 * 2
+    assert len(parts) == 2 * 2 * 3 + 2 * 2 + 2 * 2
     next(iter(parts)).unlink()
     assert main([*run, "--workers", "1"]) == 0, "goes on with what is missing"
     assert {path: path.read_bytes() for path in out.rglob("*.parquet")} == parts, "the same, whoever runs it"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.benchmark.pieces import Piece, campaign_of, pieces_of
+from cranectl.campaign.benchmark.rules import rules_of
 from cranectl.campaign.benchmark.settings import benchmark_names, read_benchmark
 from cranectl.campaign.sampling import sample_values
 from cranectl.controllers.doors.opening import open_law
@@ -58,7 +59,7 @@ def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Pat
 def test_laws_run_where_it_suits_them(small: Path) -> None:
     benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
     pieces = pieces_of(benchmark, ("lqr-integral", servo))
-    assert len(pieces) == len(set(pieces)) == 2 * 2 * 3 + 2 * 2
+    assert len(pieces) == len(set(pieces)) == 2 * 2 * 3 + 2 * 2 + 2 * 2
     assert not [p for p in pieces if p.law == servo and p.scenario == "path"]
     few = pieces_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
     assert few == [
@@ -68,18 +69,47 @@ def test_laws_run_where_it_suits_them(small: Path) -> None:
         pieces_of(benchmark, ("lqr-integral",), ("narrow",))
 
 
+def test_one_uncertainty_alone(small: Path) -> None:
+    """The same draws as where all are uncertain, so that what each does can be told apart."""
+    benchmark = read_benchmark(str(small))
+
+    def drawn(crane_set: str) -> tuple[tuple[str, ...], np.ndarray]:
+        campaign = campaign_of(
+            benchmark, small.parent, Piece("published", "mujoco", crane_set, "short", "lqr-integral")
+        )
+        return campaign.names, sample_values(campaign, 0, campaign.runs)
+
+    names, together = drawn("spread-3")
+    for name, parameter in (("only-load", "rig.load_mass"), ("only-sensing", "effects.sensing.seed")):
+        alone, values = drawn(name)
+        assert (alone, len(values)) == ((parameter,), 3)
+        np.testing.assert_array_equal(values[:, 0], together[:3, names.index(parameter)])
+    wrong = benchmark.model_copy(
+        update={"singles": benchmark.singles.model_copy(update={"effects": {"wind": ("effects.wind",)}})}
+    )
+    with pytest.raises(InputError, match=r"effects\.wind: nothing of it is uncertain"):
+        campaign_of(wrong, small.parent, Piece("published", "mujoco", "only-wind", "short", "lqr-integral"))
+
+
 def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
-    rules = read_benchmark(str(small)).rules
-    text = small.read_text()
-    for old, new, same in (
-        ("seed = 3", "seed = 4", True),
-        ('["lqr-integral", "servo.py:SERVO"]', '["lqr"]', True),
-        ("spread = 2.0", "spread = 2.5", False),
-        ("variation_price = 0.02", "variation_price = 0.03", False),
+    def rules() -> str:
+        return rules_of(read_benchmark(str(small)), small.parent)
+
+    first, scenario = rules(), small.parent / "short.toml"
+    for file, old, new, same in (
+        (small, "seed = 3", "seed = 4", True),
+        (small, '["lqr-integral", "servo.py:SERVO"]', '["lqr"]', True),
+        (small, "spread = 2.0", "spread = 2.5", False),
+        (small, "variation_price = 0.02", "variation_price = 0.03", False),
+        (scenario, "duration = 0.6", "duration = 0.7", False),
+        (scenario, "final_error_m = 0.05", "final_error_m = 0.06", False),
+        (scenario, 'name = "short"', 'name = "short"\nrig = "harbour-crane"', False),
     ):
+        text = file.read_text()
         assert old in text
-        small.write_text(text.replace(old, new))
-        assert (read_benchmark(str(small)).rules == rules) is same
+        file.write_text(text.replace(old, new))
+        assert (rules() == first) is same, new
+        file.write_text(text)
 
 
 @pytest.mark.parametrize("name", benchmark_names())

@@ -10,6 +10,7 @@ import pytest
 from pyarrow import parquet
 
 from cranectl import open_law
+from cranectl.campaign.benchmark.rules import rules_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import REFUSED, run_cost, tune, tuning_campaign
 from cranectl.campaign.benchmark.variables import assignments, variables_of
@@ -88,7 +89,7 @@ def test_what_is_written_gives_the_same_cost_again(
     assert told.pop("files") == ["out/mine.toml", "out/mine.parquet"]
     assert written == told
     assert (written["law"], written["benchmark"], written["seed"]) == ("mine", "tiny", 7)
-    assert (written["rules"], written["budget_runs"], written["runs"]) == (tiny.rules, 12, 12)
+    assert (written["rules"], written["budget_runs"], written["runs"]) == (rules_of(tiny, Path()), 12, 12)
     assert len(written["sha256"]) == 64
     assert points["evaluation"].to_pylist() == list(range(6))
     assert min(points["cost"].to_pylist()) == written["cost"]["full"]
