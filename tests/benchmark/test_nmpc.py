@@ -1,12 +1,13 @@
-"""`nmpc` in C: keeps to its limits, brings the load back; what tells it of a push."""
+"""`nmpc` in C: keeps to its limits, brings the load back; what tells it of a push; on a harbour crane."""
 
 import numpy as np
 import pytest
 
 from cranectl import open_law
+from cranectl.campaign.benchmark.variables import variables_of
 from cranectl.reference import load_scenario
 from cranectl.simulate import Run, simulate_run
-from tests.benchmark.nmpc import built
+from tests.benchmark.nmpc import FOLDER, built
 
 BESIDE = ["disturbances=[]", "duration=8.0", "reference.start=[1.0, 0.77, -0.7]", "reference.segments=[]"]
 
@@ -26,7 +27,7 @@ def run_of(library: str, *overrides: str, plant: str, drive: str = "velocity") -
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_it_keeps_to_its_limits_and_brings_the_load_back(library: str, plant: str) -> None:
     """0.5 m are too far for the limits: 0.05 g and 0.1 sqrt(g l)."""
-    limits = ["nmpc.acceleration=0.05", "nmpc.speed=0.1"]
+    limits = ["nmpc.acceleration=0.05", "nmpc.speed=0.1", "nmpc.effort=1"]
     run = run_of(
         library, *BESIDE, *limits, "initial.load_offset=[0.5, -0.4, 0.0]", plant=plant, drive="ideal"
     )
@@ -45,3 +46,19 @@ def test_a_push_that_an_observer_tells_of_leaves_little(library: str, plant: str
     off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (told, untold)]
     assert off[0] < 0.004
     assert off[1] > 0.02
+
+
+def test_a_harbour_crane_arrives(library: str) -> None:
+    """Its numbers are ratios to g and l, and its horizon goes with the control period."""
+    names = ("limits", "rope", "body", "friction", "sensing", "delay", "wind")
+    effects = [f"effects.{name}={{}}" for name in names]
+    harbour = load_scenario(FOLDER.parent / "scenarios" / "harbour.toml", overrides=effects)
+    run = simulate_run(harbour, plant="mujoco", drive="velocity", controller=open_law(library))
+    assert np.linalg.norm(run.block("error")[-1, :3]) < harbour.metrics.settling_tolerance
+
+
+def test_what_tuning_may_change_stays_between_its_bounds(library: str) -> None:
+    variables = variables_of(open_law(library))
+    keys = [variable.key.removeprefix("controller.nmpc.") for variable in variables]
+    assert keys == ["rate", "effort", "acceleration", "speed"]
+    assert all(variable.low < variable.start < variable.high for variable in variables)

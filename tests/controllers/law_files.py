@@ -81,7 +81,7 @@ C_LAW = """
 #include <stdlib.h>
 #include "cranectl.h"
 static const cranectl_parameter P[] = {
-    {"stiffness", "1/s^2", "spring", 16.0, 0.0, 1e4}, {"damping", "1/s", "damper", 8.0, 0.0, 1e4}};
+    {"stiffness", "1/s^2", "spring", 16.0, 0.0, 1e4 TUNING}, {"damping", "1/s", "damper", 8.0, 0.0, 1e4}};
 static const cranectl_signal S[] = {{"bridge_error", "m", "of the bridge", 0}};
 static cranectl_declaration D = {
     .abi = CRANECTL_ABI, .size = sizeof D, .name = "c-servo", .title = "spring and damper in C",
@@ -109,10 +109,17 @@ int64_t STEP(const double *p, const double *q, const double *r, double *m, doubl
 """
 
 
-def built(folder: Path, *, declared: str = "", broken: str = "", step: str = "cranectl_step") -> Path:
-    """A library, with `broken` in its step."""
-    source, library = folder / "law.c", folder / f"law-{abs(hash((declared, broken, step)))}.so"
-    source.write_text(C_LAW.replace("DECLARED", declared).replace("BROKEN", broken).replace("STEP", step))
-    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-shared", "-fPIC", "-ffp-contract=off"]
-    subprocess.run(["cc", *flags, f"-I{HEADER.parent}", "-o", library, source], check=True)
+def built(
+    folder: Path, *, declared: str = "", broken: str = "", step: str = "cranectl_step", tuning: str = ""
+) -> Path:
+    """A library, with `broken` in its step and `tuning` after the bounds of its stiffness."""
+    parts = {"DECLARED": declared, "BROKEN": broken, "STEP": step, "TUNING": tuning}
+    text = C_LAW
+    for name, part in parts.items():
+        text = text.replace(name, part)
+    source, library = folder / "law.c", folder / f"law-{abs(hash(text))}.so"
+    source.write_text(text)
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wno-missing-field-initializers", "-shared", "-fPIC"]
+    flags += ["-ffp-contract=off", f"-I{HEADER.parent}"]
+    subprocess.run(["cc", *flags, "-o", library, source], check=True)
     return library

@@ -5,6 +5,7 @@ which a run goes calls its step by address.
 """
 
 import ctypes
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -40,13 +41,19 @@ def open_library(file: LawFile) -> Controller:
         measures=("state", "encoders")[told["measures"]],
         every=told["every"],
         preview=told["preview"],
-        parameters=tuple(Parameter(*declared) for declared in told["parameters"]),
+        parameters=tuple(_parameter(*declared) for declared in told["parameters"]),
         logged=tuple(
             Logged(place, Signal(name, name, unit, description))
             for place, name, unit, description in told["signals"]
         ),
         entry=lambda *_: _address(file),
     )
+
+
+def _parameter(*told: Any) -> Parameter:
+    *declared, low, high, length_power = told
+    search = (low, high) if high else None
+    return replace(Parameter(*declared), search=search, length_power=length_power)
 
 
 def _plain(nominal: Nominal) -> dict[str, Any]:

@@ -20,7 +20,7 @@ extern "C" {
 #define CRANECTL_EXPORT __attribute__((visibility("default")))
 #endif
 
-#define CRANECTL_ABI 1
+#define CRANECTL_ABI 2 /* 1 had neither search nor length_power, and is still taken */
 
 enum { CRANECTL_ACCELERATION, CRANECTL_VELOCITY, CRANECTL_FORCE }; /* commanded: m/s^2, m/s, N */
 enum { CRANECTL_PATH, CRANECTL_SET_POINT };                        /* followed; the latter: where a segment ends */
@@ -29,6 +29,9 @@ enum { CRANECTL_STATE, CRANECTL_ENCODERS };                        /* measured *
 typedef struct {
     const char *name, *unit, *description;
     double initial, lowest, highest; /* --set controller.LAW.PARAMETER=..., within these */
+    double search[2];                /* sizes between which `cranectl tune` looks, 0 < low < high; none: 0 */
+    double length_power;             /* both are the laboratory rig's, times L^length_power on one L times as
+                                        large: -0.5 for 1/s */
 } cranectl_parameter;
 
 typedef struct {

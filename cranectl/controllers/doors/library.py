@@ -10,10 +10,9 @@ import math
 import random
 import sys
 from collections.abc import Iterable
-from ctypes import POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint32
+from ctypes import POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint32, cast
 from typing import Any
 
-ABI = 1
 STEPS = 40  # of two memories in turn, to see whether anything is kept elsewhere
 Doubles = POINTER(c_double)
 Plain = dict[str, Any]  # data that JSON knows
@@ -28,10 +27,19 @@ class CParameter(Structure):
     )
 
 
+class CTunable(CParameter):
+    """cranectl_parameter since version 2."""
+
+    _fields_ = (("search", c_double * 2), ("length_power", c_double))
+
+
 class CSignal(Structure):
     """cranectl_signal."""
 
     _fields_ = (*((name, c_char_p) for name in ("name", "unit", "description")), ("place", c_int64))
+
+
+PARAMETERS = {1: CParameter, 2: CTunable}  # by version of the interface
 
 
 class CDeclaration(Structure):
@@ -90,8 +98,8 @@ def declaration(library: ctypes.CDLL) -> Plain:
     if not pointer:
         raise ValueError("cranectl_controller returns no declaration")
     told = pointer.contents
-    if told.abi != ABI:
-        raise ValueError(f"it was built for version {told.abi} of the interface, this is {ABI}")
+    if told.abi not in PARAMETERS:
+        raise ValueError(f"it was built for version {told.abi} of the interface, this is {max(PARAMETERS)}")
     if told.size != ctypes.sizeof(CDeclaration):
         raise ValueError(
             f"its declaration has {told.size} bytes, it should have {ctypes.sizeof(CDeclaration)}"
@@ -106,14 +114,24 @@ def declaration(library: ctypes.CDLL) -> Plain:
             raise ValueError(
                 f"{name} = {getattr(told, name)}, allowed is {int(name == 'every')} to {highest}"
             )
+    parameters = cast(told.parameters, POINTER(PARAMETERS[told.abi]))
     found["parameters"] = [
-        [text(p.name), p.initial, text(p.unit), text(p.description), p.lowest, p.highest]
-        for p in told.parameters[: told.parameter_count]
+        [text(p.name), p.initial, text(p.unit), text(p.description), p.lowest, p.highest, *tuning(p)]
+        for p in parameters[: told.parameter_count]
     ]
     found["signals"] = [
         [s.place, text(s.name), text(s.unit), text(s.description)] for s in told.signals[: told.signal_count]
     ]
     return found
+
+
+def tuning(parameter: Any) -> tuple[float, float, float]:
+    """Both ends of the search, 0 for none, and the power of the length; raises ValueError for no search."""
+    low, high = getattr(parameter, "search", (0.0, 0.0))
+    if not 0.0 < low < high < math.inf and (low, high) != (0.0, 0.0):
+        name = text(parameter.name)
+        raise ValueError(f"search of {name} from {low:g} to {high:g}, allowed is 0 < low < high, or 0 to 0")
+    return low, high, getattr(parameter, "length_power", 0.0)
 
 
 def text(raw: bytes | None) -> str:
