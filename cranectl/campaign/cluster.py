@@ -11,6 +11,7 @@ import importlib
 import json
 import logging
 import signal
+import time
 import zlib
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
@@ -22,7 +23,7 @@ from urllib.parse import urlsplit
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of, software_of
 from cranectl.campaign.table import Row
-from cranectl.campaign.worker import Prepared, Stop, Worker
+from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker
 from cranectl.controllers.doors.law_file import LawFile
 from cranectl.controllers.doors.opening import OPENED, open_again
 from cranectl.controllers.registry import runs_alone
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 CONNECT_S = 10.0  # until a scheduler answers
 WORKERS_S = 30.0  # until it has a worker
+ASK_S = 0.02  # between two questions whether a batch is there
 # Of a cluster of our own: Dask's server of pages takes a port that is free, or two campaigns would want one.
 NO_DASHBOARD: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
 TRIES = 3  # of a batch on which something fails that is no part of it, such as memory
@@ -66,13 +68,14 @@ def cluster_client(scheduler: str | None, workers: int) -> Iterator["Client"]:
 
 
 def run_batches_on(
-    client: "Client", campaign: Campaign, batches: Sequence[Batch]
+    client: "Client", campaign: Campaign, batches: Sequence[Batch], stop: Stop = lambda: False
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
     """Run `batches` on the cluster of `client`; yields each with all its rows, in the order of their ends.
 
     Once the caller leaves the loop, nobody holds what is left, and workers leave their batches within
     milliseconds. Raises InputError if the nominal crane cannot be run, if a worker has other
-    software than this process, if workers die of a batch, or if the scheduler is gone.
+    software than this process, if workers die of a batch, or if the scheduler is gone; StoppedError soon
+    after `stop`, which another thread may decide, says so.
     """
     from distributed import as_completed
 
@@ -90,7 +93,16 @@ def run_batches_on(
     keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]
     futures = client.map(run_remotely, batches, manifest=sent, key=keys, retries=TRIES - 1)
     by_key = dict(zip(keys, batches, strict=True))
-    for future in as_completed(futures, loop=client.loop):
+    coming = as_completed(futures, loop=client.loop)
+    while not coming.is_empty():
+        if stop():
+            for each in futures:  # or whoever keeps the exception would keep them
+                each.release()
+            raise StoppedError
+        if not coming.has_ready():
+            time.sleep(ASK_S)
+            continue
+        future = next(coming)
         rows = _rows(client, future)
         future.release()
         yield by_key[future.key], rows

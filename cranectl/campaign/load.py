@@ -108,6 +108,13 @@ def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
 
 def make_campaign(settings: CampaignSettings) -> Campaign:
     """The campaign of `settings`, checked."""
+    campaign = stated_campaign(settings)
+    check_values(campaign)
+    return campaign
+
+
+def stated_campaign(settings: CampaignSettings) -> Campaign:
+    """The campaign of `settings`, before `check_values`."""
     for name in settings.controllers:
         checked_controller(name)
     nominal = _nominal_scenario(settings)
@@ -122,7 +129,6 @@ def make_campaign(settings: CampaignSettings) -> Campaign:
     campaign = Campaign(settings, nominal, parameters, _runs(settings, parameters))
     if settings.correlation:
         gaussian_copula(campaign)
-    _check_values(campaign)
     return campaign
 
 
@@ -182,8 +188,11 @@ def _saltelli_runs(runs: int, varied: int) -> int:
     return runs
 
 
-def _check_values(campaign: Campaign) -> None:
-    """Raise InputError where a parameter by itself takes a value that the scenario or a plant refuses."""
+def check_values(campaign: Campaign) -> None:
+    """Raise InputError where a parameter by itself takes a value that the scenario or a plant refuses.
+
+    It takes longer than all other checks.
+    """
     middle = np.array([0.5])
     usual = [p.nominal if p.distribution.varies else float(p.values(middle)[0]) for p in campaign.parameters]
     sampled = _sampled_ends(campaign)

@@ -20,6 +20,7 @@ from cranectl.campaign.cluster import NO_DASHBOARD, cluster_client, packed, run_
 from cranectl.campaign.definition import Batch, batches_of
 from cranectl.campaign.manifest import manifest_of
 from cranectl.campaign.results import Store, open_store
+from cranectl.campaign.worker import StoppedError
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance
@@ -133,6 +134,21 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> N
         assert future.status == "pending"
         wait_until(running)
     wait_until(lambda: not running())
+
+
+def test_a_batch_is_left_when_another_thread_says_so(cluster: LocalCluster) -> None:
+    long = small("set=['duration=600.0']", "uncertain.disturbances.0.magnitude.high=3.0")
+    begun: list[float] = []
+
+    def stop() -> bool:
+        begun.append(time.monotonic())
+        return any(worker.state.executing for worker in cluster.workers.values())
+
+    with cluster_client(cluster.scheduler_address, 1) as client:
+        with pytest.raises(StoppedError):
+            list(run_batches_on(client, long, batches_of(long)[:1], stop))
+        assert begun[-1] - begun[0] < 5.0
+        wait_until(lambda: not any(worker.state.executing for worker in cluster.workers.values()))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 from cranectl.campaign.benchmark.settings import Benchmark, CraneSet, MeasuredScenario
 from cranectl.campaign.definition import Campaign
-from cranectl.campaign.load import make_campaign
+from cranectl.campaign.load import stated_campaign
 from cranectl.campaign.settings import parse_campaign
 from cranectl.controllers.registry import load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
@@ -108,7 +108,7 @@ def campaign_of(
 
     `tuned` gives the settings of a law that was tuned, on a crane so many times as large as the laboratory's.
 
-    Raises InputError as `make_campaign`.
+    Raises InputError as `stated_campaign`; values are not yet checked.
     """
     cranes = sets_of(benchmark)[piece.crane_set]
     draws = cranes.draws if most is None else min(most, cranes.draws)
@@ -159,7 +159,10 @@ def piece_campaign(
     numbers: Sequence[str] = (),
     **settings: Any,
 ) -> Campaign:
-    """A campaign of `law` on a scenario of the benchmark, with `numbers` of the law, key=value each."""
+    """A campaign of `law` on a scenario of the benchmark, with `numbers` of the law, key=value each.
+
+    As `stated_campaign`: what decides which values there are is the same for all laws.
+    """
     measured = benchmark.scenarios[scenario]
     file = scenario_place(measured.file, directory)
     table = {
@@ -174,7 +177,7 @@ def piece_campaign(
         "limits": limits_of(read_scenario(file), [plant])[plant],
         **settings,
     }
-    return make_campaign(parse_campaign(table, benchmark.name))
+    return stated_campaign(parse_campaign(table, benchmark.name))
 
 
 def scenario_place(file: str, directory: Path) -> str:

@@ -8,9 +8,13 @@ from pathlib import Path
 
 from cranectl.campaign.benchmark.pieces import Piece
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.results import open_store
-from cranectl.campaign.table import Row
+from cranectl.campaign.load import check_values
+from cranectl.campaign.manifest import manifest_of
+from cranectl.campaign.results import MANIFEST_FILE, Results, open_store, read_results
+from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.worker import Stop, StoppedError
+from cranectl.support.errors import InputError
+from cranectl.support.provenance import provenance_differences
 
 # What runs batches: threads here, or a cluster. It leaves them soon after it is told to stop.
 Engine = Callable[[Campaign, Sequence[Batch], Stop], Generator[tuple[Batch, list[Row]], None, None]]
@@ -24,24 +28,29 @@ def run_pieces(
     *,
     workers: int,
     despite_differences: bool = False,
-) -> Iterator[Piece]:
+) -> Iterator[tuple[Piece, str]]:
     """Run what is missing of `pieces` below `directory`, `workers` at a time; yields each that is whole.
 
-    Batches that ended are kept when the caller leaves. Raises InputError as `open_store` and campaigns do.
+    With it comes why its law could not be run at all, "" where it could. Batches that ended are kept when the
+    caller leaves. Raises InputError as `open_store` and campaigns do.
     """
     left = threading.Event()
 
-    def run(piece: Piece) -> Piece:
+    def run(piece: Piece) -> tuple[Piece, str]:
         if left.is_set():
             raise StoppedError
         campaign = campaign_of(piece)
         place = directory / piece.place
+        whole = _whole_result(campaign, place)
+        if whole is not None:
+            return piece, _not_run(whole)
+        check_values(campaign)
         with open_store(campaign, place, resume=True, despite_differences=despite_differences) as store:
             if store.missing:
                 with closing(engine(campaign, store.missing, left.is_set)) as finished:
                     for batch, rows in finished:
                         store.write(batch, rows)
-        return piece
+        return piece, _not_run(read_results(place))
 
     with ThreadPoolExecutor(workers, thread_name_prefix="piece") as pool:
         try:
@@ -50,3 +59,24 @@ def run_pieces(
         finally:
             left.set()
             pool.shutdown(cancel_futures=True)
+
+
+def _whole_result(campaign: Campaign, directory: Path) -> Results | None:
+    """The finished result of `campaign` in `directory` by software that is here; None for any other.
+
+    It says what `open_store` would make it say, and is neither held nor written.
+    """
+    if not (directory / MANIFEST_FILE).exists():
+        return None
+    try:
+        found = read_results(directory)
+    except InputError:  # which `open_store` mends, or says
+        return None
+    wanted = manifest_of(campaign)
+    told = {name: value for name, value in wanted.items() if name not in ("versions", "accepted")}
+    made_here = any(not provenance_differences(o.versions, wanted["versions"]) for o in found.origins)
+    return found if made_here and found.manifest | told == found.manifest else None
+
+
+def _not_run(results: Results) -> str:
+    return str(results.column("reason")[0]) if set(results.column("status")) == {FAILED} else ""

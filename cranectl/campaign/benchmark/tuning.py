@@ -18,6 +18,7 @@ from cranectl.campaign.benchmark.pieces import follows, piece_campaign
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.variables import Variable, assignments, variables_of
 from cranectl.campaign.definition import Batch, Campaign
+from cranectl.campaign.load import check_values
 from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared, StoppedError, Worker
@@ -189,6 +190,8 @@ def tune(
         variables,
         {name: tuning_campaign(benchmark, directory, name, law) for name in suited},
     )
+    for campaign in cranes.campaigns.values():
+        check_values(campaign)
     budget = benchmark.tuning.runs if runs is None else runs
     evaluations = budget // cranes.runs if variables else 1
     if variables and evaluations < 2:

@@ -31,7 +31,7 @@ def engine_of(scheduler: str | None, patience: float) -> Iterator["Engine"]:
 
     with cluster_client(scheduler, 1) as client:
 
-        def there(campaign: "Campaign", batches: "Sequence[Batch]", _stop: "Stop") -> "Batches":
-            return run_batches_on(client, campaign, batches)
+        def there(campaign: "Campaign", batches: "Sequence[Batch]", stop: "Stop") -> "Batches":
+            return run_batches_on(client, campaign, batches, stop)
 
         yield there

@@ -90,8 +90,6 @@ def run_benchmark(
     from cranectl.campaign.benchmark.running import run_pieces
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
     from cranectl.campaign.benchmark.tuned import tuned_settings
-    from cranectl.campaign.results import read_results
-    from cranectl.campaign.table import FAILED
     from cranectl.cases.workers import available_cores
     from cranectl.cli.benchmark.engine import engine_of
 
@@ -113,11 +111,10 @@ def run_benchmark(
             despite_differences=despite_differences,
         )
         not_run = []
-        for piece in done:
+        for piece, reason in done:
             shown.advance(task)
-            rows = read_results(directory / piece.place)
-            if set(rows.column("status")) == {FAILED}:
-                not_run.append(f"{piece.law} on {piece.scenario}: {rows.column('reason')[0]}")
+            if reason:
+                not_run.append(f"{piece.law} on {piece.scenario}: {reason}")
     screen = console(None)
     for line in sorted(not_run):
         screen.print(f"could not be run: {line}")

@@ -23,6 +23,12 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     assert main([*run, "--workers", "1"]) == 0, "goes on with what is missing"
     assert {path: path.read_bytes() for path in out.rglob("*.parquet")} == parts, "the same, whoever runs it"
 
+    written = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
+    assert main(run) == 0
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == written, (
+        "what is whole is left alone"
+    )
+
     report = ["benchmark", "report", str(out), "--benchmark", str(small), "--trust", "--out", str(page)]
     capsys.readouterr()
     assert main([*report, "--table", str(table), "--json", "-"]) == 0
@@ -63,6 +69,25 @@ def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.
     small.write_text(small.read_text().replace("draws = 6", "draws = 7"))
     assert main([*report, "--beside", str(table)]) == 2
     assert "two results whose rules differ" in capsys.readouterr().err
+
+
+def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A law that has changed is other software; limits judge runs, and may change."""
+    law, out = small.with_name("servo.py"), small.with_name("out")
+    run = ["benchmark", "run", str(small), "--controller", f"{law}:SERVO", "--set-of-cranes", "nominal"]
+    run += ["--out", str(out)]
+    manifest = out / "published" / "mujoco" / "nominal" / "short" / "servo" / "campaign.json"
+    assert main(run) == 0
+    scenario = small.with_name("short.toml")
+    scenario.write_text(scenario.read_text().replace("final_error_m = 0.05", "final_error_m = 0.06"))
+    assert main(run) == 0
+    assert json.loads(manifest.read_text())["campaign"]["limits"]["final_error_m"] == 0.06
+    law.write_text(law.read_text().replace("damper on each drive.", "damper, on each drive."))
+    close_laws()
+    assert main(run) == 2
+    assert "was made by other software" in capsys.readouterr().err
+    assert main([*run, "--despite-differences"]) == 0
+    assert len(json.loads(manifest.read_text())["accepted"]) == 1
 
 
 def test_code_runs_only_where_somebody_asked_for_it(small: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,6 +8,7 @@ import pytest
 from cranectl.campaign.benchmark.pieces import Piece, campaign_of, pieces_of
 from cranectl.campaign.benchmark.rules import rules_of
 from cranectl.campaign.benchmark.settings import benchmark_names, read_benchmark
+from cranectl.campaign.load import check_values
 from cranectl.campaign.sampling import sample_values
 from cranectl.controllers.doors.opening import open_law
 from cranectl.support.errors import InputError
@@ -119,4 +120,4 @@ def test_those_that_come_with_cranectl_can_be_run(name: str) -> None:
     benchmark = read_benchmark(name)
     assert benchmark.baseline in benchmark.laws
     for piece in pieces_of(benchmark, ("lqr-integral",)):
-        campaign_of(benchmark, resources.BENCHMARK_DIRECTORY, piece)
+        check_values(campaign_of(benchmark, resources.BENCHMARK_DIRECTORY, piece))
