@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import subprocess
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +9,7 @@ from types import ModuleType
 
 import numpy as np
 from figures import Figure, figure, interleaved
+from law_times import shared_library
 
 from cranectl.cli.main import main as cranectl
 from cranectl.controllers.addressed import _call, entered
@@ -46,10 +46,7 @@ def laws_from_outside(repeats: int) -> list[Figure]:
             for kind, name in (("controller", "twin"), ("c-controller", "servo")):
                 cranectl(["new", kind, name, "--in", folder])
         source = Path(folder, "servo.c")
-        library = source.with_suffix(".so")
-        subprocess.run(
-            ["cc", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-o", library, source], check=True
-        )
+        library = shared_library(source)
         twin = ModuleType("twin")
         twin.__file__ = str(Path(folder, "twin.py"))
         exec(compile(Path(twin.__file__).read_text(), twin.__file__, "exec"), twin.__dict__)

@@ -17,7 +17,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 import foxglove
-import numpy as np
 from campaign_benchmark import (
     Bare,
     campaign_against_engine,
@@ -28,17 +27,16 @@ from campaign_benchmark import (
 from figures import Figure, figure, interleaved, seconds
 from foxglove.mcap import MCAPWriteOptions
 from law_benchmark import laws_from_outside
+from law_times import law_times, section
 from scaling import result_costs, scaling
 
 from cranectl.cases.workers import available_cores
-from cranectl.controllers.flat import control_step, initial_memory
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.messages import streams
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order
 from cranectl.reference import load_scenario
-from cranectl.simulate import plan_scenario, simulate_run, tracker_of
-from cranectl.support.jit import jit
+from cranectl.simulate import plan_scenario, simulate_run
 
 SCENARIO = "settled-trajectory"
 
@@ -127,29 +125,6 @@ def _write_prebuilt(path: Path, prebuilt: list) -> None:
         _send_in_order(context, prebuilt)
 
 
-@jit
-def _repeat_control(tracker, states, references, memory, row):
-    for k in range(states.shape[0]):
-        control_step(tracker, states[k], references[k], memory, row)
-
-
-def control_step_alone(repeats: int) -> list[Figure]:
-    """The compiled kernel on the states of a run."""
-    scenario, found = load_scenario(SCENARIO), []
-    for name in ("pole-placement", heaviest_controller()):
-        run = simulate_run(scenario, plant="analytic", controller=name)
-        tracker = tracker_of(scenario, run.design)
-        states = np.ascontiguousarray(run.block("state"))
-        row = np.zeros(run.table.shape[1])
-        times = []
-        for _ in range(repeats + 1):
-            memory = initial_memory(tracker, run.reference[0])
-            work = functools.partial(_repeat_control, tracker, states, run.reference, memory, row)
-            times.append(seconds(work))
-        found.append(figure(f"control step, {name}", [1e9 * t / len(states) for t in times[1:]], "ns"))
-    return found
-
-
 def commands(repeats: int) -> list[Figure]:
     """Whole processes, caches warm."""
     limits = {"--help": 0.5, "run fixed-position": 3.0}
@@ -202,7 +177,6 @@ PARTS = (
     result_costs,
     other_ways,
     log_against_library,
-    control_step_alone,
     laws_from_outside,
     commands,
 )
@@ -246,13 +220,15 @@ def main() -> int:
         figures += part(arguments.repeats)
         print(f"{part.__name__} done", file=sys.stderr)
     figures += [] if arguments.quick else validation()
-    print(table(figures))
+    laws = law_times(arguments.repeats)
+    print(table(figures) + section(laws))
     if arguments.json is not None:
         arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        measured = [{**asdict(f), "good": f.good} for f in figures]
+        of_laws = [figure for law in laws for figure in (law.sample, law.ratio)]
+        measured = [{**asdict(f), "good": f.good} for f in [*figures, *of_laws]]
         arguments.json.write_text(json.dumps({"figures": measured}, indent=2, ensure_ascii=False) + "\n")
     if arguments.write is not None:
-        arguments.write.write_text(PAGE + table(figures) + scaling(figures), encoding="utf-8")
+        arguments.write.write_text(PAGE + table(figures) + section(laws) + scaling(figures), encoding="utf-8")
     return 0 if all(f.good for f in figures) else 1
 
 

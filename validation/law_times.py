@@ -1,0 +1,158 @@
+"""What the laws of the benchmark cost a sample, in ratios of turns that they take.
+
+    python validation/law_times.py    print the section of docs/proofs/performance.md
+
+Part of `performance.py`. The compiled steps of a law alone, over the states of its own run.
+"""
+
+import subprocess
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from figures import Figure, figure
+
+from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
+from cranectl.cli.benchmark.run import benchmark_laws
+from cranectl.controllers.addressed import _call, at_start, entered
+from cranectl.controllers.controller import Controller
+from cranectl.controllers.doors.c_law import HEADER
+from cranectl.controllers.doors.opening import open_law
+from cranectl.controllers.flat import Tracker, control_step
+from cranectl.controllers.registry import controller_design, load_controller, register_controller
+from cranectl.design import CONTROLLERS as FLAT_FAMILY
+from cranectl.reference import load_scenario
+from cranectl.simulate import law_of, plan_scenario, simulate_run
+from cranectl.simulate.loops import RUNNING, give_measured
+from cranectl.simulate.runner import memory_of
+from cranectl.support.jit import jit
+
+BENCHMARK, SCENARIO, DRIVE = "literature", "hoist-and-go", "velocity"
+FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off", f"-I{HEADER.parent}")
+
+SECTION = """
+## The laws of the benchmark
+
+By `python validation/law_times.py`: the compiled step of each law alone, as the loop calls it, on the
+states of its own run, {scenario} with {drive} drives, true states measured. What the call costs is in the
+row `nothing`, which commands zero. In `pole-placement`, `lqr` and what is added to it, the step also makes
+the load and its errors for the log; for all others the loop does. Laws take turns, and ratios are of one
+turn. A law that does not step at every sample, of 1 ms, costs its steps only: the last column is what one
+takes.
+
+{table}
+"""
+
+
+def nothing(_parameters, _measured, _reference, _memory, command):
+    """The step of a law that commands zero."""
+    for axis in range(3):
+        command[axis] = 0.0
+    return 0
+
+
+NOTHING = Controller("nothing", "what a sample costs besides its law", nothing, lambda _: (np.zeros(1),) * 2)
+
+
+def shared_library(*sources: Path, folder: Path | None = None) -> Path:
+    """`sources` in C, built as their users do it, in `folder` or beside them."""
+    library = (folder or sources[0].parent) / sources[0].with_suffix(".so").name
+    subprocess.run(["cc", *FLAGS, "-o", library, *sources, "-lm"], check=True)
+    return library
+
+
+@dataclass(frozen=True)
+class LawTime:
+    """Of one law."""
+
+    law: str
+    every: int  # samples between two steps
+    sample: Figure  # [µs]
+    ratio: Figure  # to the benchmark's baseline
+
+
+@jit
+def _steps(law, states, memory):
+    """Returns the number of steps that failed."""
+    failed = 0
+    for k in range(states.shape[0]):
+        give_measured(law, None, states[k], k)
+        if k % law.every == 0:
+            status = _call(law.address, law.parameters, law.measured, law.reference[k], memory, law.command)
+            failed += status != 0
+    return failed
+
+
+@jit
+def _flat_steps(tracker, states, reference, memory, row):
+    failed = 0
+    for k in range(states.shape[0]):
+        failed += control_step(tracker, states[k], reference[k], memory, row) != RUNNING
+    return failed
+
+
+class Again:
+    """The law of a run on the states of that run."""
+
+    def __init__(self, law: str) -> None:
+        scenario = load_scenario(benchmark_file(BENCHMARK).parent / "scenarios" / f"{SCENARIO}.toml")
+        plan, design = plan_scenario(scenario), controller_design(law, scenario)
+        self.law, self.reference = law_of(scenario, design, DRIVE, plan), plan.reference
+        run = simulate_run(scenario, plant="analytic", drive=DRIVE, design=design, plan=plan, law=self.law)
+        self.states, self.row = np.ascontiguousarray(run.block("state")), np.zeros(run.table.shape[1])
+
+    def seconds_a_sample(self) -> float:
+        """Once."""
+        memory = memory_of(self.law, self.reference[0])
+        if isinstance(self.law, Tracker):
+            work = partial(_flat_steps, self.law, self.states, self.reference, memory, self.row)
+        else:
+            work = partial(_steps, entered(at_start(self.law)), self.states, memory)
+        start = perf_counter()
+        failed = work()
+        took = perf_counter() - start
+        assert failed == 0
+        return took / len(self.states)
+
+
+def law_times(repeats: int) -> list[LawTime]:
+    """Of every law of the benchmark, and of `nmpc`, which is not in its file since it must be built."""
+    settings, file = read_benchmark(BENCHMARK), benchmark_file(BENCHMARK)
+    with tempfile.TemporaryDirectory() as folder:
+        nmpc = file.parent / "nmpc"
+        built = open_law(str(shared_library(nmpc / "nmpc.c", nmpc / "model.c", folder=Path(folder))))
+        register_controller(NOTHING)
+        laws = (*benchmark_laws(settings.laws, file, trust=False), built, NOTHING.name)
+        runs = {law: Again(law) for law in laws}
+        rounds = [{law: run.seconds_a_sample() for law, run in runs.items()} for _ in range(repeats + 1)]
+    found = []
+    for law in runs:
+        times = [each[law] for each in rounds[1:]]
+        ratios = [each[law] / each[settings.baseline] for each in rounds[1:]]
+        every = 1 if law in FLAT_FAMILY else load_controller(law).every
+        sample = figure(f"a sample of {law}", [1e6 * t for t in times], "µs")
+        found.append(LawTime(law, every, sample, figure(f"{law} / {settings.baseline}", ratios, "")))
+    return sorted(found, key=lambda each: each.ratio.value)
+
+
+def section(times: Iterable[LawTime]) -> str:
+    """Markdown."""
+    lines = [
+        "| law | a sample [µs] | spread | / `lqr-integral` | a step every [ms] | a step [µs] |",
+        "|---|---|---|---|---|---|",
+    ]
+    for each in times:
+        low, high = each.sample.spread
+        lines.append(
+            f"| `{each.law}` | {each.sample.value:.3g} | {low:.3g} … {high:.3g} | {each.ratio.value:.3g} | "
+            f"{each.every} | {each.every * each.sample.value:.3g} |"
+        )
+    return SECTION.format(scenario=f"`{SCENARIO}`", drive=DRIVE, table="\n".join(lines))
+
+
+if __name__ == "__main__":
+    print(section(law_times(9)))
