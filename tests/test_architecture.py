@@ -1,5 +1,6 @@
 """The structure: one direction of imports, a light start, a public API that matches its promise."""
 
+import os
 import re
 import subprocess
 import sys
@@ -51,6 +52,17 @@ def test_the_top_level_has_nothing_that_a_run_left_there() -> None:
     shown |= {"CHANGELOG.md", "CONTRIBUTING.md", "LICENSE", "Makefile", "README.md"}
     shown |= {"conftest.py", "constraints.txt", "pyproject.toml"}
     assert {name for name in tracked if not name.startswith(".")} == shown
+
+
+def test_programs_of_validation_know_the_package_as_it_is() -> None:
+    """Most are run by hand only, and rarely."""
+    names = sorted(path.stem for path in (ROOT / "validation").glob("*.py"))
+    assert "performance" in names
+    done = subprocess.run(
+        [sys.executable, "-c", f"import {', '.join(names)}"], cwd=ROOT / "validation",
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_stranger_sees_the_rooms_at_a_glance() -> None:

@@ -1,6 +1,6 @@
 """What a campaign costs against bare steps of the engine, and against what one would write otherwise.
 
-Part of `benchmark.py`. Bare steps are the engine's `mj_step` called from a compiled loop, without the
+Part of `performance.py`. Bare steps are the engine's `mj_step` called from a compiled loop, without the
 engine's clock, which cranectl takes away for all: of the model file, and of the model that runs take, which
 has the same motion to the bit but neither drawing nor idle forces.
 """
@@ -21,7 +21,8 @@ from figures import Figure, figure, interleaved, ratio_of_best
 from cranectl.campaign import Campaign, make_campaign
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.settings import parse_campaign
-from cranectl.campaign.workers import BLOCK, Prepared, Worker, run_batches
+from cranectl.campaign.worker import BLOCK, Prepared, Worker
+from cranectl.campaign.workers import run_batches
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
 from cranectl.plants.mujoco.step import mj_step
