@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.controllers.doors.opening import close_laws
+from tests.campaign.benchmark.tiny import STEP
 
 SMALL = """
 name = "small"
@@ -86,20 +87,10 @@ duration = 0.6
 final_error_m = 0.05
 """
 
-SERVO = '''
+SERVO = f'''
 """A spring and a damper on each drive."""
 
-import numpy as np
-
-from cranectl import Controller, Parameter
-
-
-def step(parameters, measured, reference, memory, command):
-    for axis in range(3):
-        target = -reference[2] if axis == 2 else reference[axis]
-        command[axis] = parameters[0] * (target - measured[2 * axis]) - parameters[1] * measured[2 * axis + 1]
-    return 0
-
+{STEP}
 
 def prepare(nominal):
     stiffness = nominal.parameters["stiffness"] * nominal.rig.gravity

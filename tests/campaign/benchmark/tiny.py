@@ -47,7 +47,7 @@ limits = { final_error_m = 0.2 }
 start = [0.8, 0.6, -0.7]
 segments = [{ kind = "line", to = [1.1, 0.9, -0.6], duration = 1.0 }]
 """
-LAW = """\
+STEP = """\
 import numpy as np
 from cranectl import Controller, InputError, Parameter
 
@@ -56,7 +56,9 @@ def step(parameters, measured, reference, memory, command):
         target = -reference[2] if axis == 2 else reference[axis]
         command[axis] = parameters[0] * (target - measured[2 * axis]) - parameters[1] * measured[2 * axis + 1]
     return 0
-
+"""
+LAW = f"""\
+{STEP}
 def prepare(nominal):
     if nominal.parameters["damping"] > 12.0:
         raise InputError("too much damping")
