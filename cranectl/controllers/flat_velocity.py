@@ -121,7 +121,17 @@ FLAT_VELOCITY = Controller(
     prepare=prepare,
     command="velocity",
     parameters=tuple(
-        Parameter(name, -2.5, "1/s", "a pole of the load's error, real", -FASTEST, -SLOWEST) for name in POLES
+        Parameter(
+            name,
+            -2.5,
+            "1/s",
+            "a pole of the load's error, real",
+            -FASTEST,
+            -SLOWEST,
+            search=(0.8, 8.0),
+            length_power=-0.5,
+        )
+        for name in POLES
     ),
     logged=tuple(
         Logged(place, signal)

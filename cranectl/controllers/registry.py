@@ -20,6 +20,7 @@ WHERE = {  # module and name of each law, imported only when asked for
     "pid": "cranectl.controllers.pid:PID",
     "lqr-integral": "cranectl.controllers.lqr_integral:LQR_INTEGRAL",
     "flat-velocity": "cranectl.controllers.flat_velocity:FLAT_VELOCITY",
+    "lqr-offset-free": "cranectl.controllers.lqr_offset_free:LQR_OFFSET_FREE",
 }
 REGISTERED: dict[str, "Controller"] = {}  # in this process
 

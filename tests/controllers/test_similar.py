@@ -18,7 +18,7 @@ def test_defaults_go_by_their_powers_and_what_is_given_stays() -> None:
     assert controller_design("pid", load_scenario("fast-diagonal")).parameters["proportional"] == 4.0
 
 
-@pytest.mark.parametrize("controller", ["pid", "lqr-integral"])
+@pytest.mark.parametrize("controller", ["pid", "lqr-integral", "lqr-offset-free", "flat-velocity"])
 def test_a_similar_crane_moves_as_the_small_one_does(controller: str) -> None:
     """Twenty-five times as large, five times as slow: every position is 25 times the small one's."""
     large = load_scenario(

@@ -17,6 +17,7 @@ optimum.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_continuous_are
 from scipy.optimize import minimize
 
 from cranectl.analysis.certificate.linear_plant import LinearPlant
@@ -34,6 +35,8 @@ from cranectl.scenario import DesignSettings
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
+MARGINAL = 1e-9  # so near the unit circle poles count as on it
+UNUSED = 1e-9  # of a gain: what is left of two that cancel
 SIGNALS = CRANE_STATES  # four measured on each axis: a flat output and three derivatives, or crane states
 
 
@@ -125,11 +128,24 @@ def flat_axis(design: Design, period: float) -> AxisDesign:
 
 
 def law_axis(law: LinearLaw, period: float) -> AxisDesign:
-    """The linearisation of a law: the states that it adds to those of the crane are its R."""
+    """The linearisation of a law: the states that it adds to those of the crane are its R.
+
+    F must make the crane stable, as coprime factors ask for. Where the law's own gain does not, another one
+    does, and R has the difference: neither loop nor margin change.
+    """
     crane, own = slice(SIGNALS), slice(SIGNALS, None)
+    a, b, gain = law.a[crane, crane], law.b[crane], law.gain[crane]
+    if np.abs(np.linalg.eigvals(_sampled_loop(a, b, gain, period))).max() >= 1.0 - MARGINAL:
+        gain = (b.T @ solve_continuous_are(a, b, np.eye(SIGNALS), [[1.0]]))[0]
     phi, hold = zero_order_hold(law.a[own, own], law.a[own, crane], period)
-    robustifier = SampledSystem(phi, hold, law.gain[None, own], np.zeros((1, SIGNALS)))
-    return AxisDesign(law.a[crane, crane], law.b[crane], law.gain[crane], robustifier, 2, period)
+    robustifier = SampledSystem(phi, hold, law.gain[None, own], (law.gain[crane] - gain)[None])
+    return AxisDesign(a, b, gain, robustifier, 2, period)
+
+
+def _sampled_loop(a: Array, b: Array, gain: Array, period: float) -> Array:
+    phi, hold = zero_order_hold(a, b, period)
+    loop: Array = phi - hold @ gain[None]
+    return loop
 
 
 def closed_loop_matrix(inner: InnerLoop, robustifier: SampledSystem) -> Array:
@@ -201,7 +217,8 @@ class Opening:
         if self.weight is not None:
             shaped: Complex = -r[:, :, :1] * self.weight.denominator(z) / self.weight.proportional * eye
             return shaped
-        rows = -(self.axis.gain + r[:, 0]) / self.scales
+        used = self.scales > 0.0
+        rows = np.where(used, -(self.axis.gain + r[:, 0]) / np.where(used, self.scales, 1.0), 0.0)
         return np.kron(rows, eye).reshape(len(z), len(eye), -1).astype(complex)
 
 
@@ -228,19 +245,25 @@ def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, 
 
 
 def best_scales(axis: AxisDesign) -> Array:
-    """Scales (4,) of what is measured on an axis for which b(G, K) at "v" or "u" is largest."""
+    """Scales (4,) of what is measured on an axis for which b(G, K) at "v" or "u" is largest.
+
+    They are 0 for what the law makes no use of.
+    """
     measured = axis.inner_loop().response(GRID)[:, :: axis.axes, 0]
     r = axis.robustifier.response(GRID)[:, 0]
     plant, controller = np.abs(measured) ** 2, np.abs(axis.gain + r) ** 2
+    used = np.sqrt(controller.max(axis=0)) > UNUSED * np.abs(axis.gain)
+    plant, controller = plant[:, used], controller[:, used]
     v, loop = np.abs(1.0 - measured @ axis.gain) ** 2, np.abs(1.0 + (r * measured).sum(axis=1)) ** 2
 
     def cost(logarithms: Array) -> float:
         squares = np.exp(2.0 * logarithms)
         return float(np.log((plant @ squares + v) * (1.0 + controller @ (1.0 / squares)) / loop).max())
 
-    start = np.log(np.abs(axis.gain))
+    start = 0.5 * np.log(controller).mean(axis=0)
     optimum = minimize(
         cost, start, method="Nelder-Mead", options={"maxfev": 4000, "xatol": 1e-5, "fatol": 1e-8}
     )
-    scales: Array = np.exp(optimum.x)
+    scales = np.zeros(SIGNALS)
+    scales[used] = np.exp(optimum.x)
     return scales

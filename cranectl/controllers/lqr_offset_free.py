@@ -1,0 +1,225 @@
+"""`lqr-offset-free`: LQR about the path of a crane that leans against what pushes its load.
+
+However its drives move, a load at z is pulled along its rope, so that with z₃'' of the path
+
+    z₁'' = -(tan β / cos α)(z₃'' + g) + d₁,    z₂'' = -tan α (z₃'' + g) + d₂.
+
+An observer finds z, z' and the push d, an acceleration, from the measured joints. It is told nothing of what
+drives were commanded: their lags, delays and limits are no error of it, and no saturation winds anything up.
+The path's acceleration less d gives by the flat map where the crane leans just so that its load is on the
+path: what a standing push, a tilted rail or a crooked angle sensor asks for (the target of offset-free
+control: Pannocchia and Rawlings, AIChE J. 49, 2003). Per horizontal axis, with x the drive and e the error of
+the observed load, in lengths of l, times of 1/p = sqrt(l/g):
+
+    u/g = u_d/g - k₁ (x - x_d)/l - k₂ (x - x_d)'/lp - k₃ e/l - k₄ e'/lp
+
+K minimises the integral of ρ (q_e (e/l)² + q_v (e'/lp)²) + (u/g)²; so scaled one K serves every rope length
+and every size of crane. ρ is 1 near the path, and less where the drive's limit of acceleration asks for it:
+the largest for which K x stays within what the path leaves of the limit on the whole ellipsoid through the
+present x that the loop does not leave, (x·P x)(B·P B) <= u_max², P the cost of a state (Megretski, L2 BIBO
+output feedback stabilization with saturated control, IFAC 1996). The rope follows its own length, with two
+equal poles.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numba import carray  # type: ignore[attr-defined]
+from scipy.linalg import solve_continuous_are
+
+from cranectl.controllers.controller import CRANE_STATES, Controller, LinearLaw, Logged, Nominal, Parameter
+from cranectl.controllers.observer import make_observer
+from cranectl.design.discretisation import check_sampled, zero_order_hold
+from cranectl.model.flatness import flat_output, slopes_from_angles, state_and_input
+from cranectl.signals import (
+    ACCELERATION,
+    ALPHA,
+    ALPHA_RATE,
+    BETA,
+    BETA_RATE,
+    BRIDGE,
+    ROPE,
+    ROPE_RATE,
+    TROLLEY,
+    VELOCITY,
+    Signal,
+    X,
+    Z,
+)
+from cranectl.support.arrays import Array
+from cranectl.support.jit import jit
+
+# Places of parameters and memory; of an axis the observer has z, z' and d.
+PERIOD, GRAVITY, ROPE_POLE, OBSERVER, LIMIT, LEVEL = 0, 1, 2, 3, 6, 8
+LEVELS = 17  # of ρ, the smallest first
+STATES, ELLIPSOID = 4, 4  # of a level: K (4,), then (B·P B) P (4, 4)
+WIDTH = STATES + STATES * STATES
+ESTIMATE, LEANING, DESIRED, INPUT, LOAD, SCALED, BEGUN, MEMORY = 0, 6, 21, 31, 34, 46, 50, 51
+LEAST = 0.2  # of the limit is the feedback's, whatever the path takes
+PUSH = 2  # in the estimate of an axis
+
+
+@jit
+def expect(estimate, specific_force, period):
+    """Move the `estimate` (3,) of an axis on by a period; the rope pulls with `specific_force` [m/s²]."""
+    acceleration = specific_force + estimate[PUSH]
+    estimate[0] += period * (estimate[1] + 0.5 * period * acceleration)
+    estimate[1] += period * acceleration
+
+
+@jit
+def reached(parameters, level, state):
+    """The largest acceleration, over g, on the ellipsoid of a level through `state` (4,)."""
+    start = LEVEL + WIDTH * level + ELLIPSOID
+    total = 0.0
+    for i in range(STATES):
+        for k in range(STATES):
+            total += parameters[start + STATES * i + k] * state[i] * state[k]
+    return sqrt(max(total, 0.0))
+
+
+@jit
+def feedback(parameters, state, limit):
+    """K x of an axis [1], scaled as above, for `state` (4,) and a limit of acceleration, over g."""
+    level, share = LEVELS - 2, 1.0
+    high = reached(parameters, LEVELS - 1, state)
+    while high > limit:
+        low = reached(parameters, level, state)
+        share = 0.0 if low >= high else min(max((limit - low) / (high - low), 0.0), 1.0)
+        if low <= limit or level == 0:
+            break
+        level, high = level - 1, low
+    total = 0.0
+    for i in range(STATES):
+        first, last = LEVEL + WIDTH * level + i, LEVEL + WIDTH * (level + 1) + i
+        total += (parameters[first] + share * (parameters[last] - parameters[first])) * state[i]
+    return total
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and path in, accelerations out."""
+    held = carray(memory, (MEMORY,))
+    leaning, desired = held[LEANING:DESIRED], held[DESIRED:INPUT]
+    inputs, load, state = held[INPUT:LOAD], held[LOAD:SCALED], held[SCALED:BEGUN]
+    gravity, period, length = parameters[GRAVITY], parameters[PERIOD], measured[ROPE]
+    lift = reference[ACCELERATION + Z] + gravity
+    if lift <= 0.0 or reference[Z] >= 0.0 or length <= 0.0:
+        return 2
+    flat_output(measured, 0.0, 0.0, gravity, load)
+    slope_x, slope_y, _, _ = slopes_from_angles(
+        measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE]
+    )
+    for i in range(15):
+        leaning[i] = reference[i]
+    for axis in range(2):
+        estimate = held[3 * axis : 3 * axis + 3]
+        if held[BEGUN] == 0.0:
+            estimate[0], estimate[1] = load[axis], load[VELOCITY + axis]
+        innovation = load[axis] - estimate[0]
+        for i in range(3):
+            estimate[i] += parameters[OBSERVER + i] * innovation
+        leaning[ACCELERATION + axis] -= estimate[PUSH]
+    held[BEGUN] = 1.0
+    state_and_input(leaning, gravity, desired, inputs)
+    speed = sqrt(gravity * length)
+    for axis in range(2):
+        estimate, joint = held[3 * axis : 3 * axis + 3], BRIDGE if axis == X else TROLLEY
+        # Its drives follow the path itself: x_c'' = z'' - (p h)'', with the rope's slope p and drop h.
+        command[axis] = inputs[axis] + estimate[PUSH]
+        state[0] = (measured[joint] - desired[joint]) / length
+        state[1] = (measured[joint + 1] - desired[joint + 1]) / speed
+        state[2] = (estimate[0] - reference[axis]) / length
+        state[3] = (estimate[1] - reference[VELOCITY + axis]) / speed
+        left = max(parameters[LIMIT + axis] - abs(command[axis]), LEAST * parameters[LIMIT + axis])
+        command[axis] -= gravity * feedback(parameters, state, left / gravity)
+        expect(estimate, -lift * (slope_x if axis == X else slope_y), period)
+    pole = parameters[ROPE_POLE]
+    command[Z] = inputs[Z] - pole * (
+        pole * (length - desired[ROPE]) + 2.0 * (measured[ROPE_RATE] - desired[ROPE_RATE])
+    )
+    return 0
+
+
+# Of x, x', e, e' near plumb, in lengths of l, times of 1/p: l e'' = g (x - e).
+A = np.array([[0.0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [1, 0, -1, 0]])
+B = np.array([[0.0], [1], [0], [0]])
+
+
+def regulator(error_weight: float, rate_weight: float) -> tuple[Array, Array]:
+    """K (4,) of (x, x', e, e') and P (4, 4), the cost of a state."""
+    cost = solve_continuous_are(A, B, np.diag([0.0, 0.0, error_weight, rate_weight]), [[1.0]])
+    gain: Array = (B.T @ cost)[0]
+    return gain, cost
+
+
+def frequencies(nominal: Nominal) -> tuple[float, float]:
+    """Poles of the observer and of the rope [rad/s], on a rope of middle length."""
+    middle = 0.5 * sum(nominal.rig.rope_range)
+    pendulum = sqrt(nominal.rig.gravity / middle)
+    observer_pole, rope_pole = (float(nominal.parameters[name]) for name in ("observer_pole", "rope_pole"))
+    return pendulum * observer_pole, pendulum * rope_pole
+
+
+def levels(nominal: Nominal) -> Array:
+    """(LEVELS, WIDTH) of the weights and of ever smaller ones."""
+    error_weight, rate_weight = (float(nominal.parameters[name]) for name in ("error_weight", "rate_weight"))
+    rows = []
+    for share in np.geomspace(SMALLEST, 1.0, LEVELS):
+        gain, cost = regulator(share * error_weight, share * rate_weight)
+        rows.append([*gain, *(gain[1] * cost).ravel()])  # B·P B is K's second
+    return np.array(rows)
+
+
+def prepare(nominal: Nominal) -> tuple[Array, Array]:
+    """Parameters and memory; raises InputError where sampling would make the loop unstable."""
+    table, gravity = levels(nominal), nominal.rig.gravity
+    observer_pole, rope_pole = frequencies(nominal)
+    period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])
+    phi, hold = zero_order_hold(A, B, period)
+    remedy = "lower error_weight and rate_weight in [controller.lqr-offset-free]"
+    check_sampled("lqr-offset-free", phi - hold @ table[-1:, :STATES], nominal.period, remedy=remedy)
+    observer = make_observer(observer_pole, period=nominal.period, gravity=gravity)
+    limits = nominal.rig.effects.limits.acceleration[:2]
+    head = [nominal.period, gravity, rope_pole, *observer[:3], *limits]
+    return np.concatenate([head, table.ravel()]), np.zeros(MEMORY)
+
+
+def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
+    """Of one horizontal axis at rest, ρ = 1; what it adds is the observer's z, z' and d."""
+    gravity, period = nominal.rig.gravity, nominal.period
+    observer_pole, _ = frequencies(nominal)
+    observer = make_observer(observer_pole, period=period, gravity=gravity)
+    a = np.zeros((CRANE_STATES + 3, CRANE_STATES + 3))
+    a[0, 1] = a[2, 3] = a[4, 5] = a[5, 6] = 1.0
+    a[3, 2], a[5, 2] = -gravity / rope_length, -gravity
+    for i, correction in enumerate(observer[:3]):
+        a[CRANE_STATES + i, [0, 2, 4]] += np.array([1.0, rope_length, -1.0]) * correction / period
+    b = np.zeros((len(a), 1))
+    b[1], b[3] = 1.0, -1.0 / rope_length
+    to_drive, to_rate, to_load, to_load_rate = levels(nominal)[-1, :STATES]
+    scale = sqrt(gravity / rope_length)
+    position, rate = scale**2 * to_drive, scale * to_rate
+    gain = [position, rate, 0.0, 0.0, scale**2 * to_load, scale * to_load_rate, to_drive]
+    return LinearLaw(rope_length, a, b, np.array(gain))
+
+
+SMALLEST = 1e-6  # of ρ
+WEIGHT, POLE = (1e-6, 1e6), (0.01, 100.0)
+
+LQR_OFFSET_FREE = Controller(
+    name="lqr-offset-free",
+    title="LQR about the path of a crane that leans against observed pushes: no offset, no wind-up",
+    step=step,
+    prepare=prepare,
+    linearise=linearise,
+    parameters=(
+        Parameter("error_weight", 10.0, "1", "q_e on the load's error over l", *WEIGHT, search=(1.0, 100.0)),
+        Parameter("rate_weight", 1.5, "1", "q_v on its rate over sqrt(g l)", *WEIGHT, search=(0.1, 10.0)),
+        Parameter("observer_pole", 2.0, "1", "three, over sqrt(g/l)", *POLE, search=(0.3, 10.0)),
+        Parameter("rope_pole", 1.5, "1", "two, over sqrt(g/l)", *POLE, search=(0.3, 6.0)),
+    ),
+    logged=tuple(
+        Logged(3 * k + PUSH, Signal(f"push_{axis}", f"d_{axis}", "m/s²", f"on the load, as observed, {axis}"))
+        for k, axis in enumerate("xy")
+    ),
+)

@@ -1,0 +1,135 @@
+"""LQR about the path of a crane that leans: its poles, its ellipsoids, no offset, no wind-up."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from cranectl.controllers.lqr_offset_free import (
+    BEGUN,
+    ELLIPSOID,
+    ESTIMATE,
+    LEANING,
+    LEVEL,
+    LEVELS,
+    LQR_OFFSET_FREE,
+    STATES,
+    WIDTH,
+    A,
+    B,
+    feedback,
+    frequencies,
+    levels,
+    prepare,
+)
+from cranectl.controllers.registry import controller_design
+from cranectl.reference import load_scenario
+from cranectl.simulate import linearised_law, simulate_run
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+from tests.benchmark.linear_loop import GRAVITY, PERIOD, loop_matrix, nominal_at
+
+LAW = LQR_OFFSET_FREE.name
+SENSED = ["effects.sensing={}", "effects.delay.seconds=0.004"]
+
+
+def polynomial_error(found: Array, wanted: Array) -> float:
+    """Largest relative one of characteristic polynomials; equal poles by themselves are ill-conditioned."""
+    asked, there = np.poly(wanted).real, np.poly(found).real
+    return float(np.abs(there / asked - 1.0).max())
+
+
+@pytest.mark.parametrize("length", [0.2, 0.8, 1.4])
+def test_the_poles_of_the_loop_are_those_of_regulator_observer_and_rope(length: float) -> None:
+    nominal = nominal_at(LQR_OFFSET_FREE, length)
+    observer_pole, rope_pole = frequencies(nominal)
+    regulated = np.linalg.eigvals(A - B @ levels(nominal)[-1:, :STATES]) * np.sqrt(GRAVITY / length)
+    found = np.log(np.linalg.eigvals(loop_matrix(LQR_OFFSET_FREE, length, BEGUN, LEANING))) / PERIOD
+    wanted = np.array([*regulated, *regulated, *[-observer_pole] * 6, *[-rope_pole] * 2])
+    assert polynomial_error(found, wanted) < 0.04  # of what the period does to them
+    assert found.real.max() < -1.0
+
+
+def test_its_linearisation_says_so_too() -> None:
+    scenario = load_scenario("fixed-position")
+    for law in linearised_law(scenario, controller_design(LAW, scenario)):
+        nominal = nominal_at(LQR_OFFSET_FREE, law.rope_length)
+        scale = np.sqrt(GRAVITY / law.rope_length)
+        regulated = np.linalg.eigvals(A - B @ levels(nominal)[-1:, :STATES]) * scale
+        wanted = np.array([*regulated, *[-frequencies(nominal)[0]] * 3])
+        found = np.linalg.eigvals(law.a - law.b @ law.gain[np.newaxis])
+        assert polynomial_error(found, wanted) < 0.02
+
+
+def test_what_it_asks_for_stays_within_the_limit_on_the_whole_ellipsoid() -> None:
+    """Levels are nested; u_max is met on the boundary; K x changes without steps; P never grows."""
+    nominal = nominal_at(LQR_OFFSET_FREE, 0.8)
+    parameters, table = prepare(nominal)[0], levels(nominal)
+    ellipsoids = table[:, ELLIPSOID:].reshape(LEVELS, STATES, STATES)
+    for small, large in itertools.pairwise(ellipsoids):
+        assert np.linalg.eigvalsh(large - small).min() > 0.0
+    random = np.random.default_rng(1)
+    for row, ellipsoid in zip(table, ellipsoids, strict=True):
+        gain, loop = row[:STATES], A - B @ row[np.newaxis, :STATES]
+        assert np.linalg.eigvalsh(ellipsoid @ loop + loop.T @ ellipsoid).max() < 1e-12
+        assert gain @ np.linalg.solve(ellipsoid, gain) == pytest.approx(1.0, rel=1e-6)
+    for state in random.standard_normal((300, STATES)) * 10.0 ** random.uniform(-4, 1, (300, 1)):
+        for limit in (0.02, 0.4):
+            if np.sqrt(state @ ellipsoids[0] @ state) <= limit:
+                assert abs(feedback(parameters, state, limit)) <= limit * (1.0 + 1e-12)
+            if np.sqrt(state @ ellipsoids[-1] @ state) <= limit:
+                assert feedback(parameters, state, limit) == pytest.approx(table[-1, :STATES] @ state)
+    direction = np.array([0.3, -0.2, 0.5, 0.1])
+    values = np.array([feedback(parameters, k * direction, 0.1) for k in np.geomspace(1e-3, 3.0, 4000)])
+    assert np.abs(np.diff(values)).max() < 2e-3
+    assert len(parameters) == LEVEL + LEVELS * WIDTH
+
+
+@pytest.mark.parametrize(
+    ("plant", "drive", "effects"),
+    [
+        ("analytic", "ideal", []),
+        ("mujoco", "velocity", []),
+        ("mujoco", "velocity", ["effects.installation={tilt=[0.01, -0.005]}", *SENSED]),
+    ],
+)
+def test_standing_pushes_and_tilted_rails_leave_no_error(plant: str, drive: str, effects: list[str]) -> None:
+    scenario = load_scenario("fixed-position", overrides=effects)
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=LAW)
+    late = run.time > 22.0
+    assert np.abs(run.block("disturbance")[-1]).min() > 0.1
+    error, push = run.block("error")[late, :3].mean(axis=0), run.block("controller")[late].mean(axis=0)
+    assert np.linalg.norm(error) < (2e-4 if effects else 1e-5)
+    assert np.abs(push).min() > 0.1
+
+
+@pytest.mark.parametrize("effects", [[], SENSED])
+def test_within_the_limits_of_weak_drives_nothing_winds_up(effects: list[str]) -> None:
+    """A thirteenth of the usual acceleration, the load off by nearly half of the rope."""
+    weak = [
+        "rig.effects.limits.acceleration=[0.3, 0.3, 6.0]",
+        "effects.limits={}",
+        "initial.load_offset=[0.3, 0.0, 0.0]",
+        "disturbances=[]",
+        "duration=6.0",
+        *effects,
+    ]
+    run = simulate_run(
+        load_scenario("fixed-position", overrides=weak), plant="mujoco", drive="velocity", controller=LAW
+    )
+    asked = np.abs(run.block("input")[:, 0])
+    assert 0.1 < asked.max() < 0.3
+    assert np.abs(run.block("controller")).max() < 0.05  # nothing pushes, nor does it seem so
+    assert np.linalg.norm(run.block("error")[-1, :3]) < 1e-3
+
+
+def test_sampling_that_it_cannot_stand_is_refused() -> None:
+    with pytest.raises(InputError, match="'lqr-offset-free' is unstable when sampled"):
+        prepare(nominal_at(LQR_OFFSET_FREE, 0.8, error_weight=1e6, rate_weight=1e6)._replace(period=0.05))
+
+
+def test_an_estimate_begins_with_the_load_as_it_is_measured() -> None:
+    offset = ["initial.load_offset=[0.05, -0.02, 0.0]", "disturbances=[]", "duration=0.01"]
+    run = simulate_run(load_scenario("fixed-position", overrides=offset), plant="analytic", controller=LAW)
+    assert np.abs(run.block("controller")).max() < 1e-6
+    assert ESTIMATE == 0
