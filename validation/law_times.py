@@ -1,4 +1,4 @@
-"""What the laws of the benchmark cost a sample, in ratios of turns that they take.
+"""What the laws of the benchmark cost a sample, and in ratios to its baseline.
 
     python validation/law_times.py    print the section of docs/proofs/performance.md
 
@@ -11,10 +11,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from time import perf_counter
+from time import thread_time
 
 import numpy as np
-from figures import Figure, figure
+from figures import Figure, figure, ratio_of_best
 
 from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
 from cranectl.cli.benchmark.run import benchmark_laws
@@ -38,11 +38,11 @@ SECTION = """
 ## The laws of the benchmark
 
 By `python validation/law_times.py`: the compiled step of each law alone, as the loop calls it, on the
-states of its own run, {scenario} with {drive} drives, true states measured. What the call costs is in the
-row `nothing`, which commands zero. In `pole-placement`, `lqr` and what is added to it, the step also makes
-the load and its errors for the log; for all others the loop does. Laws take turns, and ratios are of one
-turn. A law that does not step at every sample, of 1 ms, costs its steps only: the last column is what one
-takes.
+states of its own run, {scenario} with {drive} drives, true states measured, in processor time. What the
+call costs is in the row `nothing`, which commands zero. In `pole-placement`, `lqr` and what is added to
+it, the step also makes the load and its errors for the log; for all others the loop does. Laws take
+turns; ratios are of the best one of each. A law that does not step at every sample, of 1 ms, costs its
+steps only: the last column is what one takes.
 
 {table}
 """
@@ -72,7 +72,7 @@ class LawTime:
     law: str
     every: int  # samples between two steps
     sample: Figure  # [µs]
-    ratio: Figure  # to the benchmark's baseline
+    ratio: Figure  # to the benchmark's baseline, best turn to best turn
 
 
 @jit
@@ -106,15 +106,15 @@ class Again:
         self.states, self.row = np.ascontiguousarray(run.block("state")), np.zeros(run.table.shape[1])
 
     def seconds_a_sample(self) -> float:
-        """Once."""
+        """Of the processor, so that what else runs counts less."""
         memory = memory_of(self.law, self.reference[0])
         if isinstance(self.law, Tracker):
             work = partial(_flat_steps, self.law, self.states, self.reference, memory, self.row)
         else:
             work = partial(_steps, entered(at_start(self.law)), self.states, memory)
-        start = perf_counter()
+        start = thread_time()
         failed = work()
-        took = perf_counter() - start
+        took = thread_time() - start
         assert failed == 0
         return took / len(self.states)
 
@@ -129,13 +129,16 @@ def law_times(repeats: int) -> list[LawTime]:
         laws = (*benchmark_laws(settings.laws, file, trust=False), built, NOTHING.name)
         runs = {law: Again(law) for law in laws}
         rounds = [{law: run.seconds_a_sample() for law, run in runs.items()} for _ in range(repeats + 1)]
-    found = []
-    for law in runs:
-        times = [each[law] for each in rounds[1:]]
-        ratios = [each[law] / each[settings.baseline] for each in rounds[1:]]
-        every = 1 if law in FLAT_FAMILY else load_controller(law).every
-        sample = figure(f"a sample of {law}", [1e6 * t for t in times], "µs")
-        found.append(LawTime(law, every, sample, figure(f"{law} / {settings.baseline}", ratios, "")))
+    times = {law: [1e6 * each[law] for each in rounds[1:]] for law in runs}
+    found = [
+        LawTime(
+            law,
+            1 if law in FLAT_FAMILY else load_controller(law).every,
+            figure(f"a sample of {law}", of_law, "µs"),
+            ratio_of_best(f"{law} / {settings.baseline}", of_law, times[settings.baseline]),
+        )
+        for law, of_law in times.items()
+    ]
     return sorted(found, key=lambda each: each.ratio.value)
 
 
