@@ -1,5 +1,6 @@
 """Classes of information: what a law is told of crane and path, found out where that can be."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from cranectl.controllers.controller import LawDesign
@@ -22,6 +23,18 @@ class _Watched:
     def __getattr__(self, name: str) -> Any:
         self.asked.add(name)
         return getattr(self._rig, name)
+
+
+def information_class(facts: Mapping[str, Any]) -> str:
+    """Of `information`, in a few words: what it follows and measures, what it knows besides gravity."""
+    known = facts["rig"]
+    more = {
+        "preview": facts["preview"],
+        "masses": any("mass" in name for name in known),
+        "drives": "time_constants" in known,
+    }
+    follows = "set points" if facts["follows"] == "set-point" else "path"
+    return ", ".join([follows, facts["measures"], *(name for name, there in more.items() if there)])
 
 
 def information(law: str, scenario: Scenario, drive: Drive) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from cranectl.support.errors import InputError, unknown_name
 # Begin the names of sets that find the radius, and of those on which one uncertainty is alone.
 RADIUS, SINGLE = "spread-", "only-"
 Division = Literal["published", "tuned"]  # its defaults, or what tuning has found
+DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # as they are shown
 
 
 class Piece(NamedTuple):
@@ -47,20 +48,29 @@ def follows(law: str) -> str:
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
     """The sets that are judged, then those that find the radius and what one uncertainty does."""
-    radius, singles = benchmark.radius, benchmark.singles
-    ladder = {
+    return {**benchmark.sets, **radius_sets(benchmark), **single_sets(benchmark)}
+
+
+def radius_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
+    """Those that find the radius, the least spread first."""
+    radius = benchmark.radius
+    return {
         f"{RADIUS}{s:g}": CraneSet(spread=s, draws=radius.draws, scenarios=(radius.scenario,))
         for s in radius.spreads
     }
+
+
+def single_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
+    """Those on which one uncertainty is alone."""
+    singles = benchmark.singles
     if singles is None:
-        return {**benchmark.sets, **ladder}
-    alone = {
+        return {}
+    return {
         f"{SINGLE}{name}": CraneSet(
             spread=singles.spread, draws=singles.draws, scenarios=(singles.scenario,), only=only
         )
         for name, only in singles.effects.items()
     }
-    return {**benchmark.sets, **ladder, **alone}
 
 
 def pieces_of(
@@ -114,9 +124,8 @@ def campaign_of(
     draws = cranes.draws if most is None else min(most, cranes.draws)
     if piece.plant == benchmark.second_plant:
         draws = max(1, round(benchmark.second_share * draws))
-    measured = benchmark.scenarios[piece.scenario]
-    rig = read_scenario(scenario_place(measured.file, directory)).rig
-    numbers = tuned(piece.law, size_of(rig)) if piece.division == "tuned" else ()
+    length = crane_length(benchmark, directory, piece.scenario)
+    numbers = tuned(piece.law, length) if piece.division == "tuned" else ()
     return piece_campaign(
         benchmark,
         directory,
@@ -127,8 +136,13 @@ def campaign_of(
         seed=benchmark.seed,
         spread=cranes.spread,
         numbers=numbers,
-        uncertain=_uncertain(benchmark, cranes, measured),
+        uncertain=_uncertain(benchmark, cranes, benchmark.scenarios[piece.scenario]),
     )
+
+
+def crane_length(benchmark: Benchmark, directory: Path, scenario: str) -> float:
+    """How many times as large as the laboratory's the crane of `scenario` is; raises InputError."""
+    return size_of(read_scenario(scenario_place(benchmark.scenarios[scenario].file, directory)).rig)
 
 
 def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenario) -> dict[str, Any]:

@@ -64,8 +64,12 @@ def shared_scenarios(
 
 
 def points_of(found: Sequence[Standing]) -> Array:
-    """(laws, 3): unsettled share of the rest, effort, share of failures; the lower the better."""
-    return np.array([[s.unsettled, s.effort, s.failures / s.runs] for s in found])
+    """(laws, 3): unsettled share of the rest, effort, share of failures; the lower the better.
+
+    The effort of a law none of whose runs has one is infinite.
+    """
+    points = np.array([[s.unsettled, s.effort, s.failures / s.runs] for s in found])
+    return np.where(np.isnan(points), np.inf, points)
 
 
 def laws_of(table: BenchmarkTable) -> list[str]:

@@ -5,7 +5,7 @@ a law or a scenario is in the file's metadata, as JSON.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from cranectl.campaign.results import Results
 from cranectl.campaign.summary import EFFORT, effort, failed
 from cranectl.metrics.table import DRIVES
 from cranectl.support.arrays import Array, Mask
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.files import replacing
 
 VARIATION = "variation_m_s2"  # of the commands of all drives together
@@ -51,7 +51,11 @@ class Runs:
 
 @dataclass(frozen=True)
 class BenchmarkTable:
-    """All pieces there are, and what is the same for all runs: `rules`, `seed`, facts of laws, scenarios."""
+    """All pieces there are, and what is the same for all runs.
+
+    That is `rules`, `seed`, by scenario `durations` [s], by law what it is told, `laws`, of `information`,
+    and what tuning gave it, `tuned`, of `tuned_facts`.
+    """
 
     about: Mapping[str, Any]
     pieces: Mapping[Piece, Runs]
@@ -122,17 +126,35 @@ def read_table(path: Path) -> BenchmarkTable:
 
 
 def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
-    """Several tables in one, the first counts before others; raises InputError for other rules or seeds."""
+    """Several tables in one, the first counts before others; raises InputError as `check_comparable`."""
     first, *others = tables
-    pieces, laws = dict(first.pieces), dict(first.about["laws"])
+    about, pieces = dict(first.about), dict(first.pieces)
     for other in others:
-        for name in ("rules", "seed"):
-            if other.about[name] != first.about[name]:
-                raise InputError(
-                    f"two results whose {name} differ: {first.about[name]} and {other.about[name]}",
-                    allowed="results of one benchmark, by the same rules and on the same cranes",
-                    remedy="run the law again with this version of the benchmark",
-                )
+        check_comparable(other, about)
         pieces = {**other.pieces, **pieces}
-        laws = {**other.about["laws"], **laws}
-    return BenchmarkTable({**first.about, "laws": laws}, pieces)
+        about |= {name: {**other.about[name], **about[name]} for name in ("durations", "laws", "tuned")}
+    return BenchmarkTable(about, pieces)
+
+
+def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
+    """Raise InputError where rules, seed or files of laws of `table` are others than `about` says."""
+    told = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
+    laws, known = table.about["laws"], about.get("laws", {})
+    told += [(f"file of {law}", laws[law]["file"], known[law]["file"]) for law in laws if law in known]
+    for name, found, wanted in told:
+        if found != wanted:
+            raise InputError(
+                f"results whose {name} differ: {found} and {wanted}",
+                allowed="results of one benchmark, by the same rules, on the same cranes, of the same laws",
+                remedy="run the laws again with this version of the benchmark",
+            )
+
+
+def of_laws(table: BenchmarkTable, laws: Collection[str]) -> BenchmarkTable:
+    """Only the pieces of `laws`; raises InputError where there is none of one."""
+    for law in laws:
+        if law not in table.about["laws"]:
+            raise unknown_name("law of the table", law, table.about["laws"])
+    kept = {name: {law: table.about[name][law] for law in table.about[name] if law in laws}
+            for name in ("laws", "tuned")}  # fmt: skip
+    return BenchmarkTable({**table.about, **kept}, {p: r for p, r in table.pieces.items() if p.law in laws})

@@ -73,7 +73,17 @@ def _write_points(tuned: Tuned, table: Mapping[str, Any], path: Path) -> None:
 def tuned_settings(directory: Path, rules: str, law: str, length: float) -> list[str]:
     """Settings `key=value` of the tuned `law`, on a crane `length` times as large as the laboratory's.
 
-    Raises InputError where there are none in `directory`, or law or rules were others when it was tuned.
+    Raises InputError as `tuned_facts`.
+    """
+    numbers = tuned_facts(directory, rules, law)["numbers"]
+    return assignments(variables_of(law), [found for _, found in numbers.values()], length)
+
+
+def tuned_facts(directory: Path, rules: str, law: str) -> dict[str, Any]:
+    """What tuning gave `law`: `cost` and share `failed` untuned, with half the budget and with all of it.
+
+    `numbers` has those of the law by their settings, untuned and found. Raises InputError where there are
+    none in `directory`, or law or rules were others when it was tuned.
     """
     path = directory / f"{law}.toml"
     again = f"cranectl tune {law} --out {directory}"
@@ -87,12 +97,12 @@ def tuned_settings(directory: Path, rules: str, law: str, length: float) -> list
             allowed="numbers that were found for the law as it is",
             remedy=f"tune it again: {again}",
         )
-    found = dict(leaves(table.get("parameters", {})))
     if table.get("rules") != rules:
         raise InputError(
             f"{path} holds numbers that were found by the rules {table.get('rules')}, not {rules}",
             allowed="numbers that were found by the rules by which they are judged",
             remedy=f"tune it again: {again}",
         )
-    variables = variables_of(law)
-    return assignments(variables, [float(found.get(each.key, each.start)) for each in variables], length)
+    found = dict(leaves(table.get("parameters", {})))
+    numbers = {v.key: [v.start, float(found.get(v.key, v.start))] for v in variables_of(law)}
+    return {"runs": table["runs"], "cost": table["cost"], "failed": table["failed"], "numbers": numbers}

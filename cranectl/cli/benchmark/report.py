@@ -1,24 +1,19 @@
 """`cranectl benchmark report`."""
 
-from collections.abc import Sequence
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.benchmark.run import benchmark_laws, division_option
+from cranectl.cli.benchmark.run import benchmark_laws, tuned_option
 from cranectl.cli.command import Command, json_option, output_option
 from cranectl.cli.laws import controllers_option, trust_option
 from cranectl.support.files import HTML, PARQUET
-
-if TYPE_CHECKING:
-    from cranectl.campaign.benchmark.pieces import Division
 
 
 @click.command("report", cls=Command)
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("--benchmark", default="literature", show_default=True, help="Name or TOML file.")
-@division_option
 @controllers_option("Laws of the result, by name or file; repeatable. Default: all of the benchmark's.")
 @click.option(
     "--beside",
@@ -26,6 +21,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="A table that --table has written, of laws to stand beside these.",
 )
+@tuned_option
 @output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
 @output_option("--table", PARQUET, "All runs in one file.")
 @trust_option("BENCHMARK")
@@ -33,9 +29,9 @@ if TYPE_CHECKING:
 def report_benchmark(
     result: Path,
     benchmark: str,
-    division: "Division",
     controllers: tuple[str, ...],
     beside: Path | None,
+    tuned: Path | None,
     out: Path | None,
     table: Path | None,
     trust: bool,
@@ -43,35 +39,49 @@ def report_benchmark(
 ) -> None:
     """Say how the laws of RESULT stand, here and on an HTML page.
 
-    RESULT is a directory that `benchmark run` has written; pieces that are not whole are left out.
+    RESULT is a directory that `benchmark run` has written, whose pieces that are not whole are left out, or a
+    table that --table has written. Laws as published and tuned ones are kept apart.
 
     \b
     cranectl benchmark report logs/benchmark-literature
+    cranectl benchmark report literature.parquet
     cranectl benchmark report mine --controller my_law.py:LAW --beside literature.parquet
     """
     from cranectl.campaign.benchmark.collecting import collected
     from cranectl.campaign.benchmark.rules import rules_of
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
-    from cranectl.campaign.benchmark.standings import set_standings
-    from cranectl.campaign.benchmark.table import joined, read_table, write_table
+    from cranectl.campaign.benchmark.table import check_comparable, joined, of_laws, read_table, write_table
     from cranectl.cli.output import console, write_json
-    from cranectl.report.benchmark.page import benchmark_page, standing_table
+    from cranectl.report.benchmark.division import TITLES, standing_table
+    from cranectl.report.benchmark.page import benchmark_page, judged_divisions
     from cranectl.report.page import write_page
 
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)
-    laws: Sequence[str] = controllers or benchmark_laws(settings.laws, file, trust)
-    found = collected(settings, rules_of(settings, file.parent), result, laws, (division,))
+    rules = rules_of(settings, file.parent)
+    if result.is_file():
+        found = read_table(result)
+        check_comparable(found, {"rules": rules, "seed": settings.seed})
+        found = of_laws(found, controllers) if controllers else found
+    else:
+        laws = controllers or benchmark_laws(settings.laws, file, trust)
+        found = collected(settings, file, rules, result, laws, tuned or file.parent / "tuned")
     if beside is not None:
         found = joined([found, read_table(beside)])
-    page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
-    write_page(benchmark_page(settings, found, division, f"cranectl benchmark report {result}"), page)
+    place = result.with_suffix("") if result.is_file() else result
+    page = out or Path(f"{place}.html" if place.name else f"{place.absolute().name}.html")
+    remade_by = shlex.join(["cranectl", "benchmark", "report", str(result), "--benchmark", benchmark])
+    write_page(benchmark_page(settings, found, remade_by), page)
     if table is not None:
         write_table(table, found)
     screen = console(json_file)
-    standings = {name: set_standings(settings, found, division, name) for name in settings.sets}
-    for name, each in standings.items():
-        if each:
-            screen.print(standing_table(settings, each, f"{settings.name}, {name}, on {settings.plant}"))
+    told: dict[str, dict[str, list[dict[str, object]]]] = {}
+    for judged in judged_divisions(settings, found):
+        told[judged.division] = {}
+        for name in settings.sets:
+            standings = judged.standings(name)
+            told[judged.division][name] = [each._asdict() for each in standings]
+            if standings:
+                title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
+                screen.print(standing_table(judged, standings, title))
     screen.print(f"report: {page}")
-    plain = {name: [row._asdict() for row in each] for name, each in standings.items()}
-    write_json(json_file, {"benchmark": settings.name, **found.about, "sets": plain})
+    write_json(json_file, {"benchmark": settings.name, **found.about, "divisions": told})

@@ -21,12 +21,11 @@ if TYPE_CHECKING:
 BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
 
 
-division_option = click.option(
-    "--division",
-    type=click.Choice(["published", "tuned"]),
-    default="published",
-    show_default=True,
-    help="Laws with their defaults, or with what `cranectl tune` has found.",
+tuned_option = click.option(
+    "--tuned",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Where the numbers of tuned laws are. Default: tuned/ beside the benchmark.",
 )
 
 
@@ -35,7 +34,13 @@ division_option = click.option(
 @controllers_option("A law to measure, by name or file; repeatable. Default: all of the benchmark's.")
 @click.option("--set-of-cranes", "sets", metavar="NAME", multiple=True, help="Only this set; repeatable.")
 @click.option("--scenario", "scenarios", metavar="NAME", multiple=True, help="Only this one; repeatable.")
-@division_option
+@click.option(
+    "--division",
+    type=click.Choice(["published", "tuned"]),
+    default="published",
+    show_default=True,
+    help="Laws with their defaults, or with what `cranectl tune` has found.",
+)
 @click.option(
     "--draws", metavar="N", type=click.IntRange(min=1), help="At most the first N cranes of each set."
 )
@@ -49,12 +54,7 @@ division_option = click.option(
     type=click.Path(path_type=Path),
     help="Directory of the results. Default: logs/benchmark-NAME",
 )
-@click.option(
-    "--tuned",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    help="Where the numbers of tuned laws are. Default: tuned/ beside the benchmark.",
-)
+@tuned_option
 @click.option("--despite-differences", is_flag=True, help="Go on with what other sources or versions began.")
 @patience_option
 @trust_option("BENCHMARK")

@@ -41,7 +41,7 @@ def fronts(laws: Sequence[str], points: Array, best: Mask) -> Figure:
 
     Laws that no other dominates have their names and are full; the size tells the failures.
     """
-    figure = Figure(figsize=(1.2 * WIDTH, 3.8), layout="constrained")
+    figure = Figure(figsize=(1.2 * WIDTH, max(3.8, 0.18 * np.count_nonzero(best))), layout="constrained")
     axes = figure.subplots()
     colours = [STAND_IN[SERIES[0]] if full else STAND_IN["muted"] for full in best]
     axes.scatter(
@@ -51,9 +51,22 @@ def fronts(laws: Sequence[str], points: Array, best: Mask) -> Figure:
         facecolors=[colour if full else "none" for colour, full in zip(colours, best, strict=True)],
         edgecolors=colours,
     )
-    for law, point, full in zip(laws, points, best, strict=True):
-        if full:
-            axes.annotate(law, (100.0 * point[0], point[1]), xytext=(5, 4), textcoords="offset points")
+    # Names beside the axes, in the order of their points: there they are apart.
+    named = sorted(np.flatnonzero(best).tolist(), key=lambda k: points[k, 1])
+    for place, k in enumerate(named):
+        axes.annotate(
+            laws[k],
+            (100.0 * points[k, 0], points[k, 1]),
+            xytext=(1.04, (place + 0.5) / len(named)),
+            textcoords="axes fraction",
+            va="center",
+            arrowprops={
+                "arrowstyle": "-",
+                "color": STAND_IN["muted"],
+                "linewidth": 0.4,
+                "relpos": (0.0, 0.5),
+            },
+        )
     axes.set(xlabel="time at rest that passes unsettled [%]", ylabel="RMS of commanded acceleration [m/s²]")
     axes.set_ylim(bottom=0.0)
     return figure

@@ -1,6 +1,7 @@
 """`cranectl benchmark`: from a file to a page, again, and beside what others have run."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -11,6 +12,10 @@ from cranectl.campaign.benchmark.table import read_table
 from cranectl.cli.main import main
 from cranectl.controllers.doors.opening import close_laws
 from cranectl.support.documents import leaves
+
+
+def titles_of(page: Path) -> list[str]:
+    return re.findall("<h2>(.*?)</h2>", page.read_text(encoding="utf-8"))
 
 
 def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -43,10 +48,13 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
         "file": told["laws"]["servo"]["file"],
     }
     assert len(told["laws"]["servo"]["file"]) >= 12
-    assert [row["runs"] for row in told["sets"]["wide"]] == [6, 6]
-    text = page.read_text(encoding="utf-8")
-    for wanted in ("Rules and information", "Cranes: wide", "Robustness radius", "On analytic", "set points"):
-        assert wanted in text
+    assert [row["runs"] for row in told["divisions"]["published"]["wide"]] == [6, 6]
+    assert titles_of(page) == [
+        "Summary",
+        "Rules and information",
+        *(f"As published: {name}" for name in ("nominal", "wide", "radius", "single effects", "on analytic")),
+    ]
+    assert "set points" in page.read_text(encoding="utf-8")
 
     # What was written reads as what was measured, to four digits.
     written = read_table(table)
@@ -55,6 +63,20 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     mine = ["benchmark", "report", str(out), "--benchmark", str(small), "--controller", "lqr-integral"]
     assert main([*mine, "--beside", str(table), "--out", str(alone)]) == 0
     assert "servo" in alone.read_text(encoding="utf-8")
+
+    # The table alone gives the page again, without the code of any law.
+    close_laws()
+    capsys.readouterr()
+    assert main(["benchmark", "report", str(table), "--benchmark", str(small), "--json", "-"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["laws"] == told["laws"]
+    for name, standings in told["divisions"]["published"].items():
+        for row, same in zip(standings, again["divisions"]["published"][name], strict=True):
+            assert same.pop("law") == row.pop("law")
+            assert same == pytest.approx(row, rel=1e-3)
+    assert titles_of(table.with_suffix(".html")) == titles_of(page)
+    assert main(["benchmark", "report", str(table), "--benchmark", str(small), "--controller", "pid"]) == 2
+    assert "unknown law of the table 'pid'" in capsys.readouterr().err
     for runs in written.pieces.values():
         assert np.isfinite(runs.metrics["rms_error_m"]).all()
 
@@ -68,7 +90,9 @@ def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.
     assert main([*report, "--table", str(table)]) == 0
     small.write_text(small.read_text().replace("draws = 6", "draws = 7"))
     assert main([*report, "--beside", str(table)]) == 2
-    assert "two results whose rules differ" in capsys.readouterr().err
+    assert "results whose rules differ" in capsys.readouterr().err
+    assert main(["benchmark", "report", str(table), "--benchmark", str(small)]) == 2
+    assert "results whose rules differ" in capsys.readouterr().err
 
 
 def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,6 +136,30 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     )
     wanted = {key.rpartition(".")[2]: value for key, value in leaves(found["parameters"])}
     assert manifest["scenario"]["controller"]["servo"] == wanted
+
+    # Both divisions on one page, what tuning gave with them, from the table alone too.
+    assert main(run) == 0
+    table, page = small.with_name("all.parquet"), small.with_name("out.html")
+    report = ["benchmark", "report", str(out), "--benchmark", str(small), *servo, "--json", "-"]
+    capsys.readouterr()
+    assert main([*report, "--table", str(table)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    facts = told["tuned"]["servo"]
+    assert (facts["cost"], facts["failed"], facts["runs"]) == (found["cost"], found["failed"], found["runs"])
+    assert {key: number for key, (_, number) in facts["numbers"].items()} == found["parameters"]
+    assert facts["numbers"]["controller.servo.damping"][0] == 4.0
+    assert list(told["divisions"]) == ["tuned", "published"]
+    titles = titles_of(page)
+    wanted = ["Tuning", "Tuned: nominal", "Tuned: on analytic", "As published: nominal"]
+    assert [title for title in titles if title in wanted] == wanted
+    assert main(["benchmark", "report", str(table), "--benchmark", str(small)]) == 0
+    assert titles_of(table.with_suffix(".html")) == titles
+    numbers = tuned / "servo.toml"
+    kept = numbers.read_text()
+    numbers.write_text(re.sub('(damping" =) .*', r"\1 5.0", kept))
+    assert main(report) == 2
+    assert "was run with other numbers" in capsys.readouterr().err
+    numbers.write_text(kept)
 
     text = small.read_text()
     small.write_text(text.replace("variation_price = 0.02", "variation_price = 0.03"))

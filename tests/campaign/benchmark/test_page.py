@@ -1,0 +1,180 @@
+"""The page, from results that are made up: both divisions apart, what its numbers are, what it leaves out."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.benchmark.information import information_class
+from cranectl.campaign.benchmark.pieces import Division, Piece, sets_of
+from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
+from cranectl.campaign.benchmark.standings import points_of, set_standings
+from cranectl.campaign.benchmark.table import METRICS, VARIATION, BenchmarkTable, Runs, joined
+from cranectl.campaign.summary import EFFORT
+from cranectl.report.benchmark.page import benchmark_page
+from cranectl.report.page import Section, render
+from cranectl.report.table import Table
+from cranectl.support.errors import InputError
+
+FACTS = {"follows": "path", "measures": "state", "commands": "velocity", "preview": 0, "every": 1, "rig": []}
+RUNS = 4
+Texts = list[list[str]]
+
+
+def runs(error: float, failures: int = 0, effort: float = 1.0) -> Runs:
+    """Four runs with errors from `error` upwards, the last `failures` of them failed."""
+    metrics = {**dict.fromkeys(METRICS, 0.1), EFFORT: effort, VARIATION: 1.0}
+    columns = {name: np.full(RUNS, value) for name, value in metrics.items()}
+    columns["rms_error_m"] = error + 1e-3 * np.arange(RUNS)
+    columns["settling_time_s"] = np.full(RUNS, 10.0 * error)
+    return Runs(np.arange(RUNS) >= RUNS - failures, ("completed",) * RUNS, columns)
+
+
+def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) -> BenchmarkTable:
+    """Every law with the same runs in every piece of `divisions`."""
+    tuned = {
+        "runs": 40,
+        "cost": {"untuned": 3.0, "half": 2.0, "full": 1.5},
+        "failed": {"untuned": 0.5, "half": 0.25, "full": 0.0},
+        "numbers": {"controller.first.weight": [1.0, 2.5]},
+    }
+    about = {
+        "rules": "abc",
+        "seed": 3,
+        "durations": {"short": 1.0, "path": 0.8},
+        "laws": {law: {**FACTS, "file": ""} for law in laws},
+        "tuned": dict.fromkeys(laws, tuned) if "tuned" in divisions else {},
+    }
+    pieces = {
+        Piece(division, plant, name, "short", law): of_law
+        for division in divisions
+        for name in sets_of(benchmark)
+        for plant in ("mujoco", "analytic")
+        for law, of_law in laws.items()
+    }
+    return BenchmarkTable(about, pieces)
+
+
+def sections(benchmark: Benchmark, made: BenchmarkTable) -> dict[str, Section]:
+    page = benchmark_page(benchmark, made, "cranectl benchmark report")
+    assert len({each.anchor for each in page.sections}) == len(page.sections)
+    assert render(page)
+    return {each.anchor: each for each in page.sections}
+
+
+def texts(shown: Table) -> Texts:
+    return [[cell.text for cell in row] for row in shown.rows]
+
+
+def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    published = table(benchmark, {"first": runs(0.02), "second": runs(0.03)}, "published")
+    both = joined([published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")])
+    found = sections(benchmark, both)
+    assert list(found) == [
+        "summary",
+        "rules",
+        "tuning",
+        *(
+            f"{d}-{s}"
+            for d in ("tuned", "published")
+            for s in ("nominal", "wide", "radius", "single", "second")
+        ),
+    ]
+    for anchor, section in found.items():
+        if anchor.startswith(("tuned-", "published-")):
+            wanted = {"first", "third"} if anchor.startswith("tuned-") else {"first", "second"}
+            for shown in section.tables:
+                assert {row[0] for row in texts(shown)} <= wanted
+    tuned, untuned = found["summary"].tables
+    assert texts(tuned) == [["first", "path, state", "0.0", "11.1", "1.00", "0.0", "11.1", "1.00"]]
+    assert {row[2].mark for row in untuned.rows} == {"best"}
+    assert tuned.title == "Tuned: 1 of 2 laws"
+    assert found["summary"].paragraphs[1:] == (
+        "Tuned, on nominal, wide alike: first.",
+        "As published, on nominal, wide alike: first.",
+    )
+    gains, numbers = found["tuning"].tables
+    assert texts(gains)[0] == ["first", "40", "3.000", "2.000", "1.500", "50", "25", "0"]
+    assert texts(numbers) == [
+        ["first", "weight", "1", "2.5"],
+        ["third", "controller.first.weight", "1", "2.5"],
+    ]
+
+
+def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    laws = {f"law-{k}": runs(0.01 * k, failures=(k == 2) + 3 * (k == 6)) for k in (6, 5, 4, 3, 2, 1)}
+    made = table(benchmark, laws, "published")
+    alone = Piece("published", "mujoco", "only-load", "short", "law-3")
+    made = BenchmarkTable(made.about, {**made.pieces, alone: runs(0.2, failures=1)})
+    failed, errors, failed_others, errors_others = sections(benchmark, made)["published-single"].tables
+    assert [head.split("\n")[-1] for head in failed.headings[2:]] == ["none", "load", "sensing", "all"]
+    order = ["law-1", "law-3", "law-4", "law-5", "law-2"]
+    assert [row[0] for row in texts(failed)] == [row[0] for row in texts(errors)] == order
+    assert [row[0] for row in texts(failed_others)] == ["law-6"]
+    assert failed_others.folded
+    assert errors_others.folded
+    assert not failed.folded
+    assert texts(failed)[1][2:] == ["0", "25", "0", "0"]
+    assert texts(errors)[1][2:] == ["31.5", "201.5", "31.5", "31.5"]
+    assert texts(errors_others)[0][2:] == ["fails"] * 4
+    assert "only-" not in "".join(sections(benchmark, made)["published-radius"].tables[0].headings), (
+        "the radius is over wider sets only"
+    )
+
+
+def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    made = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=4)}, "published")
+    wide = Piece("published", "mujoco", "spread-3", "short", "between")
+    made = joined([made, table(benchmark, {"between": runs(0.01)}, "published")])
+    made = BenchmarkTable(made.about, {**made.pieces, wide: runs(0.01, failures=1)})
+    (shown,) = sections(benchmark, made)["published-radius"].tables
+    assert [(row[0], row[2]) for row in texts(shown)] == [
+        ("never", "above 3"),
+        ("between", "1.40"),
+        ("always", "below 1"),
+    ]
+
+
+def test_failures_are_named_by_division_with_what_shows_them(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    made = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned", "published")
+    tuned, published = sections(benchmark, made)["failures"].tables
+    for shown, division in ((tuned, "tuned"), (published, "published")):
+        assert len(shown.rows) == len(sets_of(benchmark))
+        command = f"cranectl campaign replay {division}/mujoco/nominal/short/first --run 3"
+        assert texts(shown)[0] == ["first", "nominal", "short", "3", "completed", command]
+
+
+def test_a_law_without_effort_is_on_no_front(small: Path) -> None:
+    """Where a law could not be run at all it has none, and is no better than others by it."""
+    benchmark = read_benchmark(str(small))
+    laws = {"first": runs(0.01), "broken": runs(0.02, failures=4, effort=math.nan)}
+    made = table(benchmark, laws, "published")
+    points = points_of(set_standings(benchmark, made, "published", "wide"))
+    np.testing.assert_array_equal(points, [[0.1 / 0.9, 1.0, 0.0], [1.0, math.inf, 1.0]])
+    assert [row[0] for row in texts(sections(benchmark, made)["summary"].tables[0])] == ["first"]
+
+
+def test_tables_are_joined_where_they_are_of_the_same_laws(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    one, other = (table(benchmark, {"mine": runs(error)}, "published") for error in (0.01, 0.02))
+    one.about["durations"].pop("path")
+    both = joined([one, other])
+    assert both.about["durations"] == {"short": 1.0, "path": 0.8}
+    assert both.pieces == one.pieces
+    other.about["laws"]["mine"]["file"] = "def"
+    with pytest.raises(InputError, match="results whose file of mine differ: def and "):
+        joined([one, other])
+
+
+def test_classes_of_information() -> None:
+    assert information_class({**FACTS, "rig": ["gravity", "rope_range"]}) == "path, state"
+    told = {**FACTS, "follows": "set-point", "measures": "encoders", "rig": ["gravity", "load_mass"]}
+    assert information_class(told) == "set points, encoders, masses"
+    told = {**FACTS, "preview": 20, "rig": ["time_constants"]}
+    assert information_class(told) == "path, state, preview, drives"
