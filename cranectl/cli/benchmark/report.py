@@ -52,8 +52,9 @@ def report_benchmark(
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
     from cranectl.campaign.benchmark.table import check_comparable, joined, of_laws, read_table, write_table
     from cranectl.cli.output import console, write_json
-    from cranectl.report.benchmark.division import TITLES, standing_table
+    from cranectl.report.benchmark.division import TITLES
     from cranectl.report.benchmark.page import benchmark_page, judged_divisions
+    from cranectl.report.benchmark.sets import standing_table
     from cranectl.report.page import write_page
 
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)

@@ -10,11 +10,13 @@ from cranectl.campaign.benchmark.pieces import DIVISIONS
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.standings import Standing, points_of
 from cranectl.campaign.benchmark.table import BenchmarkTable
-from cranectl.report.benchmark.division import NAMED, TITLES, Judged, division_sections, finite
+from cranectl.report.benchmark.division import NAMED, TITLES, Judged, finite
+from cranectl.report.benchmark.robustness import radius_section, second_section, singles_section
+from cranectl.report.benchmark.sets import set_section
 from cranectl.report.page import Page, Section
 from cranectl.report.table import Cell, Table, cells
 
-SHOWN = ("failed %", "unsettled %", "RMS u m/s²")  # of each set in the summary
+SHOWN = ("failed %", "unsettled %", "RMS u")  # of each set in the summary
 
 
 def benchmark_page(benchmark: Benchmark, table: BenchmarkTable, remade_by: str) -> Page:
@@ -24,10 +26,18 @@ def benchmark_page(benchmark: Benchmark, table: BenchmarkTable, remade_by: str) 
         *_summary(divisions),
         _rules(benchmark, table),
         *_tuning(benchmark, table),
-        *(section for judged in divisions for section in division_sections(judged)),
+        *(section for judged in divisions for section in _division(judged)),
         *_failures(divisions),
     ]
     return Page(f"Benchmark {benchmark.name}", benchmark.title, tuple(sections), remade_by)
+
+
+def _division(judged: Judged) -> Iterator[Section]:
+    for name in judged.benchmark.sets:
+        yield from set_section(judged, name)
+    yield from radius_section(judged)
+    yield from singles_section(judged)
+    yield from second_section(judged)
 
 
 def judged_divisions(benchmark: Benchmark, table: BenchmarkTable) -> list[Judged]:
@@ -84,7 +94,9 @@ def _undominated(
         rows.append(cells(*judged.named(law), *row))
     headings = (*NAMED, *(f"{name}\n{each}" for name in sets for each in SHOWN))
     title = f"{TITLES[judged.division]}: {len(laws)} of {len(set().union(*by_law.values()))} laws"
-    return Table(title, headings, tuple(rows), labels=2, note="A star: undominated on that set.")
+    return Table(
+        title, headings, tuple(rows), labels=2, note="A star: undominated on that set. RMS u in m/s²."
+    )
 
 
 def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
@@ -112,7 +124,8 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     headings = ("law", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
         "What is measured as state comes from encoders and an observer that is common to all laws. Preview: "
-        "control periods of the path ahead."
+        "control periods of the path ahead. In other tables this is in short what a law is told, with "
+        "masses and drives where it knows such of the rig."
     )
     return Section("rules", "Rules and information", texts, (Table("", headings, rows, labels=6, note=note),))
 
