@@ -32,6 +32,7 @@ METRICS = (
     "rest_s",
 )
 ABOUT = b"benchmark"  # metadata
+TOLD = ("rules", "seed", "durations", "laws", "tuned")  # in it
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ def read_table(path: Path) -> BenchmarkTable:
 
     try:
         whole = parquet.read_table(path)
-        about = json.loads(whole.schema.metadata[ABOUT])
+        told = json.loads(whole.schema.metadata[ABOUT])
+        about = {name: told[name] for name in TOLD}
         keys = list(zip(*(whole[name].to_pylist() for name in Piece._fields), strict=True))
         columns = {name: whole[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
     except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:

@@ -27,10 +27,13 @@ class Judged(NamedTuple):
     table: BenchmarkTable
     division: Division
 
+    def piece(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Piece:
+        """One of the division, by default on the first plant."""
+        return Piece(self.division, plant or self.benchmark.plant, crane_set, scenario, law)
+
     def runs(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Runs | None:
-        """Those of one piece, by default on the first plant; None where it has not been run."""
-        piece = Piece(self.division, plant or self.benchmark.plant, crane_set, scenario, law)
-        return self.table.pieces.get(piece)
+        """Those of a piece; None where it has not been run."""
+        return self.table.pieces.get(self.piece(crane_set, scenario, law, plant))
 
     def standings(self, crane_set: str) -> list[Standing]:
         """As `set_standings`."""

@@ -15,6 +15,7 @@ from cranectl.report.benchmark.robustness import radius_section, second_section,
 from cranectl.report.benchmark.sets import set_section
 from cranectl.report.page import Page, Section
 from cranectl.report.table import Cell, Table, cells
+from cranectl.status import RunStatus
 
 SHOWN = ("failed %", "unsettled %", "RMS u")  # of each set in the summary
 
@@ -141,9 +142,12 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
         costs = (f"{facts['cost'][stage]:.3f}" for stage in stages)
         failed = (f"{100.0 * facts['failed'][stage]:.0f}" for stage in stages)
         rows.append(cells(law, str(facts["runs"]), *costs, *failed))
-        for key, (before, found) in sorted(facts["numbers"].items()):
-            name = key.removeprefix("design.").removeprefix(f"controller.{law}.")
-            numbers.append(cells(law, name, f"{before:g}", f"{found:g}"))
+        changed = [
+            f"{key.removeprefix('design.').removeprefix(f'controller.{law}.')} {before:g} → {found:g}"
+            for key, (before, found) in sorted(facts["numbers"].items())
+        ]
+        if changed:
+            numbers.append(cells(law, ", ".join(changed)))
     settings = benchmark.tuning
     text = (
         f"Every law by CMA-ES in a budget of {settings.runs} runs, from its defaults, on cranes that are "
@@ -155,31 +159,39 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
     headings = ("law", "runs", *(f"{told}\n{stage}" for told in ("cost", "failed %") for stage in stages))
     tables = [Table("", headings, tuple(rows))]
     if numbers:
-        headings = ("law", "number", "untuned", "found")
         note = "On the laboratory rig; on a similar crane they go by its size, as defaults do."
-        tables.append(Table("numbers found", headings, tuple(numbers), labels=2, note=note, folded=True))
+        headings = ("law", "untuned → found")
+        tables.append(Table("Numbers found", headings, tuple(numbers), labels=2, note=note, folded=True))
     yield Section("tuning", "Tuning", (text,), tuple(tables))
 
 
 def _failures(divisions: list[Judged]) -> Iterator[Section]:
-    """The first failure of each law on each set, and how to look at it."""
+    """The first failure of each law on each set that is judged, and how to look at it."""
     headings = ("law", "set", "scenario", "crane", "ended", "to see it, in the result's directory")
     tables = []
     for judged in divisions:
-        rows, seen = [], set()
-        for piece, runs in judged.table.pieces.items():
-            if piece.division != judged.division or not runs.failed.any():
-                continue
-            if (piece.law, piece.crane_set) in seen:
-                continue
-            seen.add((piece.law, piece.crane_set))
-            sample = int(np.flatnonzero(runs.failed)[0])
-            command = f"cranectl campaign replay {shlex.quote(str(piece.place))} --run {sample}"
-            rows.append(
-                cells(piece.law, piece.crane_set, piece.scenario, str(sample), runs.status[sample], command)
-            )
+        rows = [
+            cells(law, name, *found)
+            for law in judged.best_first
+            for name in judged.benchmark.sets
+            if (found := _first_failure(judged, law, name))
+        ]
         if rows:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=6, folded=True))
     if tables:
         text = "The first of each law on each set."
         yield Section("failures", "Failures to look at", (text,), tuple(tables))
+
+
+def _first_failure(judged: Judged, law: str, crane_set: str) -> tuple[str, ...]:
+    """Scenario, crane, how the run ended, the command that shows it; empty where none failed."""
+    for scenario in judged.benchmark.scenarios:
+        piece = judged.piece(crane_set, scenario, law)
+        runs = judged.table.pieces.get(piece)
+        if runs is not None and runs.failed.any():
+            sample = int(np.flatnonzero(runs.failed)[0])
+            status = runs.status[sample]
+            ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
+            command = f"cranectl campaign replay {shlex.quote(str(piece.place))} --run {sample}"
+            return scenario, str(sample), ended, command
+    return ()

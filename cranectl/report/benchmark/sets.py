@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.pieces import Piece
 from cranectl.campaign.benchmark.standings import Standing, points_of, shared_scenarios
 from cranectl.campaign.benchmark.table import Runs
 from cranectl.campaign.summary import failure_interval
@@ -35,7 +34,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     )
     shared = shared_scenarios(benchmark, table, division, name)
     laws = [s.law for s in found]
-    places = [[Piece(division, benchmark.plant, name, n, law) for n in shared] for law in laws]
+    places = [[judged.piece(name, scenario, law) for scenario in shared] for law in laws]
     tasks = np.stack([np.concatenate([table.pieces[p].task for p in of_law]) for of_law in places])
     profiles = Figure.drawn(
         "performance profiles",
