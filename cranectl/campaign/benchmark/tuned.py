@@ -91,7 +91,9 @@ def tuned_facts(directory: Path, rules: str, law: str) -> dict[str, Any]:
         raise InputError(f"{law} is not tuned: {path} is no file", remedy=f"tune it: {again}")
     table = read_toml(path)
     origin = REGISTERED[law].origin if law in REGISTERED else None
-    if table.get("sha256") != (origin.sha256 if origin else None):
+    variables, found = variables_of(law), dict(leaves(table.get("parameters", {})))
+    same_numbers = found.keys() == {each.key for each in variables}
+    if table.get("sha256") != (origin.sha256 if origin else None) or not same_numbers:
         raise InputError(
             f"{path} holds the numbers of another version of {law}",
             allowed="numbers that were found for the law as it is",
@@ -103,6 +105,5 @@ def tuned_facts(directory: Path, rules: str, law: str) -> dict[str, Any]:
             allowed="numbers that were found by the rules by which they are judged",
             remedy=f"tune it again: {again}",
         )
-    found = dict(leaves(table.get("parameters", {})))
-    numbers = {v.key: [v.start, float(found.get(v.key, v.start))] for v in variables_of(law)}
+    numbers = {each.key: [each.start, float(found[each.key])] for each in variables}
     return {"runs": table["runs"], "cost": table["cost"], "failed": table["failed"], "numbers": numbers}

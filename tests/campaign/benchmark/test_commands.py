@@ -159,6 +159,9 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     numbers.write_text(re.sub('(damping" =) .*', r"\1 5.0", kept))
     assert main(report) == 2
     assert "was run with other numbers" in capsys.readouterr().err
+    numbers.write_text(re.sub(".*damping.*", "", kept))
+    assert main(report) == 2
+    assert "another version of servo" in capsys.readouterr().err
     numbers.write_text(kept)
 
     text = small.read_text()
