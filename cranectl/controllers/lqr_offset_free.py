@@ -213,9 +213,10 @@ LQR_OFFSET_FREE = Controller(
     prepare=prepare,
     linearise=linearise,
     parameters=(
-        Parameter("error_weight", 10.0, "1", "q_e on the load's error over l", *WEIGHT, search=(1.0, 100.0)),
-        Parameter("rate_weight", 1.5, "1", "q_v on its rate over sqrt(g l)", *WEIGHT, search=(0.1, 10.0)),
-        Parameter("observer_pole", 2.0, "1", "three, over sqrt(g/l)", *POLE, search=(0.3, 10.0)),
+        Parameter("error_weight", 5.0, "1", "q_e on the load's error over l", *WEIGHT, search=(0.5, 10.0)),
+        Parameter("rate_weight", 1.0, "1", "q_v on its rate over sqrt(g l)", *WEIGHT, search=(0.1, 4.0)),
+        # A faster one takes a load that turns about its hook for a push, and drives it on.
+        Parameter("observer_pole", 1.5, "1", "three, over sqrt(g/l)", *POLE, search=(0.2, 2.0)),
         Parameter("rope_pole", 1.5, "1", "two, over sqrt(g/l)", *POLE, search=(0.3, 6.0)),
     ),
     logged=tuple(
