@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: benchmark help setup cluster video fmi plan tune drake kernels validate test test-docs test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
+.PHONY: benchmark judge help setup cluster video fmi plan tune drake kernels validate test test-docs test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -66,6 +66,12 @@ RUNS ?= 1000
 benchmark: setup ## run every law of the benchmark on one crane of each plant: two minutes, for a page in build/
 	rm -rf build/benchmark && $(call limit,400) $(BIN)/cranectl benchmark run --set-of-cranes nominal --scenario hoist-and-go --draws 1 --out build/benchmark
 	$(call limit,100) $(BIN)/cranectl benchmark report build/benchmark
+
+TABLE ?= build/literature
+judge: setup ## judge every law, as published and tuned: hours, goes on after a kill; writes the table that is shipped, and its page
+	$(BIN)/cranectl benchmark run --set-of-cranes nominal --set-of-cranes lab-rig --out $(TABLE)
+	$(BIN)/cranectl benchmark run --division tuned --out $(TABLE)
+	$(BIN)/cranectl benchmark report $(TABLE) --table validation/benchmark/literature.parquet --out docs/proofs/literature.html
 
 drive: setup ## drive cranes by a random joystick, RUNS=1000 minutes; others with each commit
 	$(call limit,14400) $(BIN)/python validation/random_joystick.py --runs $(RUNS)
