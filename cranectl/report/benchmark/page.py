@@ -107,7 +107,7 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
         f"share of {benchmark.second_share:g} of the cranes on {benchmark.second_plant}, {benchmark.drive} "
         f"drives. Sets: {'; '.join(sets)}. Every law meets the same cranes, sample by sample. A run fails "
         "that ends early or is too far off at its end; no law gains by what it loses, since failures are "
-        "worse than any result. Laws of the literature are written here from it: their authors may do better.",
+        "worse than any result. The literature's laws are written here: their authors may do better.",
         "There are two divisions, which are never in one table: laws as published, with their defaults, and "
         "tuned, all by the same budget.",
     )
