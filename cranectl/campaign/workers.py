@@ -47,7 +47,7 @@ def run_batches(
         if leaves():
             raise StoppedError
         if not hasattr(own, "worker"):
-            own.worker = _made_worker(prepared, others if children is None else children, patience)
+            own.worker = made_worker(prepared, others if children is None else children, patience)
             made.append(own.worker)
         return batch, own.worker.run_batch(batch, leaves)
 
@@ -63,7 +63,8 @@ def run_batches(
                 worker.close()
 
 
-def _made_worker(prepared: Prepared, children: Children, patience: float = PATIENCE) -> Worker | ChildWorker:
+def made_worker(prepared: Prepared, children: Children, patience: float = PATIENCE) -> Worker | ChildWorker:
+    """For one thread; laws from outside run in one of `children`, with `patience` [s] for a block."""
     if not law_digests(prepared.campaign.settings.controllers):
         return Worker(prepared)
     return ChildWorker(prepared, children, patience)
@@ -76,7 +77,7 @@ def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
     """
     total = 0.0
     with Children() as children:
-        worker = _made_worker(Prepared(campaign), children)
+        worker = made_worker(Prepared(campaign), children)
         for plant, controller in campaign.groups:
             batch = Batch(plant, controller, 0, 1)
             worker.run_batch(batch)

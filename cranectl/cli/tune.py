@@ -7,7 +7,7 @@ import click
 
 from cranectl.cli.benchmark.run import benchmark_laws
 from cranectl.cli.command import Command, json_option
-from cranectl.cli.laws import opened, trust_option
+from cranectl.cli.laws import opened, patience_option, trust_option
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.tuning import Tuned
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     help="Budget in simulated runs. Default: the benchmark's.",
 )
+@patience_option
 @trust_option("the benchmark")
 @json_option
 def tune_command(
@@ -49,6 +50,7 @@ def tune_command(
     out: Path,
     workers: int | None,
     runs: int | None,
+    patience: float,
     trust: bool,
     json_file: str | None,
 ) -> None:
@@ -78,7 +80,13 @@ def tune_command(
     with progress_bar(runs or benchmark.tuning.runs, unit="runs", done="done") as (advance, describe):
         describe(name)
         tuned = tune(
-            benchmark, directory, name, runs=runs, workers=workers or available_cores(), advance=advance
+            benchmark,
+            directory,
+            name,
+            runs=runs,
+            workers=workers or available_cores(),
+            patience=patience,
+            advance=advance,
         )
     table = tuned_table(tuned, benchmark, rules)
     write_tuned(tuned, table, files)

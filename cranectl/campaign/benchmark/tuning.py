@@ -7,7 +7,7 @@ numbers, each between its bounds. All candidates drive the same cranes. Every po
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,15 +17,18 @@ import numpy as np
 from cranectl.campaign.benchmark.pieces import follows, piece_campaign
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.variables import Variable, assignments, variables_of
+from cranectl.campaign.child_worker import Children
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.load import check_values
 from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
-from cranectl.campaign.worker import Prepared, StoppedError, Worker
+from cranectl.campaign.worker import Prepared, StoppedError
+from cranectl.campaign.workers import made_worker
 from cranectl.controllers.registry import runs_alone
 from cranectl.metrics.table import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import size_of
+from cranectl.simulate.child import PATIENCE
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
@@ -124,20 +127,24 @@ class _Cranes:
     law: str
     variables: tuple[Variable, ...]
     campaigns: Mapping[str, Campaign]  # by scenario, of the untuned law
+    patience: float  # for a block of a run of a law from outside [s]
 
     @property
     def runs(self) -> int:
         """Of one candidate."""
         return sum(campaign.runs for campaign in self.campaigns.values())
 
-    def rows(self, scenario: str, values: Sequence[float], stop: Callable[[], bool]) -> list[Row]:
+    def rows(
+        self, scenario: str, values: Sequence[float], children: Children, stop: Callable[[], bool]
+    ) -> list[Row]:
         """All runs of `scenario` with the law's numbers at `values`; raises InputError where it refuses."""
         length = size_of(self.campaigns[scenario].nominal.rig)
         settings = assignments(self.variables, values, length)
         with DESIGNING:
             campaign = tuning_campaign(self.benchmark, self.directory, scenario, self.law, settings)
             prepared = Prepared(campaign)
-        return Worker(prepared).run_batch(Batch(self.benchmark.plant, self.law, 0, campaign.runs), stop)
+        with closing(made_worker(prepared, children, self.patience)) as worker:
+            return worker.run_batch(Batch(self.benchmark.plant, self.law, 0, campaign.runs), stop)
 
     def point(self, values: Sequence[float], rows: Mapping[str, list[Row] | None]) -> Point:
         """The candidate with its rows by scenario, None where it is refused."""
@@ -167,11 +174,13 @@ def tune(
     *,
     runs: int | None = None,
     workers: int = 1,
+    patience: float = PATIENCE,
     advance: Advance = lambda _: None,
 ) -> Tuned:
     """Tune `law` by the rules of `benchmark`, whose file lies in `directory`.
 
     `runs`: budget, by default the benchmark's. The result is the same for any number of `workers`, threads.
+    Laws from outside run in a process of each, with `patience` [s] for a block.
     Raises InputError for a law that cannot be run as it is, and for too small a budget.
     """
     variables = variables_of(law)
@@ -189,6 +198,7 @@ def tune(
         law,
         variables,
         {name: tuning_campaign(benchmark, directory, name, law) for name in suited},
+        patience,
     )
     for campaign in cranes.campaigns.values():
         check_values(campaign)
@@ -248,7 +258,7 @@ def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Cal
         if left.is_set():
             raise StoppedError
         try:
-            return cranes.rows(scenario, values, left.is_set)
+            return cranes.rows(scenario, values, children, left.is_set)
         except (InputError, ValueError, ArithmeticError):  # it refuses them, or cannot compute its design
             if not may_refuse:
                 raise
@@ -265,7 +275,7 @@ def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Cal
             advance(cranes.runs)
         return points
 
-    with ThreadPoolExecutor(max(1, workers), thread_name_prefix="tuning") as pool:
+    with Children() as children, ThreadPoolExecutor(max(1, workers), thread_name_prefix="tuning") as pool:
         try:
             yield evaluate
         finally:

@@ -114,6 +114,14 @@ def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark, tmp_path: Pat
     assert all(point.cost < 11.0 for point in tuned.points if point not in refused)
 
 
+def test_a_law_that_never_returns_costs_its_run(tiny: Benchmark, tmp_path: Path) -> None:
+    tuned = tune(tiny, tmp_path, open_law("mine.py:HANGS"), runs=10, patience=0.5)
+    hanging = [point for point in tuned.points if point.values[0] > 1.0005]
+    assert 0 < len(hanging) < len(tuned.points) == 5
+    assert {(point.cost, point.failed) for point in hanging} == {(11.0, 1.0)}
+    assert all(point.cost < 10.0 for point in tuned.points if point not in hanging)
+
+
 @pytest.mark.usefixtures("tiny")
 def test_a_law_with_nothing_to_tune_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["tune", "./mine.py:STIFF", "--benchmark", "tiny.toml", "--out", "out"]) == 0

@@ -80,6 +80,13 @@ REFUSES = Controller("refuses", "refuses half of its range", step, prepare, para
     Parameter("stiffness", 16.0, "1/s²", "spring"), Parameter("damper", -8.0, "1/s", "damper"),
     Parameter("damping", 10.0, "1/s", "refused where large", search=(5.0, 20.0)),
 ))
+def hang(parameters, measured, reference, memory, command):
+    while parameters[0] > 1.0005:
+        command[0] = 0.5 * (command[0] + memory[0])
+    command[0] = command[1] = command[2] = 0.0
+    return 0
+
+HANGS = Controller("hangs", "where it is stiff it never returns", hang, prepare, parameters=LAW.parameters)
 WANDERS = Controller("wanders", "of set points", step, prepare, follows="set-point",
                      parameters=LAW.parameters)
 """
