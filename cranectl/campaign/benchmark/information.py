@@ -8,21 +8,24 @@ from cranectl.controllers.registry import controller_design, law_digests, load_c
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
+from cranectl.scenario.effects import EffectNumbers
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import plan_reference
 from cranectl.simulate.runner import nominal_crane
 
 
 class _Watched:
-    """A rig that remembers what of it was asked for."""
+    """A rig that remembers what of it was asked for; of its effects which, such as limits."""
 
-    def __init__(self, rig: RigParameters) -> None:
-        self._rig = rig
-        self.asked: set[str] = set()
+    def __init__(self, rig: RigParameters | EffectNumbers, asked: set[str]) -> None:
+        self._rig, self.asked = rig, asked
 
     def __getattr__(self, name: str) -> Any:
+        found = getattr(self._rig, name)
+        if isinstance(found, EffectNumbers):
+            return _Watched(found, self.asked)
         self.asked.add(name)
-        return getattr(self._rig, name)
+        return found
 
 
 def information_class(facts: Mapping[str, Any]) -> str:
@@ -32,6 +35,7 @@ def information_class(facts: Mapping[str, Any]) -> str:
         "preview": facts["preview"],
         "masses": any("mass" in name for name in known),
         "drives": "time_constants" in known,
+        "limits": "limits" in known,
     }
     follows = "set points" if facts["follows"] == "set-point" else "path"
     return ", ".join([follows, facts["measures"], *(name for name, there in more.items() if there)])
@@ -47,7 +51,7 @@ def information(law: str, scenario: Scenario, drive: Drive) -> dict[str, Any]:
     design = controller_design(law, scenario)
     assert isinstance(design, LawDesign)  # of what is not of the flat family
     known = nominal_crane(scenario, design, controller, drive, plan_reference(scenario))
-    watched = _Watched(known.rig)
+    watched = _Watched(known.rig, set())
     controller.prepare(known._replace(rig=watched))  # type: ignore[arg-type]
     masses = ["masses"] if controller.command == "force" else []  # by which the loop knows what a force does
     return {

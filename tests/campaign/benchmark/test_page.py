@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.information import information_class
+from cranectl.campaign.benchmark.information import information, information_class
 from cranectl.campaign.benchmark.pieces import Division, Piece, sets_of
 from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
 from cranectl.campaign.benchmark.standings import points_of, set_standings
@@ -21,6 +21,7 @@ from cranectl.campaign.benchmark.table import (
     write_table,
 )
 from cranectl.campaign.summary import EFFORT
+from cranectl.reference import load_scenario
 from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import Section, render
 from cranectl.report.table import Table
@@ -202,3 +203,6 @@ def test_classes_of_information() -> None:
     assert information_class(told) == "set points, encoders, masses"
     told = {**FACTS, "preview": 20, "rig": ["time_constants"]}
     assert information_class(told) == "path, state, preview, drives"
+    scenario = load_scenario("fixed-position")
+    assert information("lqr-offset-free", scenario, "velocity")["rig"] == ["gravity", "limits", "rope_range"]
+    assert information_class({**FACTS, "rig": ["limits"]}) == "path, state, limits"
