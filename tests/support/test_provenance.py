@@ -77,13 +77,15 @@ def test_one_changed_file_is_named(copied: Path, changed: str, named: str | None
 def test_everything_shipped_is_covered() -> None:
     """A mesh beside the model, or a table in another format, would go unnoticed.
 
-    Pictures and schemas decide nothing; laws, some in C, are named with digests of their own.
+    Pictures, schemas and what the benchmark has found decide nothing; laws, some in C, have their own digests.
     """
     models, data = resources.MODEL_FILE.parent, resources.TOLERANCE_FILE.parent
     kinds = {path.suffix for path in models.rglob("*") if path.is_file()}
     assert kinds == {".xml"}
-    kinds = {path.suffix for path in data.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
-    assert kinds == {".toml", ".py", ".svg", ".json", ".c"}
+    shipped = [path for path in data.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    found = {path for path in shipped if path.suffix == ".parquet"}
+    assert all(path.is_relative_to(resources.BENCHMARK_DIRECTORY) for path in found)
+    assert {path.suffix for path in {*shipped} - found} == {".toml", ".py", ".svg", ".json", ".c"}
     for place in (resources.SCENARIO_DIRECTORY, resources.THESIS_DIRECTORY, resources.CAMPAIGN_DIRECTORY):
         assert place.is_relative_to(data)
 

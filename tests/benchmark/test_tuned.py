@@ -1,4 +1,4 @@
-"""The benchmark that comes with cranectl: its laws are tuned as they are, by the rules as they are."""
+"""Laws of the benchmark are tuned as they are, by the rules as they are."""
 
 import pytest
 from pyarrow import parquet
@@ -9,9 +9,6 @@ from cranectl.campaign.benchmark.tuned import tuned_settings
 from cranectl.campaign.benchmark.variables import variables_of
 from cranectl.cli.benchmark.run import benchmark_laws
 from cranectl.support.documents import read_toml
-from tests.benchmark.conftest import laws_closed
-
-__all__ = ["laws_closed"]
 
 FILE = benchmark_file("literature")
 TUNED = FILE.parent / "tuned"
