@@ -77,7 +77,7 @@ def test_one_changed_file_is_named(copied: Path, changed: str, named: str | None
 def test_everything_shipped_is_covered() -> None:
     """A mesh beside the model, or a table in another format, would go unnoticed.
 
-    Pictures, schemas and what the benchmark has found decide nothing; laws, some in C, have their own digests.
+    Pictures, schemas, what the benchmark has found decide nothing; laws, some in C, have their own digests.
     """
     models, data = resources.MODEL_FILE.parent, resources.TOLERANCE_FILE.parent
     kinds = {path.suffix for path in models.rglob("*") if path.is_file()}
