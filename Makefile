@@ -7,7 +7,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint c
 # What hangs is ended after so many seconds, where there is a `timeout`.
 limit = $(if $(shell command -v timeout),timeout --foreground --kill-after=30 $(1))
 
-.PHONY: benchmark judge help setup cluster video fmi plan tune drake kernels validate test test-docs test-laws test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
+.PHONY: benchmark judge help setup cluster video fmi plan tune drake kernels validate test test-docs test-benchmark test-plan test-drake test-viewer lint drive fuzz bench mutations package clean
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -37,12 +37,13 @@ kernels: setup cluster video fmi ## compile and plan what tests need, before two
 validate: setup ## run every scenario with every controller on three plants and judge
 	$(call limit,600) $(BIN)/cranectl validate
 
-test: setup cluster video fmi tune kernels ## run the tests, those of these four extras too
+test: setup cluster video fmi kernels ## run the tests, those of these three extras too
 	@tests/install
-	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/reference/planning --ignore tests/benchmark
+	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/reference/planning \
+		--ignore tests/benchmark --ignore tests/campaign/benchmark
 
-test-laws: setup ## hold the laws of the benchmark to what they claim; a minute
-	$(call limit,600) $(BIN)/python -m pytest tests/benchmark --ignore tests/benchmark/test_nmpc_plans.py
+test-benchmark: setup tune ## hold the laws of the benchmark to what they claim, its page and its tuning to what they say; a minute
+	$(call limit,600) $(BIN)/python -m pytest tests/benchmark tests/campaign/benchmark --ignore tests/benchmark/test_nmpc_plans.py
 
 test-docs: setup cluster video fmi tune ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say
 	@tests/install
