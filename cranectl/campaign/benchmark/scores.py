@@ -80,11 +80,16 @@ def profile(ratios: Array, at: Array) -> Array:
     return shares
 
 
-def undominated(points: Array) -> Mask:
-    """Which of (n, d) points, all d the lower the better, no other one is as good as and better in one."""
+def dominates(points: Array) -> Mask:
+    """(n, n) of (n, d) points, all d the lower the better: i is as good as j, and better in one."""
     no_worse = (points[:, np.newaxis] <= points[np.newaxis]).all(axis=2)
     better = (points[:, np.newaxis] < points[np.newaxis]).any(axis=2)
-    return np.asarray(~(no_worse & better).any(axis=0))
+    return np.asarray(no_worse & better)
+
+
+def undominated(points: Array) -> Mask:
+    """Which of (n, d) points, all d the lower the better, no other one dominates."""
+    return np.asarray(~dominates(points).any(axis=0))
 
 
 def radius(spreads: Array, shares: Array) -> float:

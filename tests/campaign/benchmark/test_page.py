@@ -166,7 +166,9 @@ def test_a_law_without_effort_is_on_no_front(small: Path) -> None:
     made = table(benchmark, laws, "published")
     points = points_of(set_standings(benchmark, made, "published", "wide"))
     np.testing.assert_array_equal(points, [[0.1 / 0.9, 1.0, 0.0], [1.0, math.inf, 1.0]])
-    assert [row[0] for row in texts(sections(benchmark, made)["summary"].tables[0])] == ["first"]
+    shown = sections(benchmark, made)
+    assert [row[0] for row in texts(shown["summary"].tables[0])] == ["first"]
+    assert [row[2] for row in texts(shown["published-wide"].tables[0])] == ["yes", "first"], "who is ahead"
 
 
 def test_tables_are_joined_where_they_are_of_the_same_laws(small: Path) -> None:

@@ -52,6 +52,7 @@ def test_profiles_have_failures_at_infinity() -> None:
 def test_the_front_keeps_what_no_other_is_better_than() -> None:
     points = np.array([[1.0, 5.0], [2.0, 2.0], [2.0, 2.0], [3.0, 2.0], [5.0, 1.0]])
     assert scores.undominated(points).tolist() == [True, True, True, False, True]
+    assert np.argwhere(scores.dominates(points)).tolist() == [[1, 3], [2, 3]]
 
 
 def test_the_radius_lies_where_a_twentieth_fails() -> None:
