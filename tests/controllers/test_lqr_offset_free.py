@@ -24,6 +24,7 @@ from cranectl.controllers.lqr_offset_free import (
 )
 from cranectl.controllers.registry import controller_design
 from cranectl.reference import load_scenario
+from cranectl.signals import BRIDGE_RATE
 from cranectl.simulate import linearised_law, simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -121,6 +122,25 @@ def test_within_the_limits_of_weak_drives_nothing_winds_up(effects: list[str]) -
     assert 0.1 < asked.max() < 0.3
     assert np.abs(run.block("controller")).max() < 0.05  # nothing pushes, nor does it seem so
     assert np.linalg.norm(run.block("error")[-1, :3]) < 1e-3
+
+
+@pytest.mark.parametrize(("law", "least", "most"), [(LAW, 0.0, 1e-3), ("lqr-integral", 0.1, 0.3)])
+def test_what_a_saturated_drive_cannot_do_is_no_push_to_it(law: str, least: float, most: float) -> None:
+    """A tenth of the usual speed, the load 0.3 m off: drives saturate, an integral of errors winds up."""
+    slow = [
+        "rig.effects.limits.velocity=[0.1, 0.1, 0.6]",
+        "effects.limits={}",
+        "initial.load_offset=[0.3, 0.0, 0.0]",
+        "disturbances=[]",
+        "duration=5.0",
+        *SENSED,
+    ]
+    scenario = load_scenario("fixed-position", overrides=slow)
+    run = simulate_run(scenario, plant="mujoco", drive="velocity", controller=law)
+    assert np.abs(run.block("state")[:, BRIDGE_RATE]).max() == pytest.approx(0.1, rel=0.02)
+    assert least <= np.linalg.norm(run.block("error")[-1, :3]) < most
+    if law == LAW:
+        assert np.abs(run.block("controller")).max() < 2e-3  # nothing pushes, nor does it seem so
 
 
 def test_sampling_that_it_cannot_stand_is_refused() -> None:

@@ -1,15 +1,22 @@
 """All results of a benchmark as one table."""
 
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 
 from cranectl.campaign.benchmark.information import information
-from cranectl.campaign.benchmark.pieces import DIVISIONS, crane_length, pieces_of
+from cranectl.campaign.benchmark.pieces import DIVISIONS, Piece, campaign_of, crane_length, pieces_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import BenchmarkTable, runs_of
 from cranectl.campaign.benchmark.tuned import tuned_facts, tuned_settings
-from cranectl.campaign.results import MANIFEST_FILE, read_results
+from cranectl.campaign.manifest import differences, manifest_of
+from cranectl.campaign.results import MANIFEST_FILE, Results, read_results
+from cranectl.controllers.registry import law_digests
+from cranectl.design import CONTROLLERS as FLAT_FAMILY
+from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
+
+ANY = FLAT_FAMILY[0]  # law, where it does not matter which
 
 
 def collected(
@@ -18,10 +25,11 @@ def collected(
     """The pieces of `laws` below `directory` that are whole, of all divisions.
 
     `rules`: digest of those of `benchmark`, which is in `file`; `tuned`: where the numbers of tuned laws are.
-    Raises InputError where there is no piece, where one is damaged, and where tuned laws have run with other
-    numbers than these.
+    Raises InputError where there is no piece, where one is damaged, and where laws have run on other cranes
+    than the benchmark's, were others, or had other numbers than these. A piece may have fewer cranes.
     """
-    pieces, nominal = {}, {}
+    pieces, nominal, made_by = {}, {}, {}
+    wanted_of = functools.cache(functools.partial(_manifest, benchmark, file.parent))
     lengths = {name: crane_length(benchmark, file.parent, name) for name in benchmark.scenarios}
     for piece in (p for division in DIVISIONS for p in pieces_of(benchmark, laws, division=division)):
         if not (directory / piece.place / MANIFEST_FILE).exists():
@@ -29,7 +37,11 @@ def collected(
         results = read_results(directory / piece.place, unfinished=True)
         if results.missing:
             continue
+        _check_same(results, wanted_of(piece._replace(law=ANY)), piece.law)
         pieces[piece] = runs_of(results)
+        for origin in results.origins:
+            software = {name: told for name, told in origin.versions.items() if not name.startswith("law ")}
+            made_by[tuple(software.items())] = software
         nominal[piece.scenario] = results.campaign.nominal
         if piece.division == "tuned":
             numbers = tuned_settings(tuned, rules, piece.law, lengths[piece.scenario])
@@ -45,6 +57,7 @@ def collected(
     about = {
         "rules": rules,
         "seed": benchmark.seed,
+        "made_by": list(made_by.values()),
         "durations": {name: each.duration for name, each in nominal.items()},
         "laws": {law: information(law, known, benchmark.drive) for law, known in there.items()},
         "tuned": {
@@ -53,6 +66,33 @@ def collected(
         },
     }
     return BenchmarkTable(about, pieces)
+
+
+def _manifest(benchmark: Benchmark, directory: Path, piece: Piece) -> Table:
+    """Of the campaign of `piece` before anything is tuned."""
+    return manifest_of(campaign_of(benchmark, directory, piece))
+
+
+def _check_same(results: Results, wanted: Table, law: str) -> None:
+    """Raise InputError where `results` are not of the campaign `wanted` of any law, or `law` was another.
+
+    What is the law's own is not looked at, nor how many cranes there are.
+    """
+    found = results.manifest
+    alike = {
+        "campaign": found["campaign"] | {own: wanted["campaign"][own] for own in ("controllers", "runs")},
+        "scenario": found["scenario"] | {own: wanted["scenario"][own] for own in ("controller", "design")},
+        "runs": wanted["runs"],
+    }
+    other = differences(alike, wanted)
+    known = law_digests([law]).items()
+    other += [f"{law} was another" for o in results.origins if not known <= o.versions.items()][:1]
+    if other:
+        raise InputError(
+            f"{results.directory} was not run by this benchmark: {'; '.join(other)}",
+            allowed="results of the scenarios, cranes and laws as they are",
+            remedy="run it again in another directory, --out",
+        )
 
 
 def _check_numbers(given: Sequence[str], wanted: Sequence[str], place: Path, tuned: Path) -> None:

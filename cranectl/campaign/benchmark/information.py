@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.registry import controller_design, law_digests, load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
@@ -12,6 +14,7 @@ from cranectl.scenario.effects import EffectNumbers
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import plan_reference
 from cranectl.simulate.runner import nominal_crane
+from cranectl.support.arrays import Array
 
 
 class _Watched:
@@ -28,11 +31,26 @@ class _Watched:
         return found
 
 
+class _WatchedPath:
+    """A path that remembers whether more of it was asked for than where it begins."""
+
+    def __init__(self, path: Array) -> None:
+        self._path, self.asked = path, False
+
+    def __getitem__(self, at: Any) -> Any:
+        self.asked |= (at[0] if isinstance(at, tuple) else at) != 0
+        return self._path[at]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        self.asked = True
+        return np.array(self._path, dtype=dtype, copy=copy)
+
+
 def information_class(facts: Mapping[str, Any]) -> str:
     """Of `information`, in a few words: what it follows and measures, what it knows besides gravity."""
     known = facts["rig"]
     more = {
-        "preview": facts["preview"],
+        "preview": facts["preview"] or facts["reads_path"],
         "masses": any("mass" in name for name in known),
         "drives": "time_constants" in known,
         "limits": "limits" in known,
@@ -42,23 +60,28 @@ def information_class(facts: Mapping[str, Any]) -> str:
 
 
 def information(law: str, scenario: Scenario, drive: Drive) -> dict[str, Any]:
-    """Facts of `law`, plain data: what it follows, measures, commands, sees ahead, knows of the rig."""
+    """Facts of `law`, plain data: what it follows, measures, commands, sees ahead, knows of the rig.
+
+    `reads_path`: its numbers are made from all of the path.
+    """
     file = {"file": law_digests([law]).get(f"law {law}", "")}
     if law in FLAT_FAMILY:
         own = {"follows": "path", "measures": "state", "commands": "acceleration", "preview": 0}
-        return {**own, "every": 1, "rig": ["gravity"], **file}
+        return {**own, "reads_path": False, "every": 1, "rig": ["gravity"], **file}
     controller = load_controller(law)
     design = controller_design(law, scenario)
     assert isinstance(design, LawDesign)  # of what is not of the flat family
     known = nominal_crane(scenario, design, controller, drive, plan_reference(scenario))
     watched = _Watched(known.rig, set())
-    controller.prepare(known._replace(rig=watched))  # type: ignore[arg-type]
+    path = _WatchedPath(known.reference)
+    controller.prepare(known._replace(rig=watched, reference=path))  # type: ignore[arg-type]
     masses = ["masses"] if controller.command == "force" else []  # by which the loop knows what a force does
     return {
         "follows": controller.follows,
         "measures": controller.measures,
         "commands": controller.command,
         "preview": controller.preview,
+        "reads_path": path.asked,
         "every": controller.every,
         "rig": sorted(watched.asked) + masses,
         **file,

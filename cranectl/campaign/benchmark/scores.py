@@ -38,13 +38,23 @@ def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDiffer
     return PairedDifference(difference.size, float(np.median(difference)), float(low), float(high), effect)
 
 
-def unsettled_share(settling: Array, failed: Mask, horizon: float) -> float:
-    """Mean share of the rest, `horizon` [s], that passes unsettled: the restricted mean of censored times.
+def unsettled_time(settling: Array, failed: Mask, horizon: float) -> Array:
+    """Time of the rest, `horizon` [s], that passes unsettled [s], (n,): all of it where a run fails.
 
     `settling` (n,) is NaN where a run did not settle.
     """
-    times = np.where(failed | np.isnan(settling), horizon, np.minimum(settling, horizon))
-    return float(times.mean() / horizon)
+    return np.where(failed | np.isnan(settling), horizon, np.minimum(settling, horizon))
+
+
+def unsettled_share(settling: Array, failed: Mask, horizon: float) -> float:
+    """Mean share of the rest, `horizon` [s], that passes unsettled: the restricted mean of censored times."""
+    return float(unsettled_time(settling, failed, horizon).mean() / horizon)
+
+
+def median_with_failures(values: Array, failed: Mask) -> float:
+    """Median in which runs that failed are worse than any: inf among them; NaN where no run has a value."""
+    counted = np.where(failed, np.inf, values)
+    return float(np.nanmedian(counted)) if not np.isnan(counted).all() else float("nan")
 
 
 def settled_share(settling: Array, failed: Mask) -> float:
@@ -64,12 +74,12 @@ def settling_quantile(settling: Array, failed: Mask, at: float) -> float:
 def performance_ratios(costs: Array) -> Array:
     """Costs (laws, problems) over the least of each problem; inf for failures (Dolan and Moré 2002).
 
-    Costs are positive; NaN is a failure. A problem that every law fails has inf for all.
+    Costs are not negative; NaN is a failure. A problem that every law fails has inf for all.
     """
     costs = np.where(np.isnan(costs), np.inf, costs)
     best = costs.min(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratios: Array = costs / best
+        ratios: Array = np.where(costs == best, 1.0, costs / best)
     ratios[np.isinf(costs)] = np.inf
     return ratios
 

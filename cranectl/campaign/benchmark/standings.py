@@ -1,6 +1,5 @@
 """How laws stand on a set of cranes, over all scenarios that suit laws of every kind."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -22,8 +21,8 @@ class Standing(NamedTuple):
     failures: int
     settled: float  # share
     unsettled: float  # share of the rest
-    effort: float  # median [m/s²]
-    variation: float  # median [m/s²] in a second
+    effort: float  # median [m/s²], failures worse than any: inf where most fail
+    variation: float  # median [m/s²] in a second, so too
 
 
 def set_standings(
@@ -39,17 +38,18 @@ def set_standings(
         runs = [table.pieces[place] for place in places]
         durations = [float(table.about["durations"][place.scenario]) for place in places]
         settled = [scores.settled_share(r.metrics["settling_time_s"], r.failed) for r in runs]
-        effort = _all(runs, EFFORT)
-        variation = [r.metrics[VARIATION] / t for r, t in zip(runs, durations, strict=True)]
+        failed = np.concatenate([r.failed for r in runs])
+        effort = np.concatenate([r.metrics[EFFORT] for r in runs])
+        variation = np.concatenate([r.metrics[VARIATION] / t for r, t in zip(runs, durations, strict=True)])
         found.append(
             Standing(
                 law,
-                sum(r.failed.size for r in runs),
-                sum(int(r.failed.sum()) for r in runs),
+                failed.size,
+                int(failed.sum()),
                 float(np.mean(settled)),
                 float(np.mean([_unsettled(r, t) for r, t in zip(runs, durations, strict=True)])),
-                float(np.nanmedian(effort)) if np.isfinite(effort).any() else math.nan,
-                float(np.nanmedian(np.concatenate(variation))) if np.isfinite(effort).any() else math.nan,
+                scores.median_with_failures(effort, failed),
+                scores.median_with_failures(variation, failed),
             )
         )
     return sorted(found, key=lambda each: (each.failures / each.runs, each.unsettled))
@@ -64,12 +64,8 @@ def shared_scenarios(
 
 
 def points_of(found: Sequence[Standing]) -> Array:
-    """(laws, 3): unsettled share of the rest, effort, share of failures; the lower the better.
-
-    The effort of a law none of whose runs has one is infinite.
-    """
-    points = np.array([[s.unsettled, s.effort, s.failures / s.runs] for s in found])
-    return np.where(np.isnan(points), np.inf, points)
+    """(laws, 3): unsettled share of the rest, effort, share of failures; the lower the better."""
+    return np.array([[s.unsettled, s.effort, s.failures / s.runs] for s in found])
 
 
 def laws_of(table: BenchmarkTable) -> list[str]:
@@ -77,10 +73,11 @@ def laws_of(table: BenchmarkTable) -> list[str]:
     return list(dict.fromkeys(piece.law for piece in table.pieces))
 
 
-def _all(runs: Sequence[Runs], metric: str) -> Array:
-    return np.concatenate([each.metrics[metric] for each in runs])
+def rest_time(runs: Runs, duration: float) -> float:
+    """How long the path rests at its end [s], in runs of `duration`; all of it where no run came so far."""
+    rest = runs.metrics["rest_s"]
+    return duration - (float(np.nanmin(rest)) if np.isfinite(rest).any() else 0.0)
 
 
 def _unsettled(runs: Runs, duration: float) -> float:
-    rest = np.nanmin(runs.metrics["rest_s"]) if np.isfinite(runs.metrics["rest_s"]).any() else 0.0
-    return scores.unsettled_share(runs.metrics["settling_time_s"], runs.failed, duration - float(rest))
+    return scores.unsettled_share(runs.metrics["settling_time_s"], runs.failed, rest_time(runs, duration))

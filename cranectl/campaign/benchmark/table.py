@@ -32,7 +32,7 @@ METRICS = (
     "rest_s",
 )
 ABOUT = b"benchmark"  # metadata
-TOLD = ("rules", "seed", "durations", "laws", "tuned")  # in it
+TOLD = ("rules", "seed", "made_by", "durations", "laws", "tuned")  # in it
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,9 @@ class Runs:
 class BenchmarkTable:
     """All pieces there are, and what is the same for all runs.
 
-    That is `rules`, `seed`, by scenario `durations` [s], by law what it is told, `laws`, of `information`,
-    and what tuning gave it, `tuned`, of `tuned_facts`.
+    That is `rules`, `seed`, versions and fingerprints of each software that ran any, `made_by`, by scenario
+    `durations` [s], by law what it is told, `laws`, of `information`, and what tuning gave it, `tuned`, of
+    `tuned_facts`.
     """
 
     about: Mapping[str, Any]
@@ -135,6 +136,8 @@ def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
         check_comparable(other, about)
         pieces = {**other.pieces, **pieces}
         about |= {name: {**other.about[name], **about[name]} for name in ("durations", "laws", "tuned")}
+        more = [software for software in other.about["made_by"] if software not in about["made_by"]]
+        about["made_by"] = [*about["made_by"], *more]
     return BenchmarkTable(about, pieces)
 
 

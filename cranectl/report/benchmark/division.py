@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
+from cranectl.campaign.benchmark import scores
 from cranectl.campaign.benchmark.information import information_class
 from cranectl.campaign.benchmark.pieces import Division, Piece
 from cranectl.campaign.benchmark.settings import Benchmark
@@ -13,11 +12,11 @@ from cranectl.campaign.benchmark.standings import Standing, laws_of, set_standin
 from cranectl.campaign.benchmark.table import BenchmarkTable, Runs
 from cranectl.report.page import Figure, Section
 from cranectl.report.table import Cell, Table, cells
-from cranectl.support.arrays import Array
+from cranectl.support.arrays import Array, Mask
 
 COMPARED = "rms_error_m"  # with the baseline, crane by crane
 NAMED = ("law", "told")
-TITLES: dict[Division, str] = {"tuned": "Tuned", "published": "As published"}
+TITLES: dict[Division, str] = {"tuned": "Tuned", "published": "As published (defaults)"}
 
 
 class Judged(NamedTuple):
@@ -38,6 +37,13 @@ class Judged(NamedTuple):
     def standings(self, crane_set: str) -> list[Standing]:
         """As `set_standings`."""
         return set_standings(self.benchmark, self.table, self.division, crane_set)
+
+    def unfinished(self, crane_set: str) -> list[str]:
+        """Laws that have runs on a set, not on all scenarios of its standings."""
+        shown = {each.law for each in self.standings(crane_set)}
+        place = (self.division, self.benchmark.plant, crane_set)
+        there = dict.fromkeys(piece.law for piece in self.table.pieces if piece[:3] == place)
+        return [law for law in there if law not in shown]
 
     @property
     def best_first(self) -> list[str]:
@@ -64,6 +70,7 @@ def finite(value: float, form: str, other: str = "") -> str:
     return format(value, form) if math.isfinite(value) else other
 
 
-def median(values: Array) -> str:
-    """The median of those that there are, to three digits."""
-    return f"{float(f'{np.nanmedian(values):.3g}'):g}" if np.isfinite(values).any() else ""
+def median(values: Array, failed: Mask) -> str:
+    """The median to three digits, failures worse than any value; empty where no run has one."""
+    found = scores.median_with_failures(values, failed)
+    return "" if math.isnan(found) else finite(float(f"{found:.3g}"), "g", "fails")

@@ -52,8 +52,9 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
     text = (
         "Laws that no other law of their division dominates on at least one set: none is as good in the time "
         "at rest that passes unsettled, in effort and in the share of failures, and better in one of them. A "
-        "law can stand here for its small effort alone: see what it leaves unsettled. What each is told of "
-        "crane and path is part of the comparison, and stands beside its name."
+        "law can stand here for its small effort alone: see what it leaves unsettled; and the one that fails "
+        "least is here whatever it costs. Small differences may be chance, see the intervals. What each is "
+        "told of crane and path is part of the comparison, and stands beside its name."
     )
     texts, tables = [text], []
     for judged in divisions:
@@ -91,7 +92,7 @@ def _undominated(
             each = standings[law]
             share, unsettled = 100.0 * each.failures / each.runs, 100.0 * each.unsettled
             failed = Cell(f"{share:.1f}", "best" if law in fronts[name] else "")
-            row += [failed, f"{unsettled:.1f}", finite(each.effort, ".2f")]
+            row += [failed, f"{unsettled:.1f}", finite(each.effort, ".2f", "fails")]
         rows.append(cells(*judged.named(law), *row))
     headings = (*NAMED, *(f"{name}\n{each}" for name in sets for each in SHOWN))
     title = f"{TITLES[judged.division]}: {len(laws)} of {len(set().union(*by_law.values()))} laws"
@@ -108,15 +109,16 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
         f"drives. Sets: {'; '.join(sets)}. Every law meets the same cranes, sample by sample. A run fails "
         "that ends early or is too far off at its end; no law gains by what it loses, since failures are "
         "worse than any result. The literature's laws are written here: their authors may do better.",
-        "There are two divisions, which are never in one table: laws as published, with their defaults, and "
-        "tuned, all by the same budget.",
+        "There are two divisions, which are never in one table: laws as published, that is with their "
+        "defaults, for most of them first guesses and no paper's numbers, and tuned, all by the same budget.",
+        f"Made by {' and by '.join(map(_software, table.about['made_by']))}.",
     )
     rows = tuple(
         cells(
             law,
             "set points" if facts["follows"] == "set-point" else "path",
             facts["measures"],
-            str(facts["preview"] or "none"),
+            "all of the path" if facts["reads_path"] else str(facts["preview"] or "none"),
             facts["commands"],
             ", ".join(name.replace("_", " ") for name in facts["rig"]) or "nothing",
         )
@@ -125,10 +127,14 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     headings = ("law", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
         "What is measured as state comes from encoders and an observer that is common to all laws. Preview: "
-        "control periods of the path ahead. In other tables this is in short what a law is told, with "
-        "masses and drives where it knows such of the rig."
+        "control periods of the path ahead, or all of it where a law is made. In other tables this is in "
+        "short what a law is told, with masses and drives where it knows such of the rig."
     )
     return Section("rules", "Rules and information", texts, (Table("", headings, rows, labels=6, note=note),))
+
+
+def _software(versions: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {version}" for name, version in versions.items())
 
 
 def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
@@ -153,8 +159,9 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
         f"Every law by CMA-ES in a budget of {settings.runs} runs, from its defaults, on cranes that are "
         f"never judged on: {settings.draws} each of {', '.join(settings.scenarios)}, spread "
         f"{settings.spread:g}. The cost is the mean over them, the lower the better; a run that fails costs "
-        "more than 5. Where all of the budget gives hardly more than half of it, a larger one would not "
-        "help. A law with nothing to tune is run as it is."
+        "more than 5. Where all of the budget gives hardly more than half of it, a larger one may not "
+        "help: the search is local, and some numbers end at a bound. A law with nothing to tune is run as it "
+        "is."
     )
     headings = ("law", "runs", *(f"{told}\n{stage}" for told in ("cost", "failed %") for stage in stages))
     tables = [Table("", headings, tuple(rows))]
@@ -179,7 +186,10 @@ def _failures(divisions: list[Judged]) -> Iterator[Section]:
         if rows:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=6, folded=True))
     if tables:
-        text = "The first of each law on each set."
+        text = (
+            "The first of each law on each set. Where the results are not at hand, 'cranectl benchmark run' "
+            "with --division, --controller, --set-of-cranes and --scenario runs its piece again."
+        )
         yield Section("failures", "Failures to look at", (text,), tuple(tables))
 
 

@@ -10,7 +10,7 @@ from cranectl.campaign.benchmark.table import Runs
 from cranectl.report.benchmark.division import COMPARED, NAMED, Judged, finite, median
 from cranectl.report.page import Section
 from cranectl.report.table import Table, cells
-from cranectl.support.arrays import Mask
+from cranectl.support.arrays import Array, Mask
 
 BEST = 5  # laws whose single effects are not folded
 
@@ -40,7 +40,8 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     headings = (*NAMED, "radius", *(f"failed [%] at\n{spread:g}" for spread in spreads))
     text = (
         f"The factor on all spreads at which 5 % of the runs of {benchmark.radius.scenario} fail, between "
-        "the factors linear."
+        f"the factors linear. Of {benchmark.radius.draws} cranes each these are few: a law that loses one "
+        "crane more or less has another radius."
     )
     yield judged.section("radius", "radius", text, (Table("", headings, rows, labels=2),))
 
@@ -82,10 +83,7 @@ def _failed_share(runs: Runs | None) -> str:
 
 
 def _error(runs: Runs | None) -> str:
-    if runs is None:
-        return ""
-    errors = np.where(runs.failed, np.inf, runs.metrics[COMPARED])
-    return finite(1e3 * float(np.median(errors)), ".1f", "fails")
+    return "" if runs is None else median(1e3 * runs.metrics[COMPARED], runs.failed)
 
 
 def second_section(judged: Judged) -> Iterator[Section]:
@@ -107,21 +105,29 @@ def second_section(judged: Judged) -> Iterator[Section]:
             if not pairs:
                 continue
             here, there = (np.concatenate(each) for each in zip(*map(_failures, pairs), strict=True))
-            apart = [b.metrics[COMPARED] - a.metrics[COMPARED][: b.failed.size] for a, b in pairs]
+            apart = np.concatenate([_apart(*pair) for pair in pairs])[~(here | there)]
             rows.append(
                 cells(
                     *judged.named(law),
                     str(there.size),
                     *(f"{100.0 * each.mean():.1f}" for each in (here, there)),
                     str(int((here != there).sum())),
-                    median(1e3 * np.abs(np.concatenate(apart))),
+                    median(1e3 * apart, np.zeros(apart.size, dtype=bool)),
                 )
             )
         if rows:
             tables.append(Table(f"Cranes: {name}", headings, tuple(rows), labels=2, folded=bool(tables)))
     if tables:
-        text = "The same cranes, by equations that know nothing of the first plant's."
+        text = (
+            "The same cranes, by equations that know nothing of the first plant's. RMS errors of the two are "
+            "apart by so much where neither run fails."
+        )
         yield judged.section("second", f"on {benchmark.second_plant}", text, tables)
+
+
+def _apart(first: Runs, second: Runs) -> Array:
+    """RMS errors of the same cranes apart [m]."""
+    return np.abs(second.metrics[COMPARED] - first.metrics[COMPARED][: second.failed.size])
 
 
 def _failures(pair: tuple[Runs, Runs]) -> tuple[Mask, Mask]:

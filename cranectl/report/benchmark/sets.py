@@ -5,13 +5,23 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.standings import Standing, points_of, shared_scenarios
-from cranectl.campaign.benchmark.table import Runs
+from cranectl.campaign.benchmark.pieces import Piece
+from cranectl.campaign.benchmark.standings import Standing, points_of, rest_time, shared_scenarios
+from cranectl.campaign.benchmark.table import BenchmarkTable, Runs
 from cranectl.campaign.summary import failure_interval
 from cranectl.report.benchmark import figures
 from cranectl.report.benchmark.division import COMPARED, NAMED, Judged, finite, median
 from cranectl.report.page import Figure, Section
 from cranectl.report.table import ANSWERS, Table, cells
+from cranectl.support.arrays import Array
+
+DIFFERENCES = tuple(
+    f"{what} less baseline\n{told}"
+    for what, unit in (("RMS error", "mm"), ("unsettled", "s"))
+    for told in (f"50 % [{unit}]", "95 % of it", "effect")
+)
+NOTHING = ("", "", "")  # where there is no difference
+Texts = tuple[str, str, str]
 
 
 def set_section(judged: Judged, name: str) -> Iterator[Section]:
@@ -34,12 +44,13 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     )
     shared = shared_scenarios(benchmark, table, division, name)
     laws = [s.law for s in found]
-    places = [[judged.piece(name, scenario, law) for scenario in shared] for law in laws]
-    tasks = np.stack([np.concatenate([table.pieces[p].task for p in of_law]) for of_law in places])
+    tasks = np.hstack(
+        [_common([judged.piece(name, scenario, law) for law in laws], table) for scenario in shared]
+    )
     profiles = Figure.drawn(
         "performance profiles",
-        "Share of all runs that a law brings to rest within so many times the time of the law that was "
-        "quickest on that crane; failures never. The eight best have names.",
+        "Share of all runs that a law has settled within so many times the time of the law that was "
+        "quickest on that crane, both from the start of the run; failures never. The eight best have names.",
         figures.profiles,
         laws,
         scores.performance_ratios(tasks),
@@ -50,11 +61,23 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     tables += [each for scenario in benchmark.scenarios for each in _scenario(judged, name, scenario)]
     cranes = benchmark.sets[name]
     text = (
-        f"Spread {cranes.spread:g}, {cranes.draws} cranes in each scenario if all are there. Differences to "
-        f"{benchmark.baseline} are crane by crane, where neither fails; effect: share of cranes on which the "
-        "error is larger less that on which it is smaller. Laws of set points never see the path."
+        f"Spread {cranes.spread:g}, {cranes.draws} cranes in each scenario if there, always the same: "
+        "intervals are as if runs were independent. Medians count a failure as worse than any result. "
+        f"Differences to {benchmark.baseline} are crane by crane: of RMS errors where neither fails, of the "
+        "time that passes unsettled on all cranes, to the end where a run fails; effect: share of cranes on "
+        "which it is larger less that on which it is smaller. Laws of set points never see the path and have "
+        "no error to it."
     )
+    if part := judged.unfinished(name):
+        text += f" Not shown, since scenarios are missing: {', '.join(part)}."
     yield judged.section(name, name, text, tables, (drawn, profiles))
+
+
+def _common(places: Sequence[Piece], table: BenchmarkTable) -> Array:
+    """(laws, cranes) times of the task, on the cranes that all `places` of one scenario have."""
+    tasks = [table.pieces[place].task for place in places]
+    cranes = min(each.size for each in tasks)
+    return np.stack([each[:cranes] for each in tasks])
 
 
 def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Table:
@@ -76,8 +99,8 @@ def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Tab
                 f"{100.0 * low:.1f} to {100.0 * high:.1f}",
                 f"{100.0 * each.settled:.0f}",
                 f"{100.0 * each.unsettled:.1f}",
-                finite(each.effort, ".3f"),
-                finite(each.variation, ".1f"),
+                finite(each.effort, ".3f", "fails"),
+                finite(each.variation, ".1f", "fails"),
             )
         )
     note = (
@@ -102,14 +125,16 @@ def _failures(judged: Judged, name: str) -> Table:
 def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
     """The laws on one scenario, folded."""
     theirs = judged.runs(name, scenario, judged.benchmark.baseline)
+    duration = float(judged.table.about["durations"].get(scenario, 0.0))
     headings = (*NAMED, "failed\n%", "settled\n%", "settling time\n50 % [s]", "settling time\n90 % [s]",
-                "sway about lean\n50 % [°]", "RMS error\n50 % [mm]", "less baseline\n50 % [mm]",
-                "less baseline\n95 % of it", "less baseline\neffect")  # fmt: skip
+                "sway about lean\n50 % [°]", "RMS error\n50 % [mm]", *DIFFERENCES)  # fmt: skip
     rows = []
     for law in judged.best_first:
         runs = judged.runs(name, scenario, law)
         if runs is None:
             continue
+        sees_path = judged.table.about["laws"][law]["follows"] != "set-point"
+        other = theirs if law != judged.benchmark.baseline else None
         settling = runs.metrics["settling_time_s"]
         middle, late = (scores.settling_quantile(settling, runs.failed, at) for at in (0.5, 0.9))
         rows.append(
@@ -119,22 +144,39 @@ def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
                 f"{100.0 * scores.settled_share(settling, runs.failed):.0f}",
                 finite(middle, ".2f", "never"),
                 finite(late, ".2f", "never"),
-                median(np.degrees(runs.metrics["residual_sway_about_lean_rad"])),
-                median(1e3 * runs.metrics[COMPARED]),
-                *_less(runs, theirs if law != judged.benchmark.baseline else None),
+                median(np.degrees(runs.metrics["residual_sway_about_lean_rad"]), runs.failed),
+                median(1e3 * runs.metrics[COMPARED], runs.failed) if sees_path else "",
+                *(_errors_less(runs, other) if sees_path else NOTHING),
+                *_unsettled_less(runs, other, duration),
             )
         )
     if rows:
         yield Table(f"On {scenario}", headings, tuple(rows), labels=2, folded=True)
 
 
-def _less(runs: Runs, baseline: Runs | None) -> tuple[str, str, str]:
-    """Errors less those of the baseline on the same cranes: median, its interval, effect."""
-    if baseline is None or baseline.failed.size != runs.failed.size:
-        return "", "", ""
-    own, theirs = (np.where(r.failed, np.nan, r.metrics[COMPARED]) for r in (runs, baseline))
-    found = scores.paired_difference(own, theirs, seed=0)
+def _errors_less(runs: Runs, baseline: Runs | None) -> Texts:
+    """RMS errors [mm] less those of the baseline, where neither fails."""
+    if baseline is None:
+        return NOTHING
+    own, theirs = (np.where(r.failed, np.nan, 1e3 * r.metrics[COMPARED]) for r in (runs, baseline))
+    return _less(own, theirs, ".1f")
+
+
+def _unsettled_less(runs: Runs, baseline: Runs | None, duration: float) -> Texts:
+    """Times that pass unsettled [s] less those of the baseline, failures so to the end."""
+    if baseline is None or not np.isfinite([*runs.task, *baseline.task]).any():
+        return NOTHING
+    horizon = rest_time(runs, duration)
+    settling = ((r.metrics["settling_time_s"], r.failed) for r in (runs, baseline))
+    own, theirs = (scores.unsettled_time(times, failed, horizon) for times, failed in settling)
+    return _less(own, theirs, ".2f")
+
+
+def _less(own: Array, theirs: Array, form: str) -> Texts:
+    """Values less those of the baseline on the cranes that both have: median, its interval, effect."""
+    cranes = min(own.size, theirs.size)
+    found = scores.paired_difference(own[:cranes], theirs[:cranes], seed=0)
     if not found.cranes:
-        return "", "", ""
-    median, low, high = (1e3 * each for each in (found.median, found.low, found.high))
-    return f"{median:.1f}", f"{low:.1f} to {high:.1f}", f"{found.effect:+.2f}"
+        return NOTHING
+    low, high = (format(each, form) for each in (found.low, found.high))
+    return f"{found.median:{form}}", f"{low} to {high}", f"{found.effect:+.2f}"

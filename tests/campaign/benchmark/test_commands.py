@@ -43,6 +43,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
         "measures": "state",
         "commands": "acceleration",
         "preview": 0,
+        "reads_path": False,
         "every": 1,
         "rig": ["gravity"],
         "file": told["laws"]["servo"]["file"],
@@ -52,7 +53,10 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     assert titles_of(page) == [
         "Summary",
         "Rules and information",
-        *(f"As published: {name}" for name in ("nominal", "wide", "radius", "single effects", "on analytic")),
+        *(
+            f"As published (defaults): {name}"
+            for name in ("nominal", "wide", "radius", "single effects", "on analytic")
+        ),
     ]
     assert "set points" in page.read_text(encoding="utf-8")
 
@@ -93,6 +97,34 @@ def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.
     assert "results whose rules differ" in capsys.readouterr().err
     assert main(["benchmark", "report", str(table), "--benchmark", str(small)]) == 2
     assert "results whose rules differ" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after", "told"),
+    [
+        ("small.toml", "seed = 3", "seed = 4", "seed is 3, not 4"),
+        ("small.toml", "high = 2.0", "high = 3.0", "rig.load_mass"),
+        ("short.toml", "to = [0.6", "to = [0.7", "reference"),
+        ("servo.py", "damper on each drive.", "damper, on each drive.", "servo was another"),
+    ],
+)
+def test_a_page_tells_of_this_benchmark_only(
+    small: Path, file: str, before: str, after: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = small.with_name("out")
+    law = ["--controller", f"{small.with_name('servo.py')}:SERVO"]
+    few = ["--set-of-cranes", "wide", "--scenario", "short", "--draws", "2"]
+    report = ["benchmark", "report", str(out), "--benchmark", str(small), *law]
+    assert main(["benchmark", "run", str(small), *law, *few, "--out", str(out)]) == 0
+    assert main(report) == 0, "fewer cranes are the first of the same"
+    text = small.with_name(file).read_text()
+    assert before in text
+    small.with_name(file).write_text(text.replace(before, after))
+    close_laws()
+    assert main(report) == 2
+    error = capsys.readouterr().err
+    assert "was not run by this benchmark" in error
+    assert told in error
 
 
 def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -150,7 +182,7 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     assert facts["numbers"]["controller.servo.damping"][0] == 4.0
     assert list(told["divisions"]) == ["tuned", "published"]
     titles = titles_of(page)
-    wanted = ["Tuning", "Tuned: nominal", "Tuned: on analytic", "As published: nominal"]
+    wanted = ["Tuning", "Tuned: nominal", "Tuned: on analytic", "As published (defaults): nominal"]
     assert [title for title in titles if title in wanted] == wanted
     assert main(["benchmark", "report", str(table), "--benchmark", str(small)]) == 0
     assert titles_of(table.with_suffix(".html")) == titles

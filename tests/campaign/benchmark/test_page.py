@@ -27,7 +27,15 @@ from cranectl.report.page import Section, render
 from cranectl.report.table import Table
 from cranectl.support.errors import InputError
 
-FACTS = {"follows": "path", "measures": "state", "commands": "velocity", "preview": 0, "every": 1, "rig": []}
+FACTS = {
+    "follows": "path",
+    "measures": "state",
+    "commands": "velocity",
+    "preview": 0,
+    "reads_path": False,
+    "every": 1,
+    "rig": [],
+}
 RUNS = 4
 Texts = list[list[str]]
 
@@ -52,6 +60,7 @@ def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) 
     about = {
         "rules": "abc",
         "seed": 3,
+        "made_by": [{"cranectl": "1.0"}],
         "durations": {"short": 1.0, "path": 0.8},
         "laws": {law: {**FACTS, "file": ""} for law in laws},
         "tuned": dict.fromkeys(laws, tuned) if "tuned" in divisions else {},
@@ -103,7 +112,7 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
     assert tuned.title == "Tuned: 1 of 2 laws"
     assert found["summary"].paragraphs[1:] == (
         "Tuned, on nominal, wide alike: first.",
-        "As published, on nominal, wide alike: first.",
+        "As published (defaults), on nominal, wide alike: first.",
     )
     gains, numbers = found["tuning"].tables
     assert texts(gains)[0] == ["first", "40", "3.000", "2.000", "1.500", "50", "25", "0"]
@@ -128,7 +137,7 @@ def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: 
     assert errors_others.folded
     assert not failed.folded
     assert texts(failed)[1][2:] == ["0", "25", "0", "0"]
-    assert texts(errors)[1][2:] == ["31.5", "201.5", "31.5", "31.5"]
+    assert texts(errors)[1][2:] == ["31.5", "202", "31.5", "31.5"]
     assert texts(errors_others)[0][2:] == ["fails"] * 4
     assert "only-" not in "".join(sections(benchmark, made)["published-radius"].tables[0].headings), (
         "the radius is over wider sets only"
@@ -169,6 +178,38 @@ def test_a_law_without_effort_is_on_no_front(small: Path) -> None:
     shown = sections(benchmark, made)
     assert [row[0] for row in texts(shown["summary"].tables[0])] == ["first"]
     assert [row[2] for row in texts(shown["published-wide"].tables[0])] == ["yes", "first"], "who is ahead"
+
+
+def test_most_that_fail_have_no_effort_to_boast_of(small: Path) -> None:
+    """What a run did until it was lost is no merit of its law, wherever medians are shown."""
+    benchmark = read_benchmark(str(small))
+    lazy = runs(0.01, failures=3, effort=0.1)
+    made = table(benchmark, {"lqr-integral": runs(0.02), "lazy": lazy}, "published")
+    shown = sections(benchmark, made)
+    assert [row[2] for row in texts(shown["published-wide"].tables[0])] == ["yes", "lqr-integral"]
+    standing, _, scenario = (texts(each)[1] for each in shown["published-wide"].tables)
+    assert standing[-2:] == ["fails", "fails"]
+    assert scenario[6:8] == ["fails", "fails"]
+    assert scenario[8:] == ["-10.0", "-10.0 to -10.0", "-1.00", "0.70", "-0.10 to 0.70", "+0.50"]
+    (second,) = (texts(each)[1] for each in shown["published-second"].tables[:1])
+    assert second[-1] == "0"
+
+
+def test_laws_meet_on_the_cranes_that_all_of_them_have(small: Path) -> None:
+    """One's own law may have run on the first few; laws of set points have no error to a path."""
+    benchmark = read_benchmark(str(small))
+    few = runs(0.01)
+    few = Runs(few.failed[:2], few.status[:2], {name: values[:2] for name, values in few.metrics.items()})
+    laws = {"mine": few, "lqr-integral": runs(0.02), "other": runs(0.03)}
+    made = table(benchmark, laws, "published")
+    made.about["laws"]["mine"] = {**FACTS, "file": "", "follows": "set-point"}
+    place = Piece("published", "mujoco", "wide", "short", "other")
+    made.pieces[place._replace(scenario="path")] = made.pieces.pop(place)  # type: ignore[attr-defined,index]
+    shown = sections(benchmark, made)["published-wide"]
+    assert [row[0] for row in texts(shown.tables[0])] == ["mine", "lqr-integral"]
+    assert shown.paragraphs[0].endswith("Not shown, since scenarios are missing: other.")
+    scenario = {row[0]: row for row in texts(shown.tables[2])}["mine"]
+    assert scenario[7:] == ["", "", "", "", "-0.10", "-0.10 to -0.10", "-1.00"]
 
 
 def test_tables_are_joined_where_they_are_of_the_same_laws(small: Path) -> None:
