@@ -70,7 +70,10 @@ def report_benchmark(
         found = joined([found, read_table(beside)])
     place = result.with_suffix("") if result.is_file() else result
     page = out or Path(f"{place}.html" if place.name else f"{place.absolute().name}.html")
-    remade_by = shlex.join(["cranectl", "benchmark", "report", str(result), "--benchmark", benchmark])
+    named = [("--controller", law) for law in controllers]
+    named += [(name, str(path)) for name, path in (("--beside", beside), ("--tuned", tuned)) if path]
+    options = ["--benchmark", benchmark, *(word for option in named for word in option)]
+    remade_by = shlex.join(["cranectl", "benchmark", "report", str(result), *options])
     write_page(benchmark_page(settings, found, remade_by), page)
     if table is not None:
         write_table(table, found)
