@@ -1,7 +1,7 @@
 """All results of a benchmark as one table."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from cranectl.campaign.benchmark.information import information
@@ -19,21 +19,32 @@ from cranectl.support.errors import InputError
 ANY = FLAT_FAMILY[0]  # law, where it does not matter which
 
 
+def pieces_there(benchmark: Benchmark, directory: Path, laws: Sequence[str]) -> list[Piece]:
+    """The pieces of `laws` that were begun below `directory`, of all divisions."""
+    pieces = (piece for division in DIVISIONS for piece in pieces_of(benchmark, laws, division=division))
+    return [piece for piece in pieces if (directory / piece.place / MANIFEST_FILE).exists()]
+
+
 def collected(
-    benchmark: Benchmark, file: Path, rules: str, directory: Path, laws: Sequence[str], tuned: Path
+    benchmark: Benchmark,
+    file: Path,
+    rules: str,
+    directory: Path,
+    begun: Iterable[Piece],
+    tuned: Path,
+    advance: Callable[[float], None],
 ) -> BenchmarkTable:
-    """The pieces of `laws` below `directory` that are whole, of all divisions.
+    """Those of the pieces `begun` below `directory` that are whole; `advance` is told of each by a 1.
 
     `rules`: digest of those of `benchmark`, which is in `file`; `tuned`: where the numbers of tuned laws are.
-    Raises InputError where there is no piece, where one is damaged, and where laws have run on other cranes
+    Raises InputError where no piece is whole, where one is damaged, and where laws have run on other cranes
     than the benchmark's, were others, or had other numbers than these. A piece may have fewer cranes.
     """
     pieces, nominal, made_by = {}, {}, {}
     wanted_of = functools.cache(functools.partial(_manifest, benchmark, file.parent))
     lengths = {name: crane_length(benchmark, file.parent, name) for name in benchmark.scenarios}
-    for piece in (p for division in DIVISIONS for p in pieces_of(benchmark, laws, division=division)):
-        if not (directory / piece.place / MANIFEST_FILE).exists():
-            continue
+    for piece in begun:
+        advance(1.0)
         results = read_results(directory / piece.place, unfinished=True)
         if results.missing:
             continue
@@ -49,7 +60,7 @@ def collected(
             _check_numbers(results.campaign.settings.set, wanted, results.directory, tuned)
     if not pieces:
         raise InputError(
-            f"{directory} holds no result of {', '.join(laws)}",
+            f"{directory} holds no whole result of these laws",
             allowed="a directory that 'cranectl benchmark run' has written",
             remedy="check the place, or run the benchmark",
         )

@@ -47,11 +47,11 @@ def report_benchmark(
     cranectl benchmark report literature.parquet
     cranectl benchmark report mine --controller my_law.py:LAW --beside literature.parquet
     """
-    from cranectl.campaign.benchmark.collecting import collected
+    from cranectl.campaign.benchmark.collecting import collected, pieces_there
     from cranectl.campaign.benchmark.rules import rules_of
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
     from cranectl.campaign.benchmark.table import check_comparable, joined, of_laws, read_table, write_table
-    from cranectl.cli.output import console, write_json
+    from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.report.benchmark.division import TITLES
     from cranectl.report.benchmark.page import benchmark_page, judged_divisions
     from cranectl.report.benchmark.sets import standing_table
@@ -65,7 +65,10 @@ def report_benchmark(
         found = of_laws(found, controllers) if controllers else found
     else:
         laws = controllers or benchmark_laws(settings.laws, file, trust)
-        found = collected(settings, file, rules, result, laws, tuned or file.parent / "tuned")
+        begun = pieces_there(settings, result, laws)
+        with progress_bar(len(begun), unit="pieces", done="read") as (advance, describe):
+            describe(settings.name)
+            found = collected(settings, file, rules, result, begun, tuned or file.parent / "tuned", advance)
     if beside is not None:
         found = joined([found, read_table(beside)])
     place = result.with_suffix("") if result.is_file() else result

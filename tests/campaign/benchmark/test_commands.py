@@ -150,7 +150,7 @@ def test_code_runs_only_where_somebody_asked_for_it(small: Path, capsys: pytest.
     assert main(["benchmark", "run", str(small), "--out", str(small.with_name("out"))]) == 2
     assert "no file runs code by itself" in capsys.readouterr().err
     assert main(["benchmark", "report", str(small.parent), "--benchmark", str(small), "--trust"]) == 2
-    assert "holds no result" in capsys.readouterr().err
+    assert "holds no whole result" in capsys.readouterr().err
 
 
 def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
