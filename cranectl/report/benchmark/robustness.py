@@ -7,6 +7,7 @@ import numpy as np
 from cranectl.campaign.benchmark import scores
 from cranectl.campaign.benchmark.pieces import RADIUS, SINGLE, radius_sets, single_sets
 from cranectl.campaign.benchmark.table import Runs
+from cranectl.campaign.table import FAILED
 from cranectl.report.benchmark.division import COMPARED, NAMED, Judged, finite, median
 from cranectl.report.page import Section
 from cranectl.report.table import Table, cells
@@ -20,12 +21,14 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     benchmark = judged.benchmark
     ladder = radius_sets(benchmark)
     spreads = np.array([each.spread for each in ladder.values()])
+    scenario = benchmark.radius.scenario
+    cranes = [_possible(judged, name, scenario) for name in ladder]
     found = []
     for law in judged.best_first:
-        runs = [judged.runs(name, benchmark.radius.scenario, law) for name in ladder]
-        there = [each for each in runs if each is not None]
+        runs = [judged.runs(name, scenario, law) for name in ladder]
+        there = [_failed_share(each, of) for each, of in zip(runs, cranes, strict=True) if each is not None]
         if len(there) == len(ladder):
-            shares = np.array([each.failed.mean() for each in there])
+            shares = np.array(there)
             found.append((scores.radius(spreads, shares), law, shares))
     if not found:
         return
@@ -39,10 +42,14 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     )
     headings = (*NAMED, "radius", *(f"failed [%] at\n{spread:g}" for spread in spreads))
     text = (
-        f"The factor on all spreads at which 5 % of the runs of {benchmark.radius.scenario} fail, between "
+        f"The factor on all spreads at which 5 % of the runs of {scenario} fail, between "
         f"the factors linear. Of {benchmark.radius.draws} cranes each these are few: a law that loses one "
         "crane more or less has another radius."
     )
+    left_out = {spread: int((~of).sum()) for spread, of in zip(spreads, cranes, strict=True) if not of.all()}
+    if left_out:
+        told = ", ".join(f"{count} at {spread:g}" for spread, count in left_out.items())
+        text += f" Left out are cranes that could be simulated with no law: {told}."
     yield judged.section("radius", "radius", text, (Table("", headings, rows, labels=2),))
 
 
@@ -62,11 +69,15 @@ def singles_section(judged: Judged) -> Iterator[Section]:
     if not there:
         return
     columns = {name: told for name, told in columns.items() if any(of[name] for of in there.values())}
+    cranes = {name: _possible(judged, name, singles.scenario) for name in columns}
     tables = []
     for some, folded in ((list(there)[:BEST], False), (list(there)[BEST:], True)):
-        for told, cell in (("failed [%]", _failed_share), ("RMS error, 50 % [mm]", _error)):
+        for told, cell in (("failed [%]", _failures), ("RMS error, 50 % [mm]", _error)):
             headings = (*NAMED, *(f"{told}\n{effect}" for effect in columns.values()))
-            rows = [cells(*judged.named(law), *(cell(there[law][name]) for name in columns)) for law in some]
+            rows = [
+                cells(*judged.named(law), *(cell(there[law][name], cranes[name]) for name in columns))
+                for law in some
+            ]
             title = f"{'The others' if folded else 'The best'}: {told}"
             tables += [Table(title, headings, tuple(rows), labels=2, folded=folded)] if rows else []
     text = (
@@ -78,12 +89,28 @@ def singles_section(judged: Judged) -> Iterator[Section]:
     yield judged.section("single", "single effects", text, tables)
 
 
-def _failed_share(runs: Runs | None) -> str:
-    return "" if runs is None else f"{100.0 * runs.failed.mean():.0f}"
+def _possible(judged: Judged, name: str, scenario: str) -> Mask:
+    """Cranes of a set that could be simulated with some law, by sample; all where there are not two laws."""
+    of_laws = [runs for law in judged.best_first if (runs := judged.runs(name, scenario, law)) is not None]
+    some = np.zeros(max((runs.failed.size for runs in of_laws), default=0), dtype=bool)
+    for runs in of_laws:
+        some[: runs.failed.size] |= np.array(runs.status) != FAILED
+    return some if len(of_laws) > 1 else np.ones_like(some)
 
 
-def _error(runs: Runs | None) -> str:
-    return "" if runs is None else median(1e3 * runs.metrics[COMPARED], runs.failed)
+def _failed_share(runs: Runs, cranes: Mask) -> float:
+    return float(runs.failed[cranes[: runs.failed.size]].mean())
+
+
+def _failures(runs: Runs | None, cranes: Mask) -> str:
+    return "" if runs is None else f"{100.0 * _failed_share(runs, cranes):.0f}"
+
+
+def _error(runs: Runs | None, cranes: Mask) -> str:
+    if runs is None:
+        return ""
+    some = cranes[: runs.failed.size]
+    return median(1e3 * runs.metrics[COMPARED][some], runs.failed[some])
 
 
 def second_section(judged: Judged) -> Iterator[Section]:
@@ -104,7 +131,7 @@ def second_section(judged: Judged) -> Iterator[Section]:
             ]
             if not pairs:
                 continue
-            here, there = (np.concatenate(each) for each in zip(*map(_failures, pairs), strict=True))
+            here, there = (np.concatenate(each) for each in zip(*map(_both_failed, pairs), strict=True))
             apart = np.concatenate([_apart(*pair) for pair in pairs])[~(here | there)]
             rows.append(
                 cells(
@@ -130,7 +157,7 @@ def _apart(first: Runs, second: Runs) -> Array:
     return np.abs(second.metrics[COMPARED] - first.metrics[COMPARED][: second.failed.size])
 
 
-def _failures(pair: tuple[Runs, Runs]) -> tuple[Mask, Mask]:
+def _both_failed(pair: tuple[Runs, Runs]) -> tuple[Mask, Mask]:
     """Of the same cranes on both plants."""
     first, second = pair
     return first.failed[: second.failed.size], second.failed

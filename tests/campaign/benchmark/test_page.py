@@ -158,6 +158,20 @@ def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
     ]
 
 
+def test_a_crane_that_cannot_be_simulated_is_no_failure_of_a_law(small: Path) -> None:
+    """As one is by no law; what one law alone could not do is its own."""
+    benchmark = read_benchmark(str(small))
+    made = table(benchmark, {"first": runs(0.01), "second": runs(0.02)}, "published")
+    for law, lost in (("first", (2, 3)), ("second", (3,))):
+        status = tuple("failed" if k in lost else "completed" for k in range(RUNS))
+        place = Piece("published", "mujoco", "spread-3", "short", law)
+        stopped = Runs(np.isin(np.arange(RUNS), lost), status, made.pieces[place].metrics)
+        made = BenchmarkTable(made.about, {**made.pieces, place: stopped})
+    section = sections(benchmark, made)["published-radius"]
+    assert [row[-1] for row in texts(section.tables[0])] == ["0", "33"]
+    assert section.paragraphs[0].endswith("Left out are cranes that could be simulated with no law: 1 at 3.")
+
+
 def test_failures_are_named_by_division_with_what_shows_them(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     made = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned", "published")
