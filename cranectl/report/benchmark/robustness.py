@@ -61,7 +61,7 @@ def singles_section(judged: Judged) -> Iterator[Section]:
     exact = [name for name, cranes in benchmark.sets.items() if not cranes.spread]
     together = f"{RADIUS}{singles.spread:g}"
     columns = {name: name.removeprefix(SINGLE) for name in single_sets(benchmark)}
-    columns = {**dict.fromkeys(exact[:1], "none"), **columns, together: "all"}
+    columns = {**{name: name for name in exact[:1]}, **columns, together: "all"}
     found = {
         law: {name: judged.runs(name, singles.scenario, law) for name in columns} for law in judged.best_first
     }
@@ -81,10 +81,11 @@ def singles_section(judged: Judged) -> Iterator[Section]:
             title = f"{'The others' if folded else 'The best'}: {told}"
             tables += [Table(title, headings, tuple(rows), labels=2, folded=folded)] if rows else []
     text = (
-        f"On {singles.scenario} one uncertainty alone, {singles.spread:g} times as wide as at spread 1; for "
-        f"comparison none, but noise and gusts, and all of them. The cranes are the same. The {BEST} laws "
-        "that stand best on the widest set are shown, the others folded. A run that fails counts as worse "
-        "than any error."
+        f"On {singles.scenario} one uncertainty alone, {singles.spread:g} times as wide as at spread 1, on a "
+        "crane that has nothing else of what is uncertain, such as friction, delay, noise and wind; for "
+        f"comparison all of it at nominal values, {', '.join(exact[:1])}, and all of it uncertain. Shown are "
+        f"the {BEST} laws that stand best on the widest set, the others are folded. A run that fails counts "
+        "as worse than any error."
     )
     yield judged.section("single", "single effects", text, tables)
 

@@ -129,7 +129,7 @@ def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: 
     alone = Piece("published", "mujoco", "only-load", "short", "law-3")
     made = BenchmarkTable(made.about, {**made.pieces, alone: runs(0.2, failures=1)})
     failed, errors, failed_others, errors_others = sections(benchmark, made)["published-single"].tables
-    assert [head.split("\n")[-1] for head in failed.headings[2:]] == ["none", "load", "sensing", "all"]
+    assert [head.split("\n")[-1] for head in failed.headings[2:]] == ["nominal", "load", "sensing", "all"]
     order = ["law-1", "law-3", "law-4", "law-5", "law-2"]
     assert [row[0] for row in texts(failed)] == [row[0] for row in texts(errors)] == order
     assert [row[0] for row in texts(failed_others)] == ["law-6"]

@@ -1,0 +1,70 @@
+"""The table that is shipped: whole, of the laws, numbers and cranes that are here."""
+
+from collections import defaultdict
+
+import pytest
+
+from cranectl.campaign.benchmark.pieces import DIVISIONS, pieces_of, sets_of
+from cranectl.campaign.benchmark.rules import rules_of
+from cranectl.campaign.benchmark.scores import undominated
+from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
+from cranectl.campaign.benchmark.standings import points_of, set_standings
+from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
+from cranectl.campaign.benchmark.tuned import tuned_facts
+from cranectl.campaign.table import FAILED
+from cranectl.cli.benchmark.run import benchmark_laws
+from cranectl.controllers.registry import law_digests
+from tests.benchmark.nmpc import FOLDER
+
+BENCHMARK, FILE = read_benchmark("literature"), benchmark_file("literature")
+JUDGED = {"tuned": tuple(sets_of(BENCHMARK)), "published": ("nominal", "lab-rig")}
+BUILT = "nmpc"  # outside of Python, and so of the benchmark's file
+
+
+@pytest.fixture(scope="module")
+def judged() -> BenchmarkTable:
+    return read_table(FILE.parent / "literature.parquet")
+
+
+@pytest.fixture
+def laws() -> tuple[str, ...]:
+    return benchmark_laws(BENCHMARK.laws, FILE, trust=False)
+
+
+def test_every_law_has_met_every_crane(judged: BenchmarkTable, laws: tuple[str, ...]) -> None:
+    draws = {name: cranes.draws for name, cranes in sets_of(BENCHMARK).items()}
+    wanted = {}
+    for division in DIVISIONS:
+        for piece in pieces_of(BENCHMARK, laws, JUDGED[division], division=division):
+            share = BENCHMARK.second_share if piece.plant == BENCHMARK.second_plant else 1.0
+            wanted[piece] = max(1, round(share * draws[piece.crane_set]))
+            if piece.law == BENCHMARK.baseline:
+                wanted[piece._replace(law=BUILT)] = wanted[piece]
+    assert {piece: len(runs.status) for piece, runs in judged.pieces.items()} == wanted
+    not_simulated = defaultdict(set)
+    for piece, runs in judged.pieces.items():
+        cranes = tuple(k for k, status in enumerate(runs.status) if status == FAILED)
+        assert not (cranes and piece.crane_set in BENCHMARK.sets), piece
+        not_simulated[piece[:4]].add(cranes)
+    assert all(len(cranes) == 1 for cranes in not_simulated.values()), "with no law, or with all"
+
+
+def test_it_is_of_the_laws_numbers_and_rules_that_are_here(
+    judged: BenchmarkTable, laws: tuple[str, ...]
+) -> None:
+    rules = rules_of(BENCHMARK, FILE.parent)
+    assert (judged.about["rules"], judged.about["seed"]) == (rules, BENCHMARK.seed)
+    for law in laws:
+        assert judged.about["laws"][law]["file"] == law_digests([law]).get(f"law {law}", "")
+        assert judged.about["tuned"][law] == tuned_facts(FILE.parent / "tuned", rules, law)
+    built, numbers = judged.about["tuned"][BUILT], (FOLDER / "tuned" / f"{BUILT}.toml").read_text()
+    for key, (_, found) in built["numbers"].items():
+        assert f'"{key}" = {found:g}\n' in numbers
+
+
+def test_our_law_is_undominated_wherever_it_is_judged(judged: BenchmarkTable) -> None:
+    """Where it is not any more, docs/how-to/benchmark.md has to name the law that beats it, and why."""
+    for division, name in [(d, name) for d in DIVISIONS for name in JUDGED[d] if name in BENCHMARK.sets]:
+        found = set_standings(BENCHMARK, judged, division, name)
+        place = [standing.law for standing in found].index("lqr-offset-free")
+        assert undominated(points_of(found))[place], (division, name)
