@@ -111,7 +111,7 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
         "worse than any result. The literature's laws are written here: their authors may do better.",
         "There are two divisions, which are never in one table: laws as published, that is with their "
         "defaults, for most of them first guesses and no paper's numbers, and tuned, all by the same budget.",
-        f"Made by {' and by '.join(map(_software, table.about['made_by']))}.",
+        f"Made by {'; some with '.join(_software(table.about['made_by']))}.",
     )
     rows = tuple(
         cells(
@@ -133,8 +133,13 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     return Section("rules", "Rules and information", texts, (Table("", headings, rows, labels=6, note=note),))
 
 
-def _software(versions: Mapping[str, str]) -> str:
-    return ", ".join(f"{name} {version}" for name, version in versions.items())
+def _software(made_by: Sequence[Mapping[str, str]]) -> Iterator[str]:
+    """The first in full, of others what differs from it."""
+    told: Mapping[str, str] = {}
+    for versions in made_by:
+        other = {name: version for name, version in versions.items() if told.get(name) != version}
+        yield ", ".join(f"{name} {version}" for name, version in other.items())
+        told = made_by[0]
 
 
 def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:

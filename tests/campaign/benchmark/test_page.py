@@ -60,7 +60,7 @@ def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) 
     about = {
         "rules": "abc",
         "seed": 3,
-        "made_by": [{"cranectl": "1.0"}],
+        "made_by": [{"cranectl": "1.0", "machine": "a"}, {"cranectl": "1.1", "machine": "a"}],
         "durations": {"short": 1.0, "path": 0.8},
         "laws": {law: {**FACTS, "file": ""} for law in laws},
         "tuned": dict.fromkeys(laws, tuned) if "tuned" in divisions else {},
@@ -114,6 +114,7 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
         "Tuned, on nominal, wide alike: first.",
         "As published (defaults), on nominal, wide alike: first.",
     )
+    assert found["rules"].paragraphs[-1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
     gains, numbers = found["tuning"].tables
     assert texts(gains)[0] == ["first", "40", "3.000", "2.000", "1.500", "50", "25", "0"]
     assert texts(numbers) == [
