@@ -1,5 +1,6 @@
 """The table that is shipped: whole, of the laws, numbers and cranes that are here."""
 
+import re
 from collections import defaultdict
 
 import pytest
@@ -14,7 +15,10 @@ from cranectl.campaign.benchmark.tuned import tuned_facts
 from cranectl.campaign.table import FAILED
 from cranectl.cli.benchmark.run import benchmark_laws
 from cranectl.controllers.registry import law_digests
+from cranectl.report.benchmark.page import benchmark_page
+from cranectl.report.page import render
 from tests.benchmark.nmpc import FOLDER
+from tests.conftest import ROOT
 
 BENCHMARK, FILE = read_benchmark("literature"), benchmark_file("literature")
 JUDGED = {"tuned": tuple(sets_of(BENCHMARK)), "published": ("nominal", "lab-rig")}
@@ -60,6 +64,18 @@ def test_it_is_of_the_laws_numbers_and_rules_that_are_here(
     built, numbers = judged.about["tuned"][BUILT], (FOLDER / "tuned" / f"{BUILT}.toml").read_text()
     for key, (_, found) in built["numbers"].items():
         assert f'"{key}" = {found:g}\n' in numbers
+
+
+def test_the_page_is_that_of_the_table(judged: BenchmarkTable) -> None:
+    """By `make judge`, or its last command; figures are not compared."""
+    page = (ROOT / "docs" / "proofs" / "literature.html").read_text(encoding="utf-8")
+    remade_by = "cranectl benchmark report validation/benchmark/literature.parquet --benchmark literature"
+    shown, wanted = (
+        re.sub("<svg.*?</svg>", "", text, flags=re.DOTALL)
+        for text in (page, render(benchmark_page(BENCHMARK, judged, remade_by)))
+    )
+    assert len(wanted) > 100_000
+    assert shown == wanted
 
 
 def test_our_law_is_undominated_wherever_it_is_judged(judged: BenchmarkTable) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
+from cranectl.campaign.benchmark.information import information_class
 from cranectl.campaign.benchmark.pieces import DIVISIONS
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.standings import Standing, points_of
@@ -152,13 +153,14 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
     for law, facts in sorted(tuned.items(), key=lambda each: each[1]["cost"]["full"]):
         costs = (f"{facts['cost'][stage]:.3f}" for stage in stages)
         failed = (f"{100.0 * facts['failed'][stage]:.0f}" for stage in stages)
-        rows.append(cells(law, str(facts["runs"]), *costs, *failed))
+        told = information_class(table.about["laws"][law])
+        rows.append(cells(law, told, str(facts["runs"]), *costs, *failed))
         changed = [
             f"{key.removeprefix('design.').removeprefix(f'controller.{law}.')} {before:g} → {found:g}"
             for key, (before, found) in sorted(facts["numbers"].items())
         ]
         if changed:
-            numbers.append(cells(law, ", ".join(changed)))
+            numbers.append(cells(law, told, ", ".join(changed)))
     settings = benchmark.tuning
     text = (
         f"Every law by CMA-ES in a budget of {settings.runs} runs, from its defaults, on cranes that are "
@@ -168,28 +170,28 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
         "help: the search is local, and some numbers end at a bound. A law with nothing to tune is run as it "
         "is."
     )
-    headings = ("law", "runs", *(f"{told}\n{stage}" for told in ("cost", "failed %") for stage in stages))
-    tables = [Table("", headings, tuple(rows))]
+    headings = (*NAMED, "runs", *(f"{what}\n{stage}" for what in ("cost", "failed %") for stage in stages))
+    tables = [Table("", headings, tuple(rows), labels=2)]
     if numbers:
         note = "On the laboratory rig; on a similar crane they go by its size, as defaults do."
-        headings = ("law", "untuned → found")
-        tables.append(Table("Numbers found", headings, tuple(numbers), labels=2, note=note, folded=True))
+        headings = (*NAMED, "untuned → found")
+        tables.append(Table("Numbers found", headings, tuple(numbers), labels=3, note=note, folded=True))
     yield Section("tuning", "Tuning", (text,), tuple(tables))
 
 
 def _failures(divisions: list[Judged]) -> Iterator[Section]:
     """The first failure of each law on each set that is judged, and how to look at it."""
-    headings = ("law", "set", "scenario", "crane", "ended", "to see it, in the result's directory")
+    headings = (*NAMED, "set", "scenario", "crane", "ended", "to see it, in the result's directory")
     tables = []
     for judged in divisions:
         rows = [
-            cells(law, name, *found)
+            cells(*judged.named(law), name, *found)
             for law in judged.best_first
             for name in judged.benchmark.sets
             if (found := _first_failure(judged, law, name))
         ]
         if rows:
-            tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=6, folded=True))
+            tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:
         text = (
             "The first of each law on each set. Where the results are not at hand, 'cranectl benchmark run' "

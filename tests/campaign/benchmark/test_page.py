@@ -116,10 +116,10 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
     )
     assert found["rules"].paragraphs[-1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
     gains, numbers = found["tuning"].tables
-    assert texts(gains)[0] == ["first", "40", "3.000", "2.000", "1.500", "50", "25", "0"]
+    assert texts(gains)[0] == ["first", "path, state", "40", "3.000", "2.000", "1.500", "50", "25", "0"]
     assert texts(numbers) == [
-        ["first", "weight 1 → 2.5"],
-        ["third", "controller.first.weight 1 → 2.5"],
+        ["first", "path, state", "weight 1 → 2.5"],
+        ["third", "path, state", "controller.first.weight 1 → 2.5"],
     ]
 
 
@@ -178,9 +178,9 @@ def test_failures_are_named_by_division_with_what_shows_them(small: Path) -> Non
     made = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned", "published")
     tuned, published = sections(benchmark, made)["failures"].tables
     for shown, division in ((tuned, "tuned"), (published, "published")):
-        assert [row[1] for row in texts(shown)] == ["nominal", "wide"]
+        assert [row[2] for row in texts(shown)] == ["nominal", "wide"]
         command = f"cranectl campaign replay {division}/mujoco/nominal/short/first --run 3"
-        assert texts(shown)[0] == ["first", "nominal", "short", "3", "beyond a limit", command]
+        assert texts(shown)[0] == ["first", "path, state", "nominal", "short", "3", "beyond a limit", command]
 
 
 def test_a_law_without_effort_is_on_no_front(small: Path) -> None:
