@@ -12,7 +12,6 @@ from cranectl.cli.main import main
 from cranectl.cli.new import ENDINGS
 from cranectl.cli.schema import DOCUMENTS, json_schema
 from tests.conftest import ROOT
-from tests.packages import run_pytest
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -22,7 +21,8 @@ def problems(document: str, text: str) -> list[str]:
     return [error.json_path for error in found]
 
 
-def test_examples_work_and_prove_it() -> None:
+def test_examples_are_whole() -> None:
+    """That they prove themselves is tests/docs/test_examples.py."""
     for kind, ending in ENDINGS.items():
         assert main(["new", kind, f"own-{kind}", "--in", kind]) == 0
         written = {path.name: path.read_text() for path in Path(kind).iterdir()}
@@ -32,7 +32,6 @@ def test_examples_work_and_prove_it() -> None:
         assert not any(word in text for text in written.values() for word in ("NAME", "MODULE"))
         if kind in DOCUMENTS:
             assert problems(kind, written[f"{stem}.toml"]) == []
-    assert "11 passed" in run_pytest(Path(), *ENDINGS)
 
 
 def test_nothing_is_replaced_and_names_are_checked(capsys: pytest.CaptureFixture[str]) -> None:

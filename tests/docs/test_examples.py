@@ -1,5 +1,7 @@
 """The repositories in examples/ are whole: their packages are installed, their tests pass and leave nothing.
 
+So are the examples that `cranectl new` writes.
+
 `make package` takes the steps of their CI in an empty environment, with the wheel.
 """
 
@@ -12,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from cranectl.cli.main import main
+from cranectl.cli.new import ENDINGS
 from tests.conftest import ROOT
 from tests.packages import run_pytest
 
@@ -34,3 +38,10 @@ def test_its_own_tests_pass_and_leave_nothing(example: Path, tmp_path: Path) -> 
     assert "failed" not in said, said
     left = [path for path in repository.rglob("*") if path.is_file()]
     assert sorted(str(path.relative_to(repository)) for path in left) == sorted(files)
+
+
+@pytest.mark.usefixtures("in_empty_directory")
+def test_what_is_begun_by_new_passes_its_tests() -> None:
+    for kind in ENDINGS:
+        assert main(["new", kind, f"own-{kind}", "--in", kind]) == 0
+    assert "11 passed" in run_pytest(Path(), *ENDINGS)
