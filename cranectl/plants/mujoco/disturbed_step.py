@@ -2,7 +2,7 @@
 
 The engine holds applied forces, and the numbers of its model, over a step. Held, drag is of first order in
 the step, a torque m l² cos² beta d_alpha of second, where all else is of fourth. So while such things act the
-engine's own scheme is taken here, one call for each stage, with what that stage's state makes of them; where
+engine's own scheme is taken here, stage by stage, with what the state there makes of them; where
 nothing changes it is `mj_step`, bit for bit where no ball joint turns, and to the fifth order of the step
 where one does. (The engine's callback for such forces belongs to the whole process, and a model without
 springs and dampers skips it.)
@@ -20,7 +20,11 @@ from cranectl.plants.mujoco.step import (
     mj_check_pos,
     mj_check_vel,
     mj_forward_skip,
+    mj_fwd_position,
+    mj_fwd_velocity,
     mj_integrate_pos,
+    mj_sensor_pos,
+    mj_sensor_vel,
 )
 from cranectl.plants.surroundings import FORCE
 from cranectl.support.arrays import Array
@@ -122,14 +126,22 @@ def apply_drag(rig, wind):
 
 @jit
 def evaluate(rig, disturbance, wind, first):
-    """Accelerations at the present state under all that acts on it; `first`: and what the sensors say."""
+    """Accelerations at the present state under all that acts on it; `first`: and what the sensors say.
+
+    In parts, for drag asks for the load's velocity, and constraints, the dearest of them, need solving once.
+    """
     if rig.rope.active:
         pay_out(rig.rope, rig.qpos)
     push_load(rig, disturbance)
-    mj_forward_skip(rig.model, rig.data, 0, not (first or rig.in_air))
+    mj_fwd_position(rig.model, rig.data)
+    if first:
+        mj_sensor_pos(rig.model, rig.data)
+    mj_fwd_velocity(rig.model, rig.data)
+    if first or rig.in_air:
+        mj_sensor_vel(rig.model, rig.data)
     if rig.in_air:
         apply_drag(rig, wind)
-        mj_forward_skip(rig.model, rig.data, VELOCITY_STAGE, not first)
+    mj_forward_skip(rig.model, rig.data, VELOCITY_STAGE, not first)
 
 
 @jit

@@ -53,6 +53,10 @@ mj_step = _engine("mj_step", ADDRESS, ADDRESS)
 mj_check_pos = _engine("mj_checkPos", ADDRESS, ADDRESS)
 mj_check_vel = _engine("mj_checkVel", ADDRESS, ADDRESS)
 mj_check_acc = _engine("mj_checkAcc", ADDRESS, ADDRESS)
+mj_fwd_position = _engine("mj_fwdPosition", ADDRESS, ADDRESS)
+mj_fwd_velocity = _engine("mj_fwdVelocity", ADDRESS, ADDRESS)
+mj_sensor_pos = _engine("mj_sensorPos", ADDRESS, ADDRESS)
+mj_sensor_vel = _engine("mj_sensorVel", ADDRESS, ADDRESS)
 # ... stage up to which nothing is computed anew, whether sensors are left out
 mj_forward_skip = _engine("mj_forwardSkip", ADDRESS, ADDRESS, FLAG, FLAG)
 # model, positions that change, velocities, time [s]
