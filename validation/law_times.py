@@ -17,7 +17,7 @@ import numpy as np
 from figures import Figure, figure, ratio_of_best
 
 from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
-from cranectl.cli.benchmark.run import benchmark_laws
+from cranectl.cli.benchmark.laws import benchmark_laws
 from cranectl.controllers.addressed import _call, at_start, entered
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.doors.c_law import HEADER

@@ -129,7 +129,7 @@ def standings() -> str:
         sets = {name: found for name in settings.sets if (found := judged.standings(name))}
         for found in sets.values():
             for each, full in zip(found, undominated(points_of(found)), strict=True):
-                numbers = f"{100.0 * each.failures / each.runs:.1f} / {100.0 * each.unsettled:.1f} / "
+                numbers = f"{100.0 * each.failed:.1f} / {100.0 * each.unsettled:.1f} / "
                 numbers += finite(each.effort, ".2f", "fails")
                 rows[each.law].append(f"**{numbers}**" if full else numbers)
         named = ([*(cell.text for cell in judged.named(law)), *row] for law, row in rows.items())

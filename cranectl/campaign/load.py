@@ -137,6 +137,8 @@ def _nominal_scenario(settings: CampaignSettings) -> Scenario:
     scenario = load_scenario(settings.scenario, rig=settings.rig, overrides=settings.set)
     named = {name.split(".")[1] for name in settings.uncertain if name.startswith("effects.")}
     off = [effect for effect, given in scenario.effects if given is None and effect in named]
+    if not off:
+        return scenario
     added = [f"effects.{effect}={{}}" for effect in off]
     return load_scenario(settings.scenario, rig=settings.rig, overrides=[*settings.set, *added])
 

@@ -138,7 +138,7 @@ def read_manifest(directory: Path) -> Table:
         raise InputError(
             error.found,
             allowed="a result as 'cranectl campaign run' has written it",
-            remedy="restore the file, or run the campaign again with --overwrite",
+            remedy="restore the file, or remove the directory and run it again",
         ) from None
     return checked_manifest(manifest, str(path))
 
@@ -262,7 +262,7 @@ def _check_same(directory: Path, kept: Table, wanted: Table, *, resume: bool) ->
         raise InputError(
             f"the result in {directory} is of another campaign: {'; '.join(different[:SHOWN])}{more}",
             allowed="the campaign and scenario that the result was begun with; limits may differ",
-            remedy="choose another place with --out, or replace the result with --overwrite",
+            remedy="choose another place with --out, or remove the result",
         )
 
 
@@ -275,8 +275,8 @@ def _software(directory: Path, kept: Table, installed: dict[str, str], *, accept
             raise InputError(
                 f"the result in {directory} was made by other software: {'; '.join(different[-1])}",
                 allowed="the sources, models, data and versions that made it",
-                remedy="install those, replace the result with --overwrite, or go on with --resume "
-                "--despite-differences: it then says which of its runs were made by what",
+                remedy="install those, choose another place with --out, or go on with --despite-differences, "
+                "'campaign run' with --resume too: it then says which of its runs were made by what",
             )
         known.append(installed)
     return {"versions": known[0], "accepted": known[1:]}

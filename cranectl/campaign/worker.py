@@ -29,6 +29,7 @@ Stop = Callable[[], bool]
 DRAWN = 8192  # samples drawn together: some methods take as long for one
 PERIODS = 16  # control periods for which references and trackers are kept
 BLOCK = 1000  # samples of a run that are kept at a time
+DESIGNING = threading.Lock()  # not every library that designs is for several threads
 
 
 class Controller(NamedTuple):
@@ -47,13 +48,14 @@ class Prepared:
         """`controllers`: by default those of the campaign. Raises InputError where one cannot be run."""
         self.campaign = campaign
         names = campaign.settings.controllers if controllers is None else controllers
-        self._designs = {name: controller_design(name, campaign.nominal) for name in names}
         self._drawn = functools.lru_cache(maxsize=4)(self._draw)
         self._planned = functools.lru_cache(maxsize=PERIODS)(plan_reference)
         self._made = functools.lru_cache(maxsize=PERIODS * len(names))(self._make)
         self._lock = threading.Lock()
-        for name in names:
-            self._made(name, campaign.nominal)
+        with DESIGNING:
+            self._designs = {name: controller_design(name, campaign.nominal) for name in names}
+            for name in names:
+                self._made(name, campaign.nominal)
 
     def controller(self, name: str, sampled: Scenario) -> Controller:
         """The controller `name`, made for the control period of a sample; raises InputError as above."""

@@ -56,15 +56,15 @@ def controller_option(function: F) -> F:
     return command  # type: ignore[return-value]
 
 
-def controllers_option(help_text: str) -> Callable[[F], F]:
-    """`--controller`, one name or more."""
+def controllers_option(help_text: str, *, opens: bool = True) -> Callable[[F], F]:
+    """`--controller`, one name or more; with `opens` laws in files are opened, and have their names."""
     return click.option(
         "--controller",
         "--controllers",
         "controllers",
         metavar="NAME",
         multiple=True,
-        callback=lambda *given: tuple(map(opened, names_given(*given))),
+        callback=(lambda *given: tuple(map(opened, names_given(*given)))) if opens else names_given,
         help=help_text,
     )
 

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.benchmark.run import benchmark_laws
+from cranectl.cli.benchmark.laws import measured_laws
 from cranectl.cli.command import Command, json_option
-from cranectl.cli.laws import opened, patience_option, trust_option
+from cranectl.cli.laws import patience_option, trust_option
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.tuning import Tuned
@@ -73,7 +73,7 @@ def tune_command(
     from cranectl.cli.output import console, progress_bar, write_json
 
     benchmark, file = read_benchmark(benchmark_name), benchmark_file(benchmark_name)
-    (name,) = benchmark_laws([law], file, trust) if law in benchmark.laws else [opened(law)]
+    (name,) = measured_laws([law], benchmark, file, trust)
     directory = file.parent
     files, rules = tuned_files(out, name), rules_of(benchmark, directory)
     screen = console(json_file)

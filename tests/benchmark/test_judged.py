@@ -1,19 +1,24 @@
 """The table that is shipped: whole, of the laws, numbers and cranes that are here."""
 
+import functools
 import re
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
 
-from cranectl.campaign.benchmark.pieces import DIVISIONS, pieces_of, sets_of
+from cranectl.campaign.benchmark.collecting import collected
+from cranectl.campaign.benchmark.pieces import DIVISIONS, campaign_of, pieces_of, sets_of
 from cranectl.campaign.benchmark.rules import rules_of
+from cranectl.campaign.benchmark.running import run_pieces
 from cranectl.campaign.benchmark.scores import undominated
 from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
 from cranectl.campaign.benchmark.standings import points_of, set_standings
 from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
-from cranectl.campaign.benchmark.tuned import tuned_facts
+from cranectl.campaign.benchmark.tuned import tuned_facts, tuned_settings
 from cranectl.campaign.table import FAILED
-from cranectl.cli.benchmark.run import benchmark_laws
+from cranectl.cli.benchmark.engine import engine_of
+from cranectl.cli.benchmark.laws import benchmark_laws
 from cranectl.controllers.registry import law_digests
 from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import render
@@ -64,6 +69,25 @@ def test_it_is_of_the_laws_numbers_and_rules_that_are_here(
     built, numbers = judged.about["tuned"][BUILT], (FOLDER / "tuned" / f"{BUILT}.toml").read_text()
     for key, (_, found) in built["numbers"].items():
         assert f'"{key}" = {found:g}\n' in numbers
+
+
+def test_runs_come_out_as_they_are_shipped(
+    judged: BenchmarkTable, laws: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Of every law the first crane of one piece, on both plants: who changes a plant has all judged again."""
+    rules = rules_of(BENCHMARK, FILE.parent)
+    pieces = pieces_of(BENCHMARK, laws, ("lab-rig",), ("pulse",), division="tuned")
+    numbers = functools.partial(tuned_settings, FILE.parent / "tuned", rules)
+    campaign = functools.partial(campaign_of, BENCHMARK, FILE.parent, most=1, tuned=numbers)
+    with engine_of(None, patience=60.0) as engine:
+        ran = [piece for piece, _ in run_pieces(pieces, campaign, tmp_path, engine, workers=2)]
+    found = collected(BENCHMARK, FILE, rules, tmp_path, ran, FILE.parent / "tuned", lambda _: None)
+    assert len(found.pieces) == 2 * len(laws)
+    for piece, runs in found.pieces.items():
+        shipped = judged.pieces[piece]
+        assert (runs.failed[0], runs.status[0]) == (shipped.failed[0], shipped.status[0]), piece
+        for name, values in runs.metrics.items():
+            assert values[0] == pytest.approx(shipped.metrics[name][0], rel=1e-3, nan_ok=True), (piece, name)
 
 
 def test_the_page_is_that_of_the_table(judged: BenchmarkTable) -> None:

@@ -10,7 +10,7 @@ from cranectl.campaign.benchmark.rules import rules_of
 from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read_benchmark
 from cranectl.campaign.benchmark.tuned import tuned_settings
 from cranectl.campaign.benchmark.variables import variables_of
-from cranectl.cli.benchmark.run import benchmark_laws
+from cranectl.cli.benchmark.laws import benchmark_laws
 from cranectl.support.documents import read_toml
 from tests.conftest import ROOT
 

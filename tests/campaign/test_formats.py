@@ -106,8 +106,8 @@ def test_columns_may_be_described_in_other_words(number: int, monkeypatch: pytes
         ('{"format": 4}', "campaign.json has format 4", "newer cranectl"),
         ('{"format": 0}', "no manifest of a campaign", "run the campaign again"),
         ('{"format": [1]}', "no manifest of a campaign", "run the campaign again"),
-        ("[" * 20_000, "campaign.json", "--overwrite"),
-        ('{"a":' * 20_000, "campaign.json", "--overwrite"),
+        ("[" * 20_000, "campaign.json", "remove the directory"),
+        ('{"a":' * 20_000, "campaign.json", "remove the directory"),
     ],
 )
 def test_records_that_cannot_be_read(kept: Path, text: str, found: str, remedy: str) -> None:

@@ -36,7 +36,7 @@ def test_shaping_leaves_no_swing_at_the_length_it_is_made_for() -> None:
 
 @pytest.mark.parametrize(("shaper", "published"), [("zv", 0.06), ("zvd", 0.286), ("ei", 0.399)])
 def test_shapers_bear_as_wrong_a_frequency_as_published(shaper: str, published: float) -> None:
-    """How wide the band of frequencies is, over that of the design, in which 5 % of the swing is left at most.
+    """Width of the band of frequencies, over that of the design, in which 5 % of the swing is left at most.
 
     Singhose, Int. J. Precision Eng. Manufacturing 10 (2009), for undamped ones.
     """

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from cranectl.campaign.benchmark.settings import Benchmark, CraneSet, MeasuredScenario
+from cranectl.campaign.benchmark.settings import RADIUS, SINGLE, Benchmark, CraneSet, MeasuredScenario
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import stated_campaign
 from cranectl.campaign.settings import parse_campaign
-from cranectl.controllers.registry import load_controller
+from cranectl.controllers.registry import checked_controller, load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.metrics.limits import limits_of
 from cranectl.scenario.load import read_scenario
@@ -20,8 +20,6 @@ from cranectl.support import resources
 from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, unknown_name
 
-# Begin the names of sets that find the radius, and of those on which one uncertainty is alone.
-RADIUS, SINGLE = "spread-", "only-"
 Division = Literal["published", "tuned"]  # its defaults, or what tuning has found
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # as they are shown
 
@@ -42,8 +40,8 @@ class Piece(NamedTuple):
 
 
 def follows(law: str) -> str:
-    """What a law follows, "path" or "set-point"."""
-    return "path" if law in FLAT_FAMILY else load_controller(law).follows
+    """What a law follows, "path" or "set-point"; raises InputError for an unknown one."""
+    return "path" if checked_controller(law) in FLAT_FAMILY else load_controller(law).follows
 
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
@@ -124,8 +122,9 @@ def campaign_of(
     draws = cranes.draws if most is None else min(most, cranes.draws)
     if piece.plant == benchmark.second_plant:
         draws = max(1, round(benchmark.second_share * draws))
-    length = crane_length(benchmark, directory, piece.scenario)
-    numbers = tuned(piece.law, length) if piece.division == "tuned" else ()
+    numbers: Sequence[str] = ()
+    if piece.division == "tuned":
+        numbers = tuned(piece.law, crane_length(benchmark, directory, piece.scenario))
     return piece_campaign(
         benchmark,
         directory,

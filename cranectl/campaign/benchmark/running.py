@@ -12,7 +12,7 @@ from cranectl.campaign.load import check_values
 from cranectl.campaign.manifest import manifest_of
 from cranectl.campaign.results import MANIFEST_FILE, Results, open_store, read_results
 from cranectl.campaign.table import FAILED, Row
-from cranectl.campaign.worker import Stop, StoppedError
+from cranectl.campaign.worker import Prepared, Stop, StoppedError
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance_differences
 
@@ -32,7 +32,7 @@ def run_pieces(
     """Run what is missing of `pieces` below `directory`, `workers` at a time; yields each that is whole.
 
     With it comes why its law could not be run at all, "" where it could. Batches that ended are kept when the
-    caller leaves. Raises InputError as `open_store` and campaigns do.
+    caller leaves. Raises InputError as `open_store` and campaigns do, but for a law that refuses the crane.
     """
     left = threading.Event()
 
@@ -45,11 +45,16 @@ def run_pieces(
         if whole is not None:
             return piece, _not_run(whole)
         check_values(campaign)
-        with open_store(campaign, place, resume=True, despite_differences=despite_differences) as store:
-            if store.missing:
-                with closing(engine(campaign, store.missing, left.is_set)) as finished:
-                    for batch, rows in finished:
-                        store.write(batch, rows)
+        try:
+            with open_store(campaign, place, resume=True, despite_differences=despite_differences) as store:
+                if store.missing:
+                    with closing(engine(campaign, store.missing, left.is_set)) as finished:
+                        for batch, rows in finished:
+                            store.write(batch, rows)
+        except InputError:
+            if refused := _refusal(campaign):
+                return piece, refused
+            raise
         return piece, _not_run(read_results(place))
 
     with ThreadPoolExecutor(workers, thread_name_prefix="piece") as pool:
@@ -76,6 +81,15 @@ def _whole_result(campaign: Campaign, directory: Path) -> Results | None:
     told = {name: value for name, value in wanted.items() if name not in ("versions", "accepted")}
     made_here = any(not provenance_differences(o.versions, wanted["versions"]) for o in found.origins)
     return found if made_here and found.manifest | told == found.manifest else None
+
+
+def _refusal(campaign: Campaign) -> str:
+    """Why the law of `campaign` cannot be run on the nominal crane, "" where it can."""
+    try:
+        Prepared(campaign)
+    except InputError as error:
+        return error.found
+    return ""
 
 
 def _not_run(results: Results) -> str:

@@ -12,6 +12,7 @@ from cranectl.support.arrays import Array, Mask
 
 RESAMPLES = 2000  # of the bootstrap
 LEVEL = 0.95
+FEWEST = 6  # values of which even the range is an interval of the median at that level
 ACCEPTED = 0.05  # share of failures at the robustness radius
 
 

@@ -1,5 +1,6 @@
 """Benchmark files: which laws on which scenarios and sets of cranes, and how they are tuned."""
 
+import itertools
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,7 +11,10 @@ from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import Table, read_toml
 
+# Begin the names of sets that find the radius, and of those on which one uncertainty is alone.
+RADIUS, SINGLE = "spread-", "only-"
 Overrides = Annotated[tuple[str, ...], Field(strict=False)]
+SetName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Draws = Annotated[int, Field(ge=1, le=100_000)]
 Spread = Annotated[float, Field(ge=0.0, le=100.0)]
@@ -87,7 +91,7 @@ class Benchmark(Settings):
     set: Overrides = Field((), description="settings of every scenario, key=value")
     uncertain: dict[str, Any] = Field(description="a table with a distribution for each uncertain parameter")
     scenarios: Annotated[dict[str, MeasuredScenario], Field(min_length=1)]
-    sets: Annotated[dict[str, CraneSet], Field(min_length=1)]
+    sets: Annotated[dict[SetName, CraneSet], Field(min_length=1)]
     radius: Radius
     singles: Singles | None = None
     tuning: Tuning
@@ -100,6 +104,20 @@ class Benchmark(Settings):
         unknown = named - self.scenarios.keys()
         if unknown:
             raise ValueError(f"{', '.join(sorted(unknown))}: no scenario of this benchmark")
+        return self
+
+    @model_validator(mode="after")
+    def _judges_as_it_says(self) -> "Benchmark":
+        spreads = self.radius.spreads
+        if any(b <= a for a, b in itertools.pairwise(spreads)):
+            raise ValueError(f"radius.spreads must increase, they are {', '.join(f'{s:g}' for s in spreads)}")
+        if self.plant == self.second_plant:
+            raise ValueError(f"plant and second_plant must differ, both are {self.plant}")
+        taken = [name for name in self.sets if name.startswith((RADIUS, SINGLE))]
+        if taken:
+            raise ValueError(f"{', '.join(taken)}: names that begin so are of [radius] and [singles]")
+        if self.seed == self.tuning.seed:
+            raise ValueError("tuning.seed must not be seed: laws are not tuned on cranes that judge them")
         return self
 
 

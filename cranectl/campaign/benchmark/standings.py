@@ -21,8 +21,13 @@ class Standing(NamedTuple):
     failures: int
     settled: float  # share
     unsettled: float  # share of the rest
-    effort: float  # median [m/s²], failures worse than any: inf where most fail
+    effort: float  # median [m/s²] of all runs, failures worse than any: inf where half or more fail
     variation: float  # median [m/s²] in a second, so too
+
+    @property
+    def failed(self) -> float:
+        """Share of the runs."""
+        return self.failures / self.runs
 
 
 def set_standings(
@@ -52,7 +57,7 @@ def set_standings(
                 scores.median_with_failures(variation, failed),
             )
         )
-    return sorted(found, key=lambda each: (each.failures / each.runs, each.unsettled))
+    return sorted(found, key=lambda each: (each.failed, each.unsettled))
 
 
 def shared_scenarios(
@@ -65,7 +70,7 @@ def shared_scenarios(
 
 def points_of(found: Sequence[Standing]) -> Array:
     """(laws, 3): unsettled share of the rest, effort, share of failures; the lower the better."""
-    return np.array([[s.unsettled, s.effort, s.failures / s.runs] for s in found])
+    return np.array([[s.unsettled, s.effort, s.failed] for s in found])
 
 
 def laws_of(table: BenchmarkTable) -> list[str]:

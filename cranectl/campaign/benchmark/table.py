@@ -5,7 +5,7 @@ a law or a scenario is in the file's metadata, as JSON.
 """
 
 import json
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,17 @@ class Runs:
         """Time from the start until the load has settled [s], (n,); NaN where it does not, or fails."""
         times = self.metrics["rest_s"] + self.metrics["settling_time_s"]
         return np.where(self.failed, np.nan, times)
+
+    def first(self, cranes: int) -> "Runs":
+        """Those of the first `cranes`."""
+        metrics = {name: values[:cranes] for name, values in self.metrics.items()}
+        return Runs(self.failed[:cranes], self.status[:cranes], metrics)
+
+
+def on_common_cranes(runs: Sequence[Runs]) -> list[Runs]:
+    """`runs`, each on the cranes that all of them have."""
+    cranes = min(each.failed.size for each in runs)
+    return [each.first(cranes) for each in runs]
 
 
 @dataclass(frozen=True)
@@ -142,10 +153,11 @@ def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
 
 
 def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
-    """Raise InputError where rules, seed or files of laws of `table` are others than `about` says."""
+    """Raise InputError where rules, seed, files or numbers of laws are others in `table` than in `about`."""
     told = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
-    laws, known = table.about["laws"], about.get("laws", {})
-    told += [(f"file of {law}", laws[law]["file"], known[law]["file"]) for law in laws if law in known]
+    for each, what in (("laws", "file"), ("tuned", "numbers")):
+        found, known = table.about[each], about.get(each, {})
+        told += [(f"{what} of {law}", found[law][what], known[law][what]) for law in found if law in known]
     for name, found, wanted in told:
         if found != wanted:
             raise InputError(

@@ -105,5 +105,12 @@ def tuned_facts(directory: Path, rules: str, law: str) -> dict[str, Any]:
             allowed="numbers that were found by the rules by which they are judged",
             remedy=f"tune it again: {again}",
         )
-    numbers = {each.key: [each.start, float(found[each.key])] for each in variables}
-    return {"runs": table["runs"], "cost": table["cost"], "failed": table["failed"], "numbers": numbers}
+    try:
+        numbers = {each.key: [each.start, float(found[each.key])] for each in variables}
+        return {**{name: table[name] for name in ("runs", "cost", "failed")}, "numbers": numbers}
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path} is damaged: {type(error).__name__} {error}",
+            allowed="a file as 'cranectl tune' has written it",
+            remedy=f"tune it again: {again}",
+        ) from None

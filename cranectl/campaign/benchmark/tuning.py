@@ -34,7 +34,6 @@ from cranectl.support.errors import InputError
 
 WORST, STOPPED, REFUSED = 5.0, 10.0, 20.0  # costs of what completes, at most, and of what fails: `run_cost`
 FIRST_STEP = 0.2  # standard deviation of the first candidates, as a share of the way between the bounds
-DESIGNING = threading.Lock()  # not every library that designs is for several threads
 
 Advance = Callable[[int], None]  # told how many runs are done
 
@@ -140,10 +139,8 @@ class _Cranes:
         """All runs of `scenario` with the law's numbers at `values`; raises InputError where it refuses."""
         length = size_of(self.campaigns[scenario].nominal.rig)
         settings = assignments(self.variables, values, length)
-        with DESIGNING:
-            campaign = tuning_campaign(self.benchmark, self.directory, scenario, self.law, settings)
-            prepared = Prepared(campaign)
-        with closing(made_worker(prepared, children, self.patience)) as worker:
+        campaign = tuning_campaign(self.benchmark, self.directory, scenario, self.law, settings)
+        with closing(made_worker(Prepared(campaign), children, self.patience)) as worker:
             return worker.run_batch(Batch(self.benchmark.plant, self.law, 0, campaign.runs), stop)
 
     def point(self, values: Sequence[float], rows: Mapping[str, list[Row] | None]) -> Point:

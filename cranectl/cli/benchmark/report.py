@@ -5,16 +5,19 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.benchmark.run import benchmark_laws, tuned_option
+from cranectl.cli.benchmark.laws import measured_laws
+from cranectl.cli.benchmark.run import tuned_option
 from cranectl.cli.command import Command, json_option, output_option
-from cranectl.cli.laws import controllers_option, trust_option
+from cranectl.cli.laws import controllers_option, opened, trust_option
 from cranectl.support.files import HTML, PARQUET
 
 
 @click.command("report", cls=Command)
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("--benchmark", default="literature", show_default=True, help="Name or TOML file.")
-@controllers_option("Laws of the result, by name or file; repeatable. Default: all of the benchmark's.")
+@controllers_option(
+    "Laws of the result, by name or file; repeatable. Default: all of the benchmark's.", opens=False
+)
 @click.option(
     "--beside",
     type=click.Path(path_type=Path),
@@ -62,9 +65,9 @@ def report_benchmark(
     if result.is_file():
         found = read_table(result)
         check_comparable(found, {"rules": rules, "seed": settings.seed})
-        found = of_laws(found, controllers) if controllers else found
+        found = of_laws(found, tuple(map(opened, controllers))) if controllers else found
     else:
-        laws = controllers or benchmark_laws(settings.laws, file, trust)
+        laws = measured_laws(controllers, settings, file, trust)
         begun = pieces_there(settings, result, laws)
         with progress_bar(len(begun), unit="pieces", done="read") as (advance, describe):
             describe(settings.name)

@@ -1,7 +1,6 @@
 """`cranectl benchmark run`."""
 
 import functools
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,10 +8,10 @@ import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from cranectl.cli import exit_codes
+from cranectl.cli.benchmark.laws import measured_laws
 from cranectl.cli.command import Command
-from cranectl.cli.laws import controllers_option, opened, patience_option, trust_option
+from cranectl.cli.laws import controllers_option, patience_option, trust_option
 from cranectl.cli.output import console, progress
-from cranectl.support import resources
 from cranectl.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +30,9 @@ tuned_option = click.option(
 
 @click.command("run", cls=Command)
 @click.argument("benchmark", default="literature")
-@controllers_option("A law to measure, by name or file; repeatable. Default: all of the benchmark's.")
+@controllers_option(
+    "A law to measure, by name or file; repeatable. Default: all of the benchmark's.", opens=False
+)
 @click.option("--set-of-cranes", "sets", metavar="NAME", multiple=True, help="Only this set; repeatable.")
 @click.option("--scenario", "scenarios", metavar="NAME", multiple=True, help="Only this one; repeatable.")
 @click.option(
@@ -42,7 +43,10 @@ tuned_option = click.option(
     help="Laws with their defaults, or with what `cranectl tune` has found.",
 )
 @click.option(
-    "--draws", metavar="N", type=click.IntRange(min=1), help="At most the first N cranes of each set."
+    "--draws",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="At most the first N cranes of each set. What was begun with another N is no part of it.",
 )
 @click.option(
     "--workers", metavar="N", type=click.IntRange(min=1), help="Pieces at a time. Default: one for each core."
@@ -94,8 +98,14 @@ def run_benchmark(
     from cranectl.cli.benchmark.engine import engine_of
 
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)
-    laws = controllers or benchmark_laws(settings.laws, file, trust)
-    pieces = pieces_of(settings, tuple(laws), sets, scenarios, division=division)
+    laws = measured_laws(controllers, settings, file, trust)
+    pieces = pieces_of(settings, laws, sets, scenarios, division=division)
+    if not pieces:
+        raise InputError(
+            f"none of the sets of cranes has a scenario of these that suits {', '.join(laws)}",
+            allowed="scenarios that suit a law, on sets that have them",
+            remedy="leave out --scenario or --set-of-cranes, or name others",
+        )
     rules = rules_of(settings, file.parent)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
     numbers = functools.partial(tuned_settings, tuned or file.parent / "tuned", rules)
@@ -120,17 +130,3 @@ def run_benchmark(
         screen.print(f"could not be run: {line}")
     screen.print(f"{len(pieces)} pieces of {len(laws)} laws: {directory}")
     return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD
-
-
-def benchmark_laws(laws: Iterable[str], file: Path, trust: bool) -> tuple[str, ...]:
-    """Names of the laws of a benchmark's file, those in files opened; ours are, others' only by `trust`."""
-    found = []
-    for law in laws:
-        if {".", ":"} & set(law) and not trust and not file.is_relative_to(resources.BENCHMARK_DIRECTORY):
-            raise InputError(
-                f"{file} names the law {law}, and no file runs code by itself",
-                allowed="laws by name, and files named on the command line",
-                remedy="if you know what is in it, add --trust, or name it: --controller PATH",
-            )
-        found.append(opened(law, file.parent))
-    return tuple(found)

@@ -51,11 +51,11 @@ def judged_divisions(benchmark: Benchmark, table: BenchmarkTable) -> list[Judged
 def _summary(divisions: list[Judged]) -> Iterator[Section]:
     """Laws that are undominated on any set, by division."""
     text = (
-        "Laws that no other law of their division dominates on at least one set: none is as good in the time "
-        "at rest that passes unsettled, in effort and in the share of failures, and better in one of them. A "
-        "law can stand here for its small effort alone: see what it leaves unsettled; and the one that fails "
-        "least is here whatever it costs. Small differences may be chance, see the intervals. What each is "
-        "told of crane and path is part of the comparison, and stands beside its name."
+        "These laws are undominated on at least one set: no other law of the division is at least as good in "
+        "unsettled time, effort and share of failures, and better in one. A law may be here only because it "
+        "asks for little effort, or because it fails least: read all three columns. Differences within the "
+        "intervals may be chance. What each law is told of crane and path is part of the comparison, and "
+        "stands beside its name."
     )
     texts, tables = [text], []
     for judged in divisions:
@@ -91,7 +91,7 @@ def _undominated(
                 row += [""] * len(SHOWN)
                 continue
             each = standings[law]
-            share, unsettled = 100.0 * each.failures / each.runs, 100.0 * each.unsettled
+            share, unsettled = 100.0 * each.failed, 100.0 * each.unsettled
             failed = Cell(f"{share:.1f}", "best" if law in fronts[name] else "")
             row += [failed, f"{unsettled:.1f}", finite(each.effort, ".2f", "fails")]
         rows.append(cells(*judged.named(law), *row))
@@ -128,8 +128,8 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     headings = ("law", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
         "What is measured as state comes from encoders and an observer that is common to all laws. Preview: "
-        "control periods of the path ahead, or all of it where a law is made. In other tables this is in "
-        "short what a law is told, with masses and drives where it knows such of the rig."
+        "control periods of the path ahead, or all of it where a law is made. A law in C is handed all of "
+        "the rig, used or not. The column 'told' of the other tables sums this up."
     )
     return Section("rules", "Rules and information", texts, (Table("", headings, rows, labels=6, note=note),))
 
@@ -166,9 +166,8 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
         f"Every law by CMA-ES in a budget of {settings.runs} runs, from its defaults, on cranes that are "
         f"never judged on: {settings.draws} each of {', '.join(settings.scenarios)}, spread "
         f"{settings.spread:g}. The cost is the mean over them, the lower the better; a run that fails costs "
-        "more than 5. Where all of the budget gives hardly more than half of it, a larger one may not "
-        "help: the search is local, and some numbers end at a bound. A law with nothing to tune is run as it "
-        "is."
+        "more than 5. Where the second half of the budget gained little, a larger one may not help. The "
+        "search is local, and some numbers end at a bound. A law with nothing to tune is run as it is."
     )
     headings = (*NAMED, "runs", *(f"{what}\n{stage}" for what in ("cost", "failed %") for stage in stages))
     tables = [Table("", headings, tuple(rows), labels=2)]
@@ -194,8 +193,9 @@ def _failures(divisions: list[Judged]) -> Iterator[Section]:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:
         text = (
-            "The first of each law on each set. Where the results are not at hand, 'cranectl benchmark run' "
-            "with --division, --controller, --set-of-cranes and --scenario runs its piece again."
+            "The first failure of each law on each set. FILE is that of the law. Without the results, "
+            "'cranectl benchmark run' with --division, --controller, --set-of-cranes and --scenario runs the "
+            "piece again."
         )
         yield Section("failures", "Failures to look at", (text,), tuple(tables))
 
@@ -210,5 +210,7 @@ def _first_failure(judged: Judged, law: str, crane_set: str) -> tuple[str, ...]:
             status = runs.status[sample]
             ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
             command = f"cranectl campaign replay {shlex.quote(str(piece.place))} --run {sample}"
+            if judged.table.about["laws"][law]["file"]:
+                command += " --controller FILE"
             return scenario, str(sample), ended, command
     return ()

@@ -5,13 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.pieces import RADIUS, SINGLE, radius_sets, single_sets
-from cranectl.campaign.benchmark.table import Runs
+from cranectl.campaign.benchmark.pieces import radius_sets, single_sets
+from cranectl.campaign.benchmark.settings import RADIUS, SINGLE
+from cranectl.campaign.benchmark.table import Runs, on_common_cranes
 from cranectl.campaign.table import FAILED
 from cranectl.report.benchmark.division import COMPARED, NAMED, Judged, finite, median
 from cranectl.report.page import Section
 from cranectl.report.table import Table, cells
-from cranectl.support.arrays import Array, Mask
+from cranectl.support.arrays import Mask
 
 BEST = 5  # laws whose single effects are not folded
 
@@ -42,14 +43,13 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     )
     headings = (*NAMED, "radius", *(f"failed [%] at\n{spread:g}" for spread in spreads))
     text = (
-        f"The factor on all spreads at which 5 % of the runs of {scenario} fail, between "
-        f"the factors linear. Of {benchmark.radius.draws} cranes each these are few: a law that loses one "
-        "crane more or less has another radius."
+        f"The factor on all spreads at which 5 % of the runs of {scenario} fail, interpolated linearly. With "
+        f"{benchmark.radius.draws} cranes at each factor, one crane more or less changes it."
     )
     left_out = {spread: int((~of).sum()) for spread, of in zip(spreads, cranes, strict=True) if not of.all()}
     if left_out:
         told = ", ".join(f"{count} at {spread:g}" for spread, count in left_out.items())
-        text += f" Left out are cranes that could be simulated with no law: {told}."
+        text += f" Left out are cranes that could not be simulated with any law: {told}."
     yield judged.section("radius", "radius", text, (Table("", headings, rows, labels=2),))
 
 
@@ -125,15 +125,17 @@ def second_section(judged: Judged) -> Iterator[Section]:
         rows = []
         for law in judged.best_first:
             pairs = [
-                (first, second)
+                on_common_cranes([first, second])
                 for scenario in benchmark.scenarios
                 if (first := judged.runs(name, scenario, law)) is not None
                 and (second := judged.runs(name, scenario, law, benchmark.second_plant)) is not None
             ]
             if not pairs:
                 continue
-            here, there = (np.concatenate(each) for each in zip(*map(_both_failed, pairs), strict=True))
-            apart = np.concatenate([_apart(*pair) for pair in pairs])[~(here | there)]
+            by_plant = list(zip(*pairs, strict=True))
+            here, there = (np.concatenate([r.failed for r in each]) for each in by_plant)
+            errors = (np.concatenate([r.metrics[COMPARED] for r in each]) for each in by_plant)
+            apart = np.abs(np.subtract(*errors))[~(here | there)]
             rows.append(
                 cells(
                     *judged.named(law),
@@ -147,18 +149,7 @@ def second_section(judged: Judged) -> Iterator[Section]:
             tables.append(Table(f"Cranes: {name}", headings, tuple(rows), labels=2, folded=bool(tables)))
     if tables:
         text = (
-            "The same cranes, by equations that know nothing of the first plant's. RMS errors of the two are "
-            "apart by so much where neither run fails."
+            "The same cranes, by equations that know nothing of the first plant's. The last column is the "
+            "median of how far the RMS errors of the same crane are apart, where neither run fails."
         )
         yield judged.section("second", f"on {benchmark.second_plant}", text, tables)
-
-
-def _apart(first: Runs, second: Runs) -> Array:
-    """RMS errors of the same cranes apart [m]."""
-    return np.abs(second.metrics[COMPARED] - first.metrics[COMPARED][: second.failed.size])
-
-
-def _both_failed(pair: tuple[Runs, Runs]) -> tuple[Mask, Mask]:
-    """Of the same cranes on both plants."""
-    first, second = pair
-    return first.failed[: second.failed.size], second.failed

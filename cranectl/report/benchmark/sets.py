@@ -5,9 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.pieces import Piece
 from cranectl.campaign.benchmark.standings import Standing, points_of, rest_time, shared_scenarios
-from cranectl.campaign.benchmark.table import BenchmarkTable, Runs
+from cranectl.campaign.benchmark.table import Runs, on_common_cranes
 from cranectl.campaign.summary import failure_interval
 from cranectl.report.benchmark import figures
 from cranectl.report.benchmark.division import COMPARED, NAMED, Judged, finite, median
@@ -34,8 +33,8 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     best, drawable = scores.undominated(points), np.asarray(np.isfinite(points).all(axis=1))
     drawn = Figure.drawn(
         "effort against settling",
-        "Full, with names: no other law is as good in settling, effort and failures and better in one. "
-        "The larger, the more failures.",
+        "Filled and named: no other law is as good in settling, effort and failures and better in one. "
+        "Larger circles fail more often.",
         figures.fronts,
         [s.law for s, there in zip(found, drawable, strict=True) if there],
         points[drawable],
@@ -44,9 +43,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     )
     shared = shared_scenarios(benchmark, table, division, name)
     laws = [s.law for s in found]
-    tasks = np.hstack(
-        [_common([judged.piece(name, scenario, law) for law in laws], table) for scenario in shared]
-    )
+    tasks = np.hstack([_tasks(judged, name, scenario, laws) for scenario in shared])
     profiles = Figure.drawn(
         "performance profiles",
         "Share of all runs that a law has settled within so many times the time of the law that was "
@@ -61,23 +58,22 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     tables += [each for scenario in benchmark.scenarios for each in _scenario(judged, name, scenario)]
     cranes = benchmark.sets[name]
     text = (
-        f"Spread {cranes.spread:g}, {cranes.draws} cranes in each scenario if there, always the same: "
-        "intervals are as if runs were independent. Medians count a failure as worse than any result. "
-        f"Differences to {benchmark.baseline} are crane by crane: of RMS errors where neither fails, of the "
-        "time that passes unsettled on all cranes, to the end where a run fails; effect: share of cranes on "
-        "which it is larger less that on which it is smaller. Laws of set points never see the path and have "
-        "no error to it."
+        f"Spread {cranes.spread:g}, {cranes.draws} cranes, the same in every scenario; the intervals treat "
+        "runs as independent, so they are too narrow. Medians count a failure as worse than any result. "
+        f"Differences to {benchmark.baseline} are crane by crane: of RMS errors where neither fails, of "
+        "unsettled time on all cranes, where a failed run is unsettled to the end; none is shown of fewer "
+        f"than {scores.FEWEST} cranes. Effect: share of cranes on which it is larger less that on which it "
+        "is smaller. Laws of set points never see the path and have no error to it."
     )
     if part := judged.unfinished(name):
         text += f" Not shown, since scenarios are missing: {', '.join(part)}."
     yield judged.section(name, name, text, tables, (drawn, profiles))
 
 
-def _common(places: Sequence[Piece], table: BenchmarkTable) -> Array:
-    """(laws, cranes) times of the task, on the cranes that all `places` of one scenario have."""
-    tasks = [table.pieces[place].task for place in places]
-    cranes = min(each.size for each in tasks)
-    return np.stack([each[:cranes] for each in tasks])
+def _tasks(judged: Judged, name: str, scenario: str, laws: Sequence[str]) -> Array:
+    """(laws, cranes) times of the task on one scenario, on the cranes that all `laws` have met there."""
+    runs = [judged.table.pieces[judged.piece(name, scenario, law)] for law in laws]
+    return np.stack([each.task for each in on_common_cranes(runs)])
 
 
 def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Table:
@@ -86,8 +82,8 @@ def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Tab
     Of the others it names the first law that does.
     """
     better = scores.dominates(points_of(found))
-    headings = (*NAMED, "front,\nor behind", "failed\n%", "failed\n95 %", "settled\n%", "unsettled\ntime %",
-                "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
+    headings = (*NAMED, "front,\nor behind", "runs", "failed\n%", "failed\n95 %", "settled\n%",
+                "unsettled\ntime %", "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
     rows = []
     for each, ahead in zip(found, better.T, strict=True):
         low, high = failure_interval(each.failures, each.runs)
@@ -95,7 +91,8 @@ def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Tab
             cells(
                 *judged.named(each.law),
                 found[int(np.argmax(ahead))].law if ahead.any() else ANSWERS[True],
-                f"{100.0 * each.failures / each.runs:.1f}",
+                str(each.runs),
+                f"{100.0 * each.failed:.1f}",
                 f"{100.0 * low:.1f} to {100.0 * high:.1f}",
                 f"{100.0 * each.settled:.0f}",
                 f"{100.0 * each.unsettled:.1f}",
@@ -158,25 +155,24 @@ def _errors_less(runs: Runs, baseline: Runs | None) -> Texts:
     """RMS errors [mm] less those of the baseline, where neither fails."""
     if baseline is None:
         return NOTHING
-    own, theirs = (np.where(r.failed, np.nan, 1e3 * r.metrics[COMPARED]) for r in (runs, baseline))
-    return _less(own, theirs, ".1f")
+    both = on_common_cranes([runs, baseline])
+    return _less(*(np.where(r.failed, np.nan, 1e3 * r.metrics[COMPARED]) for r in both), form=".1f")
 
 
 def _unsettled_less(runs: Runs, baseline: Runs | None, duration: float) -> Texts:
     """Times that pass unsettled [s] less those of the baseline, failures so to the end."""
     if baseline is None or not np.isfinite([*runs.task, *baseline.task]).any():
         return NOTHING
-    horizon = rest_time(runs, duration)
-    settling = ((r.metrics["settling_time_s"], r.failed) for r in (runs, baseline))
-    own, theirs = (scores.unsettled_time(times, failed, horizon) for times, failed in settling)
-    return _less(own, theirs, ".2f")
+    both = on_common_cranes([runs, baseline])
+    horizon = min(rest_time(r, duration) for r in both)
+    times = (scores.unsettled_time(r.metrics["settling_time_s"], r.failed, horizon) for r in both)
+    return _less(*times, form=".2f")
 
 
-def _less(own: Array, theirs: Array, form: str) -> Texts:
-    """Values less those of the baseline on the cranes that both have: median, its interval, effect."""
-    cranes = min(own.size, theirs.size)
-    found = scores.paired_difference(own[:cranes], theirs[:cranes], seed=0)
-    if not found.cranes:
+def _less(own: Array, theirs: Array, *, form: str) -> Texts:
+    """Values less those of the baseline: median, its interval, effect."""
+    found = scores.paired_difference(own, theirs, seed=0)
+    if found.cranes < scores.FEWEST:
         return NOTHING
     low, high = (format(each, form) for each in (found.low, found.high))
     return f"{found.median:{form}}", f"{low} to {high}", f"{found.effect:+.2f}"

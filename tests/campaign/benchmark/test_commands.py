@@ -153,6 +153,33 @@ def test_code_runs_only_where_somebody_asked_for_it(small: Path, capsys: pytest.
     assert "holds no whole result" in capsys.readouterr().err
 
 
+def test_what_cannot_be_measured_is_told(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = small.with_name("out")
+    where = ["--set-of-cranes", "nominal", "--scenario", "short"]
+    run = ["benchmark", "run", str(small), "--out", str(out)]
+    assert main([*run, *where, "--controller", "nobody"]) == 2
+    assert "unknown controller 'nobody'" in capsys.readouterr().err
+    assert main(["benchmark", "report", str(out), "--benchmark", str(small), "--controller", "nobody"]) == 2
+    assert "unknown controller 'nobody'" in capsys.readouterr().err
+    assert main([*run, "--set-of-cranes", "spread-3", "--scenario", "path", "--controller", "pid"]) == 2
+    assert "none of the sets of cranes has a scenario" in capsys.readouterr().err
+
+
+def test_a_law_that_refuses_a_crane_keeps_no_other_from_running(
+    small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    law = small.with_name("servo.py")
+    law.write_text(
+        law.read_text().replace("def prepare(nominal):", "def prepare(nominal):\n    raise InputError('no')")
+    )
+    out = small.with_name("out")
+    run = ["benchmark", "run", str(small), "--trust", "--set-of-cranes", "nominal", "--out", str(out)]
+    assert main(run) == 3
+    assert "could not be run: servo on short: no" in capsys.readouterr().out
+    there = {path.parent.name for path in out.rglob("campaign.json")}
+    assert there == {"lqr-integral"}, "nothing of it is left to stand in the way"
+
+
 def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     servo = ["--controller", f"{small.with_name('servo.py')}:SERVO"]
     tuned, out = small.with_name("tuned"), small.with_name("out")
@@ -194,6 +221,9 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     numbers.write_text(re.sub(".*damping.*", "", kept))
     assert main(report) == 2
     assert "another version of servo" in capsys.readouterr().err
+    numbers.write_text(kept.replace("[cost]", "[costs]"))
+    assert main(report) == 2
+    assert "servo.toml is damaged: KeyError 'cost'" in capsys.readouterr().err
     numbers.write_text(kept)
 
     text = small.read_text()

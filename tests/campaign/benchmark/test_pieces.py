@@ -113,6 +113,24 @@ def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
         file.write_text(text)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("spreads = [1.0, 3.0]", "spreads = [3.0, 1.0]", "radius.spreads must increase"),
+        ('second_plant = "analytic"', 'second_plant = "mujoco"', "plant and second_plant must differ"),
+        ("seed = 5", "seed = 3", "tuning.seed must not be seed"),
+        ("[sets.wide]", '[sets."../wide"]', "sets"),
+        ("[sets.wide]", "[sets.spread-2]", "names that begin so are of"),
+    ],
+)
+def test_rules_that_would_not_judge_are_refused(small: Path, old: str, new: str, told: str) -> None:
+    text = small.read_text()
+    assert old in text
+    small.write_text(text.replace(old, new))
+    with pytest.raises(InputError, match=told):
+        read_benchmark(str(small))
+
+
 @pytest.mark.parametrize("name", benchmark_names())
 def test_those_that_come_with_cranectl_can_be_run(name: str) -> None:
     from cranectl.support import resources
