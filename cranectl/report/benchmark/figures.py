@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from cranectl.campaign.benchmark.scores import profile
 from cranectl.report.campaign.figures import WIDTH, series_style
@@ -12,6 +13,7 @@ from cranectl.support.arrays import Array, Mask
 
 MOST_RATIO = 10.0
 NAMED = 8  # laws that have a line of their own in a profile
+LEAST_EFFORT = 1e-2  # [m/s²] that is drawn, on a logarithmic scale
 
 
 def profiles(laws: Sequence[str], ratios: Array) -> Figure:
@@ -43,10 +45,11 @@ def fronts(laws: Sequence[str], points: Array, best: Mask) -> Figure:
     """
     figure = Figure(figsize=(1.2 * WIDTH, max(3.8, 0.18 * np.count_nonzero(best))), layout="constrained")
     axes = figure.subplots()
+    settling, effort = 100.0 * points[:, 0], np.maximum(points[:, 1], LEAST_EFFORT)
     colours = [STAND_IN[SERIES[0]] if full else STAND_IN["muted"] for full in best]
     axes.scatter(
-        100.0 * points[:, 0],
-        points[:, 1],
+        settling,
+        effort,
         s=14.0 + 160.0 * points[:, 2],
         facecolors=[colour if full else "none" for colour, full in zip(colours, best, strict=True)],
         edgecolors=colours,
@@ -56,7 +59,7 @@ def fronts(laws: Sequence[str], points: Array, best: Mask) -> Figure:
     for place, k in enumerate(named):
         axes.annotate(
             laws[k],
-            (100.0 * points[k, 0], points[k, 1]),
+            (settling[k], effort[k]),
             xytext=(1.04, (place + 0.5) / len(named)),
             textcoords="axes fraction",
             va="center",
@@ -68,5 +71,8 @@ def fronts(laws: Sequence[str], points: Array, best: Mask) -> Figure:
             },
         )
     axes.set(xlabel="time at rest that passes unsettled [%]", ylabel="RMS of commanded acceleration [m/s²]")
-    axes.set_ylim(bottom=0.0)
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
     return figure
