@@ -83,7 +83,7 @@ judge: setup tune $(TABLE)/tuned/nmpc.toml ## judge every law, as published and 
 $(TABLE)/tuned/nmpc.toml: $(TABLE)/nmpc.so | tune # the shipped numbers are of laws in Python: a compiler's work has its own digest
 	$(BIN)/cranectl tune $< --out $(@D)
 
-$(TABLE)/nmpc.so: $(wildcard validation/benchmark/nmpc/*.c) cranectl/controllers/doors/cranectl.h
+$(TABLE)/nmpc.so: $(addprefix validation/benchmark/nmpc/,nmpc.c model.c) cranectl/controllers/doors/cranectl.h
 	@mkdir -p $(@D)
 	cc -O2 -shared -fPIC -ffp-contract=off -Icranectl/controllers/doors -o $@ $(filter %.c,$^) -lm
 

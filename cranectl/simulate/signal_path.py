@@ -106,6 +106,7 @@ class SignalPath(NamedTuple):
     encoders: Encoders
     observer: Observer
     estimate: Array  # the observer's memory
+    told: Array  # (3,) accelerations of the drives, for it [m/s²]
     calibration: CalibrationError
     limits: SetpointLimits
     previous: Array  # (3,) last command given
@@ -151,6 +152,7 @@ def make_signal_path(
         encoders=make_encoders(sensing, samples if effects.sensing else 1),
         observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
         estimate=initial_estimate(start),
+        told=np.zeros(3),
         calibration=CalibrationError(setting.rope_offset, np.array(setting.drive_gain)),
         limits=make_limits(effects.limits if drive == "velocity" else None, period),
         previous=first.copy(),
@@ -192,18 +194,22 @@ def sense(path, row, measured):
 def act(path, actuation, wanted, row, commanded):
     """Turn what the drives are to get, three numbers, into what they get and whether limits act, `commanded`.
 
-    A set-point that is cut off is cut off in the integral of `actuation` too, so that it does not run away.
+    A set-point that is cut off is cut off in the integral of `actuation` too, so that it does not run away;
+    and the observer is told what drives make of it, or it would take the rest for a push.
     """
     command = commanded[:3]
     for axis in range(3):
         command[axis] = limited(path.limits, axis, wanted[axis], path.previous[axis])
+        path.told[axis] = row[INPUT_COLUMN + axis]
         commanded[3 + axis] = 0.0
         if command[axis] != wanted[axis]:
             actuation.velocity[axis] += command[axis] - wanted[axis]
+            velocity = path.estimate[VELOCITY + axis]
+            path.told[axis] = (command[axis] - velocity) / actuation.time_constant[axis]
             commanded[3 + axis] = 1.0
         path.previous[axis] = command[axis]
         command[axis] *= path.calibration.drive_gain[axis]
     if path.sensed:
-        predict(path.observer, row[INPUT_COLUMN : INPUT_COLUMN + 3], path.estimate)
+        predict(path.observer, path.told, path.estimate)
     transport(path.line, path.clock[0], command)
     path.clock[0] += 1

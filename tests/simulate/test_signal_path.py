@@ -120,6 +120,18 @@ def test_the_observer_sees_the_disturbances_of_the_thesis() -> None:
     assert np.abs(estimates[:100]).max() < 0.1
 
 
+def test_the_observer_takes_no_limit_for_a_push() -> None:
+    """Drives that may not do what a law asks for move as their set-points say, and it expects them to."""
+    held = run(
+        NO_FORCE_LIMIT, "disturbances=[]", "initial.load_offset=[0.3,-0.3,0.0]", "duration=2.0",
+        "effects.limits.acceleration=[0.3,0.3,6.0]", "effects.sensing.angle_noise=0.0",
+    )  # fmt: skip
+    assert held.block("command")[:, 3:5].mean() > 0.2
+    error = held.block("measurement")[:, 1:4:2] - held.block("state")[:, 1:4:2]
+    assert np.abs(error).max() < 0.006, "it was 0.023 m/s where the observer was told what the law asked for"
+    assert np.abs(held.block("measurement")[:, 10:]).max() < 0.5, "1.4 rad/s²"
+
+
 def test_noise_has_its_seed() -> None:
     first, again, other = (run(f"effects.sensing.seed={seed}") for seed in (1, 1, 2))
     assert_array_equal(first.table, again.table)

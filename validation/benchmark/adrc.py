@@ -15,6 +15,7 @@ With e = z_d - z, of which z'' is -g b + f_z and z''' is -g b' by the observers,
     v = z_d'''' + 4 w_c e''' + 6 w_c² e'' + 4 w_c³ e' + w_c⁴ e
     u = l (f_b + v/g)    u_l = f_3 - z_d3'' - 2 w_c e_3' - w_c² e_3
 
+Both u are cut off at the drives' limits, or the observers would take for a push what drives do not do.
 f_b holds the pendulum's own -g b/l. w_c is c sqrt(g/l) with l where the path begins, w_o is o w_c. Assumes:
 nothing of masses. Measures: encoders. Certain: the method. A push that stands is in f_z and f_b and leaves
 nothing; where f changes fast, as on a fast path, it is late.
@@ -41,7 +42,7 @@ from cranectl.signals import VELOCITY as RATE
 from cranectl.support.jit import jit
 
 # Places of parameters and memory; chains: load x, y, z, then alpha, beta, as the observer's joints.
-BANDWIDTH, OBSERVER, MEMORY = 0, 1, 3 * JOINTS + 1
+BANDWIDTH, OBSERVER, LIMIT, MEMORY = 0, 1, 6, 3 * JOINTS + 1
 BEGUN = 3 * JOINTS
 
 
@@ -69,6 +70,12 @@ def go_on(observer, chain, known, estimate):
     estimate[VELOCITY + chain] = velocity + period * acceleration
 
 
+@jit
+def cut(value, limit):
+    """The nearest to `value` within +-`limit`."""
+    return min(max(value, -limit), limit)
+
+
 def step(parameters, measured, reference, memory, command):
     """One sample; see `controller`. Encoders and path in, accelerations out."""
     estimate = carray(memory, (MEMORY,))
@@ -87,13 +94,14 @@ def step(parameters, measured, reference, memory, command):
         acceleration = reference[ACCELERATION + axis] - pulled - estimate[DISTURBANCE + axis]
         jerk = reference[JERK + axis] + gravity * estimate[VELOCITY + angle]
         v = reference[SNAP + axis] + w * (4.0 * jerk + w * (6.0 * acceleration + w * (4.0 * rate + w * load)))
-        command[axis] = length * (estimate[DISTURBANCE + angle] + v / gravity)
+        wanted = length * (estimate[DISTURBANCE + angle] + v / gravity)
+        command[axis] = cut(wanted, parameters[LIMIT + axis])
         # Over the period the rope pulls as it does in its middle.
         go_on(observer, axis, pulled - 0.5 * observer.period * gravity * estimate[VELOCITY + angle], estimate)
         go_on(observer, angle, -command[axis] / length, estimate)
     lifted = reference[ACCELERATION + Z] + 2.0 * w * (reference[RATE + Z] - estimate[VELOCITY + Z])
     lifted += w * w * (reference[Z] - estimate[POSITION + Z])
-    command[Z] = estimate[DISTURBANCE + Z] - lifted
+    command[Z] = cut(estimate[DISTURBANCE + Z] - lifted, parameters[LIMIT + Z])
     go_on(observer, Z, -command[Z], estimate)
     return 0
 
@@ -107,7 +115,7 @@ def prepare(nominal):
     memory = np.zeros(MEMORY)
     memory[VELOCITY : VELOCITY + 3] = nominal.reference[0, RATE : RATE + 3]
     memory[VELOCITY + 3 : DISTURBANCE] = nominal.state[[7, 9]]
-    return np.array([bandwidth, *observer]), memory
+    return np.array([bandwidth, *observer, *nominal.rig.effects.limits.acceleration]), memory
 
 
 ADRC = Controller(

@@ -16,8 +16,9 @@ as the loop's observer does. K minimises the integral of q_e (e/l)² + q_v (e'/l
 
 A push d on the angles moves the load by f = l n_d, which the rope need not do: the flat map of z'' - f has
 state and input u_d of a crane that leans against the push, so none that stands leaves an error. The rope is a
-drive of its own. Assumes: slow hoisting; masses are not used. Measures: encoders. Certain. Known weakness: a
-filter much faster than the pendulum takes a load that turns about its hook for a push, and drives it on.
+drive of its own. u is cut off at the drives' limits, or the filter would take for a push what they do not do.
+Assumes: slow hoisting; masses are not used. Measures: encoders. Certain. Known weakness: a filter much faster
+than the pendulum takes a load that turns about its hook for a push, and drives it on.
 """
 
 from math import sqrt
@@ -43,7 +44,7 @@ from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, S
 from cranectl.support.jit import jit
 
 # Places of parameters and memory; states of an axis in the filter: x, x', d_x, b, b', d_b.
-PERIOD, GRAVITY, ROPE_GAIN, GAIN, ROPE_FILTER, FILTER = 0, 1, 2, 4, 8, 11
+PERIOD, GRAVITY, ROPE_GAIN, GAIN, ROPE_FILTER, FILTER, LIMIT = 0, 1, 2, 4, 8, 11, 23
 FLAT, DESIRED, INPUT, BEGUN, MEMORY = 15, 30, 40, 43, 44
 
 
@@ -114,6 +115,7 @@ def step(parameters, measured, reference, memory, command):
     inputs[Z] -= gravity * rope
     for axis in range(3):
         inputs[axis] -= estimate[DISTURBANCE + axis]
+        inputs[axis] = min(max(inputs[axis], -parameters[LIMIT + axis]), parameters[LIMIT + axis])
         command[axis] = inputs[axis]
     predict(Observer(0.0, 0.0, 0.0, parameters[PERIOD], gravity), inputs, estimate)
     return 0
@@ -154,7 +156,7 @@ def prepare(nominal):
     memory = np.zeros(MEMORY)
     memory[:FLAT] = initial_estimate(nominal.state)
     head = [nominal.period, gravity, *rope_gain, *gain, *rope_filter]
-    return np.array([*head, *kalman_gain.ravel()]), memory
+    return np.array([*head, *kalman_gain.ravel(), *nominal.rig.effects.limits.acceleration]), memory
 
 
 WEIGHT = (1e-6, 1e6)

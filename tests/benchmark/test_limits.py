@@ -1,0 +1,30 @@
+"""Laws with an observer of their own, where drives cannot do what they ask for."""
+
+import pytest
+
+from cranectl import open_law
+from cranectl.metrics import run_metrics
+from cranectl.reference import load_scenario
+from cranectl.simulate import simulate_run
+from tests.conftest import ROOT
+
+BENCHMARK = ROOT / "validation" / "benchmark"
+
+
+@pytest.mark.parametrize(
+    ("law", "fast"),
+    [("lqg.py:LQG", []), ("adrc.py:ADRC", ["controller.adrc.bandwidth=1.0", "controller.adrc.observer=6.0"])],
+)
+def test_a_hard_push_winds_no_observer_up(law: str, fast: list[str]) -> None:
+    """What drives do not do it would take for a push, and a stronger one the more it asks of them."""
+    scenario = load_scenario(
+        str(BENCHMARK / "scenarios" / "pulse.toml"),
+        overrides=[
+            "disturbances.0.force=[3.0,-2.25,0.0]", "rig.load_mass=0.8", *fast,
+            *(f"effects.{effect}={{}}" for effect in ("limits", "sensing", "rope", "body", "delay")),
+        ],
+    )  # fmt: skip
+    run = simulate_run(scenario, plant="mujoco", drive="velocity", controller=open_law(str(BENCHMARK / law)))
+    assert run.block("command")[:, 3:5].any(), "limits act"
+    assert run.status.label == "completed"
+    assert run_metrics(run).final_error_m < 0.05
