@@ -11,14 +11,15 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 
 PERIOD, GRAVITY = 1e-3, 9.81
+UNLIMITED = RigParameters.model_validate({"effects": {"limits": {"acceleration": (1e9, 1e9, 1e9)}}})
 
 
 def nominal_at(law: Controller, length: float, **given: float) -> Nominal:
-    """The laboratory's crane at rest on a rope of `length` [m]."""
+    """The laboratory's crane at rest on a rope of `length` [m], whose drives have no limits."""
     state, row = np.zeros(10), np.zeros(15)
     state[4], row[2] = length, -length
     parameters = {each.name: each.default for each in law.parameters} | given
-    return Nominal(RigParameters(), "ideal", PERIOD, row[np.newaxis], state, parameters)
+    return Nominal(UNLIMITED, "ideal", PERIOD, row[np.newaxis], state, parameters)
 
 
 def crane_sampled(length: float) -> tuple[Array, Array]:
