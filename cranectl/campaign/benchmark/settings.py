@@ -1,6 +1,7 @@
 """Benchmark files: which laws on which scenarios and sets of cranes, and how they are tuned."""
 
 import itertools
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +15,7 @@ from cranectl.support.documents import Table, read_toml
 # Begin the names of sets that find the radius, and of those on which one uncertainty is alone.
 RADIUS, SINGLE = "spread-", "only-"
 Overrides = Annotated[tuple[str, ...], Field(strict=False)]
-SetName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
+NAME = r"^[a-z0-9][a-z0-9-]*$"  # also of directories
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Draws = Annotated[int, Field(ge=1, le=100_000)]
 Spread = Annotated[float, Field(ge=0.0, le=100.0)]
@@ -79,7 +80,7 @@ class Tuning(Settings):
 class Benchmark(Settings):
     """What is measured, by which rules."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
+    name: Annotated[str, Field(pattern=NAME)]
     title: str = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="of the cranes that are judged on")
     laws: Names = Field(description="names of controllers, or their files from the benchmark's: law.py:NAME")
@@ -91,7 +92,7 @@ class Benchmark(Settings):
     set: Overrides = Field((), description="settings of every scenario, key=value")
     uncertain: dict[str, Any] = Field(description="a table with a distribution for each uncertain parameter")
     scenarios: Annotated[dict[str, MeasuredScenario], Field(min_length=1)]
-    sets: Annotated[dict[SetName, CraneSet], Field(min_length=1)]
+    sets: Annotated[dict[str, CraneSet], Field(min_length=1)]
     radius: Radius
     singles: Singles | None = None
     tuning: Tuning
@@ -113,6 +114,9 @@ class Benchmark(Settings):
             raise ValueError(f"radius.spreads must increase, they are {', '.join(f'{s:g}' for s in spreads)}")
         if self.plant == self.second_plant:
             raise ValueError(f"plant and second_plant must differ, both are {self.plant}")
+        odd = [name for name in self.sets if not re.match(NAME, name)]
+        if odd:
+            raise ValueError(f"sets {', '.join(odd)}: names have small letters, digits and hyphens")
         taken = [name for name in self.sets if name.startswith((RADIUS, SINGLE))]
         if taken:
             raise ValueError(f"{', '.join(taken)}: names that begin so are of [radius] and [singles]")

@@ -119,7 +119,7 @@ def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
         ("spreads = [1.0, 3.0]", "spreads = [3.0, 1.0]", "radius.spreads must increase"),
         ('second_plant = "analytic"', 'second_plant = "mujoco"', "plant and second_plant must differ"),
         ("seed = 5", "seed = 3", "tuning.seed must not be seed"),
-        ("[sets.wide]", '[sets."../wide"]', "sets"),
+        ("[sets.wide]", '[sets."../wide"]', "small letters, digits and hyphens"),
         ("[sets.wide]", "[sets.spread-2]", "names that begin so are of"),
     ],
 )
