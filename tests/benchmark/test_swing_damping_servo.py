@@ -33,7 +33,7 @@ def test_near_rest_the_drive_moves_as_these_poles_say(plant: str, length: float)
     overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
     run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
-    k_p, k_d, _, k_w = gains(length, g, POLE)
+    k_p, k_d, k_b, k_w = gains(length, g, POLE)
     # e and its derivatives at 0 from the equations themselves; e(t) = (c0 + c1 t + c2 t² + c3 t³) e^-pt.
     e = [offset, 0.0, -k_p * offset]
     tilt = k_p * offset / length  # b'' where the drive begins to pull
@@ -44,3 +44,4 @@ def test_near_rest_the_drive_moves_as_these_poles_say(plant: str, length: float)
         t = run.time[k]
         wanted = (c[0] + t * (c[1] + t * (c[2] + t * c[3]))) * exp(-POLE * t)
         assert run.block("state")[k, 0] - 1.0 == pytest.approx(wanted, abs=5e-3 * offset)
+    assert k_b != 0.0
