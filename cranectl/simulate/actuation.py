@@ -46,11 +46,17 @@ def actuate(actuation, command):
 
 
 @jit
+def drive_acceleration(actuation, axis, setpoint, velocity):
+    """What a drive makes of a set-point while it moves with `velocity` [m/s²]."""
+    return (setpoint - velocity) / actuation.time_constant[axis]
+
+
+@jit
 def take_set_points(actuation, state, command):
     """`command[:3]` are set-points: put them into `command[3:]` and, before, what drives make of them."""
     for i in range(3):
         command[3 + i] = command[i]
-        command[i] = (command[3 + i] - state[2 * i + 1]) / actuation.time_constant[i]
+        command[i] = drive_acceleration(actuation, i, command[3 + i], state[2 * i + 1])
         actuation.velocity[i] = command[3 + i]
 
 

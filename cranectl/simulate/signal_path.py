@@ -27,7 +27,7 @@ from cranectl.plants.surroundings import FORCE
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Installation, Sensing
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
-from cranectl.simulate.actuation import forces_at_rest
+from cranectl.simulate.actuation import drive_acceleration, forces_at_rest
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
@@ -205,7 +205,7 @@ def act(path, actuation, wanted, row, commanded):
         if command[axis] != wanted[axis]:
             actuation.velocity[axis] += command[axis] - wanted[axis]
             velocity = path.estimate[VELOCITY + axis]
-            path.told[axis] = (command[axis] - velocity) / actuation.time_constant[axis]
+            path.told[axis] = drive_acceleration(actuation, axis, command[axis], velocity)
             commanded[3 + axis] = 1.0
         path.previous[axis] = command[axis]
         command[axis] *= path.calibration.drive_gain[axis]

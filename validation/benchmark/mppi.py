@@ -14,8 +14,9 @@ says of pushes:
 
 v runs straight between KNOTS knots; those of path i are normal about those of v, which begins as it was
 planned before. Random numbers are of Park and Miller (Comm. ACM 31, 1988), from one seed, so runs repeat.
-Assumes: full state, preview of the path; masses are not used. Certain: the method; ours: model and cost. A
-standing push that no observer tells of leaves an error.
+Assumes: full state, preview of the path; masses are not used. Certain: the method, of which the price on
+being far from no input is left out: futures are about the last plan. Ours: model and cost. A standing push
+that no observer tells of leaves an error.
 """
 
 from math import cos, exp, log, pi, sqrt

@@ -11,9 +11,9 @@ e the drive's and b the angle's deviation from the state that the flat map gives
 
 On s = 0 the crane l b'' = -g b - e'' has the polynomial (l r² + g)(r + lambda) + kappa r², whose three roots
 are -p for lambda = p/3, kappa = 8 p l/3, p = sqrt(g/3l), whatever the length l. The rope's surface is
-e' + lambda e. Assumes: full state; masses are not used. Certain: the algorithm; ours: the surface. A standing
-push that leans the rope by b leaves e = 8 l b, since the surface has no integral. Sampled with period T, s
-stays below k_1² T².
+e' + lambda e. Assumes: full state, slow hoisting, of which the polynomial knows nothing; masses are not used.
+Certain: the algorithm; ours: the surface. A standing push that leans the rope by b leaves e = 8 l b, since
+the surface has no integral. Sampled with period T, s stays below k_1² T².
 """
 
 from math import sqrt
