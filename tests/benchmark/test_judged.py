@@ -80,7 +80,7 @@ def test_runs_come_out_as_they_are_shipped(
     numbers = functools.partial(tuned_settings, FILE.parent / "tuned", rules)
     campaign = functools.partial(campaign_of, BENCHMARK, FILE.parent, most=1, tuned=numbers)
     with engine_of(None, patience=60.0) as engine:
-        ran = [piece for piece, _ in run_pieces(pieces, campaign, tmp_path, engine, workers=2)]
+        ran = [each.piece for each in run_pieces(pieces, campaign, tmp_path, engine, workers=2)]
     found = collected(BENCHMARK, FILE, rules, tmp_path, ran, FILE.parent / "tuned", lambda _: None)
     assert len(found.pieces) == 2 * len(laws)
     for piece, runs in found.pieces.items():

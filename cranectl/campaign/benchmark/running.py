@@ -5,6 +5,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing
 from pathlib import Path
+from typing import NamedTuple
 
 from cranectl.campaign.benchmark.pieces import Piece
 from cranectl.campaign.definition import Batch, Campaign
@@ -20,6 +21,14 @@ from cranectl.support.provenance import provenance_differences
 Engine = Callable[[Campaign, Sequence[Batch], Stop], Generator[tuple[Batch, list[Row]], None, None]]
 
 
+class Ended(NamedTuple):
+    """A piece that is whole."""
+
+    piece: Piece
+    not_run: str = ""  # why its law could not be run at all, "" where it could
+    quarantined: tuple[str, ...] = ()  # what was damaged and has been run again, a phrase each
+
+
 def run_pieces(
     pieces: Sequence[Piece],
     campaign_of: Callable[[Piece], Campaign],
@@ -28,22 +37,22 @@ def run_pieces(
     *,
     workers: int,
     despite_differences: bool = False,
-) -> Iterator[tuple[Piece, str]]:
+) -> Iterator[Ended]:
     """Run what is missing of `pieces` below `directory`, `workers` at a time; yields each that is whole.
 
-    With it comes why its law could not be run at all, "" where it could. Batches that ended are kept when the
-    caller leaves. Raises InputError as `open_store` and campaigns do, but for a law that refuses the crane.
+    Batches that ended are kept when the caller leaves. Raises InputError as `open_store` and campaigns do,
+    but for a law that refuses the crane.
     """
     left = threading.Event()
 
-    def run(piece: Piece) -> tuple[Piece, str]:
+    def run(piece: Piece) -> Ended:
         if left.is_set():
             raise StoppedError
         campaign = campaign_of(piece)
         place = directory / piece.place
         whole = _whole_result(campaign, place)
         if whole is not None:
-            return piece, _not_run(whole)
+            return Ended(piece, _not_run(whole))
         check_values(campaign)
         try:
             with open_store(campaign, place, resume=True, despite_differences=despite_differences) as store:
@@ -53,9 +62,9 @@ def run_pieces(
                             store.write(batch, rows)
         except InputError:
             if refused := _refusal(campaign):
-                return piece, refused
+                return Ended(piece, refused)
             raise
-        return piece, _not_run(read_results(place))
+        return Ended(piece, _not_run(read_results(place)), store.quarantined)
 
     with ThreadPoolExecutor(workers, thread_name_prefix="piece") as pool:
         try:

@@ -120,13 +120,14 @@ def run_benchmark(
             workers=workers or available_cores(),
             despite_differences=despite_differences,
         )
-        not_run = []
-        for piece, reason in done:
+        mended, not_run = [], []
+        for piece, reason, quarantined in done:
             shown.advance(task)
+            mended += [f"{piece.place}: {phrase}" for phrase in quarantined]
             if reason:
-                not_run.append(f"{piece.law} on {piece.scenario}: {reason}")
+                not_run.append(f"could not be run: {piece.law} on {piece.scenario}: {reason}")
     screen = console(None)
-    for line in sorted(not_run):
-        screen.print(f"could not be run: {line}")
+    for line in sorted(mended) + sorted(not_run):
+        screen.print(line)
     screen.print(f"{len(pieces)} pieces of {len(laws)} laws: {directory}")
     return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD

@@ -24,8 +24,13 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     assert main(run) == 0
     parts = {path: path.read_bytes() for path in out.rglob("*.parquet")}
     assert len(parts) == 2 * 2 * 3 + 2 * 2 + 2 * 2
-    next(iter(parts)).unlink()
+    missing, damaged, *_ = parts
+    missing.unlink()
+    damaged.write_bytes(parts[damaged][:-100])
+    capsys.readouterr()
     assert main([*run, "--workers", "1"]) == 0, "goes on with what is missing"
+    told = " ".join(capsys.readouterr().out.split())
+    assert f"{damaged.parent.parent.relative_to(out)}: {damaged.name} was damaged" in told
     assert {path: path.read_bytes() for path in out.rglob("*.parquet")} == parts, "the same, whoever runs it"
 
     written = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
@@ -117,6 +122,8 @@ def test_a_page_tells_of_this_benchmark_only(
     report = ["benchmark", "report", str(out), "--benchmark", str(small), *law]
     assert main(["benchmark", "run", str(small), *law, *few, "--out", str(out)]) == 0
     assert main(report) == 0, "fewer cranes are the first of the same"
+    page = out.with_suffix(".html").read_text(encoding="utf-8")
+    assert "no runs of lqr-integral are here" in page, "the baseline"
     text = small.with_name(file).read_text()
     assert before in text
     small.with_name(file).write_text(text.replace(before, after))
