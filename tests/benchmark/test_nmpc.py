@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
+from cranectl.campaign.benchmark.information import information
 from cranectl.campaign.benchmark.variables import variables_of
 from cranectl.reference import load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -55,6 +56,11 @@ def test_a_harbour_crane_arrives(library: str) -> None:
     harbour = load_scenario(FOLDER.parent / "scenarios" / "harbour.toml", overrides=effects)
     run = simulate_run(harbour, plant="mujoco", drive="velocity", controller=open_law(library))
     assert np.linalg.norm(run.block("error")[-1, :3]) < harbour.metrics.settling_tolerance
+
+
+def test_it_is_told_masses_and_drives_and_uses_neither(library: str) -> None:
+    told = information(open_law(library), load_scenario("fixed-position"), "velocity")
+    assert (told["rig"], told["preview"]) == (["gravity"], 1000)
 
 
 def test_what_tuning_may_change_stays_between_its_bounds(library: str) -> None:

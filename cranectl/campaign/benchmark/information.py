@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import LawDesign
+from cranectl.controllers.controller import Controller, LawDesign, Nominal
 from cranectl.controllers.registry import controller_design, law_digests, load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.plants.plant import Drive
@@ -46,6 +46,17 @@ class _WatchedPath:
         return np.array(self._path, dtype=dtype, copy=copy)
 
 
+def _leaves_cold(controller: Controller, known: Nominal, asked: str) -> bool:
+    """Whether masses or drives that were asked for change no number: the door of laws in C asks for all."""
+    word = next((word for word in ("mass", "time_constant") if word in asked), "")
+    if not word:
+        return False
+    fields = [name for name in RigParameters.model_fields if word in name]
+    other = known.rig.model_copy(update={name: 1.01 * getattr(known.rig, name) for name in fields})
+    pairs = zip(controller.prepare(known), controller.prepare(known._replace(rig=other)), strict=True)
+    return all(np.array_equal(one, two) for one, two in pairs)
+
+
 def information_class(facts: Mapping[str, Any]) -> str:
     """Of `information`, in a few words: what it follows and measures, what it knows besides gravity."""
     known = facts["rig"]
@@ -75,6 +86,7 @@ def information(law: str, scenario: Scenario, drive: Drive) -> dict[str, Any]:
     watched = _Watched(known.rig, set())
     path = _WatchedPath(known.reference)
     controller.prepare(known._replace(rig=watched, reference=path))  # type: ignore[arg-type]
+    asked = {name for name in watched.asked if not _leaves_cold(controller, known, name)}
     masses = ["masses"] if controller.command == "force" else []  # by which the loop knows what a force does
     return {
         "follows": controller.follows,
@@ -83,6 +95,6 @@ def information(law: str, scenario: Scenario, drive: Drive) -> dict[str, Any]:
         "preview": controller.preview,
         "reads_path": path.asked,
         "every": controller.every,
-        "rig": sorted(watched.asked) + masses,
+        "rig": sorted(asked) + masses,
         **file,
     }

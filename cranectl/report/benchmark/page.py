@@ -128,8 +128,8 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     headings = ("law", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
         "What is measured as state comes from encoders and an observer that is common to all laws. Preview: "
-        "control periods of the path ahead, or all of it where a law is made. A law in C is handed all of "
-        "the rig, used or not. The column 'told' of the other tables sums this up."
+        "control periods of the path ahead, or all of it where a law is made. Of masses and drives, those by "
+        "which its numbers go. The column 'told' of the other tables sums this up."
     )
     return Section("rules", "Rules and information", texts, (Table("", headings, rows, labels=6, note=note),))
 
