@@ -42,7 +42,7 @@ test: setup cluster video fmi kernels ## run the tests, those of these three ext
 	$(call limit,1200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/reference/planning \
 		--ignore tests/benchmark --ignore tests/campaign/benchmark
 
-test-benchmark: setup tune ## hold the laws of the benchmark to what they claim, its page and its tuning to what they say; a minute
+test-benchmark: setup cluster tune ## hold the laws of the benchmark to what they claim, its page and its tuning to what they say; a minute
 	$(call limit,600) $(BIN)/python -m pytest tests/benchmark tests/campaign/benchmark --ignore tests/benchmark/test_nmpc_plans.py
 
 test-docs: setup cluster video fmi tune ## run what README, docs and examples show, and hold the pages on thesis and mutants to what they say

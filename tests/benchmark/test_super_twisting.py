@@ -1,5 +1,6 @@
 """`super-twisting`: poles on its surface, which is reached in finite time; what a standing push leaves."""
 
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -8,11 +9,16 @@ import pytest
 from cranectl import open_law
 from cranectl.reference import load_scenario
 from cranectl.simulate import Run, simulate_run
+from cranectl.support.jit import jit
 from tests.conftest import ROOT
-from validation.benchmark.super_twisting import slopes
+from tests.controllers.laws import known
+from validation.benchmark.super_twisting import SUPER_TWISTING, slopes, step
 
 LAW = f"{ROOT / 'validation' / 'benchmark' / 'super_twisting.py'}:SUPER_TWISTING"
 POINT = ["duration=8.0", "disturbances=[]", "reference.start=[1.0, 0.77, -0.7]", "reference.segments=[]"]
+PUSH = 0.3  # [m/s²]
+
+_law = jit(step)
 
 
 def run_of(scenario: str, *overrides: str, plant: str = "analytic", drive: str = "ideal") -> Run:
@@ -40,6 +46,27 @@ def test_the_surface_is_reached_in_finite_time_and_kept(plant: str) -> None:
     # On it the deviations fall by (1 + pt + (pt)²/2) e^-pt, the slowest that three poles at -p allow.
     late = np.linalg.norm(run.block("error")[:, :3], axis=1)[run.time >= 6.0]
     assert late.max() < 1e-4
+
+
+def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
+    """The law with drives that accelerate along x by PUSH more than they are told."""
+    status = _law(parameters, measured, reference, memory, command)
+    command[0] += PUSH
+    return status
+
+
+@pytest.mark.parametrize("twist_gain", [1.1, 1e-6])
+def test_only_its_integral_reaches_the_surface_against_a_push_on_the_drives(twist_gain: float) -> None:
+    """-k_1 |s|^(1/2) by itself stands where it holds the push, at (PUSH/k_1)²."""
+    number = f"controller.pushed.twist_gain={twist_gain}"
+    scenario = load_scenario("fixed-position", overrides=[*POINT, number])
+    with known(replace(SUPER_TWISTING, name="pushed", step=pushed_step)) as name:
+        run = simulate_run(scenario, plant="analytic", drive="ideal", controller=name)
+    surface = np.abs(run.block("controller")[run.time > 4.0, 0])
+    if twist_gain == 1.1:
+        assert surface.max() < (1.5e-3) ** 2
+    else:
+        assert surface[-1] == pytest.approx((PUSH / 1.5) ** 2, rel=1e-3)
 
 
 def test_a_standing_push_leaves_what_the_surface_says() -> None:

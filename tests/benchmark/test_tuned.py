@@ -1,7 +1,7 @@
 """Laws of the benchmark are tuned as they are, by the rules as they are."""
 
 import hashlib
-from pathlib import Path
+import subprocess
 
 import pytest
 from pyarrow import parquet
@@ -12,10 +12,12 @@ from cranectl.campaign.benchmark.tuned import tuned_settings
 from cranectl.campaign.benchmark.variables import variables_of
 from cranectl.cli.benchmark.laws import benchmark_laws
 from cranectl.support.documents import read_toml
+from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 
 FILE = benchmark_file("literature")
 TUNED = FILE.parent / "tuned"
+DRAWN_BY = "57cf443f1637e6b"  # the first 15 digits of the commit
 
 
 @pytest.fixture(scope="module")
@@ -23,38 +25,59 @@ def benchmark() -> Benchmark:
     return read_benchmark("literature")
 
 
+def laws_of(benchmark: Benchmark) -> tuple[str, ...]:
+    return benchmark_laws(benchmark.laws, FILE, trust=False)
+
+
 def test_its_rules_are_those_by_which_all_its_laws_were_tuned(benchmark: Benchmark) -> None:
     """A change of rules, metrics or a law's file asks for new numbers."""
-    laws, rules = benchmark_laws(benchmark.laws, FILE, trust=False), rules_of(benchmark, FILE.parent)
+    laws, rules = laws_of(benchmark), rules_of(benchmark, FILE.parent)
     for law in laws:
         tuned_settings(TUNED, rules, law, 1.0)
     assert {path.stem for path in TUNED.glob("*.toml")} == set(laws)
 
 
 def test_every_law_had_the_same_budget_and_every_point_is_there(benchmark: Benchmark) -> None:
-    for law in benchmark_laws(benchmark.laws, FILE, trust=False):
-        told, points = read_toml(TUNED / f"{law}.toml"), parquet.read_table(TUNED / f"{law}.parquet")
+    searched = {law: [each.key for each in variables_of(law)] for law in laws_of(benchmark)}
+    built = FOLDER / "tuned"
+    searched["nmpc"] = list(read_toml(built / "nmpc.toml")["parameters"])
+    for law, keys in searched.items():
+        place = (built if law == "nmpc" else TUNED) / law
+        told, points = (
+            read_toml(place.with_suffix(".toml")),
+            parquet.read_table(place.with_suffix(".parquet")),
+        )
         cost = points["cost"].to_pylist()
         runs = told["runs"] // len(cost)
-        candidates = benchmark.tuning.runs // runs if variables_of(law) else 1
+        candidates = benchmark.tuning.runs // runs if keys else 1
         assert len(cost) == candidates, law
-        assert told["seed"] == benchmark.tuning.seed
+        asked = (benchmark.tuning.seed, benchmark.tuning.runs, rules_of(benchmark, FILE.parent))
+        assert (told["seed"], told["budget_runs"], told["rules"]) == asked
         best = {"untuned": cost[0], "half": min(cost[: max(1, candidates // 2)]), "full": min(cost)}
         assert told["cost"] == best
         found = points.slice(cost.index(best["full"]), 1).to_pylist()[0]
-        assert told["parameters"] == {each.key: float(f"{found[each.key]:.4g}") for each in variables_of(law)}
+        assert told["parameters"] == {key: float(f"{found[key]:.4g}") for key in keys}
 
 
 @pytest.mark.parametrize(
-    ("path", "digest"),
+    ("name", "digest"),
     [
-        (ROOT / "cranectl" / "controllers" / "lqr_offset_free.py", "aa14e3216072347e"),
-        (TUNED / "lqr-offset-free.toml", "98cc468d8495511c"),
+        ("cranectl/controllers/lqr_offset_free.py", "aa14e3216072347e"),
+        ("validation/benchmark/tuned/lqr-offset-free.toml", "98cc468d8495511c"),
     ],
 )
 def test_our_law_and_its_numbers_are_those_of_the_commit_that_drew_the_cranes(
-    path: Path, digest: str, benchmark: Benchmark
+    name: str, digest: str, benchmark: Benchmark
 ) -> None:
     """Whoever changes them draws other cranes, and has all laws judged on these."""
-    assert hashlib.sha256(path.read_bytes()).hexdigest().startswith(digest)
-    assert benchmark.seed == int("57cf443f1637e6b", 16)
+    assert hashlib.sha256((ROOT / name).read_bytes()).hexdigest().startswith(digest)
+    assert benchmark.seed == int(DRAWN_BY, 16)
+    if content := of_commit(name):
+        assert hashlib.sha256(content).hexdigest().startswith(digest)
+        assert str(benchmark.seed).encode() not in of_commit("validation/benchmark/literature.toml")
+
+
+def of_commit(name: str) -> bytes:
+    """The file at the commit that drew the cranes; empty where there is no history."""
+    shown = subprocess.run(["git", "show", f"{DRAWN_BY}:{name}"], cwd=ROOT, capture_output=True, check=False)
+    return shown.stdout

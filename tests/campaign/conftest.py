@@ -1,10 +1,13 @@
-"""A small campaign and its result, for tests of commands."""
+"""A small campaign and its result, for tests of commands; a cluster."""
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from distributed import LocalCluster
 
+from cranectl.campaign.cluster import NO_DASHBOARD
 from cranectl.cli.main import main
 
 SMALL = """\
@@ -25,6 +28,21 @@ distribution = "uniform"
 low = 0.0
 high = 30.0
 """
+
+
+@pytest.fixture
+def cluster() -> Iterator[LocalCluster]:
+    """Workers in threads: no start of a process to wait for; all the rest is as between machines."""
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        **NO_DASHBOARD,
+        memory_limit=0,
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
+        yield cluster
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -30,21 +30,6 @@ from tests.conftest import ROOT
 Refused = Callable[..., str]
 pytestmark = pytest.mark.usefixtures("in_directory_with_campaign")
 RUN = ("run", "small.toml")
-
-
-@pytest.fixture
-def cluster() -> Iterator[LocalCluster]:
-    """Workers in threads: no start of a process to wait for; all the rest is as between machines."""
-    with LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        processes=False,
-        protocol="tcp://",
-        **NO_DASHBOARD,
-        memory_limit=0,
-        silence_logs=logging.CRITICAL,
-    ) as cluster:
-        yield cluster
 
 
 def small(*overrides: str) -> Campaign:

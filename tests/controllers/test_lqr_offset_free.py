@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from cranectl.cli.main import main
 from cranectl.controllers.lqr_offset_free import (
     BEGUN,
     ELLIPSOID,
@@ -27,8 +28,10 @@ from cranectl.reference import load_scenario
 from cranectl.signals import BRIDGE_RATE
 from cranectl.simulate import linearised_law, simulate_run
 from cranectl.support.arrays import Array
+from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError
 from tests.benchmark.linear_loop import GRAVITY, PERIOD, loop_matrix, nominal_at
+from tests.conftest import ROOT
 
 LAW = LQR_OFFSET_FREE.name
 SENSED = ["effects.sensing={}", "effects.delay.seconds=0.004"]
@@ -102,6 +105,40 @@ def test_standing_pushes_and_tilted_rails_leave_no_error(plant: str, drive: str,
     error, push = run.block("error")[late, :3].mean(axis=0), run.block("controller")[late].mean(axis=0)
     assert np.linalg.norm(error) < (2e-4 if effects else 1e-5)
     assert np.abs(push).min() > 0.1
+
+
+@pytest.mark.parametrize(("law", "least", "most"), [(LAW, 0.0, 1e-4), ("lqr", 0.015, 0.03)])
+@pytest.mark.parametrize("scenario", ["fixed-position", "fast-diagonal"])
+def test_tilted_rails_alone_leave_no_error_at_rest_or_after_a_motion(
+    scenario: str, law: str, least: float, most: float
+) -> None:
+    tilted = ["disturbances=[]", "duration=12.0", "effects.installation={tilt=[0.01, -0.005]}", *SENSED]
+    run = simulate_run(
+        load_scenario(scenario, overrides=tilted), plant="mujoco", drive="velocity", controller=law
+    )
+    assert least <= np.linalg.norm(run.block("error")[run.time > 11.0, :3].mean(axis=0)) < most
+
+
+@pytest.mark.parametrize(
+    ("numbers", "lengths", "code"),
+    [
+        ("defaults", (0.3, 0.5, 0.7, 1.0, 1.3), 0),
+        ("tuned", (0.5, 0.7, 1.0, 1.3), 0),
+        ("tuned", (0.3,), 1),  # though the linear loop is stable there: the test is sufficient
+    ],
+)
+def test_it_is_certified_with_delay_observer_and_structure(
+    numbers: str, lengths: tuple[float, ...], code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    effects = [f"effects.{name}={{}}" for name in ("sensing", "rope", "body", "frame")]
+    if numbers == "tuned":
+        found = read_toml(ROOT / "validation" / "benchmark" / "tuned" / f"{LAW}.toml")["parameters"]
+        effects += [f"{key}={value}" for key, value in found.items()]
+    options = [f"--rope-length={length}" for length in lengths] + [f"--set={each}" for each in effects]
+    assert main(["certify", LAW, "--delay", "0.008", *options]) == code
+    told = capsys.readouterr().out
+    assert f"of {len(lengths)} points certified" in told
+    assert "truly unstable (u): 0" in told
 
 
 @pytest.mark.parametrize("effects", [[], SENSED])

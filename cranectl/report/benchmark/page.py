@@ -193,9 +193,9 @@ def _failures(divisions: list[Judged]) -> Iterator[Section]:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:
         text = (
-            "The first failure of each law on each set. FILE is that of the law. Without the results, "
-            "'cranectl benchmark run' with --division, --controller, --set-of-cranes and --scenario runs the "
-            "piece again."
+            "The first failure of each law on each set. FILE is that of the law. Without the results, the "
+            "piece is run again by 'cranectl benchmark run' with --division, --controller, --set-of-cranes, "
+            "--scenario, and --draws for the cranes up to that one."
         )
         yield Section("failures", "Failures to look at", (text,), tuple(tables))
 

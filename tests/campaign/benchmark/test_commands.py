@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import LocalCluster
 
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.cli.main import main
@@ -88,6 +89,16 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     assert "unknown law of the table 'pid'" in capsys.readouterr().err
     for runs in written.pieces.values():
         assert np.isfinite(runs.metrics["rms_error_m"]).all()
+
+
+def test_a_cluster_runs_the_same(small: Path, cluster: LocalCluster) -> None:
+    run = ["benchmark", "run", str(small), "--trust", "--set-of-cranes", "nominal", "--draws", "1"]
+    here, there = small.with_name("here"), small.with_name("there")
+    assert main([*run, "--scheduler", cluster.scheduler_address, "--out", str(there)]) == 0
+    assert main([*run, "--out", str(here)]) == 0
+    parts = {path.relative_to(here): path.read_bytes() for path in here.rglob("*.parquet")}
+    assert len(parts) == 2 * 3
+    assert {path.relative_to(there): path.read_bytes() for path in there.rglob("*.parquet")} == parts
 
 
 def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
