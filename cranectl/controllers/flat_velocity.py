@@ -1,13 +1,15 @@
 """`flat-velocity`: the tracker of the flat family with the measured velocity in the set-points of its drives.
 
-Knierim, Krieger, Sawodny, Flatness based control of a 3-DOF overhead crane with velocity controlled drives,
-Mechatronic Systems 2010, which the thesis builds on. Drives obey T x'' = w - x', so that
+Source: Knierim, Krieger, Sawodny, Flatness based control of a 3-DOF overhead crane with velocity controlled
+drives, Mechatronic Systems 2010, rebuilt from what the thesis takes from it, (2.12) and (3.27) to (3.28); the
+paper was not at hand. Drives obey T x'' = w - x', so that
 
     w = x' + T u
 
 brings about the accelerations u of the linearising law, where the flat family has the integral of u for x'.
 Held over a control period h, this set-point adds h u to the velocity, as it is to, if T is replaced by
-h / (1 - exp(-h / T)), which is T for h to 0.
+h / (1 - exp(-h / T)), which is T for h to 0. Assumes: full state, drives that nothing pulls from what they are
+told; masses are not used. Certain on these equations, not that the paper's set-points are these.
 """
 
 from dataclasses import replace

@@ -6,6 +6,9 @@ that hangs plumb: x, y and -z. r is the path convolved with impulses A_i at t_i;
     zv   1/2, 1/2                   at 0, T/2      Singer, Seering, J. Dyn. Sys. Meas. Control 112 (1990)
     zvd  1/4, 1/2, 1/4              at 0, T/2, T   the same
     ei   (1+V)/4, (1-V)/2, (1+V)/4  at 0, T/2, T   Singhose, Seering, Singer, J. Mech. Des. 116 (1994)
+
+Assumes: drives that follow set-points of velocity, a rope about as long as the shaper is made for; masses are
+not used. Measures: encoders of the drives. Certain. It sees no angle: a load that is pushed swings on.
 """
 
 from math import pi, sqrt
