@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.campaign.benchmark.collecting import collected
-from cranectl.campaign.benchmark.pieces import DIVISIONS, campaign_of, pieces_of, sets_of
+from cranectl.campaign.benchmark.pieces import DIVISIONS, Piece, campaign_of, pieces_of, sets_of
 from cranectl.campaign.benchmark.rules import rules_of
 from cranectl.campaign.benchmark.running import run_pieces
 from cranectl.campaign.benchmark.scores import undominated
@@ -20,6 +20,7 @@ from cranectl.campaign.benchmark.tuned import tuned_facts, tuned_settings
 from cranectl.campaign.table import FAILED
 from cranectl.cli.benchmark.engine import engine_of
 from cranectl.cli.benchmark.laws import benchmark_laws
+from cranectl.cli.main import main
 from cranectl.controllers.registry import law_digests
 from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import render
@@ -94,6 +95,24 @@ def test_runs_come_out_as_they_are_shipped(
         assert (runs.failed[0], runs.status[0]) == (shipped.failed[0], shipped.status[0]), piece
         for name, values in runs.metrics.items():
             assert values[0] == pytest.approx(shipped.metrics[name][0], rel=1e-3, nan_ok=True), (piece, name)
+
+
+def test_a_failure_can_be_looked_at_as_the_how_to_says(
+    judged: BenchmarkTable,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    how_to = (ROOT / "docs" / "how-to" / "benchmark.md").read_text(encoding="utf-8")
+    run, replay = re.findall(r"^    cranectl (.*)$", how_to, re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    assert main(run.split()) == 0
+    assert main(replay.replace("validation/", f"{ROOT}/validation/").split()) == 0
+    place = re.search(r"failures/(\S+) --run 0", replay)
+    assert place is not None
+    shipped = judged.pieces[Piece(*place[1].split("/"))]  # type: ignore[arg-type]
+    assert shipped.failed[0]
+    assert f" {shipped.status[0]}," in " ".join(capsys.readouterr().out.split())
 
 
 def test_the_page_is_that_of_the_table(judged: BenchmarkTable) -> None:
