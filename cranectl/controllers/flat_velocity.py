@@ -8,8 +8,8 @@ paper was not at hand. Drives obey T x'' = w - x', so that
 
 brings about the accelerations u of the linearising law, where the flat family has the integral of u for x'.
 Held over a control period h, this set-point adds h u to the velocity, as it is to, if T is replaced by
-h / (1 - exp(-h / T)), which is T for h to 0. Assumes: full state, drives that nothing pulls from what they are
-told; masses are not used. Certain on these equations, not that the paper's set-points are these.
+h / (1 - exp(-h / T)), which is T for h to 0. Assumes: full state, drives that nothing pulls from what they
+are told; masses are not used. Certain on these equations, not that the paper's set-points are these.
 """
 
 from dataclasses import replace

@@ -6,8 +6,8 @@ Per horizontal axis, near plumb, with x the drive, b the angle, l the rope lengt
 
 where d is the deviation from the state that the flat map gives for the path, u_d its input. K minimises the
 integral of q_e e² + q_v e'² + q_i s² + r u², on a grid of lengths between which it is interpolated; the rope
-has the same weights, with its length for e. Source: the textbook's. Assumes: full state, slow hoisting; masses
-are not used. Certain. Where drives are at their limits the integral winds up.
+has the same weights, with its length for e. Source: the textbook's. Assumes: full state, slow hoisting;
+masses are not used. Certain. Where drives are at their limits the integral winds up.
 """
 
 import numpy as np
