@@ -3,12 +3,14 @@
 import logging
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from distributed import LocalCluster
 
-from cranectl.campaign.cluster import NO_DASHBOARD
 from cranectl.cli.main import main
+
+if TYPE_CHECKING:
+    from distributed import LocalCluster
 
 SMALL = """\
 name = "small"
@@ -31,8 +33,12 @@ high = 30.0
 
 
 @pytest.fixture
-def cluster() -> Iterator[LocalCluster]:
+def cluster() -> "Iterator[LocalCluster]":
     """Workers in threads: no start of a process to wait for; all the rest is as between machines."""
+    from distributed import LocalCluster  # of an extra
+
+    from cranectl.campaign.cluster import NO_DASHBOARD
+
     with LocalCluster(
         n_workers=2,
         threads_per_worker=1,

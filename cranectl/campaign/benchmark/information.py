@@ -52,7 +52,8 @@ def _leaves_cold(controller: Controller, known: Nominal, asked: str) -> bool:
     if not word:
         return False
     fields = [name for name in RigParameters.model_fields if word in name]
-    other = known.rig.model_copy(update={name: 1.01 * getattr(known.rig, name) for name in fields})
+    changed = {name: (1.01 + 0.001 * k) * getattr(known.rig, name) for k, name in enumerate(fields)}
+    other = known.rig.model_copy(update=changed)
     pairs = zip(controller.prepare(known), controller.prepare(known._replace(rig=other)), strict=True)
     return all(np.array_equal(one, two) for one, two in pairs)
 

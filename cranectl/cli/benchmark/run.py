@@ -120,14 +120,15 @@ def run_benchmark(
             workers=workers or available_cores(),
             despite_differences=despite_differences,
         )
-        mended, not_run = [], []
+        not_run = []
         for piece, reason, quarantined in done:
             shown.advance(task)
-            mended += [f"{piece.place}: {phrase}" for phrase in quarantined]
+            for phrase in quarantined:
+                shown.console.print(f"{piece.place}: {phrase}")
             if reason:
                 not_run.append(f"could not be run: {piece.law} on {piece.scenario}: {reason}")
     screen = console(None)
-    for line in sorted(mended) + sorted(not_run):
+    for line in sorted(not_run):
         screen.print(line)
     screen.print(f"{len(pieces)} pieces of {len(laws)} laws: {directory}")
     return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.standings import Standing, laws_of, points_of, rest_time, shared_scenarios
+from cranectl.campaign.benchmark.standings import Standing, points_of, rest_time, shared_scenarios
 from cranectl.campaign.benchmark.table import Runs, on_common_cranes
 from cranectl.campaign.summary import failure_interval
 from cranectl.report.benchmark import figures
@@ -65,8 +65,8 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         f"than {scores.FEWEST} cranes. Effect: share of cranes on which it is larger less that on which it "
         "is smaller. Laws of set points never see the path and have no error to it."
     )
-    if benchmark.baseline not in laws_of(judged.table):
-        text += f" None are shown: no runs of {benchmark.baseline} are here."
+    if all(judged.runs(name, scenario, benchmark.baseline) is None for scenario in benchmark.scenarios):
+        text += f" No differences are shown: no runs of {benchmark.baseline} are here."
     if part := judged.unfinished(name):
         text += f" Not shown, since scenarios are missing: {', '.join(part)}."
     yield judged.section(name, name, text, tables, (drawn, profiles))

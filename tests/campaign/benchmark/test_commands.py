@@ -4,15 +4,18 @@ import json
 import re
 import tomllib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from distributed import LocalCluster
 
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.cli.main import main
 from cranectl.controllers.doors.opening import close_laws
 from cranectl.support.documents import leaves
+
+if TYPE_CHECKING:
+    from distributed import LocalCluster
 
 
 def titles_of(page: Path) -> list[str]:
@@ -30,7 +33,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     damaged.write_bytes(parts[damaged][:-100])
     capsys.readouterr()
     assert main([*run, "--workers", "1"]) == 0, "goes on with what is missing"
-    told = " ".join(capsys.readouterr().out.split())
+    told = " ".join(capsys.readouterr().err.split())
     assert f"{damaged.parent.parent.relative_to(out)}: {damaged.name} was damaged" in told
     assert {path: path.read_bytes() for path in out.rglob("*.parquet")} == parts, "the same, whoever runs it"
 
@@ -91,7 +94,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
         assert np.isfinite(runs.metrics["rms_error_m"]).all()
 
 
-def test_a_cluster_runs_the_same(small: Path, cluster: LocalCluster) -> None:
+def test_a_cluster_runs_the_same(small: Path, cluster: "LocalCluster") -> None:
     run = ["benchmark", "run", str(small), "--trust", "--set-of-cranes", "nominal", "--draws", "1"]
     here, there = small.with_name("here"), small.with_name("there")
     assert main([*run, "--scheduler", cluster.scheduler_address, "--out", str(there)]) == 0

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,14 @@ from cranectl.campaign.benchmark.table import (
     write_table,
 )
 from cranectl.campaign.summary import EFFORT
+from cranectl.controllers.controller import Nominal
 from cranectl.reference import load_scenario
 from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import Section, render
 from cranectl.report.table import Table
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from tests.controllers.laws import FOLLOWING, known
 
 FACTS = {
     "follows": "path",
@@ -284,3 +288,17 @@ def test_classes_of_information() -> None:
     scenario = load_scenario("fixed-position")
     assert information("lqr-offset-free", scenario, "velocity")["rig"] == ["gravity", "limits", "rope_range"]
     assert information_class({**FACTS, "rig": ["limits"]}) == "path, state, limits"
+    assert information("flat-velocity", scenario, "velocity")["rig"] == ["gravity", "time_constants"]
+
+
+@pytest.mark.parametrize("used", [True, False])
+def test_a_law_knows_the_masses_that_its_numbers_go_by(used: bool) -> None:
+    """Not all that it asks for; a ratio of two is enough."""
+
+    def prepare(nominal: Nominal) -> tuple[Array, Array]:
+        ratio = nominal.rig.load_mass / nominal.rig.trolley_mass
+        return np.array([ratio if used else 1.0]), np.zeros(1)
+
+    with known(replace(FOLLOWING, name="weighs", prepare=prepare)) as name:
+        rig = information(name, load_scenario("fixed-position"), "velocity")["rig"]
+    assert rig == (["load_mass", "trolley_mass"] if used else [])
