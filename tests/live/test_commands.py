@@ -13,6 +13,7 @@ from cranectl.live.wishes import LOST, RELEASED, Go, Wish, Wishes
 from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from tests.controllers.laws import FOLLOWING, known
+from tests.pace import within
 
 NAMES = ["pause", "speed", "controller", "k0", "k1", "k2", "k3", "pulse_alpha", "pulse_beta"]
 
@@ -161,7 +162,7 @@ def test_a_long_name_takes_no_time_and_little_room(controls: Controls) -> None:
     controls.set({"controller": "lqr+" * 250_000})
     controls.set({"x" * 1_000_000: 1.0})
     controls.set({"speed": "7" * 1_000_000})
-    assert time.process_time() - start < 1.0
+    assert within(time.process_time() - start, 1.0)
     said = controls.commands()
     assert [said.warning for said in said if isinstance(said, Say)] == [True, True, True]
     assert all(len(said.message) < 10_000 for said in said if isinstance(said, Say))

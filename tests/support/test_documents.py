@@ -25,8 +25,9 @@ from cranectl.support.documents import (
     toml_value,
 )
 from cranectl.support.errors import InputError
+from tests.pace import within
 
-SECOND = 1.0  # [s] for a MiB
+SECOND = 1.0  # [s] of the processor for a MiB, more on a slow machine
 
 
 def in_time(call: Callable[[], Any]) -> Any:
@@ -36,7 +37,7 @@ def in_time(call: Callable[[], Any]) -> Any:
         result = call()
     except InputError as error:
         result = error
-    assert time.process_time() - start < SECOND
+    assert within(time.process_time() - start, SECOND)
     return result
 
 
