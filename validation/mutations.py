@@ -54,7 +54,7 @@ TARGETS = {
     "cranectl.controllers.lqr_integral": "feedback matrices",
     "cranectl.controllers.pid": "impulses",
     "cranectl.controllers.flat_velocity": "set_points lead_times linear_gain",
-    "cranectl.simulate.actuation": "actuate take_set_points brake",
+    "cranectl.simulate.actuation": "actuate drive_acceleration take_set_points brake",
     "cranectl.plants.analytic": """
         drive_accelerations derivative observe_load outer_force passive_accelerations pivot_torque
     """,
