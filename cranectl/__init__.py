@@ -18,13 +18,14 @@ if TYPE_CHECKING:
     from cranectl.compare.agreement import Agreement, judge
     from cranectl.compare.runs import Comparison, compare_runs
     from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
-    from cranectl.controllers.doors.opening import open_law
     from cranectl.controllers.registry import controller_names, register_controller
+    from cranectl.controllers.slots import Slots
     from cranectl.design import CONTROLLERS, Design, design_controller
+    from cranectl.loaders.opening import open_law
     from cranectl.log import read_log, read_signal, write_log
     from cranectl.metrics import RunMetrics, run_metrics
+    from cranectl.planning import load_scenario
     from cranectl.plants.registry import PlantEntry, register_plant
-    from cranectl.reference import load_scenario
     from cranectl.scenario import Scenario, scenario_names
     from cranectl.scenario.rig import RigParameters
     from cranectl.signals import Signal
@@ -51,14 +52,15 @@ _HOME = {
     "RunStatus": "status",
     "Scenario": "scenario",
     "Signal": "signals",
+    "Slots": "controllers.slots",
     "assert_agree": "cases.assertions",
     "assert_limits": "cases.assertions",
     "compare_runs": "compare.runs",
     "controller_names": "controllers.registry",
     "design_controller": "design",
     "judge": "compare.agreement",
-    "load_scenario": "reference",
-    "open_law": "controllers.doors.opening",
+    "load_scenario": "planning",
+    "open_law": "loaders.opening",
     "read_log": "log",
     "read_signal": "log",
     "register_controller": "controllers.registry",
@@ -88,6 +90,7 @@ __all__ = [
     "RunStatus",
     "Scenario",
     "Signal",
+    "Slots",
     "assert_agree",
     "assert_limits",
     "compare_runs",

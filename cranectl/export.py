@@ -8,7 +8,7 @@ time in seconds.
 import csv
 import functools
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,11 +29,16 @@ from cranectl.support.patterns import matching, unmatched
 # In place of scipy's, which has the date: the same run gives the same bytes. 116 bytes by the format.
 MAT_HEADER = b"MATLAB 5.0 MAT-file, written by cranectl".ljust(116)
 
-SHORT_NAME = 31  # letters
+# Letters of a MATLAB name. Files whose names are all short are read by versions before 7 as well.
+SHORT_NAME, LONGEST_NAME = 31, 63
+MATLAB_KEYWORD = re.compile(
+    "break|case|catch|classdef|continue|else|elseif|end|for|function|global|if|otherwise|parfor|persistent|"
+    "return|spmd|switch|try|while"
+)
 
 
 @dataclass(frozen=True)
-class Column:
+class ExportColumn:
     """One signal on the table's grid of times."""
 
     name: str
@@ -48,7 +53,7 @@ class ExportTable:
     """What is exported, whatever the format."""
 
     time: Array  # (N,) [s]
-    columns: tuple[Column, ...]
+    columns: tuple[ExportColumn, ...]
     info: dict[str, str | float]
 
 
@@ -60,6 +65,8 @@ class Exporter:
     title: str  # for people
     begins: bytes  # regular expression of what its files begin with: no other file is replaced by one
     write: Callable[[ExportTable, Path], None]  # into a file that is new and empty
+    # By each name that the format cannot have, of a column or what it begins with, that in the file.
+    renamed: Callable[[ExportTable], Mapping[str, str]] = lambda _: {}
 
     @property
     def kind(self) -> Kind:
@@ -130,7 +137,7 @@ def _by_label(runs: Mapping[str, Run]) -> bool:
     return any(name != run.plant for name, run in runs.items())
 
 
-def _recorded(runs: Mapping[str, Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
+def _recorded(runs: Mapping[str, Run], time_ns: NDArray[np.int64]) -> Iterator[ExportColumn]:
     for name, run in runs.items():
         rows = np.searchsorted(time_ns, run.time_ns)
         signals = [(f"{name}.{group.name}", s) for group in run.groups for s in group.signals]
@@ -138,7 +145,7 @@ def _recorded(runs: Mapping[str, Run], time_ns: NDArray[np.int64]) -> Iterator[C
             yield _column(prefix, signal, len(time_ns), rows, values)
 
 
-def _reference(prefix: str, runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[Column]:
+def _reference(prefix: str, runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[ExportColumn]:
     """That which the runs share."""
     times = np.concatenate([run.time_ns for run in runs])
     values = np.concatenate([run.reference for run in runs])
@@ -149,10 +156,10 @@ def _reference(prefix: str, runs: Sequence[Run], time_ns: NDArray[np.int64]) -> 
         yield _column(prefix, signal, len(time_ns), rows, column)
 
 
-def _column(prefix: str, signal: Signal, length: int, rows: NDArray[np.intp], values: Array) -> Column:
+def _column(prefix: str, signal: Signal, length: int, rows: NDArray[np.intp], values: Array) -> ExportColumn:
     on_grid, missing = np.full(length, np.nan), np.ones(length, dtype=np.bool_)
     on_grid[rows], missing[rows] = values, False
-    return Column(f"{prefix}.{signal.name}", signal.unit, signal.description, on_grid, missing)
+    return ExportColumn(f"{prefix}.{signal.name}", signal.unit, signal.description, on_grid, missing)
 
 
 def _info(runs: Mapping[str, Run]) -> dict[str, str | float]:
@@ -166,13 +173,11 @@ def _info(runs: Mapping[str, Run]) -> dict[str, str | float]:
 
 
 def _write_csv(table: ExportTable, path: Path) -> None:
-    """Python writes a float as the shortest digits that give the same float again; missing is empty."""
+    """Write floats as the shortest digits that give the same floats again, and nothing where missing."""
     cells = [table.time.tolist()]
     for column in table.columns:
-        values: list[Any] = column.values.tolist()
-        for row in np.flatnonzero(column.missing).tolist():
-            values[row] = None
-        cells.append(values)
+        known = zip(column.values.tolist(), column.missing.tolist(), strict=True)
+        cells.append([None if missing else value for value, missing in known])
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(["time", *(column.name for column in table.columns)])
@@ -180,13 +185,13 @@ def _write_csv(table: ExportTable, path: Path) -> None:
 
 
 def _write_parquet(table: ExportTable, path: Path) -> None:
-    """Units and descriptions are metadata of the columns, scenario and outcome of the table."""
+    """Write units and descriptions as metadata of columns, scenario and outcome as the table's."""
     import pyarrow as arrow
     from pyarrow import parquet
 
-    fields = [arrow.field("time", arrow.float64(), metadata={"unit": "s", "description": "simulation time"})]
-    arrays = [arrow.array(table.time)]
-    for column in table.columns:
+    time = ExportColumn("time", "s", "simulation time", table.time, np.zeros(len(table.time), dtype=np.bool_))
+    fields, arrays = [], []
+    for column in (time, *table.columns):
         metadata = {"unit": column.unit, "description": column.description}
         fields.append(arrow.field(column.name, arrow.float64(), metadata=metadata))
         arrays.append(arrow.array(column.values, mask=column.missing))
@@ -196,30 +201,68 @@ def _write_parquet(table: ExportTable, path: Path) -> None:
 
 
 def _write_mat(table: ExportTable, path: Path) -> None:
-    """A struct for each plant with one for each group, the same again with units, and `info`."""
+    """Write a struct for each plant with one for each group, the same again with units, and `info`."""
     from scipy.io import savemat
 
     variables: dict[str, Any] = {"time": table.time}
     units: dict[str, Any] = {"time": "s"}
+    paths = _matlab_paths(table)
     for column in table.columns:
-        _put(variables, column.name, column.values)
-        _put(units, column.name, column.unit)
+        _put(variables, paths[column.name], column.values)
+        _put(units, paths[column.name], column.unit)
+    names = _valid_names(table.info)
+    info: dict[str, Any] = {names[name]: value for name, value in table.info.items()}
+    if renamed := _matlab_renamed(table):
+        info["renamed"] = np.array([f"{old} is {new}" for old, new in renamed.items()], dtype=object)
+    long = any(len(name) > SHORT_NAME for path in (*paths.values(), info) for name in path)
     with path.open("w+b") as stream:
-        info = {_matlab_name(name): value for name, value in table.info.items()}
-        long = any(len(name) > SHORT_NAME for name in info)  # which only later versions of MATLAB read
         content = {**variables, "units": units, "info": info}
         savemat(stream, content, oned_as="column", long_field_names=long)
         stream.seek(0)
         stream.write(MAT_HEADER)
 
 
-def _matlab_name(name: str) -> str:
-    """With letters, digits and underscores only, and no digit first."""
-    return re.sub(r"^(?=\d)", "x", re.sub(r"\W", "_", name))
+def _matlab_renamed(table: ExportTable) -> dict[str, str]:
+    """Return the plants, labels, groups and columns that have other names in MATLAB, and those names."""
+    renamed = {}
+    for name, path in _matlab_paths(table).items():
+        parts = name.split(".")
+        for depth, (part, valid) in enumerate(zip(parts, path, strict=True), 1):
+            if part != valid:
+                renamed[".".join(parts[:depth])] = ".".join(path[:depth])
+    return renamed
 
 
-def _put(tree: dict[str, Any], name: str, value: Any) -> None:
-    *branches, leaf = map(_matlab_name, name.split("."))
+def _matlab_paths(table: ExportTable) -> dict[str, tuple[str, ...]]:
+    """Return the names of variable and fields that each column has in MATLAB, level by level."""
+    paths = {column.name: tuple(column.name.split(".")) for column in table.columns}
+    steps = {name: [(path[:k], part) for k, part in enumerate(path)] for name, path in paths.items()}
+    below: dict[tuple[str, ...], list[str]] = {}
+    for above, part in (step for path in steps.values() for step in path):
+        below.setdefault(above, []).append(part)
+    taken = ("time", "units", "info")
+    valid = {above: _valid_names(parts, () if above else taken) for above, parts in below.items()}
+    return {name: tuple(valid[above][part] for above, part in path) for name, path in steps.items()}
+
+
+def _valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
+    """Return for each name one that MATLAB takes, all different, as its `makeValidName` makes them."""
+    used, found = set(taken), dict[str, str]()
+    for name in dict.fromkeys(names):
+        valid = re.sub(r"^(?=[\d_])", "x", re.sub(r"\W", "_", name, flags=re.ASCII))
+        if MATLAB_KEYWORD.fullmatch(valid):
+            valid = f"x{valid.capitalize()}"
+        free, number = valid[:LONGEST_NAME], 0
+        while free in used:
+            number += 1
+            free = f"{valid[: LONGEST_NAME - len(f'_{number}')]}_{number}"
+        used.add(free)
+        found[name] = free
+    return found
+
+
+def _put(tree: dict[str, Any], path: Sequence[str], value: Any) -> None:
+    *branches, leaf = path
     for branch in branches:
         tree = tree.setdefault(branch, {})
     tree[leaf] = value
@@ -228,5 +271,5 @@ def _put(tree: dict[str, Any], name: str, value: Any) -> None:
 EXPORTERS = (
     Exporter("csv", "exported CSV table", rb"time\b", _write_csv),
     Exporter("parquet", "Parquet file", rb"PAR1", _write_parquet),
-    Exporter("mat", "MATLAB file", rb"MATLAB 5", _write_mat),
+    Exporter("mat", "MATLAB file", rb"MATLAB 5", _write_mat, _matlab_renamed),
 )

@@ -180,16 +180,12 @@ MEASUREMENT = SignalGroup(
 )
 
 
-_COMMANDS = {  # of drives: symbol, unit, what it is
-    "ideal": ("u", "m/s²", "acceleration"),
-    "velocity": ("w", "m/s", "velocity"),
-    "force": ("F", "N", "force"),
-}
+_COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": ("F", "N")}  # symbol, unit
 
 
-def command_group(drive: str) -> SignalGroup:
+def command_group(what: str) -> SignalGroup:
     """What arrives at the drives after limits and transport, and which set-points were cut off."""
-    symbol, unit, what = _COMMANDS[drive]
+    symbol, unit = _COMMANDS[what]
     axes = (("bridge", "x"), ("trolley", "y"), ("rope", "l"))
     return SignalGroup(
         "command",
@@ -232,7 +228,7 @@ def recorded_groups(
 ) -> tuple[SignalGroup, ...]:
     """Everything a run records at every sample, in column order: what is common, then what its `law` adds.
 
-    `staged`: the drive of a run with a signal path between plant and controller, which is recorded too; so
+    `staged`: what the drives of a run with a signal path take, which is recorded too with the path; so
     are the forces of a run whose load is `forced`.
     """
     path = (MEASUREMENT, command_group(staged)) if staged else ()
@@ -262,7 +258,7 @@ LAW_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # first of what other laws record, then th
 LAW_ERROR_COLUMN = LAW_LOAD_COLUMN + 6
 LAW_SIGNALS_COLUMN = LAW_ERROR_COLUMN + 6
 COMMAND_COLUMN = len(MEASUREMENT)  # in the part of the record that is the signal path's
-PATH_WIDTH = len(MEASUREMENT) + len(command_group("ideal"))
+PATH_WIDTH = len(MEASUREMENT) + len(command_group("acceleration"))
 
 # Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.
 WORKSPACE_SIGNALS = ("bridge_position", "trolley_position", "rope_length")

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from cranectl.design import CONTROLLERS
+from cranectl.planning import load_scenario
 from cranectl.plants.registry import default_plants
-from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario, scenario_names
 from cranectl.simulate import Run, simulate_run
 

@@ -18,7 +18,7 @@ from cranectl.export import Exporter, chosen_exporter, export_table, exporters, 
 from cranectl.log import read_log, write_log
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.scenario import Scenario
-from cranectl.signals import REFERENCE, flat_groups, recorded_groups
+from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.patterns import matching
@@ -146,6 +146,52 @@ def test_mat_has_units_and_info_and_names_that_matlab_takes(log: Path, runs: lis
     assert loadmat("a.mat")["time"].shape == (126, 1), "MATLAB's signals are columns"
     for name in {part for path in (*units, *content["info"]) for part in path.split(".")}:
         assert re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name), name
+
+
+NAMED = (
+    ("_hidden", "x_hidden"),
+    ("end", "xEnd"),
+    ("a" * 70, "a" * 63),
+    ("a" * 71, "a" * 61 + "_1"),
+    ("thirty_two_letters_in_signal_nam", "thirty_two_letters_in_signal_nam"),
+)
+
+
+def odd_names(short: Scenario) -> Run:
+    """A run whose controller logs numbers under names that MATLAB restricts."""
+    run = simulate_run(short, plant="analytic", controller="lqr-integral")
+    (old,) = (group for group in run.groups if group.name == "controller")
+    signals = tuple(Signal(name, name, "m", "") for name, _ in NAMED)
+    first = sum(len(group) for group in run.groups[: run.groups.index(old)])
+    table = np.hstack([run.table[:, :first], np.outer(run.time, 1.0 + np.arange(len(NAMED)))])
+    return replace(run, design=replace(run.design, signals=signals), table=table)
+
+
+def test_names_that_matlab_restricts_are_changed_and_told(
+    short: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = odd_names(short)
+    write_log("odd.mcap", [run], every=1)
+    assert main(["log", "export", "odd.mcap", "--out", "odd.mat"]) == 0
+    content = loadmat("odd.mat", simplify_cells=True)
+    told, own = capsys.readouterr().out, content["analytic"]["controller"]
+    assert list(own) == [new for _, new in NAMED]
+    for k, (old, new) in enumerate(NAMED):
+        assert np.array_equal(own[new], (1.0 + k) * run.time)
+        assert content["units"]["analytic"]["controller"][new] == "m"
+        line = f"analytic.controller.{old} is analytic.controller.{new}"
+        assert (f"renamed: {line}" in told.replace("\n", " ")) == (old != new)
+        assert (line in content["info"]["renamed"]) == (old != new)
+
+
+def test_labels_that_are_names_of_the_file_itself_do_not_replace_them(runs: list[Run]) -> None:
+    table = export_table({"time": runs[0], "units": runs[1]})
+    write_table(table, Path("a.mat"), exporters()["mat"])
+    content = loadmat("a.mat", simplify_cells=True)
+    assert np.array_equal(content["time"], runs[0].time)
+    assert np.array_equal(content["time_1"]["state"]["alpha"], runs[0].signal("state.alpha"))
+    assert content["units"]["units_1"]["state"]["alpha"] == "rad"
+    assert exporters()["mat"].renamed(table) == {"time": "time_1", "units": "units_1"}
 
 
 def test_runs_of_an_overlay_have_their_labels(runs: list[Run]) -> None:

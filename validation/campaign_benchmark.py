@@ -24,10 +24,10 @@ from cranectl.campaign.settings import parse_campaign
 from cranectl.campaign.worker import BLOCK, Prepared, Worker
 from cranectl.campaign.workers import run_batches
 from cranectl.design import design_controller
+from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
 from cranectl.plants.mujoco.step import mj_step
-from cranectl.reference import load_scenario
-from cranectl.simulate import make_plant, plan_scenario, tracker_of
+from cranectl.simulate import law_of, make_plant, plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import start_run, stream_run
 from cranectl.support import resources
@@ -111,11 +111,11 @@ def loop_alone(controller: str) -> Callable[[], object]:
     """A run of the compiled loop without sampling, metrics and results."""
     scenario = load_scenario(SCENARIO)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
-    tracker, crane = tracker_of(scenario, design), make_plant("mujoco", scenario, DRIVE)
+    law, crane = law_of(scenario, design, DRIVE, plan), make_plant("mujoco", scenario, DRIVE)
     record = np.zeros((BLOCK, record_width(design)))
 
     def work() -> None:
-        stream_run(start_run(crane, scenario, tracker, plan, nominal=scenario), plan, record, lambda _: None)
+        stream_run(start_run(crane, scenario, law, plan, nominal=scenario), plan, record, lambda _: None)
 
     return work
 

@@ -1,4 +1,4 @@
-"""What a law from outside costs a sample, by the door through which it comes."""
+"""Measure what a controller from outside costs a sample, by the loader that opens it."""
 
 import contextlib
 import io
@@ -13,9 +13,9 @@ from law_times import shared_library
 
 from cranectl.cli.main import main as cranectl
 from cranectl.controllers.addressed import _call, entered
-from cranectl.controllers.doors.opening import open_law
 from cranectl.controllers.registry import controller_design
-from cranectl.reference import load_scenario
+from cranectl.loaders.opening import open_law
+from cranectl.planning import load_scenario
 from cranectl.simulate import law_of, plan_scenario
 from cranectl.support.jit import jit
 

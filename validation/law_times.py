@@ -9,7 +9,6 @@ import subprocess
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from time import thread_time
 
@@ -20,15 +19,12 @@ from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
 from cranectl.cli.benchmark.laws import benchmark_laws
 from cranectl.controllers.addressed import _call, at_start, entered
 from cranectl.controllers.controller import Controller
-from cranectl.controllers.doors.c_law import HEADER
-from cranectl.controllers.doors.opening import open_law
-from cranectl.controllers.flat import Tracker, control_step
 from cranectl.controllers.registry import controller_design, load_controller, register_controller
-from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.reference import load_scenario
+from cranectl.loaders.c_law import HEADER
+from cranectl.loaders.opening import open_law
+from cranectl.planning import load_scenario
 from cranectl.simulate import law_of, plan_scenario, simulate_run
-from cranectl.simulate.loops import RUNNING, give_measured
-from cranectl.simulate.runner import memory_of
+from cranectl.simulate.loops import give_measured
 from cranectl.support.jit import jit
 
 BENCHMARK, SCENARIO, DRIVE = "literature", "hoist-and-go", "velocity"
@@ -87,33 +83,21 @@ def _steps(law, states, memory):
     return failed
 
 
-@jit
-def _flat_steps(tracker, states, reference, memory, row):
-    failed = 0
-    for k in range(states.shape[0]):
-        failed += control_step(tracker, states[k], reference[k], memory, row) != RUNNING
-    return failed
-
-
 class Again:
     """The law of a run on the states of that run."""
 
     def __init__(self, law: str) -> None:
         scenario = load_scenario(benchmark_file(BENCHMARK).parent / "scenarios" / f"{SCENARIO}.toml")
         plan, design = plan_scenario(scenario), controller_design(law, scenario)
-        self.law, self.reference = law_of(scenario, design, DRIVE, plan), plan.reference
+        self.law = law_of(scenario, design, DRIVE, plan)
         run = simulate_run(scenario, plant="analytic", drive=DRIVE, design=design, plan=plan, law=self.law)
-        self.states, self.row = np.ascontiguousarray(run.block("state")), np.zeros(run.table.shape[1])
+        self.states = np.ascontiguousarray(run.block("state"))
 
     def seconds_a_sample(self) -> float:
         """Of the processor, so that what else runs counts less."""
-        memory = memory_of(self.law, self.reference[0])
-        if isinstance(self.law, Tracker):
-            work = partial(_flat_steps, self.law, self.states, self.reference, memory, self.row)
-        else:
-            work = partial(_steps, entered(at_start(self.law)), self.states, memory)
+        law, memory = entered(at_start(self.law)), self.law.start.copy()
         start = thread_time()
-        failed = work()
+        failed = _steps(law, self.states, memory)
         took = thread_time() - start
         assert failed == 0
         return took / len(self.states)
@@ -133,7 +117,7 @@ def law_times(repeats: int) -> list[LawTime]:
     found = [
         LawTime(
             law,
-            1 if law in FLAT_FAMILY else load_controller(law).every,
+            load_controller(law).every,
             figure(f"a sample of {law}", of_law, "µs"),
             ratio_of_best(f"{law} / {settings.baseline}", of_law, times[settings.baseline]),
         )

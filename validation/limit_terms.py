@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 LIMITED = {
-    "cranectl.reference.planning.limits": """
+    "cranectl.planning.limits": """
         limits_of share_of motion quantities excesses room clear_of _symmetric
     """,
-    "cranectl.reference.planning.series": """
+    "cranectl.reference.series": """
         from_derivatives differentiated shifted plus times over root square_root turned _dot
     """,
 }

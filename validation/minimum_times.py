@@ -13,7 +13,7 @@ from math import pi, sqrt
 import numpy as np
 
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 
@@ -53,8 +53,8 @@ def duration(of: Scenario) -> float:
 
 def main() -> None:
     """Print both tables."""
-    from tests.reference.planning.bang_bang import CASES as BOUNDED
-    from tests.reference.planning.bang_bang import Limits, bound
+    from tests.planning.bang_bang import CASES as BOUNDED
+    from tests.planning.bang_bang import Limits, bound
 
     plain = ("planning.share=0.98", "control.lag_compensation=false")
     shaped = {"a: 1 m along x": [1.25 + part * 2.0 * pi * sqrt(0.7 / 9.81) for part in (0.5, 1.0)]}

@@ -35,7 +35,7 @@ from cranectl.design import CONTROLLERS, design_controller
 from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.messages import streams
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run
 
 SCENARIO = "settled-trajectory"
@@ -112,7 +112,7 @@ def log_against_library(repeats: int) -> list[Figure]:
     return [
         figure("message rate of a log / of the writer library alone", ratios[1:], "", 0.6, at_least=True),
         figure("messages logged", rates[1:], "1/s"),
-        figure("log of both plants, 25 s, default rate", [size], "MB", 12.0),
+        figure("log of two plants, 25 s, default rate", [size], "MB", 12.0),
         figure("reading all signals of it", everything[1:], "s", 0.3),
         figure("reading one signal of it", one[1:], "s", 0.05),
     ]

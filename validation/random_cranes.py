@@ -21,9 +21,10 @@ from cranectl.cases.validation import Validation
 from cranectl.cases.workers import available_cores, run_cases
 from cranectl.cli.output import console
 from cranectl.controllers.registry import controller_names
+from cranectl.planning import load_scenario
+from cranectl.plants.capabilities import check_effects
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import check_effects, plants_to_run
-from cranectl.reference import load_scenario
+from cranectl.plants.registry import plants_to_run
 from cranectl.report.validation import pair_tables
 from cranectl.scenario import Scenario
 from cranectl.simulate import make_plant, plan_scenario
@@ -47,7 +48,7 @@ def random_cases(seed: str, plants: Sequence[str], effects: Sequence[str] = EFFE
     while True:
         random = np.random.default_rng([int(seed, 16), k])
         k += 1
-        drive, controller = str(random.choice(DRIVES)), str(random.choice(controller_names()))
+        drive, controller = str(random.choice([*DRIVES])), str(random.choice(controller_names()))
         overrides = [f"name='random-{k}'", *_overrides(random, drive, effects)]
         try:  # a path may leave the rig, a rope be too stiff for the step
             scenario = load_scenario("fixed-position", overrides=overrides)

@@ -17,9 +17,10 @@ from cranectl.cases.validation import Validation
 from cranectl.cases.workers import available_cores, run_cases
 from cranectl.cli.output import console
 from cranectl.live.hand import Hand
+from cranectl.live.hand_limits import hand_limits
 from cranectl.model.flatness import states_and_inputs
-from cranectl.reference import hand_limits, load_scenario
-from cranectl.reference.planning.limits import limits_of
+from cranectl.planning import load_scenario
+from cranectl.planning.limits import limits_of
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA
 from cranectl.simulate import plan_reference

@@ -17,11 +17,12 @@ import numpy as np
 
 from cranectl.cli.output import console
 from cranectl.metrics.clearance import clearance
-from cranectl.reference import end_point, load_scenario, planned, time_law
-from cranectl.reference.planning.limits import limits_of, motion, quantities
-from cranectl.reference.planning.plan import planned_move
-from cranectl.reference.planning.problem import ORDERS
-from cranectl.reference.planning.series import from_derivatives
+from cranectl.planning import load_scenario, planned
+from cranectl.planning.limits import limits_of, motion, quantities
+from cranectl.planning.plan import planned_move
+from cranectl.planning.problem import ORDERS
+from cranectl.reference import end_point, time_law
+from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import spline
 from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.planning import Obstacle

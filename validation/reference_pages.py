@@ -27,7 +27,7 @@ from cranectl.cli.schema import DOCUMENTS, json_schema
 from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.report.benchmark.division import TITLES, finite
 from cranectl.report.benchmark.page import judged_divisions
 from cranectl.scenario import Scenario

@@ -40,7 +40,7 @@ WORKER = """
 import inspect, sys, time
 import numpy as np
 from cranectl.design import design_controller
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import runner
 from cranectl.simulate.plan import plan_reference, plan_run
 try:
@@ -53,8 +53,9 @@ design = design_controller("lqr+loop-shaping", scenario.design)
 plan = plan_run(plan_reference(scenario), scenario)
 nominal = "known" if "known" in inspect.signature(runner.start_run).parameters else "nominal"
 def seconds():
-    crane, tracker = runner.make_plant(plant, scenario, drive), runner.tracker_of(scenario, design)
-    run = runner.start_run(crane, scenario, tracker, plan, **{nominal: scenario})
+    crane = runner.make_plant(plant, scenario, drive)
+    law = runner.law_of(scenario, design, crane.drive, plan)
+    run = runner.start_run(crane, scenario, law, plan, **{nominal: scenario})
     record = np.zeros((len(plan.time_ns), record_width(design)))
     inputs = run.inputs if hasattr(run, "inputs") else run.sampling
     path = run.path if hasattr(run, "path") else run.stages

@@ -10,10 +10,11 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Locator, Page
 
+from tests.pace import slowness
 from viewer.panels import Layout
 from viewer.pictures import Picture
 
-PATIENCE = 30.0  # [s] for a busy machine; an idle one needs a tenth
+PATIENCE = 300.0  # [s] after which something hangs; an idle machine needs a hundredth
 TIME = 2  # opcode of the protocol
 T = TypeVar("T")
 
@@ -135,12 +136,15 @@ class Studio:
 
 
 def at_rest(look: Callable[[], T]) -> T:
-    """What `look` gives once it has given the same for a second: a viewer shows late what has arrived."""
+    """What `look` gives once it has given the same for a second, on a slow machine for as much longer.
+
+    A viewer shows late what has arrived.
+    """
     seen = [look()]
 
     def same(new: T) -> bool:
         seen.append(new)
-        time.sleep(0.4)
+        time.sleep(0.4 * slowness(time.perf_counter))
         return len(seen) > 3 and all(old == new for old in seen[-4:])
 
     return eventually(look, same)

@@ -14,7 +14,7 @@ import cranectl
 from cranectl.scenario import NANOSECONDS
 from viewer import panels, pictures
 from viewer.panels import Layout
-from viewer.studio import Studio, at_rest, eventually
+from viewer.studio import PATIENCE, Studio, at_rest, eventually
 
 COMMAND = "-m cranectl live settled-trajectory --plant mujoco --port 0 --record"
 # 1.48 expects the schemas of services where the protocol of its time had them.
@@ -90,7 +90,7 @@ def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
     assert studio.clock == sorted(studio.clock)
 
     live.process.send_signal(signal.SIGINT)
-    assert live.process.wait(timeout=30) == 0
+    assert live.process.wait(timeout=PATIENCE) == 0
     first, second = (
         cranectl.read_log(live.record),
         cranectl.read_log(live.record.with_suffix(".segment2.mcap")),

@@ -20,6 +20,7 @@ from cranectl.analysis.levels import with_effects
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.effects import EFFECTS
 from cranectl.scenario.settings import parse_settings
 from cranectl.signals import ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, simulate_run
@@ -27,7 +28,8 @@ from cranectl.status import RunStatus
 from cranectl.support.documents import merged
 
 IMPROVEMENTS = 5  # that are tried
-GIVEN = ("limits", "sensing", "delay")  # the effects that drives and sensors have
+# The effects that drives and sensors have.
+GIVEN = [name for name, kind in EFFECTS.items() if kind.is_staged and kind.adds]
 STILL = 0.02  # [m/s], below which the rope counts as still
 Progress = Callable[[float], None]  # called with one for each controller and improvement
 

@@ -43,6 +43,7 @@ from cranectl.signals import (
     Z,
 )
 from cranectl.simulate import Plan, Run, plan_scenario
+from cranectl.simulate.memory import MAX_BYTES, check_several
 from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import whole_record
 from cranectl.status import RunStatus
@@ -52,9 +53,10 @@ from cranectl.support.jit import jit
 NODES: Array = np.ascontiguousarray(DOP853.C[:STAGES])  # of the stages, in steps
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 EXTENSION, ROBUSTIFIER = 10, 12  # places in the state
-STEP = 1e-3  # [s], longest step
+MAX_STEP = 1e-3  # [s], longest step
 STIFFNESS = 2.0  # largest |pole| times step
-CHUNK = 2000  # steps whose reference is sampled at once
+PART_COLUMNS = 3 * STAGES + 8  # numbers for each of the steps of a sample
+SAMPLED_STEPS = 2000  # steps whose reference is sampled at once
 
 
 class ContinuousLoop(NamedTuple):
@@ -173,28 +175,33 @@ def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of,
     return 0, RUNNING
 
 
-def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: float = STEP) -> Run:
+def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: float = MAX_STEP) -> Run:
     """`scenario` on the analytic plant under the continuous-time tracker, recorded at the control samples.
 
     Ideal drives, none of the scenario's effects; set-point columns hold the velocities themselves. Stops as
     `simulate_run` does where the law or the rope ends, but not at the workspace's limits.
     """
-    plan, r = plan_scenario(scenario), design.robustifier
+    r = design.robustifier
+    fastest = abs(r.fastest_mode[0]) if r.order else 0.0
+    period = scenario.period_ns / NANOSECONDS
+    parts = max(ceil(period / longest_step - 1e-9), ceil(period * fastest / STIFFNESS), 1)
+    columns = record_width(design) + PART_COLUMNS * parts
+    check_several(scenario, design, 1, "a run in continuous time", columns=columns, most=MAX_BYTES)
+    plan = plan_scenario(scenario)
     gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)
     ideal = scenario.model_copy(update={"effects": NO_EFFECTS})
     rig = AnalyticPlant(
-        scenario.rig, drive="ideal", step=STEP, substeps=1, effects=ideal.effects_on_plant
+        scenario.rig, drive="ideal", step=MAX_STEP, substeps=1, effects=ideal.effects_on_plant
     ).rig
     state = np.concatenate(
         [plan.initial_state, plan.reference[0, [ACCELERATION + Z, JERK + Z]], np.zeros(3 * r.order)]
     )
     record = np.zeros((len(plan.time_ns), record_width(design)))
-    fastest = abs(r.fastest_mode[0]) if r.order else 0.0
-    period = scenario.period_ns / NANOSECONDS
-    parts = max(ceil(period / longest_step - 1e-9), ceil(period * fastest / STIFFNESS), 1)
     trajectory = build_trajectory(scenario.reference)
-    rows, status = _advance_all(loop, rig, state, trajectory, plan, period * np.arange(parts) / parts, record)
+    rows, status = _advance_all(
+        (loop, rig, state), trajectory, plan, period * np.arange(parts) / parts, record
+    )
     return Run(
         scenario=ideal,
         design=design,
@@ -209,10 +216,16 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     )
 
 
+def _distance(times: Array, sorted_times: Array) -> Array:
+    """Return how far each of `times` is from the nearest of `sorted_times`, infinitely without any."""
+    padded = np.concatenate([[-np.inf], sorted_times, [np.inf]])
+    place = np.searchsorted(padded, times)
+    nearest: Array = np.minimum(np.abs(padded[place] - times), np.abs(times - padded[place - 1]))
+    return nearest
+
+
 def _advance_all(
-    loop: ContinuousLoop,
-    rig: object,
-    state: Array,
+    closed: tuple[ContinuousLoop, object, Array],  # loop, rig, state
     trajectory: Trajectory,
     plan: Plan,
     begins: Array,
@@ -222,23 +235,21 @@ def _advance_all(
     samples = plan.time_ns / NANOSECONDS
     joints = trajectory.joints[(trajectory.joints > 0.0) & (trajectory.joints < samples[-1])]
     fine = (samples[:-1, None] + begins).ravel()
-    extra = [t for t in joints if np.abs(fine - t).min() > 1e-9]
+    extra = joints[_distance(joints, fine) > 1e-9]
     # The last step has no length: it records the last sample.
     edges = np.append(np.sort(np.concatenate([fine, samples[-1:], extra])), samples[-1])
     left, right = edges[:-1], edges[1:]
     sample = np.searchsorted(samples - 1e-9, left, side="right") - 1
     row_of = np.where(np.abs(samples[sample] - left) < 1e-9, sample, -1)
     times = left[:, None] + NODES * (right - left)[:, None]
-    ends_at_joint = (np.abs(right[:, None] - joints) < 1e-9).any(axis=1)
+    ends_at_joint = _distance(right, joints) < 1e-9
     times[ends_at_joint] = np.minimum(times, right[:, None] - 2e-9)[ends_at_joint]  # left of the jump
-    for first in range(0, len(left), CHUNK):
-        part = slice(first, first + CHUNK)
+    for first in range(0, len(left), SAMPLED_STEPS):
+        part = slice(first, first + SAMPLED_STEPS)
         reference = trajectory.sample(times[part].ravel()).reshape(-1, STAGES, 15)
         disturbance, wind = plan.disturbance[sample[part]], plan.wind[sample[part]]
         rows, status = advance_steps(
-            loop,
-            rig,
-            state,
+            *closed,
             (right - left)[part],
             reference,
             disturbance,

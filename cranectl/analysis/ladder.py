@@ -2,22 +2,29 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from cranectl.analysis.continuous import simulate_continuous
-from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, Level, with_effects
+from cranectl.analysis.levels import BASE, EFFECT_LEVELS, LEVELS, NAMES, Level, with_effects
 from cranectl.controllers.registry import controller_design, only_flat
-from cranectl.design import Design
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants.plant import StepError
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, make_plant, plan_reference, plan_scenario, simulate_run
+from cranectl.simulate.memory import MAX_BYTES, check_several
 from cranectl.support.arrays import Array
+from cranectl.support.consistency import check_ascending
 from cranectl.support.errors import unknown_name
 
 Progress = Callable[[float], None]  # called with simulated seconds
+
+
+MEAN_ROUNDING = 1e-12  # relative, of a mean of squares
+
+MORE_RUNS = 4  # that a ladder's memory comes to besides one for each level: what they are made of
 
 
 @dataclass(frozen=True)
@@ -27,6 +34,12 @@ class Size:
     rms: float
     max: float
     final: float
+
+    def __post_init__(self) -> None:
+        """Raise InconsistentError for a largest value that is not the largest; squares may overflow."""
+        for name, value in (("the RMS deviation", self.rms), ("the final deviation", self.final)):
+            if isfinite(value):
+                check_ascending((name, value), ("the largest deviation", self.max), rounding=MEAN_ROUNDING)
 
 
 @dataclass(frozen=True)
@@ -72,7 +85,8 @@ def evaluate_levels(
         raise unknown_name("fidelity level", top, NAMES)
     design = controller_design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
-    added = [name for name in names if name in EFFECTS]
+    check_several(scenario, design, len(names) + MORE_RUNS, "a ladder", most=MAX_BYTES)
+    added = [name for name in names if name in EFFECT_LEVELS]
     alone = {name: with_effects(scenario, [name]) for name in added}
     whole = {name: with_effects(scenario, added[: k + 1]) for k, name in enumerate(added)}
     check_steps(scenario, [*alone.values(), *whole.values()])
@@ -87,7 +101,7 @@ def evaluate_levels(
     before: Run | None = None
     base: Run | None = None
     for level in LEVELS[: len(names)]:
-        if level.name == "continuous" and not isinstance(design, Design):
+        if level.name == "continuous" and design.axis_design is None:
             continue  # theory knows the flat family only
         run = simulated(level, whole.get(level.name) or with_effects(scenario, []))
         result = LevelResult(level, run, run_metrics(run), deviation(run, before) if before else None)
@@ -124,7 +138,7 @@ def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
 def simulated_seconds(scenario: Scenario, top: str) -> float:
     """Simulated time of all runs up to `top`, for progress."""
     names = NAMES[: NAMES.index(top) + 1] if top in NAMES else NAMES
-    effects = sum(name in EFFECTS for name in names)
+    effects = sum(name in EFFECT_LEVELS for name in names)
     return scenario.duration * (len(names) + max(0, effects - 1))
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
-from cranectl.scenario.effects import Delay, EffectNumbers, EffectSettings
+from cranectl.scenario.effects import EFFECTS, Delay, EffectNumbers, EffectSettings
 from cranectl.scenario.held_files import held_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.scenario.similarity import check_size
@@ -26,18 +26,10 @@ LEVELS = (
     Level("sampled", "control at the control period, inputs held", "analytic", "ideal"),
     Level("engine", "the physics engine in place of the equations", "mujoco", "ideal"),
     Level("servos", "velocity servos of finite bandwidth that feel the load"),
-    Level("limits", "limits of velocity, acceleration and force"),
-    Level("sensing", "encoders and an observer in place of the state"),
-    Level("delay", "computing and transport"),
-    Level("friction", "friction of axes and joint"),
-    Level("rope", "a rope that has mass, gives and goes slack"),
-    Level("body", "a load that swings under its hook"),
-    Level("wind", "drag and gusts"),
-    Level("frame", "a frame that gives way"),
+    *(Level(name, kind.adds) for name, kind in EFFECTS.items() if kind.adds),
 )
 NAMES = tuple(level.name for level in LEVELS)
-# A rig not set up as believed is no effect that every rig has: campaigns vary it.
-EFFECTS = tuple(name for name in EffectSettings.model_fields if name != "installation")
+EFFECT_LEVELS = tuple(name for name, kind in EFFECTS.items() if kind.adds)
 BASE = "servos"  # what an effect alone is added to
 
 

@@ -1,6 +1,6 @@
 """Campaigns: thousands of closed-loop runs of one scenario under stated uncertainty."""
 
-from cranectl.campaign.definition import Campaign, Parameter, sampled_scenario
+from cranectl.campaign.definition import Campaign, UncertainParameter, sampled_scenario
 from cranectl.campaign.load import load_campaign, make_campaign
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.settings import CampaignSettings, campaign_file, campaign_names, read_campaign
@@ -8,7 +8,7 @@ from cranectl.campaign.settings import CampaignSettings, campaign_file, campaign
 __all__ = [
     "Campaign",
     "CampaignSettings",
-    "Parameter",
+    "UncertainParameter",
     "campaign_file",
     "campaign_names",
     "load_campaign",

@@ -5,33 +5,20 @@ process. One that is called back holds the interpreter's lock, which threads wou
 from one campaign to the next: it takes a second to start, and a law some time to compile.
 """
 
+from math import inf
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
-from time import monotonic
-from typing import NamedTuple, Self
+from typing import Self
 
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of
 from cranectl.campaign.table import FAILED, Row
-from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker, row_of
-from cranectl.controllers.doors.opening import OPENED, open_again
-from cranectl.simulate.child import how_it_ended, spawned
-from cranectl.support.interrupts import serve_parent
-
-COMPILING = 120.0  # [s] until a run begins, which may load and compile
-
-
-class Child(NamedTuple):
-    """A process, and this end of its pipe."""
-
-    process: BaseProcess
-    connection: Connection
-
-    def end(self) -> None:
-        """Whatever it does."""
-        self.process.kill()
-        self.process.join()
-        self.connection.close()
+from cranectl.campaign.worker import Prepared, RunEnd, Stop, StoppedError, Worker, row_of
+from cranectl.controllers.open_controllers import OPEN, SharedControllers
+from cranectl.loaders.opening import open_again
+from cranectl.support.children import Child, ChildError, report_to_parent, requests, spawn_child
+from cranectl.support.documents import Table
+from cranectl.support.environment import MachineError, is_of_machine, tried_again
+from cranectl.support.errors import InputError
 
 
 class Children:
@@ -45,9 +32,8 @@ class Children:
         try:
             child = self._idle.pop()
         except IndexError:
-            child = Child(*spawned(_work))
-        laws = tuple(OPENED[name] for name in campaign.settings.controllers if name in OPENED)
-        child.connection.send((manifest_of(campaign), laws))
+            child = spawn_child(_work)
+        child.send((manifest_of(campaign), OPEN.share(campaign.settings.controllers)))
         return child
 
     def give_back(self, child: Child) -> None:
@@ -87,50 +73,69 @@ class ChildWorker:
             self._child = None
 
     def _row(self, batch: Batch, stop: Stop) -> Row:
-        process, connection = self._child = self._child or self._children.take(self._prepared.campaign)
-        connection.send(batch)
-        patience = COMPILING
-        while True:
-            deadline = monotonic() + patience
-            while not (told := connection.poll(0.1)) and monotonic() < deadline:
-                if stop():
-                    self._end()
-                    raise StoppedError
-            if not told:
-                return self._failed(batch, f"took more than {patience:g} s for a block")
-            try:
-                row: Row | None = connection.recv()
-            except (EOFError, OSError):
-                process.join()
-                return self._failed(batch, how_it_ended(process.exitcode or 0))
-            patience = self._patience
-            if row is not None:
-                return row
+        return tried_again(lambda: self._try(batch, stop))
 
-    def _failed(self, batch: Batch, what: str) -> Row:
-        self._end()
-        return row_of(self._prepared, batch, batch.first, FAILED, f"{batch.controller} {what}", 0.0, None)
+    def _try(self, batch: Batch, stop: Stop) -> Row:
+        """Return the row of one run; raises MachineError, after which the next try has a new process."""
+
+        def look() -> None:
+            if stop():
+                raise StoppedError
+
+        try:
+            child = self._child = self._child or self._children.take(self._prepared.campaign)
+            child.send(batch)
+            row: Row | None = child.receive(inf, look)  # until then the process imports and compiles
+            while row is None:
+                row = child.receive(self._patience, look)
+        except ChildError as error:
+            self._end()
+            if error.is_killed:
+                raise MachineError.of(f"a worker with {batch.controller} {error}, from outside") from None
+            ended = RunEnd(FAILED, f"{batch.controller} {error}")
+            return row_of(self._prepared, batch, batch.first, ended)
+        except (InputError, StoppedError):
+            self._end()
+            raise
+        return row
 
 
 def _work(connection: Connection) -> None:
     """In the process: what begins a campaign, or a batch of one sample.
 
-    That has a row, and nothing at its start and after each block.
+    The answer to a batch is nothing at its start and after each block, then a row or an error.
     """
-    serve_parent()
-    worker: Worker | None = None
+    report_to_parent(connection)
+    worker: Worker | InputError | None = None
 
     def tell() -> bool:
         connection.send(None)
         return False
 
-    while True:
-        told = connection.recv()
-        if isinstance(told, Batch):
-            assert worker is not None
-            (row,) = worker.run_batch(told, tell)
-            connection.send(row)
+    for request in requests(connection):
+        if not isinstance(request, Batch):
+            worker = _prepared(*request)
+        elif isinstance(worker, InputError):
+            connection.send(worker)
         else:
-            manifest, laws = told
-            open_again(laws)
-            worker = Worker(Prepared(campaign_of(manifest, "the manifest of the campaign")))
+            assert worker is not None
+            try:
+                (row,) = worker.run_batch(request, tell)
+            except MachineError as error:
+                connection.send(error)
+            else:
+                connection.send(row)
+
+
+def _prepared(manifest: Table, shared: SharedControllers) -> Worker | InputError:
+    """Return a worker for a campaign, or why there is none.
+
+    The parent has prepared the same campaign, so that nothing of it fails by itself.
+    """
+    try:
+        open_again(shared)
+        return Worker(Prepared(campaign_of(manifest, "the manifest of the campaign")))
+    except Exception as error:
+        if isinstance(error, InputError) and not is_of_machine(error):
+            return error
+        return MachineError.of(f"a worker cannot begin: {' '.join(str(error).split())}")

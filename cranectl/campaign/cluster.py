@@ -11,6 +11,7 @@ import importlib
 import json
 import logging
 import signal
+import threading
 import time
 import zlib
 from collections.abc import Generator, Iterator, Mapping, Sequence
@@ -24,22 +25,25 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of, software_of
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker
-from cranectl.controllers.doors.law_file import LawFile
-from cranectl.controllers.doors.opening import OPENED, open_again
+from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import runs_alone
+from cranectl.loaders.law_file import LawFile
+from cranectl.loaders.opening import open_again
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.interrupts import SIGNALS
+from cranectl.support.processes import forget_safe_path, safe_path
 from cranectl.support.provenance import HARMLESS, PACKAGES, provenance_differences
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-CONNECT_S = 10.0  # until a scheduler answers
-WORKERS_S = 30.0  # until it has a worker
+CONNECT_S = 60.0  # [s] until a scheduler answers
+WORKERS_S = 300.0  # [s] until it has a worker
 ASK_S = 0.02  # between two questions whether a batch is there
 # Of a cluster of our own: Dask's server of pages takes a port that is free, or two campaigns would want one.
 NO_DASHBOARD: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
+_PREPARING = threading.Lock()  # campaigns may have other versions of a controller
 TRIES = 3  # of a batch on which something fails that is no part of it, such as memory
 RESUME = "go on with the same command and --resume: finished batches are kept"
 
@@ -87,7 +91,7 @@ def run_batches_on(
         )
     manifest = manifest_of(campaign)
     _check_installed(client, manifest["versions"])
-    sent = packed(manifest, [OPENED[name] for name in campaign.settings.controllers if name in OPENED])
+    sent = packed(manifest, OPEN.share(campaign.settings.controllers).files)
     # The same batch of the same campaign with the same software has the same key, whoever asks for it.
     digest = hashlib.sha256(sent).hexdigest()[:16]
     keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]
@@ -204,6 +208,7 @@ def _check_address(scheduler: str) -> None:
 def _local(distributed: Any, workers: int) -> Iterator["Client"]:
     # No limit of memory: a campaign needs little, and a limit would be a guess.
     with (
+        safe_path(),  # all the time: Dask starts a worker anew when one dies
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -219,21 +224,39 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
 
 def packed(manifest: Table, laws: Sequence[LawFile]) -> bytes:
     """What is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
-    files = [(law.reference, str(law.path), law.symbol, law.content.hex(), law.table.hex()) for law in laws]
+    files = [
+        {
+            **law._asdict(),
+            "path": str(law.path),
+            "content": law.content.hex(),
+            "table": law.table.hex(),
+            "beside": [(name, content.hex()) for name, content in law.beside],
+        }
+        for law in laws
+    ]
     return zlib.compress(json.dumps({"manifest": manifest, "laws": files}).encode())
+
+
+def unpacked(law: Table) -> LawFile:
+    """Return a file with a controller, as `packed` has it."""
+    beside = tuple((name, bytes.fromhex(content)) for name, content in law["beside"])
+    contents = {name: bytes.fromhex(law[name]) for name in ("content", "table")}
+    return LawFile(**{**law, **contents, "path": Path(law["path"]), "beside": beside})
 
 
 def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
     """The rows of `batch`, or why they cannot be had here, which another try would not change."""
     try:
-        prepared = _prepared(manifest)
+        with _PREPARING:
+            prepared = _prepared(manifest)
     except InputError as error:
         return error
     return Worker(prepared).run_batch(batch, _cancelled())
 
 
 def dask_setup(_worker: Any) -> None:
-    """Dask calls it in every process of a local cluster: who ends them is the command that started them."""
+    """Prepare a process of a local cluster, in which Dask calls it: the command that started it ends it."""
+    forget_safe_path()
     for number in SIGNALS:
         if number != signal.SIGTERM:  # by which Dask itself ends them
             signal.signal(number, signal.SIG_IGN)
@@ -257,10 +280,7 @@ def _prepared(packed_manifest: bytes) -> Prepared:
 
     sent = json.loads(zlib.decompress(packed_manifest))
     manifest = sent["manifest"]
-    open_again(
-        LawFile(reference, Path(path), symbol, *map(bytes.fromhex, contents))
-        for reference, path, symbol, *contents in sent["laws"]
-    )
+    open_again(SharedControllers(tuple(map(unpacked, sent["laws"]))))
     here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")
     return Prepared(campaign_of(manifest, "the manifest of the campaign"))

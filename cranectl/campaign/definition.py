@@ -22,7 +22,7 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.support.arrays import Array
 from cranectl.support.documents import assign, leaves, mapped
 from cranectl.support.errors import InputError, did_you_mean, nearest_first
-from cranectl.support.patterns import SHOWN
+from cranectl.support.patterns import SHOWN_NEAR_NAMES
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # of a scenario; the rest is the controller's
 PERIOD = "control.period"  # which the controller knows: it is made for that of each run
@@ -30,7 +30,7 @@ TIMES = ("start", "end", "seconds")  # of disturbances and of the delay: whole c
 
 
 @dataclass(frozen=True)
-class Parameter:
+class UncertainParameter:
     """One uncertain number of a scenario."""
 
     name: str  # dotted, "rig.load_mass"
@@ -60,7 +60,7 @@ class Campaign:
 
     settings: CampaignSettings
     nominal: Scenario  # what the controller assumes
-    parameters: tuple[Parameter, ...]  # columns of all samples
+    parameters: tuple[UncertainParameter, ...]  # columns of all samples
     runs: int  # number of samples
 
     @property
@@ -132,7 +132,7 @@ def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
     return campaign.nominal.model_copy(update={"control": sampled.control})
 
 
-def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Parameter, ...]:
+def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[UncertainParameter, ...]:
     """The uncertain parameters in the order of the campaign; raises InputError for what `nominal` lacks."""
     values = _leaves_of(nominal)
     step = _common_period(settings.uncertain.get(PERIOD), nominal)
@@ -174,22 +174,28 @@ def _common_period(distribution: Distribution | None, nominal: Scenario) -> floa
 
 def _parameter(
     name: str, distribution: Distribution, spread: float, values: dict[str, Any], time_step: float
-) -> Parameter:
+) -> UncertainParameter:
     section, _, rest = name.partition(".")
     if name not in values:
         raise _unknown(name, values)
     nominal = values[name]
-    if not _is_number(nominal):
-        raise InputError(
-            f"uncertain.{name}: its value in the scenario is {nominal!r}, no number",
-            allowed="parameters that have a number as nominal value",
-            remedy=f"give it one in the scenario or by 'set = [\"{name}=...\"]'" if nominal is None else "",
-        )
     if section not in PHYSICAL and name != PERIOD:
         raise InputError(
             f"uncertain.{name}: '{section}' belongs to the controller and the run, not to the crane",
             allowed=f"{PERIOD}, and parameters of the crane and what acts on it: {', '.join(PHYSICAL)}",
             remedy="compare other values with a campaign each",
+        )
+    if nominal is None:
+        raise InputError(
+            f"uncertain.{name}: the scenario gives it no value",
+            allowed="parameters that have a number as nominal value",
+            remedy=f"give it one in the scenario or by 'set = [\"{name}=...\"]'",
+        )
+    if not _is_number(nominal):
+        raise InputError(
+            f"uncertain.{name}: its value in the scenario is {nominal!r}, no number",
+            allowed="parameters that have a number as nominal value",
+            remedy="choose a number of the scenario",
         )
     whole = isinstance(nominal, int)
     if whole and not distribution.whole:
@@ -220,7 +226,7 @@ def _parameter(
             allowed=f"multiples of control.period = {multiple:g} s",
             remedy="widen the range or take 'distribution = \"choice\"'",
         )
-    return Parameter(name, distribution, float(nominal), whole, multiple)
+    return UncertainParameter(name, distribution, float(nominal), whole, multiple)
 
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:
@@ -238,7 +244,7 @@ def _unknown(name: str, values: dict[str, Any]) -> InputError:
             allowed=", ".join(below),
             remedy="give each of them a distribution",
         )
-    near = nearest_first(name, known)[:SHOWN]
+    near = nearest_first(name, known)[:SHOWN_NEAR_NAMES]
     return InputError(
         f"unknown parameter '{name}' under [uncertain]",
         allowed=f"numbers of the scenario, the nearest being {', '.join(near)}",

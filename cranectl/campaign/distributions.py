@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import RuleError, Settings
 from cranectl.support.arrays import Array
 
 Ends = tuple[float, float]
@@ -101,7 +101,8 @@ class Range(Distribution):
     def _increases(self) -> Self:
         low, high = self._ends()
         if not low < high:
-            raise ValueError(f"low = {low:g} must be below high = {high:g}")
+            found = f"low = {low:g} is not below high = {high:g}"
+            raise RuleError(found, allowed="low must be below high", remedy="exchange the two")
         return self
 
     def _ends(self) -> Ends:
@@ -162,7 +163,8 @@ class Normal(Range):
             u = 1.0 - u
         centre = mean if self.mean is None else self.mean
         score = ndtri(below + u * (above - below))
-        values: Array = np.clip(centre + side * self.deviation * score, low, high)
+        with np.errstate(over="ignore"):  # beyond all numbers, which no setting allows
+            values: Array = np.clip(centre + side * self.deviation * score, low, high)
         return values
 
     def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
@@ -244,11 +246,23 @@ class Choice(FewValues):
     @model_validator(mode="after")
     def _fits(self) -> Self:
         if len(set(self.values)) < len(self.values):
-            raise ValueError("values of a choice must differ from each other")
+            raise RuleError(
+                "a choice has a value twice",
+                allowed="values that differ from each other",
+                remedy="give it once, with a larger weight in weights",
+            )
         if self.weights and len(self.weights) != len(self.values):
-            raise ValueError(f"{len(self.weights)} weights for {len(self.values)} values of a choice")
+            raise RuleError(
+                f"{len(self.weights)} weights for {len(self.values)} values of a choice",
+                allowed="a weight for each value, or none",
+                remedy="give as many, or leave weights out",
+            )
         if self.levels is not None and self.levels != len(self.values):
-            raise ValueError("a choice takes no levels: a grid has all its values")
+            raise RuleError(
+                f"levels = {self.levels} of a choice",
+                allowed="none: a grid has all its values",
+                remedy="leave levels out",
+            )
         return self
 
     @property
@@ -279,7 +293,9 @@ class Integers(Range):
     @model_validator(mode="after")
     def _is_absolute(self) -> Self:
         if self.relative:
-            raise ValueError("integers cannot be relative to the nominal value")
+            raise RuleError(
+                "integers with relative = true", allowed="absolute ones", remedy="leave relative out"
+            )
         return self
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cranectl.campaign.manifest import has_lags
 from cranectl.campaign.results import Results
 from cranectl.campaign.sensitivity import (
     Correlations,
@@ -37,9 +38,9 @@ from cranectl.plants.registry import reference_plant
 from cranectl.support.arrays import Array
 from cranectl.support.documents import mapped
 
-WORST = 3  # runs listed for each plant and controller
+LISTED_RUNS = 3  # runs listed for each plant and controller
 BY_STEPS = "one-at-a-time"  # a sampling that is no spread: correlations mean nothing
-LISTED = 5  # samples that are farthest apart
+LISTED_SAMPLES = 5  # samples that are farthest apart
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class GroupAgreement:
     """How alike two groups are in one metric over the samples that both completed."""
 
     metric: str
@@ -93,7 +94,7 @@ class Pair:
     second: Group
     failures: Failures
     differences: tuple[Difference, ...]  # one for each of MAIN_METRICS
-    agreement: Agreement  # in MEASURE
+    agreement: GroupAgreement  # in MEASURE
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -120,17 +121,17 @@ def pair_of(first: Group, second: Group) -> Pair:
     return Pair(first, second, failures, differences, _agreement(first, second))
 
 
-def _agreement(first: Group, second: Group) -> Agreement:
+def _agreement(first: Group, second: Group) -> GroupAgreement:
     a, b = first.metrics[MEASURE], second.metrics[MEASURE]
     difference = b - a
     order = np.argsort(-np.abs(difference), kind="stable")
     order = order[~np.isnan(difference[order])]
-    return Agreement(
+    return GroupAgreement(
         metric=MEASURE,
         samples=order.size,
         rho=float(rank_correlations(a[:, np.newaxis], b)[0]),
         quantiles=tuple(quantiles(np.abs(difference)).tolist()),
-        largest=tuple((int(k), float(difference[k])) for k in order[:LISTED] if difference[k]),
+        largest=tuple((int(k), float(difference[k])) for k in order[:LISTED_SAMPLES] if difference[k]),
     )
 
 
@@ -194,11 +195,12 @@ def analyse(results: Results) -> Analysis:
     """Compute everything; nothing is drawn, nothing is random."""
     values, groups = parameter_values(results), groups_of(results)
     reference = reference_plant(results.campaign.settings.plants)
-    pairs = [
-        pair_of(a, b)
-        for a, b in itertools.combinations(groups, 2)
-        if a.plant == b.plant or (a.controller == b.controller and reference in (a.plant, b.plant))
-    ]
+    alone = {"analytic"} if has_lags(results.manifest) else set()  # plants that others are not compared with
+    pairs = []
+    for a, b in itertools.combinations(groups, 2):
+        across = reference in (a.plant, b.plant) and alone.isdisjoint((a.plant, b.plant))
+        if a.plant == b.plant or (a.controller == b.controller and across):
+            pairs.append(pair_of(a, b))
     return Analysis(
         results=results,
         values=values,
@@ -208,7 +210,7 @@ def analyse(results: Results) -> Analysis:
         ),
         controllers=tuple(pair for pair in pairs if pair.first.plant == pair.second.plant),
         plants=tuple(pair for pair in pairs if pair.first.plant != pair.second.plant),
-        worst=examples(results, worst=WORST),
+        worst=examples(results, worst=LISTED_RUNS),
     )
 
 

@@ -7,62 +7,34 @@ some runs, such as a limit that is not reached, is no mistake.
 
 import math
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.definition import Campaign, Parameter, numbers_of, parameters_of, sampled_scenario
+from cranectl.campaign.definition import (
+    Campaign,
+    UncertainParameter,
+    numbers_of,
+    parameters_of,
+    sampled_scenario,
+)
 from cranectl.campaign.distributions import FewValues
 from cranectl.campaign.sampling import gaussian_copula, sample_values
 from cranectl.campaign.settings import COUNTED, INDEPENDENT, MAX_RUNS, CampaignSettings, read_campaign
 from cranectl.controllers.registry import checked_controller
-from cranectl.plants.registry import check_effects, plant_entry
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
+from cranectl.plants.capabilities import check_scenario
+from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
+from cranectl.simulate.idle_settings import why_idle_on_plant
 from cranectl.support.errors import InputError
-from cranectl.support.patterns import matching
+
+BANDWIDTH = "effects.sensing.observer_bandwidth"
 
 
-class Rule(NamedTuple):
-    """Where parameters change nothing; None: everywhere."""
-
-    names: str  # shell pattern
-    lack: str | None  # of a plant, as in its registry entry
-    drive: str | None
-    why: str
-
-
-RULES = (
-    Rule("rig.*_time_constant", None, "ideal", "ideal drives have no lag"),
-    Rule("rig.*_time_constant", None, "force", "force drives have no lag"),
-    *(
-        Rule(f"rig.{body}_mass", lack, drive, why)
-        for body in ("bridge", "trolley", "winch")
-        for lack, drive, why in (
-            (None, "ideal", "ideal drives move as commanded whatever they carry"),
-            ("force", "velocity", "the velocity drives of the {plant} plant know no forces"),
-        )
-    ),
-    Rule("effects.sensing.observer_bandwidth", None, None, "the controller has the observer it was given"),
-)
-
-# Parameters that act only where none of these groups is zero in all its numbers.
-FACTORS = {
-    "effects.wind.mean.*": ("effects.wind.drag_area", "effects.wind.density"),
-    "effects.wind.gust": ("effects.wind.drag_area", "effects.wind.density"),
-    "effects.wind.gust_time": ("effects.wind.gust", "effects.wind.drag_area", "effects.wind.density"),
-    "effects.wind.seed": ("effects.wind.gust", "effects.wind.drag_area", "effects.wind.density"),
-    "effects.wind.drag_area": ("effects.wind.density",),
-    "effects.wind.density": ("effects.wind.drag_area",),
-    "effects.sensing.seed": ("effects.sensing.*_noise*",),
-    "disturbances.*.start": ("disturbances.*.magnitude",),
-    "disturbances.*.end": ("disturbances.*.magnitude",),
-}
-
-
-def _check_effect(settings: CampaignSettings, parameters: Sequence[Parameter], nominal: Scenario) -> None:
+def _check_effect(
+    settings: CampaignSettings, parameters: Sequence[UncertainParameter], nominal: Scenario
+) -> None:
     """Raise InputError for a parameter that cannot change the outcome of any run."""
     zero = {name: value == 0 for name, value in numbers_of(nominal).items()}
     zero |= {parameter.name: parameter.ends == (0.0, 0.0) for parameter in parameters}
@@ -78,23 +50,14 @@ def _check_effect(settings: CampaignSettings, parameters: Sequence[Parameter], n
                 )
 
 
-def _why_without_effect(name: str, plant: str, drive: str, zero: Mapping[str, bool]) -> str | None:
+def _why_without_effect(name: str, plant: str, drive: Drive, zero: Mapping[str, bool]) -> str | None:
     """Why `name` changes nothing, None if it does; `zero` tells which numbers are 0 in all runs."""
-    entry = plant_entry(plant)
-    for rule in RULES:
-        holds = rule.lack is None or rule.lack in entry.lacks
-        if holds and fnmatchcase(name, rule.names) and rule.drive in (None, drive):
-            return rule.why.format(plant=entry.label)
-    for factor in (each for pattern in FACTORS if fnmatchcase(name, pattern) for each in FACTORS[pattern]):
-        if name.startswith("disturbances."):  # of this one
-            factor = factor.replace("*", name.split(".")[1])
-        names = matching(factor, zero)
-        if names and all(zero[each] for each in names):
-            return f"{', '.join(names)} is 0 in all runs"
-    return None
+    if name == BANDWIDTH:
+        return "the controller has the observer it was given"
+    return why_idle_on_plant(name, plant, drive, zero)
 
 
-BLOCK = 2**17  # samples looked at together
+CHECKED_SAMPLES = 2**17  # samples looked at together
 
 
 def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> Campaign:
@@ -143,7 +106,7 @@ def _nominal_scenario(settings: CampaignSettings) -> Scenario:
     return load_scenario(settings.scenario, rig=settings.rig, overrides=[*settings.set, *added])
 
 
-def _runs(settings: CampaignSettings, parameters: Sequence[Parameter]) -> int:
+def _runs(settings: CampaignSettings, parameters: Sequence[UncertainParameter]) -> int:
     """Number of samples; raises InputError where it contradicts the sampling."""
     if settings.sampling == "saltelli":
         return _saltelli_runs(settings.runs or 0, sum(p.distribution.varies for p in parameters))
@@ -155,7 +118,7 @@ def _runs(settings: CampaignSettings, parameters: Sequence[Parameter]) -> int:
                 raise InputError(
                     f"uncertain.{parameter.name} has no levels, which grid sampling needs",
                     allowed="a number of values for every parameter",
-                    remedy="add 'levels = 5'",
+                    remedy=f"add 'levels = 5' to [uncertain.{parameter.name}]",
                 )
         runs = math.prod(parameter.distribution.grid_levels for parameter in parameters)
     else:
@@ -177,7 +140,11 @@ def _runs(settings: CampaignSettings, parameters: Sequence[Parameter]) -> int:
 
 def _saltelli_runs(runs: int, varied: int) -> int:
     if not varied:
-        raise InputError("saltelli sampling with nothing that varies", allowed="one parameter at least")
+        raise InputError(
+            "saltelli sampling with nothing that varies",
+            allowed="one parameter at least that is not fixed",
+            remedy="take another sampling, or give a parameter another distribution than fixed",
+        )
     block = varied + 2
     n = runs // block
     if n < 1 or runs % block or n & (n - 1):
@@ -204,10 +171,10 @@ def check_values(campaign: Campaign) -> None:
             source = f"uncertain.{parameter.name} reaches {value:g}"
             scenario = sampled_scenario(campaign, values, source)
             for plant in campaign.settings.plants:
-                check_effects(scenario.effects, plant=plant, drive=campaign.settings.drive)
+                check_scenario(scenario, plant=plant, drive=campaign.settings.drive)
 
 
-def _outermost(parameter: Parameter) -> list[float]:
+def _outermost(parameter: UncertainParameter) -> list[float]:
     """Each of a few values, the ends of anything else, as far as they are finite."""
     distribution = parameter.distribution
     points = [u for u, end in zip((0.0, 1.0), distribution.ends(1.0), strict=True) if math.isfinite(end)]
@@ -222,7 +189,7 @@ def _sampled_ends(campaign: Campaign) -> dict[int, tuple[float, float]]:
     if not columns:
         return {}
     low, high = np.full(len(columns), math.inf), np.full(len(columns), -math.inf)
-    for first in range(0, campaign.runs, BLOCK):
-        values = sample_values(campaign, first, min(first + BLOCK, campaign.runs))[:, columns]
+    for first in range(0, campaign.runs, CHECKED_SAMPLES):
+        values = sample_values(campaign, first, min(first + CHECKED_SAMPLES, campaign.runs))[:, columns]
         low, high = np.minimum(low, values.min(axis=0)), np.maximum(high, values.max(axis=0))
     return {k: (float(low[j]), float(high[j])) for j, k in enumerate(columns)}

@@ -6,12 +6,17 @@ identity of what made it.
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+import os
+import shlex
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
-from cranectl.controllers.registry import law_digests
+from cranectl.controllers.open_controllers import OPEN
+from cranectl.controllers.registry import UDP, controller_sources, law_digests
+from cranectl.loaders.opening import file_from
 from cranectl.plants.registry import plant_sources
 from cranectl.scenario import MetricSettings, Scenario
 from cranectl.scenario.rig import RigParameters
@@ -25,6 +30,7 @@ FORMAT = 3
 RULE = 1  # of identities; parts of all formats have it
 DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
 DEFAULT_RIG = RigParameters().model_dump(mode="json")
+SERVOS = "servos"  # the velocity drives of the analytic plant
 NOT_DECISIVE = ("title", "limits", "scenario", "rig", "set")  # of a campaign: the scenario itself is recorded
 SPENT = (
     "limits",
@@ -33,7 +39,7 @@ SPENT = (
 )  # of a scenario: limits judge one run, the others have made its reference
 
 
-class Origin(NamedTuple):
+class SoftwareOrigin(NamedTuple):
     """What makes parts of a result."""
 
     identity: str  # which they carry
@@ -41,8 +47,18 @@ class Origin(NamedTuple):
 
 
 def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, str]:
-    """What makes runs here: this program, plants that other modules have registered, laws of files."""
-    return provenance() | plant_sources(plants) | law_digests(controllers)
+    """What makes runs here: this program, what other modules have registered, laws of files."""
+    own = plant_sources(plants) | controller_sources(controllers) | law_digests(controllers)
+    return provenance() | own
+
+
+def has_lags(manifest: Mapping[str, Any]) -> bool:
+    """Return True if the analytic plant had velocity drives that do not feel the load, as in version 0.2."""
+    return _has_analytic_drives(manifest["campaign"]) and manifest.get("velocity_drives") != SERVOS
+
+
+def _has_analytic_drives(campaign: Mapping[str, Any]) -> bool:
+    return campaign["drive"] == "velocity" and "analytic" in campaign["plants"]
 
 
 def manifest_of(campaign: Campaign) -> Table:
@@ -56,7 +72,36 @@ def manifest_of(campaign: Campaign) -> Table:
         "accepted": [],
     }
     plain: Table = json.loads(json.dumps(table))
-    return plain
+    return plain | ({"velocity_drives": SERVOS} if _has_analytic_drives(plain["campaign"]) else {})
+
+
+def how_it_was_begun(campaign: Campaign, directory: Path, command: Sequence[str]) -> Table:
+    """What a result in `directory` says of the command, and of where the files of controllers are from it.
+
+    None of it decides a number. A command with a name that is no UTF-8 has no place in JSON and is left out.
+    """
+    opened = [name for name in campaign.settings.controllers if name in OPEN.files]
+    files = {name: file_from(name, directory) for name in opened}
+    is_text = all(word.encode(errors="replace").decode() == word for word in command)
+    return {**({"command": list(command)} if is_text else {}), **({"files": files} if files else {})}
+
+
+def resume_command(manifest: Mapping[str, Any]) -> str:
+    """Return the command that goes on with a result, as one types it; empty where it does not say."""
+    words = manifest.get("command")
+    if not isinstance(words, list) or not words or not all(isinstance(word, str) for word in words):
+        return ""
+    again = [word for word in words if word not in ("--overwrite", "--resume")]
+    return shlex.join(["cranectl", *again, "--resume"])
+
+
+def controller_from(manifest: Mapping[str, Any], directory: Path, name: str) -> str:
+    """Return what `--controller` is given for the controller `name` of the result in `directory`."""
+    files = manifest.get("files")
+    found = files.get(name) if isinstance(files, dict) else None
+    if not isinstance(found, str):
+        return name
+    return found if found.startswith(UDP) else os.path.normpath(directory / found)
 
 
 def checked_manifest(data: Any, source: str) -> Table:
@@ -84,16 +129,16 @@ def campaign_of(manifest: Mapping[str, Any], source: str) -> Campaign:
     return Campaign(settings, nominal, parameters_of(settings, nominal), manifest["runs"])
 
 
-def origins_of(manifest: Mapping[str, Any]) -> list[Origin]:
+def origins_of(manifest: Mapping[str, Any]) -> list[SoftwareOrigin]:
     """What may have made parts of the result, what began it first."""
     return [origin_of(manifest, versions) for versions in (manifest["versions"], *manifest["accepted"])]
 
 
-def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> Origin:
+def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> SoftwareOrigin:
     """What makes parts by `versions`: its identity is a digest of what decides the numbers of their runs."""
     software = {name: version for name, version in versions.items() if name not in HARMLESS}
     text = json.dumps({**_decisive(manifest), "format": RULE, "versions": software}, sort_keys=True)
-    return Origin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
+    return SoftwareOrigin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
 
 
 def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
@@ -116,7 +161,8 @@ def _decisive(manifest: Mapping[str, Any]) -> Table:
         {key: value for key, value in step.items() if key != "force" or value is not None}
         for step in scenario["disturbances"]
     ]
-    return {"campaign": campaign, "runs": manifest["runs"], "scenario": scenario}
+    drives = {key: manifest[key] for key in ("velocity_drives",) if key in manifest}
+    return {"campaign": campaign, "runs": manifest["runs"], "scenario": scenario, **drives}
 
 
 def _first_format(data: Mapping[str, Any]) -> Table:

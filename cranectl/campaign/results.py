@@ -22,16 +22,18 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Batch, Campaign, batches_of
 from cranectl.campaign.manifest import (
-    Origin,
+    SoftwareOrigin,
     campaign_of,
     checked_manifest,
     differences,
+    how_it_was_begun,
     manifest_of,
     origin_of,
     origins_of,
+    resume_command,
     software_of,
 )
-from cranectl.campaign.table import DamageError, Row, arrow_schema, part_name, read_part, write_part
+from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_name, read_part, write_part
 from cranectl.scenario.held_files import files_in, put_files, remove_files, with_files
 from cranectl.support.documents import Table, read_json
 from cranectl.support.errors import InputError
@@ -44,7 +46,8 @@ REPLAYS = "replays"
 LOCK_FILE = ".lock"
 QUARANTINED = ".corrupt"  # ending of a damaged part that was put aside
 ELSEWHERE = "choose another place with --out"
-SHOWN = 5  # damaged parts or differences named in a message
+RESUME = "the command that began it and --resume"
+SHOWN_PARTS = 5  # damaged parts or differences named in a message
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class Results:
     made_by: NDArray[np.int64]  # (runs,) index into `origins`
 
     @property
-    def origins(self) -> list[Origin]:
+    def origins(self) -> list[SoftwareOrigin]:
         """What may have made runs, what began the result first."""
         return origins_of(self.manifest)
 
@@ -102,18 +105,18 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     parts, damaged = _survey(directory, campaign, origins)
     if damaged:
         named = [f"{path.name}: {why}" for path, why in damaged.items()]
-        more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
+        more = f" and {len(named) - SHOWN_PARTS} more" if len(named) > SHOWN_PARTS else ""
         raise InputError(
-            f"damaged parts in {directory / PARTS}: {'; '.join(named[:SHOWN])}{more}",
+            f"damaged parts in {directory / PARTS}: {'; '.join(named[:SHOWN_PARTS])}{more}",
             allowed="each part once, as it was written",
-            remedy="the command that began it, with --resume, quarantines them and runs their batches again",
+            remedy=f"put them aside and run their batches again with {resume_command(manifest) or RESUME}",
         )
     missing = tuple(batch for batch in batches_of(campaign) if batch not in parts)
     if missing and not unfinished:
         raise InputError(
             f"{directory} is not finished: {len(missing)} of {len(batches_of(campaign))} parts missing",
             allowed="a result all of whose runs are there",
-            remedy="complete it with the command that began it and --resume",
+            remedy=f"complete it with {resume_command(manifest) or RESUME}",
         )
     schema = arrow_schema(campaign, {"campaign": campaign.settings.name, "identity": origins[0].identity})
     tables = [table.replace_schema_metadata(schema.metadata) for table, _ in parts.values()]
@@ -144,8 +147,8 @@ def read_manifest(directory: Path) -> Table:
 
 
 def _survey(
-    directory: Path, campaign: Campaign, origins: Sequence[Origin]
-) -> tuple[dict[Batch, tuple[Any, Origin]], dict[Path, str]]:
+    directory: Path, campaign: Campaign, origins: Sequence[SoftwareOrigin]
+) -> tuple[dict[Batch, tuple[Any, SoftwareOrigin]], dict[Path, str]]:
     """The good parts in `directory`, each made by one of `origins`; what is wrong with others, by file."""
     expected = {directory / PARTS / part_name(batch): batch for batch in batches_of(campaign)}
     parts, damaged = {}, {}
@@ -154,7 +157,7 @@ def _survey(
             continue
         try:
             parts[batch] = read_part(path, campaign, origins, batch)
-        except DamageError as error:
+        except ResultDamageError as error:
             damaged[path] = str(error)
     strays = sorted(path for path in (directory / PARTS).glob("*.parquet") if path not in expected)
     return parts, damaged | dict.fromkeys(strays, "its name is that of no batch")
@@ -166,7 +169,7 @@ class Store:
 
     directory: Path
     campaign: Campaign
-    origin: Origin  # of the parts that this process makes
+    origin: SoftwareOrigin  # of the parts that this process makes
     missing: tuple[Batch, ...]  # what is still to be run
     quarantined: tuple[str, ...]  # what was damaged and has been put aside, a phrase each
 
@@ -192,12 +195,13 @@ def open_store(
     resume: bool = False,
     despite_differences: bool = False,
     overwrite: bool = False,
+    command: Sequence[str] = (),
 ) -> Iterator[Store]:
     """Hold the result in `directory`, made if it is not there, for writing.
 
     Raises InputError if another process holds it; if there is a result and neither `resume` nor `overwrite`
     says what to do with it; if the result to resume is of a campaign that differs or, unless
-    `despite_differences`, was made by other software.
+    `despite_differences`, was made by other software. `command`: what a new result says that it was begun by.
     """
     from filelock import FileLock, Timeout
 
@@ -214,7 +218,7 @@ def open_store(
                 remedy="wait for it, or choose another place with --out",
             ) from None
     with held:
-        manifest = manifest_of(campaign)
+        manifest = manifest_of(campaign) | how_it_was_begun(campaign, directory, command)
         _check_empty(directory)  # again: another process may have been faster
         if overwrite:
             _clear(directory)
@@ -222,6 +226,7 @@ def open_store(
             kept = read_manifest(directory)
             _check_same(directory, kept, manifest, resume=resume)
             manifest |= _software(directory, kept, manifest["versions"], accepted=despite_differences)
+            manifest["command"] = kept.get("command", [])
         with writing(directory, remedy=ELSEWHERE):
             write_text(directory / MANIFEST_FILE, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
             put_files(directory, campaign.nominal)
@@ -243,7 +248,7 @@ def _check_empty(directory: Path) -> None:
     others = sorted(path.name for path in paths if not path.name.startswith(f"{MANIFEST_FILE}."))
     if others:
         raise InputError(
-            f"{directory} holds other files: {', '.join(others[:SHOWN])}",
+            f"{directory} holds other files: {', '.join(others[:SHOWN_PARTS])}",
             allowed="a new or an empty directory, or one with a result",
             remedy=ELSEWHERE,
         )
@@ -258,9 +263,9 @@ def _check_same(directory: Path, kept: Table, wanted: Table, *, resume: bool) ->
         )
     different = differences(kept, wanted)
     if different:
-        more = f" and {len(different) - SHOWN} more" if len(different) > SHOWN else ""
+        more = f" and {len(different) - SHOWN_PARTS} more" if len(different) > SHOWN_PARTS else ""
         raise InputError(
-            f"the result in {directory} is of another campaign: {'; '.join(different[:SHOWN])}{more}",
+            f"the result in {directory} is of another campaign: {'; '.join(different[:SHOWN_PARTS])}{more}",
             allowed="the campaign and scenario that the result was begun with; limits may differ",
             remedy="choose another place with --out, or remove the result",
         )

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cranectl.campaign.definition import Campaign, Parameter
+from cranectl.campaign.definition import Campaign, UncertainParameter
 from cranectl.campaign.settings import Correlation
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
@@ -85,7 +85,7 @@ def latin_hypercube(campaign: Campaign, first: int, last: int) -> Array:
     """Each of the `runs` equal parts of every axis is hit once (McKay, Beckman, Conover 1979)."""
     runs = campaign.runs
 
-    def column(parameter: Parameter) -> Array:
+    def column(parameter: UncertainParameter) -> Array:
         random = np.random.Generator(stream(*_stream(campaign, parameter)))
         part = random.permutation(runs)[first:last]
         return (part + uniform_block(*_stream(campaign, parameter, " within"), first, last)) / runs
@@ -150,14 +150,14 @@ def sobol_points(dimensions: int, seed: int, first: int, last: int) -> Array:
     return points + 0.5 ** (BITS + 1)  # the middle of each cell, never 0
 
 
-def _by_column(campaign: Campaign, rows: int, column: Callable[[Parameter], Array]) -> Array:
+def _by_column(campaign: Campaign, rows: int, column: Callable[[UncertainParameter], Array]) -> Array:
     points = np.empty((rows, len(campaign.parameters)), order="F")
     for k, parameter in enumerate(campaign.parameters):
         points[:, k] = np.clip(column(parameter), *OPEN)
     return points
 
 
-def _stream(campaign: Campaign, parameter: Parameter, part: str = "") -> tuple[int, str]:
+def _stream(campaign: Campaign, parameter: UncertainParameter, part: str = "") -> tuple[int, str]:
     return campaign.settings.seed, f"{campaign.settings.sampling} {parameter.name}{part}"
 
 
@@ -217,7 +217,7 @@ def _correlated(points: Array, columns: Sequence[int], factor: Array) -> Array:
     return result
 
 
-def _check_pair(correlation: Correlation, repeated: bool, parameters: Sequence[Parameter]) -> None:
+def _check_pair(correlation: Correlation, repeated: bool, parameters: Sequence[UncertainParameter]) -> None:
     a, b = correlation.between
     by_name = {parameter.name: parameter for parameter in parameters}
     for name in (a, b):

@@ -27,9 +27,9 @@ from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, Group, compared_
 from cranectl.support.arrays import Array, Mask
 
 RESAMPLES = 1000
-LEAST = 16  # base points; resampling fewer tells little
+MIN_BASE_POINTS = 16  # base points; resampling fewer tells little
 IMPORTANT = 0.05  # share of the variance; below it a parameter may be fixed (Sarrazin et al. 2016)
-CHUNK = 2**22  # numbers drawn at a time
+MAX_DRAWN_NUMBERS = 2**22  # numbers drawn at a time
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def sobol_indices(campaign: Campaign, outputs: Array) -> SobolIndices | None:
     a, b, ab = blocks["f_A"][0], blocks["f_B"][0], blocks["f_AB"][:, 0]  # (n,), (n,), (d, n)
     whole = np.isfinite(a) & np.isfinite(b) & np.isfinite(ab).all(axis=0)
     n = int(whole.sum())
-    if n < LEAST or np.ptp(np.concatenate((a[whole], b[whole]))) == 0.0:
+    if n < MIN_BASE_POINTS or np.ptp(np.concatenate((a[whole], b[whole]))) == 0.0:
         return None
     terms = _terms(a[whole], b[whole], ab[:, whole])
     first, total = _indices(terms.mean(axis=1)[np.newaxis])
@@ -90,7 +90,7 @@ def _bootstrap(terms: Array) -> list[Array]:
     """Means of the terms over base points drawn with replacement, RESAMPLES rows in all."""
     n = terms.shape[1]
     random = np.random.default_rng(0)
-    each = max(1, min(RESAMPLES, CHUNK // n))
+    each = max(1, min(RESAMPLES, MAX_DRAWN_NUMBERS // n))
     found = []
     for first in range(0, RESAMPLES, each):
         rows = min(each, RESAMPLES - first)

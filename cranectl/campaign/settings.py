@@ -14,7 +14,7 @@ from cranectl.metrics.limits import Limits
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario import rig_place
-from cranectl.scenario.settings import Settings, override, parse_settings
+from cranectl.scenario.settings import RuleError, Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import leaves, read_toml
 from cranectl.support.errors import InputError, unknown_name
@@ -77,13 +77,19 @@ class CampaignSettings(Settings):
     @classmethod
     def _differ(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         if len(set(names)) < len(names):
-            raise ValueError(f"{', '.join(names)}: one is named twice")
+            raise RuleError(
+                f"{', '.join(names)}: one is named twice", allowed="each once", remedy="name it once"
+            )
         return names
 
     @model_validator(mode="after")
     def _runs_are_known(self) -> "CampaignSettings":
         if self.runs is None and self.sampling not in COUNTED:
-            raise ValueError(f"'runs' is missing, which {self.sampling} sampling needs")
+            raise RuleError(
+                f"'runs' is missing, which {self.sampling} sampling needs",
+                allowed=f"runs from 1 to {MAX_RUNS}",
+                remedy="add 'runs'",
+            )
         return self
 
 

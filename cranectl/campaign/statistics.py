@@ -6,12 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.summary import CONFIDENCE
+from cranectl.campaign.summary import CONFIDENCE, QUANTILE_ROUNDING
 from cranectl.support.arrays import Array, Mask
+from cranectl.support.consistency import check_ascending
 
 Bins = list[NDArray[np.intp]]  # rows in each
 
-LEAST = 3  # values for a rank correlation
+MIN_RANKED_VALUES = 3  # values for a rank correlation
 BINS = 6  # ranges of a parameter
 LEAST_IN_BIN = 8  # rows
 LEVELS = (0.05, 0.5, 0.95)  # of the quantiles that are told
@@ -20,7 +21,10 @@ LEVELS = (0.05, 0.5, 0.95)  # of the quantiles that are told
 def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
     """Quantiles of the values that are there (n,), linear between order statistics; NaN without any."""
     finite = values[np.isfinite(values)]
-    return np.quantile(finite, at) if finite.size else np.full(len(at), np.nan)
+    found = np.quantile(finite, at) if finite.size else np.full(len(at), np.nan)
+    named = [(f"the {level:g} quantile", float(value)) for level, value in zip(at, found, strict=True)]
+    check_ascending(*named, rounding=QUANTILE_ROUNDING)
+    return found
 
 
 def empirical_distribution(values: Array, most: int = 400) -> tuple[Array, Array]:
@@ -44,7 +48,7 @@ def rank_correlations(parameters: Array, outputs: Array) -> Array:
     from scipy.stats import rankdata
 
     keep = complete_rows(parameters, outputs)
-    if keep.sum() < LEAST:
+    if keep.sum() < MIN_RANKED_VALUES:
         return np.full(parameters.shape[1], np.nan)
     x, y = rankdata(parameters[keep], axis=0), rankdata(outputs[keep])
     x, y = x - x.mean(axis=0), y - y.mean()
@@ -67,7 +71,9 @@ def noise_floor(n: int, tests: int) -> float:
     from scipy.stats import t
 
     level = (1.0 - CONFIDENCE) / max(1, tests)
-    if n < LEAST or 2.0 / math.factorial(min(n, 20)) > level:  # the p-value of n ranks in perfect order
+    if (
+        n < MIN_RANKED_VALUES or 2.0 / math.factorial(min(n, 20)) > level
+    ):  # the p-value of n ranks in perfect order
         return 1.0
     quantile = float(t.isf(0.5 * level, n - 2))
     return quantile / math.sqrt(n - 2 + quantile**2)

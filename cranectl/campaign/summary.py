@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.manifest import software_of
+from cranectl.campaign.manifest import has_lags, software_of
 from cranectl.campaign.results import Results
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
@@ -21,11 +21,13 @@ from cranectl.metrics import all_metrics, low_is_bad
 from cranectl.metrics.limits import within
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array, Mask
+from cranectl.support.consistency import check_ascending, check_sum
 from cranectl.support.provenance import provenance_differences
 
 Rows = NDArray[np.intp]
 Columns = Callable[[str], Any]  # values (runs,) of a column by its name; None or NaN where absent
 
+QUANTILE_ROUNDING = 1e-12  # relative, of an interpolation between equal values
 CONFIDENCE = 0.95
 MEASURE = "max_error_m"
 MAIN_METRICS = tuple(metric.name for metric in all_metrics() if metric.compared)
@@ -51,10 +53,29 @@ class GroupSummary:
     worst_sample: int | None  # of the largest max_error_m of all runs that have one
     worst_max_error_m: float | None
 
+    def __post_init__(self) -> None:
+        """Raise InconsistentError for counts, rates or quantiles that contradict each other."""
+        failed_runs, could_not = ("failures", self.failures), sum(self.not_run.values())
+        check_ascending(("stopped runs", sum(self.stopped.values())), failed_runs, ("runs", self.runs))
+        most = max(self.broken.values(), default=0) + sum(self.stopped.values())
+        check_ascending(("runs that stopped or broke one limit", most), failed_runs)
+        check_sum("the number of runs that could not be run", self.stopped.get(FAILED, 0), [could_not])
+        low, high = self.failure_rate_interval or (None, None)
+        rates = (("its interval's low end", low), ("the failure rate", self.failure_rate))
+        check_ascending(*rates, ("its interval's high end", high), rounding=QUANTILE_ROUNDING)
+        check_ascending(
+            ("the median of max_error_m", self.median_max_error_m),
+            ("its 95 % quantile", self.q95_max_error_m),
+            ("its largest value", self.worst_max_error_m),
+            rounding=QUANTILE_ROUNDING,
+        )
+
 
 def summarize(results: Results) -> tuple[GroupSummary, ...]:
     """One entry for each plant and controller, in the order of the campaign."""
-    return tuple(_summary(results, plant, controller) for plant, controller in results.campaign.groups)
+    found = tuple(_summary(results, plant, controller) for plant, controller in results.campaign.groups)
+    check_sum("the number of runs", len(results), [group.runs for group in found])
+    return found
 
 
 def broken_limits(column: Columns, limits: Mapping[str, float]) -> dict[str, Mask]:
@@ -80,10 +101,10 @@ def worst_first(results: Results, metric: str, among: Rows | None = None) -> Row
     return worst
 
 
-def effort(results: Results) -> Array:
-    """EFFORT of all runs, (runs,); NaN where a run has none."""
-    found: Array = np.linalg.norm([results.column(name).astype(np.float64) for name in EFFORTS], axis=0)
-    return found
+def effort(column: Columns) -> Array:
+    """Return EFFORT of all runs, (runs,); NaN where a run has none."""
+    norms: Array = np.linalg.norm([np.asarray(column(name), np.float64) for name in EFFORTS], axis=0)
+    return norms
 
 
 def failure_interval(failures: int, runs: int) -> tuple[float, float]:
@@ -184,7 +205,7 @@ def groups_of(results: Results) -> tuple[Group, ...]:
     completed = results.column("status") == RunStatus.COMPLETED.label
     bad = failed(results.column, results.campaign.settings.limits.given)
     metrics = {name: results.column(name).astype(np.float64) for name in MAIN_METRICS}
-    metrics[EFFORT] = effort(results)
+    metrics[EFFORT] = effort(results.column)
     found = []
     for plant, controller in results.campaign.groups:
         rows = results.rows(plant, controller)
@@ -245,4 +266,8 @@ def software_notes(results: Results) -> list[str]:
         for maker, count in zip(found, runs, strict=True)
         if maker.differences
     ]
-    return mixed + others
+    drives = [
+        "velocity drives of the analytic plant were lags that do not feel the load, as those of all plants "
+        "do now: its runs are not compared with those of other plants"
+    ]
+    return mixed + others + (drives if has_lags(results.manifest) else [])

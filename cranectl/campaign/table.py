@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import Origin
+from cranectl.campaign.manifest import SoftwareOrigin
 from cranectl.metrics import RunMetrics, all_metrics
 from cranectl.support.files import replacing
+from cranectl.support.inputs import open_input
 from cranectl.support.interrupts import interrupts_wait
 from cranectl.support.provenance import FINGERPRINTS
 
@@ -30,7 +31,7 @@ Row = dict[str, Value]
 FAILED = "failed"  # a status beside the labels of RunStatus
 
 
-class Column(NamedTuple):
+class ResultColumn(NamedTuple):
     """One column of all rows of a campaign."""
 
     name: str
@@ -41,23 +42,23 @@ class Column(NamedTuple):
 
 
 RUN_COLUMNS = (
-    Column("sample", "int64", False, "", "index of the sample, from 0"),
-    Column("plant", "string", False, "", "plant"),
-    Column("controller", "string", False, "", "controller"),
-    Column("status", "string", False, "", "how the run ended; failed if it could not be run"),
-    Column("reason", "string", False, "", "why it did not complete; empty if it did"),
-    Column("end_s", "float64", False, "s", "simulated time at which the run ended"),
+    ResultColumn("sample", "int64", False, "", "index of the sample, from 0"),
+    ResultColumn("plant", "string", False, "", "plant"),
+    ResultColumn("controller", "string", False, "", "controller"),
+    ResultColumn("status", "string", False, "", "how the run ended; failed if it could not be run"),
+    ResultColumn("reason", "string", False, "", "why it did not complete; empty if it did"),
+    ResultColumn("end_s", "float64", False, "s", "simulated time at which the run ended"),
 )
 _RECORDED = [metric for metric in all_metrics() if metric.recorded]
 METRIC_COLUMNS = {
-    name: Column(name, "float64", True, metric.unit, ", ".join(filter(None, (metric.meaning, part))))
+    name: ResultColumn(name, "float64", True, metric.unit, ", ".join(filter(None, (metric.meaning, part))))
     for metric in _RECORDED
     for name, part in zip(metric.columns, metric.parts or ("",), strict=True)
 }
 UNIT = re.compile(r"\[(.*?)\]")  # in the description of a setting
 
 
-def row_columns(campaign: Campaign) -> tuple[Column, ...]:
+def row_columns(campaign: Campaign) -> tuple[ResultColumn, ...]:
     """The columns of all rows of `campaign`, in order."""
     return (*RUN_COLUMNS, *(describe(campaign, name) for name in campaign.names), *METRIC_COLUMNS.values())
 
@@ -73,7 +74,7 @@ def metric_values(metrics: RunMetrics | None) -> Row:
     return dict(zip(METRIC_COLUMNS, found, strict=True))
 
 
-def describe(campaign: Campaign, name: str) -> Column:
+def describe(campaign: Campaign, name: str) -> ResultColumn:
     """The column of a parameter, described as the setting is, or as the list that it is in."""
     node: Any = campaign.nominal
     description = ""
@@ -84,7 +85,7 @@ def describe(campaign: Campaign, name: str) -> Column:
             description = type(node).model_fields[key].description or ""
             node = getattr(node, key)
     unit = UNIT.search(description)
-    return Column(name, "float64", False, unit.group(1) if unit else "", description)
+    return ResultColumn(name, "float64", False, unit.group(1) if unit else "", description)
 
 
 def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
@@ -110,7 +111,7 @@ DIGEST = b"columns"  # metadata: of what the part says of its columns
 FEW_VALUES = ["plant", "controller", "status", "reason"]  # columns that repeat themselves
 
 
-class DamageError(Exception):
+class ResultDamageError(Exception):
     """A part that is not what was written."""
 
 
@@ -119,7 +120,9 @@ def part_name(batch: Batch) -> str:
     return f"part-{batch.plant}-{batch.controller}-{batch.first:07d}.parquet"
 
 
-def write_part(path: Path, campaign: Campaign, origin: Origin, batch: Batch, rows: Sequence[Row]) -> None:
+def write_part(
+    path: Path, campaign: Campaign, origin: SoftwareOrigin, batch: Batch, rows: Sequence[Row]
+) -> None:
     """Write the rows of `batch` to `path`, whole or not at all; raises OSError if that cannot be done."""
     import pyarrow
     from pyarrow import parquet
@@ -138,7 +141,9 @@ def write_part(path: Path, campaign: Campaign, origin: Origin, batch: Batch, row
         )
 
 
-def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: Batch) -> tuple[Any, Origin]:
+def read_part(
+    path: Path, campaign: Campaign, origins: Sequence[SoftwareOrigin], batch: Batch
+) -> tuple[Any, SoftwareOrigin]:
     """The table of `batch` from `path`, and which of `origins` made it.
 
     Raises DamageError if it is not what was written.
@@ -148,18 +153,18 @@ def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: 
 
     try:
         with (
-            path.open("rb") as stream,
+            open_input(path) as stream,
             parquet.ParquetFile(stream, page_checksum_verification=True) as file,
         ):
             schema = file.schema_arrow
             table = file.read(use_threads=False)
             table.validate(full=True)
     except (OSError, pyarrow.ArrowException, ValueError, OverflowError, MemoryError) as error:
-        raise DamageError(str(error).partition("\n")[0]) from None
+        raise ResultDamageError(str(error).partition("\n")[0]) from None
     identity = (schema.metadata or {}).get(b"identity", b"").decode(errors="replace")
     origin = next((each for each in origins if each.identity == identity), None)
     if origin is None:
-        raise DamageError("it belongs to another campaign")
+        raise ResultDamageError("it belongs to another campaign")
     expected = _part_schema(campaign, origin, batch)
     absent = {name for name in expected.names if name.startswith(SINCE_3) and name not in schema.names}
     known = pyarrow.schema([each for each in expected if each.name not in absent], metadata=expected.metadata)
@@ -168,13 +173,13 @@ def read_part(path: Path, campaign: Campaign, origins: Sequence[Origin], batch: 
     found = [table["sample"].to_pylist()]
     found += [sorted(set(table[name].to_pylist())) for name in ("plant", "controller")]
     if found != keys:
-        raise DamageError("its rows are not those of its batch")
+        raise ResultDamageError("its rows are not those of its batch")
     for name in absent:
         table = table.append_column(name, pyarrow.nulls(len(table), expected.field(name).type))
     return table.select(expected.names).cast(expected), origin
 
 
-def _part_schema(campaign: Campaign, origin: Origin, batch: Batch) -> Any:
+def _part_schema(campaign: Campaign, origin: SoftwareOrigin, batch: Batch) -> Any:
     """The columns of a part, and what it says of itself."""
     software = {name: origin.versions[name] for name in FINGERPRINTS if name in origin.versions}
     own = {"campaign": campaign.settings.name, "identity": origin.identity, **software}
@@ -187,13 +192,13 @@ def _check_schema(found: Any, expected: Any) -> None:
     told, own = found.metadata, expected.metadata
     batch = [told.get(key, b"").decode(errors="replace") for key in BATCH]
     if batch != [own[key].decode() for key in BATCH]:
-        raise DamageError(f"it holds the batch {' '.join(batch)}")
+        raise ResultDamageError(f"it holds the batch {' '.join(batch)}")
     # Words that describe a column may change; parts of format 1 have no digest of them.
     if told | {DIGEST: b""} != own | {DIGEST: b""} or told.get(DIGEST) not in (None, _digest(found)):
-        raise DamageError("what it says of itself was changed")
+        raise ResultDamageError("what it says of itself was changed")
     units = [[(field.metadata or {}).get(b"unit") for field in schema] for schema in (found, expected)]
     if not found.equals(expected) or units[0] != units[1]:
-        raise DamageError("its columns are not those of the campaign")
+        raise ResultDamageError("its columns are not those of the campaign")
 
 
 def _digest(schema: Any) -> bytes:

@@ -7,37 +7,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.definition import Batch, Campaign, nominal_scenario, sampled_scenario
+from cranectl.campaign.definition import PERIOD, Batch, Campaign, nominal_scenario, sampled_scenario
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
 from cranectl.controllers.addressed import AddressedLaw
-from cranectl.controllers.flat import Tracker
 from cranectl.controllers.registry import controller_design
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
+from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.plant import Plant
-from cranectl.plants.registry import check_effects
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import PlannedReference, law_of, make_plant, plan_reference, plan_run
+from cranectl.simulate.memory import check_planned
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import Block, start_run, stream_run
 from cranectl.support.arrays import Array
+from cranectl.support.environment import MachineError, is_of_machine, tried_again
 from cranectl.support.errors import InputError
 
 Stop = Callable[[], bool]
 
-DRAWN = 8192  # samples drawn together: some methods take as long for one
-PERIODS = 16  # control periods for which references and trackers are kept
+DRAWN_TOGETHER = 8192  # samples drawn together: some methods take as long for one
+KEPT_PERIODS = 16  # control periods for which references and trackers are kept
 BLOCK = 1000  # samples of a run that are kept at a time
 DESIGNING = threading.Lock()  # not every library that designs is for several threads
 
 
-class Controller(NamedTuple):
+class PreparedController(NamedTuple):
     """A controller as it runs on the crane that it knows."""
 
     nominal: Scenario
     reference: PlannedReference
-    law: Tracker | AddressedLaw
+    law: AddressedLaw
     width: int  # columns of its record
 
 
@@ -49,15 +50,16 @@ class Prepared:
         self.campaign = campaign
         names = campaign.settings.controllers if controllers is None else controllers
         self._drawn = functools.lru_cache(maxsize=4)(self._draw)
-        self._planned = functools.lru_cache(maxsize=PERIODS)(plan_reference)
-        self._made = functools.lru_cache(maxsize=PERIODS * len(names))(self._make)
+        self._planned = functools.lru_cache(maxsize=KEPT_PERIODS)(plan_reference)
+        self._made = functools.lru_cache(maxsize=KEPT_PERIODS * len(names))(self._make)
         self._lock = threading.Lock()
+        check_planned(campaign.nominal, others=_kept_periods(campaign))
         with DESIGNING:
             self._designs = {name: controller_design(name, campaign.nominal) for name in names}
             for name in names:
                 self._made(name, campaign.nominal)
 
-    def controller(self, name: str, sampled: Scenario) -> Controller:
+    def controller(self, name: str, sampled: Scenario) -> PreparedController:
         """The controller `name`, made for the control period of a sample; raises InputError as above."""
         with self._lock:
             return self._made(name, nominal_scenario(self.campaign, sampled))
@@ -65,21 +67,40 @@ class Prepared:
     def values(self, sample: int) -> Array:
         """Values (d,) of one sample."""
         with self._lock:
-            row: Array = self._drawn(sample // DRAWN)[sample % DRAWN]
+            row: Array = self._drawn(sample // DRAWN_TOGETHER)[sample % DRAWN_TOGETHER]
         return row
 
     def _draw(self, block: int) -> Array:
-        first = block * DRAWN
-        return sample_values(self.campaign, first, min(first + DRAWN, self.campaign.runs))
+        first = block * DRAWN_TOGETHER
+        return sample_values(self.campaign, first, min(first + DRAWN_TOGETHER, self.campaign.runs))
 
-    def _make(self, name: str, nominal: Scenario) -> Controller:
+    def _make(self, name: str, nominal: Scenario) -> PreparedController:
         design, planned = self._designs[name], self._planned(nominal)
         law = law_of(nominal, design, self.campaign.settings.drive, planned)
-        return Controller(nominal, planned, law, record_width(design))
+        return PreparedController(nominal, planned, law, record_width(design))
+
+
+def _kept_periods(campaign: Campaign) -> list[Scenario]:
+    """Return the nominal scenario with each of the shortest control periods that its runs have."""
+    found = [parameter for parameter in campaign.parameters if parameter.name == PERIOD]
+    periods = sorted({float(p) for each in found for p in each.values(each.distribution.grid())})
+    controls = [
+        campaign.nominal.control.model_copy(update={"period": period}) for period in periods[:KEPT_PERIODS]
+    ]
+    return [campaign.nominal.model_copy(update={"control": control}) for control in controls]
 
 
 class StoppedError(Exception):
     """A batch was told to stop before its end."""
+
+
+class RunEnd(NamedTuple):
+    """How a run ended."""
+
+    status: str
+    reason: str  # why it stopped or failed, or nothing
+    end_s: float = 0.0  # simulated time [s]
+    metrics: RunMetrics | None = None
 
 
 class Worker:
@@ -99,20 +120,26 @@ class Worker:
         """Nothing to end."""
 
     def _row(self, batch: Batch, sample: int, stop: Stop) -> Row:
-        """One run; whatever goes wrong in it is the reason of a failed row."""
+        """One run, tried again where the machine fails; raises MachineError where it fails again."""
+        return tried_again(lambda: self._try(batch, sample, stop))
+
+    def _try(self, batch: Batch, sample: int, stop: Stop) -> Row:
+        """One run; whatever of the controller or the plant goes wrong is the reason of a failed row."""
         campaign, values = self._prepared.campaign, self._prepared.values(sample)
         try:
             scenario = sampled_scenario(campaign, values, f"sample {sample}")
-            status, reason, end_s, metrics = self._run(batch, scenario, stop)
+            ended = self._run(batch, scenario, stop)
         except StoppedError:
             raise
         except Exception as error:
             self._plants.clear()  # one of them is in an unknown state
-            status, reason, end_s, metrics = FAILED, _reason(error), 0.0, None
-        return row_of(self._prepared, batch, sample, status, reason, end_s, metrics)
+            if is_of_machine(error):
+                what = f"{_reason(error)}, in sample {sample} with {batch.controller} on {batch.plant}"
+                raise MachineError.of(what) from error
+            ended = RunEnd(FAILED, _reason(error))
+        return row_of(self._prepared, batch, sample, ended)
 
-    def _run(self, batch: Batch, scenario: Scenario, stop: Stop) -> tuple[str, str, float, RunMetrics | None]:
-        """How a run ended: status, why it stopped, simulated time [s], metrics."""
+    def _run(self, batch: Batch, scenario: Scenario, stop: Stop) -> RunEnd:
         controller = self._prepared.controller(batch.controller, scenario)
         plan = plan_run(controller.reference, scenario)
         plant = self._plant(batch.plant, scenario)
@@ -127,7 +154,7 @@ class Worker:
         setup, accumulator = metrics_setup(scenario, plant.drive), empty_accumulator()
 
         def measure(block: Block) -> None:
-            accumulate(setup, accumulator, block.time_ns, block.record, block.reference, block.path)
+            accumulate(setup, accumulator, block)
             if stop():
                 raise StoppedError
 
@@ -138,39 +165,31 @@ class Worker:
         end_ns, status = stream_run(run, plan, record, measure)
         metrics = finish(setup, accumulator, status, end_ns)
         reason = status.explanation if status.stopped else ""
-        return status.label, reason, end_ns / NANOSECONDS, metrics
+        return RunEnd(status.label, reason, end_ns / NANOSECONDS, metrics)
 
     def _plant(self, name: str, scenario: Scenario) -> Plant:
         """The plant of `scenario`: one used before, changed in place, where that can be."""
         drive = self._prepared.campaign.settings.drive
         plant = self._plants.get((name, scenario.substeps))
         if plant is not None:
-            check_effects(scenario.effects, plant=name, drive=drive)
+            check_scenario(scenario, plant=name, drive=drive)
             if plant.retune(scenario.rig, scenario.effects_on_plant):
                 return plant
         self._plants[name, scenario.substeps] = made = make_plant(name, scenario, drive)
         return made
 
 
-def row_of(
-    prepared: Prepared,
-    batch: Batch,
-    sample: int,
-    status: str,
-    reason: str,
-    end_s: float,
-    metrics: RunMetrics | None,
-) -> Row:
-    """The row of a run that ended so."""
+def row_of(prepared: Prepared, batch: Batch, sample: int, ended: RunEnd) -> Row:
+    """Return the row of a run."""
     return {
         "sample": sample,
         "plant": batch.plant,
         "controller": batch.controller,
-        "status": status,
-        "reason": reason,
-        "end_s": end_s,
+        "status": ended.status,
+        "reason": ended.reason,
+        "end_s": ended.end_s,
         **dict(zip(prepared.campaign.names, map(float, prepared.values(sample)), strict=True)),
-        **metric_values(metrics),
+        **metric_values(ended.metrics),
     }
 
 

@@ -7,6 +7,7 @@ How long a campaign takes here is known from a few runs of it.
 import threading
 from collections.abc import Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from math import inf
 from time import perf_counter
 
 from cranectl.campaign.child_worker import Children, ChildWorker
@@ -14,7 +15,7 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker
 from cranectl.controllers.registry import law_digests, runs_alone
-from cranectl.simulate.child import PATIENCE
+from cranectl.simulate.child import BLOCK_TIMEOUT
 
 
 def run_batches(
@@ -22,7 +23,7 @@ def run_batches(
     batches: Sequence[Batch],
     *,
     workers: int = 1,
-    patience: float = PATIENCE,
+    patience: float = BLOCK_TIMEOUT,
     stop: Stop = lambda: False,
     children: Children | None = None,
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
@@ -63,7 +64,9 @@ def run_batches(
                 worker.close()
 
 
-def made_worker(prepared: Prepared, children: Children, patience: float = PATIENCE) -> Worker | ChildWorker:
+def made_worker(
+    prepared: Prepared, children: Children, patience: float = BLOCK_TIMEOUT
+) -> Worker | ChildWorker:
     """For one thread; laws from outside run in one of `children`, with `patience` [s] for a block."""
     if not law_digests(prepared.campaign.settings.controllers):
         return Worker(prepared)
@@ -77,7 +80,7 @@ def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
     """
     total = 0.0
     with Children() as children:
-        worker = made_worker(Prepared(campaign), children)
+        worker = made_worker(Prepared(campaign), children, inf)  # whoever waits can end it
         for plant, controller in campaign.groups:
             batch = Batch(plant, controller, 0, 1)
             worker.run_batch(batch)

@@ -8,7 +8,7 @@ from typing import ParamSpec
 
 from cranectl.cases.case import Case, prepare_case, simulate_case
 from cranectl.compare.agreement import (
-    Limits,
+    AgreementLimits,
     NoLimits,
     PairLimits,
     against_reference,
@@ -29,7 +29,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance, provenance_differences
 from cranectl.support.units import quantity
 
-SHOWN = 3  # signals of a run that is not the golden one
+SHOWN_SIGNALS = 3  # signals of a run that is not the golden one
 GOLDEN_SAMPLES = 50  # at least: where deterministic runs differ, they do so from then on
 
 Arguments = ParamSpec("Arguments")
@@ -78,9 +78,8 @@ def briefly(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
 def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: float | None = None) -> None:
     """Assert that the plants agree and that their runs ended as the scenario expects.
 
-    By the limits of the numerics with ideal and force drives; with velocity drives by those that are shipped,
-    or predicted for this scenario, rig and controller. `load_m` [m] and `angle_rad` [rad], one or both, take
-    their place. Raises InputError for a single plant, and where no limits are known.
+    By the limits of the numerics, or by `load_m` [m] and `angle_rad` [rad], one or both, in their place.
+    Raises InputError for a single plant, and where no limits are known.
     """
     pairs = against_reference(list(runs.values()))
     if not pairs:
@@ -151,10 +150,10 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         failed = worst_first(s for s in verdict.signals if not s.passed)
         faults += [
             f"{plant} differs from golden in {_difference(s.signal, s.unit, s.max_abs, s.at_s, s.limit)}"
-            for s in failed[:SHOWN]
+            for s in failed[:SHOWN_SIGNALS]
         ]
-        if len(failed) > SHOWN:
-            faults.append(f"and in {len(failed) - SHOWN} more signals")
+        if len(failed) > SHOWN_SIGNALS:
+            faults.append(f"and in {len(failed) - SHOWN_SIGNALS} more signals")
         differing = [f"golden and new differ in {field}" for field in differing_fields(old, new)]
     if faults:
         versions = provenance_differences(describe_log(golden_log).versions, provenance(), word="new")
@@ -165,13 +164,12 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
 
 def _known(runs: CaseRuns) -> PairLimits:
     case = runs.case
-    design = next(iter(runs.values())).design
-    return limits_for(case.scenario, design, case.drive, case.plants, predict=case.predict)
+    return limits_for(case.scenario, case.drive, case.plants)
 
 
-def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> Limits:
+def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> AgreementLimits:
     """Limits of any pair; runs that stop do so at most the lag of the slowest drive apart."""
-    return Limits(
+    return AgreementLimits(
         load_m=inf if load_m is None else load_m,
         angle_rad=inf if angle_rad is None else angle_rad,
         end_s=float(runs.case.scenario.rig.time_constants.max()),

@@ -11,30 +11,28 @@ import numpy as np
 from cranectl.cases.places import LOG_DIRECTORY, default_log
 from cranectl.compare.agreement import (
     Agreement,
-    Predict,
     against_reference,
     all_pairs,
     judge,
     judge_steps,
     limits_for,
-    pair_limits,
 )
 from cranectl.compare.runs import compare_runs
 from cranectl.controllers.addressed import AddressedLaw
-from cranectl.controllers.controller import LawDesign
-from cranectl.controllers.flat import Tracker
 from cranectl.controllers.registry import controller_design
-from cranectl.design import Design
-from cranectl.log import check_writable, write_log
+from cranectl.design import ControllerDesign
+from cranectl.log import check_recordable, check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import Scenario
 from cranectl.simulate import Plan, Run, law_of, plan_scenario, simulate_run
-from cranectl.simulate.child import PATIENCE
+from cranectl.simulate.child import BLOCK_TIMEOUT
+from cranectl.simulate.memory import check_runs
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError
+from cranectl.support.environment import tried_again
+from cranectl.support.errors import InputError, describe_error
 
 Keep = Literal["all", "failed", "none"]
 
@@ -49,10 +47,9 @@ class Case:
     plants: tuple[str, ...]
     log: Path
     source: str  # how its scenario was asked for: its name or its file
-    predict: Predict | None = None  # finds the limits of a scenario that is not shipped
     keep: Keep = "all"  # which logs stay
     pairwise: bool = False  # whether every plant is compared with every other
-    patience: float = PATIENCE  # [s] for a block of a run with a law from outside
+    patience: float = BLOCK_TIMEOUT  # [s] for a block of a run with a law from outside
 
     @property
     def simulated_seconds(self) -> float:
@@ -117,7 +114,7 @@ def _beyond_drives(run: Run) -> str:
     """What is commanded most beyond what the drives can do, where the run does not limit it; else nothing."""
     if run.scenario.effects.limits is not None or run.status.stopped or not len(run.time_ns):
         return ""
-    able = run.scenario.rig.effects.limits
+    able = run.scenario.drive_limits
     asked = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
     ratios = asked / np.array([*able.acceleration, *able.velocity])
     worst = int(np.argmax(ratios))
@@ -200,7 +197,7 @@ class Failure:
         """The failure that `error` means."""
         if isinstance(error, InputError):
             return cls(str(error), bad_input=True)
-        text = " ".join(f"{type(error).__name__}: {error}".split())
+        text = " ".join(describe_error(error).split())
         return cls(text, bad_input=False, trace="".join(traceback.format_exception(error)))
 
 
@@ -212,10 +209,9 @@ def make_case(
     plants: Iterable[str] = (),
     log: Path | None = None,
     source: str | None = None,
-    predict: Predict | None = None,
     keep: Keep = "all",
     pairwise: bool = False,
-    patience: float = PATIENCE,
+    patience: float = BLOCK_TIMEOUT,
 ) -> Case:
     """A case with the scenario's own controller and name, the usual plants and place for its log by default.
 
@@ -225,9 +221,7 @@ def make_case(
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(
-        scenario, controller, drive, plants, log, source or scenario.name, predict, keep, pairwise, patience
-    )
+    return Case(scenario, controller, drive, plants, log, source or scenario.name, keep, pairwise, patience)
 
 
 def check_logs_differ(cases: Sequence[Case]) -> None:
@@ -246,14 +240,15 @@ def check_logs_differ(cases: Sequence[Case]) -> None:
 class PreparedCase(NamedTuple):
     """What all runs of a case share."""
 
-    design: Design | LawDesign
+    design: ControllerDesign
     plan: Plan
-    law: Tracker | AddressedLaw
+    law: AddressedLaw
 
 
 def prepare_case(case: Case) -> PreparedCase:
     """Raises InputError for whatever is wrong with the case."""
     design = controller_design(case.controller, case.scenario)
+    check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
     return PreparedCase(design, plan, law_of(case.scenario, design, case.drive, plan))
 
@@ -280,7 +275,8 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     prepared = prepare_case(case)
     if case.keep != "none":
         check_writable(case.log)
-    limits = limits_for(case.scenario, prepared.design, case.drive, case.plants, predict=case.predict)
+        check_recordable(case.scenario, prepared.design, case.drive)
+    limits = limits_for(case.scenario, case.drive, case.plants)
     runs = simulate_case(case, prepared, progress=progress)
     log = None if case.keep == "none" else case.log
     if log is not None:
@@ -290,7 +286,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         runs=tuple(RunSummary.of(run, log) for run in runs),
         agreements=tuple(judge_steps(pair, limits[pair[0].plant, pair[1].plant], progress) for pair in pairs),
         expected=case.scenario.expected,
-        pairs=_pair_differences(runs, case.predict) if case.pairwise else (),
+        pairs=_pair_differences(runs) if case.pairwise else (),
     )
     if case.keep == "failed" and result.passed:
         case.log.unlink()
@@ -298,12 +294,11 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     return result
 
 
-def _pair_differences(runs: Sequence[Run], predict: Predict | None) -> tuple[PairDifference, ...]:
+def _pair_differences(runs: Sequence[Run]) -> tuple[PairDifference, ...]:
     found = []
     for a, b in all_pairs([run for run in runs if len(run.time_ns)]):
-        limits = pair_limits(a.scenario, a.design, a.drive, (a.plant, b.plant), predict=predict)
         comparison = compare_runs(a, b, signals=("load.rope_tension",))
-        agreement = judge(a, b, limits=limits, comparison=comparison)
+        agreement = judge(a, b, comparison=comparison)
         found.append(PairDifference(agreement, comparison.signals[0].max_abs))
     return tuple(found)
 
@@ -311,6 +306,6 @@ def _pair_differences(runs: Sequence[Run], predict: Predict | None) -> tuple[Pai
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
     """As `run_case`, but whatever goes wrong is a failure: one case must not end the others."""
     try:
-        return run_case(case, progress=progress)
+        return tried_again(lambda: run_case(case, progress=progress))
     except Exception as error:
         return Failure.of(error)

@@ -16,10 +16,11 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
 from cranectl.simulate import make_plant, simulate_run
 from cranectl.support.arrays import Array
+from cranectl.support.consistency import check_ascending
 
 SWING_S = 20.0  # of the free swing whose energy is watched
 SWING = (0.3, -0.2)  # [rad] from which it starts
-ROUNDING = 1e-14  # of the rope's length: smaller differences have no order
+ORDER_ROUNDING = 1e-14  # of the rope's length: smaller differences have no order
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,12 @@ class WorstPair:
     tension_n: float
     scenario: str  # where the loads are farthest apart
     controller: str
+
+    def __post_init__(self) -> None:
+        """Raise InconsistentError for more verdicts than cases."""
+        check_ascending(
+            ("cases that failed or were not judged", self.failed + self.not_judged), ("cases", self.cases)
+        )
 
 
 @dataclass(frozen=True)
@@ -130,7 +137,7 @@ def convergence(plant: str, case: Case) -> tuple[float, float]:
     coarse, fine, all_of_it = (
         compare_runs(runs[a], runs[b], signals=()).max_load_error_m for a, b in ((0, 1), (1, 2), (0, 2))
     )
-    rounding = ROUNDING * case.scenario.rig.rope_range[1]
+    rounding = ORDER_ROUNDING * case.scenario.rig.rope_range[1]
     return all_of_it, log2(coarse / fine) if fine > rounding else nan
 
 

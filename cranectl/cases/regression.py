@@ -56,4 +56,8 @@ def software_differences(log: Path, other: Path) -> list[str]:
 
 def nothing_shared() -> InputError:
     """The error of two logs that cannot be compared."""
-    return InputError("the logs share no plant", allowed="logs of the same plant")
+    return InputError(
+        "the logs share no plant",
+        allowed="logs of the same plant",
+        remedy="run one of them again, with a plant of the other",
+    )

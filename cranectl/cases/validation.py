@@ -8,8 +8,10 @@ from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
 from cranectl.cases.case import Case, CaseResult, Failure, RunSummary
-from cranectl.cases.workers import Outcome
+from cranectl.cases.workers import CasesOutcome
 from cranectl.compare.agreement import Agreement
+from cranectl.controllers.registry import controller_argument
+from cranectl.support.consistency import check_sum
 
 Kind = Literal["passed", "failed", "error"]  # error: there is no result
 
@@ -30,7 +32,7 @@ class Verdict(NamedTuple):
         """What runs it again alone, with `options` of the validation."""
         parts = ["cranectl", "run", self.scenario]
         if self.controller:
-            parts += ["--controller", self.controller, "--drive", self.drive]
+            parts += ["--controller", controller_argument(self.controller), "--drive", self.drive]
         return shlex.join([*parts, "--plants", ",".join(self.plants), *options])
 
 
@@ -39,9 +41,15 @@ class Validation:
     """Cases with their outcome, and why scenarios could not be loaded, by how they were asked for."""
 
     cases: tuple[Case, ...]
-    outcome: Outcome
+    outcome: CasesOutcome
     unloaded: Mapping[str, Failure]
     plants: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Raise InconsistentError unless every case has ended in one way."""
+        failed = sum(isinstance(result, Failure) for result in self.outcome.results)
+        lost = sum(result is None for result in self.outcome.results)
+        check_sum("the number of cases", len(self.cases), (len(self.finished), failed, lost))
 
     @property
     def results(self) -> list[tuple[Case, CaseResult]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.cli.command import Command, command_given, json_option, output_option, scenario_options
 from cranectl.support.files import HTML
 
 if TYPE_CHECKING:
@@ -50,10 +50,11 @@ def advise_command(
     cranectl advise fixed-position --set effects.delay.seconds=0.03 --set rig.bridge_time_constant=0.05
     """
     from cranectl.analysis.advice import IMPROVEMENTS, advise
+    from cranectl.cli.idle import tell_idle_in_analysis
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import flat_design
     from cranectl.design import CONTROLLERS
-    from cranectl.reference import load_scenario
+    from cranectl.planning import load_scenario
     from cranectl.report.rig.tables import controllers_table, improvements_table, recommendation
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
@@ -67,8 +68,9 @@ def advise_command(
         screen.print(improvements_table(found))
     for line in recommendation(found):
         screen.print(line)
+    tell_idle_in_analysis(screen, loaded, (scenario, rig, overrides), chosen)
     if report is not None and found.best is not None:
-        _write_report(found, report, f"cranectl advise {scenario} --report {report}")
+        _write_report(found, report, command_given())
         screen.print(f"report: {report}")
     write_json(json_file, found.to_json())
     if found.best is None:
@@ -92,4 +94,4 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
     worst = nominal_loop.inner_loop(scenario, point, "velocity")
     results = list(evaluate_levels(scenario, best.controller))
     budget = error_budget(scenario, best.controller)
-    write_page(rig_page(found, nominal_loop, worst, results, budget, command), report)
+    write_page(rig_page(found, (nominal_loop, worst), results, budget, command), report)

@@ -48,10 +48,12 @@ def budget_command(
     cranectl budget fast-diagonal --controller lqr+hinf --set effects.delay.seconds=0.01
     cranectl budget near-slack --controller lqr --top servos --json -
     """
-    from cranectl.analysis.budget.error_budget import error_budget, simulated_seconds
+    from cranectl.analysis.budget.error_budget import SENSING, error_budget, simulated_seconds
+    from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.reference import load_scenario
+    from cranectl.planning import load_scenario
     from cranectl.report.rig.tables import budget_table
+    from cranectl.scenario.effects import EffectSettings
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
@@ -59,5 +61,9 @@ def budget_command(
         budget = error_budget(loaded, controller, top=top, progress=advance)
     screen = console(json_file)
     screen.print(budget_table(budget))
+    levels = ["sensing" if each.level in SENSING else each.level for each in budget.entries]
+    unread = [*OF_RUNS, "metrics.*", "obstacles.*"]
+    unread += [f"effects.{each}.*" for each in EffectSettings.model_fields if each not in levels]
+    tell_idle_in_analysis(screen, loaded, (scenario, rig, overrides), [budget.controller], unread=unread)
     write_json(json_file, budget.to_json())
     return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED

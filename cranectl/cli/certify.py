@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli.command import Command, drive_option, json_option, output_option, scenario_options
+from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
 from cranectl.support.files import PLOTS
 
@@ -13,6 +14,11 @@ ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
 TILTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
 HOISTING_SPEEDS = (-0.3, 0.0, 0.3)
 DRIVES = ("bridge", "trolley", "winch")
+# Settings of runs: the operating points are given by options.
+UNREAD = (
+    *OF_RUNS, "reference.*", "duration", "planning.*", "obstacles.*", "initial.*", "disturbances.*",
+    "workspace.*", "metrics.*", "rig.look.*",
+)  # fmt: skip
 
 
 @click.command("certify", cls=Command)
@@ -93,8 +99,7 @@ def certify_command(
     from cranectl.cli import exit_codes
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import controller_design
-    from cranectl.design import Design
-    from cranectl.reference import load_scenario
+    from cranectl.planning import load_scenario
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import default_scenario
     from cranectl.scenario.similarity import length_scale, rounded
@@ -110,7 +115,7 @@ def certify_command(
         loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     checked = checked_drive(drive)
     design = controller_design(controller, loaded)
-    flat = isinstance(design, Design)
+    flat = design.axis_design is not None
     shortest, longest = loaded.rig.rope_range
     size = length_scale(longest)
     scaled_lengths = {max(rounded(size * length), shortest): None for length in ROPE_LENGTHS}
@@ -143,11 +148,13 @@ def certify_command(
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:
             screen.print(f"{what}: {', '.join(names)}")
+    given = scenario, rig, overrides
+    tell_idle_in_analysis(screen, loaded, given, [controller], drive=checked, unread=UNREAD)
     if plot is not None:
         from cranectl.report.rig.page import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.theme import save_figure
 
-        save_figure(certificate_figure(found, nominal_loop, inner), plot)
+        save_figure(certificate_figure(found, (nominal_loop, inner)), plot)
         screen.print(f"picture: {plot}")
     data = found.to_json() | {
         "drive_margins_at_worst": margins.to_json(),

@@ -1,9 +1,10 @@
 """What commands share: options, and that memory and every place to write to are checked before they begin."""
 
 import functools
+import shlex
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
@@ -11,9 +12,6 @@ from cranectl.support.errors import InputError
 from cranectl.support.files import JSON, Kind, check_place, kind_of
 
 if TYPE_CHECKING:
-    from cranectl.compare.agreement import Limits, NoLimits
-    from cranectl.design import Design
-    from cranectl.scenario import Scenario
     from cranectl.scenario.rig import RigParameters
 
 try:
@@ -22,6 +20,24 @@ except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
 LEAST_MEMORY = 10**9  # [bytes]; a run takes 850 MB of addresses
+
+
+class Invocation(NamedTuple):
+    """The command line; the object of click's contexts."""
+
+    arguments: tuple[str, ...]  # as typed, without `--traceback`
+    full_traceback: bool
+
+
+def arguments_given() -> tuple[str, ...]:
+    """Return the arguments of the present command as they were typed."""
+    given = click.get_current_context().find_object(Invocation)
+    return given.arguments if given else ()
+
+
+def command_given() -> str:
+    """Return the present command as it was typed, quoted for a shell."""
+    return shlex.join(["cranectl", *arguments_given()])
 
 
 class OutputFile(click.Path):
@@ -63,7 +79,7 @@ class Command(click.Command):
         return super().invoke(context)
 
 
-class Group(click.Group):
+class CommandGroup(click.Group):
     """Commands in the order in which one uses them."""
 
     def list_commands(self, _context: click.Context) -> list[str]:
@@ -111,19 +127,19 @@ json_option = click.option(
 )
 
 
-def _predicted_limits(scenario: "Scenario", design: "Design") -> "Limits | NoLimits":
-    from cranectl.analysis.budget.predicted_limits import predicted_limits  # only where wanted, it takes time
+def _refuse_predict(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        raise InputError(
+            "--predict",
+            allowed="nothing in its place: velocity drives of all plants feel the load, so that plants "
+            "are judged by the same limits with every scenario and rig",
+            remedy="leave it out",
+        )
 
-    return predicted_limits(scenario, design)
 
-
-# The command gets what finds the limits of scenarios that are not shipped, or None.
+# Of earlier versions; it says what replaced it.
 predict_option = click.option(
-    "--predict",
-    is_flag=True,
-    callback=lambda _context, _parameter, wanted: _predicted_limits if wanted else None,
-    help="Judge velocity drives of a scenario or rig that is not shipped by a bound computed for it, in "
-    "some seconds a case; without it they are not judged.",
+    "--predict", is_flag=True, hidden=True, expose_value=False, callback=_refuse_predict
 )
 
 
@@ -164,13 +180,22 @@ def plants_option(help_text: str, *, check: str = "") -> Callable[[F], F]:
 
     `check`: a method of plants' entries that raises InputError for those that `all` leaves out.
     """
+    return _named_plants(help_text, functools.partial(_plants, check=check))
+
+
+def logged_plants_option(help_text: str) -> Callable[[F], F]:
+    """`--plants` as given, for `plants_of_logs`: a log tells of plants only when it is read."""
+    return _named_plants(help_text, names_given)
+
+
+def _named_plants(help_text: str, callback: Callable[..., tuple[str, ...]]) -> Callable[[F], F]:
     return click.option(
         "--plants",
         "--plant",
         "plants",
         metavar="A,B|all",
         multiple=True,
-        callback=functools.partial(_plants, check=check),
+        callback=callback,
         help=help_text,
     )
 
@@ -181,9 +206,9 @@ def _plants(
     names = names_given(context, parameter, given)
     if not names:
         return ()
-    from cranectl.plants.registry import PLANTS, plant_entry
+    from cranectl.plants.registry import ALL, PLANTS, plant_entry
 
-    if names not in (("all",), ("both",)):  # both: as long as there were two
+    if names not in ALL:
         return tuple(plant_entry(name).name for name in names)
     able = []
     for name, entry in PLANTS.items():
@@ -229,7 +254,7 @@ def layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
 
     name = "single" if len(plants) == 1 else "comparison"
     if not drawn_as_filed(rig):
-        return f"{name} view.json --log {log}"
+        return f"{name} view.json --log {shlex.quote(str(log))}"
     return f"{name} view.json" + (f" --plants {','.join(plants)}" if plants != default_plants() else "")
 
 

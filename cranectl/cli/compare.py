@@ -13,7 +13,6 @@ from cranectl.support.files import MCAP, exists, short_names
 
 if TYPE_CHECKING:
     from cranectl.cli.output import Screen
-    from cranectl.compare.agreement import Predict
     from cranectl.compare.runs import Comparison
     from cranectl.simulate import Run
 
@@ -40,7 +39,6 @@ def compare_command(
     tolerances: str | None,
     merge: Path | None,
     despite_differences: bool,
-    predict: "Predict | None",
     json_file: str | None,
 ) -> int:
     """Compare the plants of one LOG, or the same plants of two LOGs.
@@ -66,7 +64,6 @@ def compare_command(
         (judged and one, "--tolerances and one log", "two logs, NEW and GOLDEN", "name a second log"),
         (merged and one, "--merge and one log", "two logs, one of each plant", "name a second log"),
         (despite_differences and not merged, "--despite-differences without --merge", "", "add --merge FILE"),
-        (predict and not one, "--predict and two logs", "one log of both plants", "leave one of them out"),
     ):
         if wrong:
             raise InputError(found, allowed=allowed, remedy=remedy)
@@ -87,7 +84,7 @@ def compare_command(
         runs = {name: layer.run for name, layer in layers.items()}
         if is_overlay(layers):
             return _compare_labelled(runs, json_file)
-        return _compare_plants(logs[0], runs, json_file, predict=predict)
+        return _compare_plants(logs[0], runs, json_file)
     from cranectl.cases.regression import software_differences
     from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import compare_runs, differing_fields
@@ -119,7 +116,7 @@ def compare_command(
 def _print(screen: "Screen", comparison: "Comparison", title: str = "") -> None:
     """Every signal, then the largest distances; `title` in place of what the runs are called."""
     from cranectl.cli.output import styled
-    from cranectl.report.run.comparison_tables import comparison_table
+    from cranectl.report.run.differences import comparison_table
 
     screen.print(comparison_table(title or f"{comparison.b} minus {comparison.a}", comparison))
     screen.print(
@@ -135,7 +132,7 @@ def _compare_labelled(runs: dict[str, "Run"], json_file: str | None) -> int:
     """Every run of an overlay with the first."""
     from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import against_first
-    from cranectl.report.run.comparison_tables import distances_table
+    from cranectl.report.run.differences import distances_table
 
     comparisons = against_first(runs)
     console(json_file).print(distances_table(next(iter(runs)), comparisons))
@@ -143,36 +140,25 @@ def _compare_labelled(runs: dict[str, "Run"], json_file: str | None) -> int:
     return exit_codes.GOOD
 
 
-def _compare_plants(
-    log: Path, held: dict[str, "Run"], json_file: str | None, *, predict: "Predict | None"
-) -> int:
+def _compare_plants(log: Path, held: dict[str, "Run"], json_file: str | None) -> int:
     """The plants of one log, judged as by the run that wrote it."""
     from cranectl.cases.case import RunSummary
     from cranectl.cli.output import console, write_json
-    from cranectl.compare.agreement import (
-        against_reference,
-        ended_as_expected,
-        judge,
-        least_good,
-        limits_for,
-    )
+    from cranectl.compare.agreement import against_reference, ended_as_expected, judge, least_good
     from cranectl.compare.runs import compare_runs
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
 
     if len(held) < 2:
         raise InputError(
             f"{log} holds the run of one plant only",
-            allowed="a log of both plants, or two logs",
-            remedy="run with --plant both, or name a second log",
+            allowed="a log of two or more plants, or two logs",
+            remedy="run with --plants all, or name a second log",
         )
     pairs = against_reference(list(held.values()))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
-    first, plants = runs[0], [run.plant for run in runs]
-    limits = limits_for(first.scenario, first.design, first.drive, plants, predict=predict)
     comparisons = [compare_runs(*pair) for pair in pairs]
     agreements = [
-        judge(a, b, limits=limits[a.plant, b.plant], comparison=comparison)
-        for (a, b), comparison in zip(pairs, comparisons, strict=True)
+        judge(a, b, comparison=comparison) for (a, b), comparison in zip(pairs, comparisons, strict=True)
     ]
     unexpected = [run for run in runs if not ended_as_expected(run)]
     summaries = [RunSummary.of(run, log) for run in runs]
@@ -209,7 +195,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
     from cranectl.cases.regression import regression_of
     from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.compare.golden import load_tolerances
-    from cranectl.report.run.comparison_tables import regression_table
+    from cranectl.report.run.differences import regression_table
 
     found = regression_of(new_log, golden_log, load_tolerances(tolerances))
     screen = console(json_file)
@@ -231,7 +217,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, json_file: str 
     from cranectl.cases.regression import Regression, regression_of
     from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.compare.golden import load_tolerances
-    from cranectl.report.run.comparison_tables import regressions_table
+    from cranectl.report.run.differences import regressions_table
 
     limits = load_tolerances(tolerances)
     held = [{path.relative_to(place) for path in place.rglob("*.mcap")} for place in (new, golden)]
@@ -279,7 +265,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     for log, held in zip((a_log, b_log), runs, strict=True):
         if len(held) != 1:
             raise InputError(
-                f"{log} holds the runs of both plants",
+                f"{log} holds the runs of {len(held)} plants",
                 allowed="logs of one plant each",
                 remedy="use it as it is",
             )

@@ -1,12 +1,21 @@
 """`cranectl design`."""
 
+import functools
 from pathlib import Path
 
 import click
 
 from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
 from cranectl.support.files import PLOTS
+
+# What only runs read, and what designs of the flat family do not read either.
+UNREAD = (
+    *OF_RUNS, "reference.*", "duration", "planning.*", "obstacles.*", "initial.*", "disturbances.*",
+    "workspace.*", "metrics.*", "control.physics_step", "control.lag_compensation", "rig.look.*",
+)  # fmt: skip
+OF_LAWS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "rig.*_range.*")
 
 
 @click.command("design", cls=Command)
@@ -40,7 +49,6 @@ def design_command(
     """
     from cranectl.cli.output import console, write_json
     from cranectl.controllers.registry import controller_design, load_controller, only_flat
-    from cranectl.design import Design
     from cranectl.report.design_tables import design_tables, designs_table, law_tables
     from cranectl.scenario import default_scenario, read_scenario
     from cranectl.simulate import linearised_law, tracker_of
@@ -51,10 +59,20 @@ def design_command(
         loaded = read_scenario(scenario, rig=rig, overrides=overrides)
     designs = [controller_design(name, loaded) for name in dict.fromkeys(names)]
     screen = console(json_file)
-    if not isinstance(designs[0], Design) and len(designs) == 1 and plot is None:
+    tell = functools.partial(
+        tell_idle_in_analysis,
+        screen,
+        loaded,
+        (scenario, rig, overrides),
+        names,
+        plant="analytic",
+        drive="ideal",
+    )
+    if designs[0].axis_design is None and len(designs) == 1 and plot is None:
         law = designs[0]
         for table in law_tables(law, load_controller(law.name), linearised_law(loaded, law)):
             screen.print(table)
+        tell(unread=UNREAD)
         write_json(json_file, law.to_json())
         return
     flat = [only_flat(design) for design in designs]
@@ -68,6 +86,7 @@ def design_command(
         save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
     for table in design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)]:
         screen.print(table)
+    tell(unread=(*UNREAD, *OF_LAWS))
     if plot is not None:
         screen.print(f"picture: {plot}")
     results = [design.to_json() for design in flat]

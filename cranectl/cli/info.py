@@ -9,7 +9,7 @@ import click
 from cranectl.cli.command import Command, json_option, predict_option
 
 if TYPE_CHECKING:
-    from cranectl.compare.agreement import Agreement, Predict
+    from cranectl.compare.agreement import Agreement
     from cranectl.log import LogDescription
     from cranectl.log.overlay import Layer
     from cranectl.simulate import Run
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
 @predict_option
 @json_option
-def info_command(log: Path, predict: "Predict | None", json_file: str | None) -> None:
+def info_command(log: Path, json_file: str | None) -> None:
     """Say what LOG holds, what made it, and whether it is whole.
 
     Scenario, design, parameters, versions, topics, verdict. Every message and checksum is read; a damaged
@@ -29,10 +29,10 @@ def info_command(log: Path, predict: "Predict | None", json_file: str | None) ->
     cranectl info logs/fixed-position/lqr-ideal.mcap
     """
     from cranectl.cli.output import console, write_json
-    from cranectl.compare.agreement import against_reference, judge, least_good, limits_for
+    from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.log import describe_log
     from cranectl.log.overlay import is_overlay, read_layers
-    from cranectl.report.run.settings import what_was_run
+    from cranectl.report.run.differences import what_was_run
     from cranectl.report.run.tables import topic_table
     from cranectl.support.provenance import provenance, provenance_differences
 
@@ -44,9 +44,7 @@ def info_command(log: Path, predict: "Predict | None", json_file: str | None) ->
         return
     held = list(runs.values())
     pairs = against_reference([run for run in held if len(run.time_ns)], runs)
-    first = held[0]
-    limits = limits_for(first.scenario, first.design, first.drive, runs, predict=predict)
-    agreements = [judge(a, b, limits=limits[a.plant, b.plant]) for a, b in pairs]
+    agreements = [judge(a, b) for a, b in pairs]
     software = provenance_differences(description.versions, provenance())
     screen = console(json_file)
     for line in _lines(description, held, agreements, software):
@@ -76,8 +74,9 @@ def _print_overlay(
 ) -> None:
     from cranectl.cases.case import RunSummary
     from cranectl.cli.output import console, write_json
+    from cranectl.planning.review import with_claims
     from cranectl.reference.origin import origins
-    from cranectl.report.run.settings import what_differs
+    from cranectl.report.run.differences import what_differs
     from cranectl.report.run.tables import run_table, topic_table
     from cranectl.support.provenance import other_software
 
@@ -85,7 +84,7 @@ def _print_overlay(
     made_by = {label: layer.versions for label, layer in layers.items()}
     made_of: dict[str, list[str]] = {}
     for label, layer in layers.items():
-        for name, origin in origins(layer.run.scenario).items():
+        for name, origin in origins(with_claims(layer.run.scenario)).items():
             made_of.setdefault(f"{name}: {origin}", []).append(label)
     facts = [
         ("file", description.path),
@@ -124,7 +123,9 @@ def _lines(
     software: Sequence[str],
 ) -> list[str]:
     """What a log is, a line a fact; `software` is what differs from what is installed."""
+    from cranectl.planning.review import with_claims
     from cranectl.reference.origin import origins
+    from cranectl.support.units import difference_text
 
     scenario = runs[0].scenario
     facts = [
@@ -136,16 +137,16 @@ def _lines(
         (run.plant, f"{run.status.label} at {run.end_s:g} s, {len(run.time_ns)} samples") for run in runs
     ]
     facts += [
-        *(("reference", f"{name}: {origin}") for name, origin in origins(scenario).items()),
+        *(("reference", f"{name}: {origin}") for name, origin in origins(with_claims(scenario)).items()),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
     ]
     for agreement in agreements:
-        apart = f"{agreement.max_load_error_m:.1e} m, {agreement.max_angle_error_rad:.1e} rad"
+        load, angle = map(difference_text, (agreement.max_load_error_m, agreement.max_angle_error_rad))
         why = f": {agreement.limits}" if agreement.passed is None else ""
         who = "plants" if len(agreements) == 1 else f"{agreement.plant} and {agreement.reference}"
-        facts.append(("verdict", f"{who} at most {apart} apart: {agreement.verdict}{why}"))
+        facts.append(("verdict", f"{who} at most {load} m, {angle} rad apart: {agreement.verdict}{why}"))
     facts += [
         ("versions", ", ".join(f"{name} {version}" for name, version in description.versions.items())),
         *(("differs", difference) for difference in software),

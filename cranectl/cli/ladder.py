@@ -1,21 +1,35 @@
 """`cranectl ladder`."""
 
+import shlex
+from inspect import cleandoc
 from pathlib import Path
 
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.cli.command import Command, command_given, json_option, output_option, scenario_options
 from cranectl.cli.laws import controller_option
 from cranectl.support.files import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
 
 
-@click.command("ladder", cls=Command)
+class LadderCommand(Command):
+    """A command whose help lists the levels."""
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help, with a line for each level in place of LEVELS."""
+        from cranectl.analysis.levels import LEVELS
+
+        levels = "\n".join(f"{level.name:11} {level.adds}" for level in LEVELS)
+        self.help = cleandoc(str(self.help)).replace("LEVELS", levels)
+        super().format_help_text(ctx, formatter)
+
+
+@click.command("ladder", cls=LadderCommand)
 @click.argument("scenario")
 @controller_option
-@click.option("--top", default="frame", show_default=True, metavar="LEVEL", help="The last level.")
+@click.option("--top", show_default="the last", metavar="LEVEL", help="The last level.")
 @scenario_options
 @output_option("--out", MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap")
 @output_option("--report", HTML, "HTML page of it.")
@@ -23,7 +37,7 @@ EVERY = 10  # samples: a dozen runs in one file for viewers
 def ladder_command(
     scenario: str,
     controller: str | None,
-    top: str,
+    top: str | None,
     rig: Path | None,
     overrides: tuple[str, ...],
     out: Path | None,
@@ -33,18 +47,7 @@ def ladder_command(
     """Measure what each effect of the real rig costs, one by one.
 
     \b
-    continuous  theory: nothing sampled, ideal drives
-    sampled     control at the control period, inputs held
-    engine      the physics engine in place of the equations
-    servos      velocity servos of finite bandwidth that feel the load
-    limits      limits of velocity, acceleration and force
-    sensing     encoders and an observer in place of the state
-    delay       computing and transport
-    friction    friction of axes and joint
-    rope        a rope that has mass, gives and goes slack
-    body        a load that swings under its hook
-    wind        drag and gusts
-    frame       a frame that gives way
+    LEVELS
 
     An effect that the scenario has settings for, in a table under [effects], is added with those.
 
@@ -54,18 +57,24 @@ def ladder_command(
     cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
     """
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
+    from cranectl.analysis.levels import LEVELS, NAMES
     from cranectl.cases.places import LOG_DIRECTORY
+    from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
     from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.log import check_writable
+    from cranectl.controllers.registry import controller_design
+    from cranectl.log import check_recordable, check_writable
     from cranectl.log.overlay import Layer, write_overlay
-    from cranectl.reference import load_scenario
+    from cranectl.planning import load_scenario
     from cranectl.report.rig.tables import ladder_table
+    from cranectl.scenario.effects import EffectSettings
     from cranectl.support.provenance import provenance
 
+    top = top or NAMES[-1]
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
     name = controller or loaded.controller.name
     log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     check_writable(log)
+    check_recordable(loaded, controller_design(name, loaded), LEVELS[-1].drive)
     results = []
     with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
         for result in evaluate_levels(loaded, name, top=top, progress=advance):
@@ -75,14 +84,16 @@ def ladder_command(
     write_overlay(log, {r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results})
     screen = console(json_file)
     screen.print(ladder_table(results))
+    added = [result.level.name for result in results]
+    unread = [*OF_RUNS, *(f"effects.{each}.*" for each in EffectSettings.model_fields if each not in added)]
+    tell_idle_in_analysis(screen, loaded, (scenario, rig, overrides), [name], unread=unread)
     screen.print(f"log: {log}")
-    screen.print(f"view: cranectl log layout ladder view.json --log {log}")
+    screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
     if report is not None:
         from cranectl.report.page import write_page
         from cranectl.report.rig.page import ladder_page
 
-        command = f"cranectl ladder {scenario} --controller {name} --top {top}"
-        write_page(ladder_page(loaded, name, results, command), report)
+        write_page(ladder_page(loaded, name, results, command_given()), report)
         screen.print(f"report: {report}")
     write_json(
         json_file,

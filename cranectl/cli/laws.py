@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable
+from math import isnan
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,12 +23,26 @@ class Law(click.ParamType):  # type: ignore[type-arg]
         return opened(value)
 
 
+class Seconds(click.FloatRange):
+    """The type of an option for a time to wait: positive, and no longer than a process can wait at once."""
+
+    def __init__(self) -> None:
+        super().__init__(min=0.0, min_open=True, max=1e6)
+
+    def convert(self, value: Any, parameter: Any, context: Any) -> float:
+        """The time [s]; fails for NaN, which no comparison with a bound refuses, and for other text."""
+        seconds: float = super().convert(value, parameter, context)
+        if isnan(seconds):
+            self.fail(f"{value} is not in the range 0<x<=1000000.", parameter, context)
+        return seconds
+
+
 def opened(name: str, directory: Path = Path()) -> str:
     """`name`, or that of the law in the file that it names, seen from `directory`."""
     if not {".", ":"} & set(name):
         return name
-    from cranectl.controllers.doors.law_file import UDP
-    from cranectl.controllers.doors.opening import is_reference, open_law
+    from cranectl.controllers.registry import UDP, is_reference
+    from cranectl.loaders.opening import open_law
 
     if not is_reference(name):
         return name
@@ -71,11 +86,11 @@ def controllers_option(help_text: str, *, opens: bool = True) -> Callable[[F], F
 
 patience_option = click.option(
     "--patience",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Seconds(),
     metavar="S",
-    default=10.0,
+    default=120.0,
     show_default=True,
-    help="Seconds in which the law of a file must get on, or its run ends.",
+    help="Seconds that a block of 1000 samples may take with the controller of a file.",
 )
 
 

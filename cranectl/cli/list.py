@@ -40,7 +40,7 @@ def list_command(json_file: str | None) -> None:
     registries: dict[str, tuple[str, ...]] = {
         "rigs": tuple(rig_names()),
         "plants": tuple(PLANTS),
-        "drives": DRIVES,
+        "drives": tuple(DRIVES),
     }
     for name, entries in registries.items():
         out.print(f"{name:12} {', '.join(entries)}")

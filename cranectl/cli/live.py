@@ -66,8 +66,10 @@ def live_command(
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases.places import LOG_DIRECTORY, default_log
-    from cranectl.controllers.doors.opening import OPENED
-    from cranectl.controllers.registry import controller_design
+    from cranectl.cli.idle import idle_lines, tell_idle
+    from cranectl.cli.output import console
+    from cranectl.controllers.open_controllers import OPEN
+    from cranectl.controllers.registry import controller_design, controller_names
     from cranectl.live.child_session import ChildSession
     from cranectl.live.commands import Controls
     from cranectl.live.guard import checked_origin, complaints
@@ -75,8 +77,8 @@ def live_command(
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
+    from cranectl.planning import load_scenario
     from cranectl.plants.registry import plants_to_run
-    from cranectl.reference import load_scenario
     from cranectl.simulate import checked_drive
 
     loaded = load_scenario(scenario, rig=rig, overrides=overrides)
@@ -87,12 +89,14 @@ def live_command(
         from cranectl.report.viewer_layouts import layout_json
 
         with writing(layout):
-            write_text(layout, layout_json("live", plants=plants, rig=loaded.rig))
-    made = ChildSession if OPENED else Session
+            write_text(layout, layout_json("live", plants=plants, rig=loaded.limited_rig))
+    made = ChildSession if OPEN.files else Session
     session = made(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     wanted = record or log.with_stem(f"{log.stem}-live")
+    every = [(plant, session.drive, law) for plant in plants for law in {design.name, *controller_names()}]
+    tell_idle(console(None), idle_lines(loaded, scenario, rig, overrides, every))  # of which one may choose
     with _until_ended() as stop, complaints(_warn), own_place(wanted, numbered=record is None) as place:
         server = LiveServer(session, controls, address, place)
         if host not in HERE:

@@ -6,11 +6,11 @@ import click
 
 from cranectl.cli.command import (
     Command,
-    Group,
+    CommandGroup,
     OutputFile,
     json_option,
+    logged_plants_option,
     output_option,
-    plants_option,
 )
 from cranectl.cli.overlay import overlay_command
 from cranectl.support.files import JSON, MCAP
@@ -60,13 +60,16 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     table = export_table({name: layer.run for name, layer in read_layers(log).items()}, patterns)
     write_table(table, path, exporter)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
-    console(None).print(f"export: {path}, {size}")
+    screen = console(None)
+    screen.print(f"export: {path}, {size}")
+    for name, new in exporter.renamed(table).items():
+        screen.print(f"renamed: {name} is {new}")
 
 
 @click.command("layout", cls=Command)
 @click.argument("name")
 @click.argument("out", type=OutputFile(JSON))
-@plants_option("Whose runs the log holds. Default: the usual; what shows one run then shows mujoco's.")
+@logged_plants_option("Whose runs the log holds. Default: the usual; what shows one run then shows mujoco's.")
 @click.option(
     "--log",
     metavar="LOG",
@@ -92,15 +95,16 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     cranectl log layout overlay view.json --log logs/fixed-position/overlay.mcap
     """
     from cranectl.cli.output import console
-    from cranectl.controllers.controller import LawDesign
     from cranectl.log.overlay import is_overlay, read_layers
+    from cranectl.plants.registry import plants_of_logs
     from cranectl.report.viewer_layouts import layout_json
     from cranectl.scenario.drawn_size import LABORATORY
     from cranectl.support.files import write_text, writing
 
     layers = read_layers(log) if log else {}
-    rigs = [layer.run.scenario.rig for layer in layers.values()]
+    rigs = [layer.run.scenario.limited_rig for layer in layers.values()]
     labels = tuple(layers) if is_overlay(layers) else ()
+    plants = plants_of_logs(plants, () if labels else layers)
     if layers and not labels:
         plants = plants or tuple(layers)
     design = next(iter(layers.values())).run.design if layers else None
@@ -109,7 +113,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
         plants=plants,
         labels=labels,
         rig=rigs[0] if rigs else LABORATORY,
-        law=design.signals if isinstance(design, LawDesign) else None,
+        law=design.signals if design and design.axis_design is None else None,
     )
     with writing(out):
         write_text(out, content)
@@ -144,7 +148,7 @@ def recover_log_command(file: Path, out: Path | None, json_file: str | None) -> 
     write_json(json_file, recovery.to_json())
 
 
-log_command = Group(
+log_command = CommandGroup(
     "log",
     [export_log, write_layout, overlay_command, recover_log_command],
     help="Export a log, recover one, overlay several, lay out a viewer.",

@@ -16,6 +16,7 @@ from cranectl.cli.benchmark import benchmark_command
 from cranectl.cli.budget import budget_command
 from cranectl.cli.campaign import campaign_command
 from cranectl.cli.certify import certify_command
+from cranectl.cli.command import Invocation
 from cranectl.cli.compare import compare_command
 from cranectl.cli.design import design_command
 from cranectl.cli.info import info_command
@@ -32,7 +33,8 @@ from cranectl.cli.streams import steady_streams
 from cranectl.cli.thesis import thesis_command
 from cranectl.cli.tune import tune_command
 from cranectl.cli.validate import validate_command
-from cranectl.support.errors import CranectlError, InputError, printable
+from cranectl.support.environment import MachineError, is_of_machine
+from cranectl.support.errors import CranectlError, InputError, describe_error, printable
 from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, interrupt
 
 TRACEBACK = "--traceback"  # anywhere on the command line
@@ -99,7 +101,8 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
     try:
         if any("\0" in argument for argument in arguments):  # no shell can pass one
             raise InputError("an argument with a null character", remedy="leave it out")
-        code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False, obj=full_traceback)
+        given = Invocation(tuple(arguments), full_traceback)
+        code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False, obj=given)
     except click.ClickException as error:
         shown = io.StringIO()
         error.show(file=shown)
@@ -112,9 +115,12 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
         if came_of_interrupt(error) or isinstance(error, click.Abort):
             print("cranectl: interrupted", file=sys.stderr)
             return exit_codes.INTERRUPTED
+        if is_of_machine(error):
+            print(f"cranectl: bad input\n{MachineError.of(describe_error(error))}", file=sys.stderr)
+            return exit_codes.BAD_INPUT
         if full_traceback:
             traceback.print_exc()
-        what = printable(f"{type(error).__name__}: {error}")
+        what = printable(describe_error(error))
         print(f"cranectl: unforeseen {what}; please report it with what {TRACEBACK} adds", file=sys.stderr)
         return exit_codes.UNFORESEEN
     return code if isinstance(code, int) else exit_codes.GOOD

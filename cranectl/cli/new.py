@@ -1,6 +1,7 @@
 """`cranectl new`."""
 
 import re
+import shlex
 from pathlib import Path
 
 import click
@@ -8,7 +9,14 @@ import click
 from cranectl.cli.command import Command
 
 TEMPLATES = Path(__file__).parent / "templates"
-ENDINGS = {"scenario": "toml", "rig": "toml", "campaign": "toml", "controller": "py", "c-controller": "c"}
+ENDINGS = {
+    "scenario": "toml",
+    "rig": "toml",
+    "campaign": "toml",
+    "controller": "py",
+    "c-controller": "c",
+    "generated-controller": "c",
+}
 
 
 @click.command("new", cls=Command)
@@ -32,10 +40,11 @@ def new_command(kind: str, name: str, directory: Path) -> None:
     cranectl new scenario first-move
     cranectl new controller servo --in controllers
     cranectl new c-controller servo
+    cranectl new generated-controller embedded
     cranectl new rig yard-crane
     cranectl new campaign unknown-load
     """
-    from cranectl.controllers.doors.c_law import HEADER
+    from cranectl.loaders.c_law import HEADER
     from cranectl.support.errors import InputError
     from cranectl.support.extensions import check_name
     from cranectl.support.files import exists, write_text, writing
@@ -46,7 +55,7 @@ def new_command(kind: str, name: str, directory: Path) -> None:
     templates = {
         f"{stem}.{ENDINGS[kind]}": TEMPLATES / f"{kind}.{ENDINGS[kind]}.txt",
         f"test_{module}.py": TEMPLATES / f"test_{kind}.py.txt",
-        **({HEADER.name: HEADER} if kind == "c-controller" else {}),
+        **({HEADER.name: HEADER} if ENDINGS[kind] == "c" else {}),
     }
     texts = {
         directory / file: re.sub("NAME", name, re.sub("MODULE", module, template.read_text(encoding="utf-8")))
@@ -63,4 +72,4 @@ def new_command(kind: str, name: str, directory: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_text(path, text)
         click.echo(f"written: {path}")
-    click.echo(f"try it: python -m pytest {directory / f'test_{module}.py'}")
+    click.echo(f"try it: python -m pytest {shlex.quote(str(directory / f'test_{module}.py'))}")

@@ -2,17 +2,26 @@
 
 import json
 import math
+import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from rich import box
 from rich.console import Console
 from rich.measure import Measurement
-from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Column
 from rich.table import Table as ScreenTable
 from rich.text import Text
@@ -22,6 +31,7 @@ from cranectl.support.documents import mapped
 from cranectl.support.errors import printable
 from cranectl.support.files import write_text, writing
 
+LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
 COLOURS = {"good": "green", "open": "yellow", "bad": "bold red", "head": "bold"}
 
@@ -135,10 +145,30 @@ def screen_table(table: Table) -> ScreenTable:
 
 @contextmanager
 def progress(*columns: ProgressColumn) -> Iterator[Progress]:
-    """Progress on standard error, gone at the end; silent where there is no terminal."""
+    """Show progress on standard error: a bar on a terminal, else a line every few seconds."""
     screen = Screen(stderr=True)
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as shown:
-        yield shown
+        if screen.is_terminal:
+            yield shown
+            return
+        ended = threading.Event()
+        lines = threading.Thread(target=_print_lines, args=(shown, ended, sys.stderr), daemon=True)
+        lines.start()
+        try:
+            yield shown
+        finally:
+            ended.set()
+            lines.join()
+
+
+def _print_lines(shown: Progress, ended: threading.Event, stream: TextIO) -> None:
+    """Print what the columns of text and counts say of each task, until `ended`."""
+    columns = [column for column in shown.columns if isinstance(column, TextColumn | MofNCompleteColumn)]
+    while not ended.wait(LINE_EVERY):
+        for task in shown.tasks:
+            text = "  ".join(column.render(task).plain for column in columns)
+            with suppress(OSError, ValueError):  # a stream that is closed by now
+                print(f"cranectl: {text}", file=stream, flush=True)
 
 
 PASSED, FAILED = styled("passed", "green"), styled("FAILED", "bold red")
@@ -170,7 +200,7 @@ def _finite(value: Any) -> Any:
 def progress_bar(
     total: float, *, unit: str = "s", done: str = "simulated"
 ) -> Iterator[tuple[Callable[[float], None], Callable[[str], None]]]:
-    """A bar on standard error, over seconds or else; yields (advance, describe). Silent if no terminal."""
+    """Show a bar on standard error, or lines as `progress`; yield (advance, describe)."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -178,7 +208,7 @@ def progress_bar(
         TimeRemainingColumn(),
     )
     with progress(*columns) as shown:
-        task = shown.add_task("preparing", total=total)
+        task = shown.add_task("preparing; the first time this compiles code", total=total)
         yield (
             lambda amount: shown.advance(task, amount),
             lambda text: shown.update(task, description=printable(text)),

@@ -1,10 +1,11 @@
 """`cranectl log overlay`."""
 
+import shlex
 from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, json_option, label_option, output_option, plants_option
+from cranectl.cli.command import Command, json_option, label_option, logged_plants_option, output_option
 from cranectl.support.errors import InputError
 from cranectl.support.files import MCAP
 
@@ -13,7 +14,7 @@ from cranectl.support.files import MCAP
 @click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @output_option("--out", MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
 @label_option
-@plants_option("Whose runs to take of each LOG. Default: MuJoCo's.")
+@logged_plants_option("Whose runs to take of each LOG. Default: MuJoCo's.")
 @json_option
 def overlay_command(
     logs: tuple[Path, ...],
@@ -36,7 +37,7 @@ def overlay_command(
     from cranectl.cli.output import console, styled, write_json
     from cranectl.compare.runs import against_first
     from cranectl.log.overlay import gathered, write_overlay
-    from cranectl.report.run.comparison_tables import distances_table
+    from cranectl.report.run.differences import distances_table
     from cranectl.support.files import check_place
 
     layers = gathered(logs, labels=labels, plants=plants)
@@ -57,7 +58,7 @@ def overlay_command(
         screen.print(styled(f"scenarios differ: {', '.join(scenarios)}", "yellow"))
     screen.print(distances_table(next(iter(runs)), comparisons))
     screen.print(f"log: {path}")
-    screen.print(f"view: cranectl log layout overlay view.json --log {path}")
+    screen.print(f"view: cranectl log layout overlay view.json --log {shlex.quote(str(path))}")
     write_json(
         json_file,
         {

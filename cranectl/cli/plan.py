@@ -9,6 +9,12 @@ from cranectl.cli.command import Command, json_option, output_option, scenario_o
 from cranectl.support.errors import InputError
 from cranectl.support.files import PLOTS
 
+# Settings of runs, which plans do not read.
+UNREAD = (
+    "controller.*", "design.*", "initial.*", "disturbances.*", "workspace.*", "control.physics_step",
+    "rig.look.frame",
+)  # fmt: skip
+
 
 @click.command("plan", cls=Command)
 @click.argument("scenario")
@@ -36,12 +42,14 @@ def plan_command(
     cranectl plan fast-diagonal-shortest --bound
     cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
     """
+    from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
     from cranectl.cli.output import console, write_json
-    from cranectl.reference import planned
-    from cranectl.reference.finer import least_durations
-    from cranectl.reference.planning.review import reviews
+    from cranectl.planning import planned
+    from cranectl.planning.finer import least_durations
+    from cranectl.planning.review import reviews
     from cranectl.report.plan import plan_json, plan_tables
     from cranectl.scenario import read_scenario, scenario_file
+    from cranectl.scenario.effects import EFFECTS
 
     asked = read_scenario(scenario, rig=rig, overrides=overrides)
     directory = scenario_file(scenario).parent
@@ -57,6 +65,10 @@ def plan_command(
     screen = console(json_file)
     for table in plan_tables(ready, found, least):
         screen.print(table)
+    effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
+    unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
+    given = scenario, rig, overrides
+    tell_idle_in_analysis(screen, ready, given, [ready.controller.name], unread=unread)
     if plot is not None:
         from cranectl.report.plan import plan_figure
         from cranectl.report.theme import save_figure

@@ -14,7 +14,7 @@ import pytest
 if TYPE_CHECKING:
     from cranectl.cases.assertions import CaseRuns
 
-LONGEST = 150  # [characters] of a file's name, without its ending
+MAX_NAME = 150  # [characters] of a file's name, without its ending
 
 RAN: pytest.StashKey[list["CaseRuns"]] = pytest.StashKey()  # by the present test, fixtures of it too
 LOGS: pytest.StashKey[Path] = pytest.StashKey()
@@ -60,11 +60,10 @@ def closed_loop(
         overrides: Iterable[str] = (),
     ) -> "CaseRuns":
         __tracebackhide__ = True
-        from cranectl.analysis.budget.predicted_limits import predicted_limits
         from cranectl.cases.assertions import CaseRuns
         from cranectl.cases.case import make_case
         from cranectl.cli.laws import opened
-        from cranectl.reference import load_scenario
+        from cranectl.planning import load_scenario
         from cranectl.simulate import checked_drive
         from cranectl.support.errors import InputError
 
@@ -78,7 +77,6 @@ def closed_loop(
                 controller=controller and opened(controller, here),
                 drive=checked_drive(drive),
                 plants=plants or (),
-                predict=predicted_limits,
             )
             runs = CaseRuns(case)
         except InputError as error:
@@ -154,5 +152,5 @@ def _beside(directory: Path, name: str | Path) -> str:
 
 def _file_name(test: str, k: int) -> str:
     """Of the log of a test's k-th closed loop."""
-    plain = re.sub(r"[^\w.+]+", "-", test).strip("-")[-LONGEST:]
+    plain = re.sub(r"[^\w.+]+", "-", test).strip("-")[-MAX_NAME:]
     return f"{plain}-{k + 1}.mcap" if k else f"{plain}.mcap"

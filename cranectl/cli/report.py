@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, output_option, predict_option
+from cranectl.cli.command import Command, command_given, output_option, predict_option
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, short_names
 
 MAX_LOGS = 4  # as many as there are colours
 
 if TYPE_CHECKING:
-    from cranectl.compare.agreement import Predict
     from cranectl.simulate import Run
 
 
@@ -21,11 +20,11 @@ if TYPE_CHECKING:
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=click.Path(path_type=Path))
 @output_option("--out", HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
 @predict_option
-def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict | None") -> int:
+def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
     """Write runs, or the thesis, as one page of figures and tables.
 
     To be read in any browser, without a network. Of up to four LOGs, or runs of overlays: how they went, all
-    figures with both plants overlaid, every difference. Without a LOG: the whole of chapter 5 of the thesis,
+    figures with all plants overlaid, every difference. Without a LOG: the whole of chapter 5 of the thesis,
     run again; exit code 1 if a printed number is out of tolerance.
 
     \b
@@ -39,11 +38,11 @@ def report_command(logs: tuple[Path, ...], out: Path | None, predict: "Predict |
         return run_thesis(None, out or Path("thesis.html"))
     _check_number(len(logs))
     name = "-and-".join(label.replace("/", "-") for label in short_names(logs))
-    _report_logs(logs, out or logs[0].parent / f"{name}.html", predict=predict)
+    _report_logs(logs, out or logs[0].parent / f"{name}.html")
     return exit_codes.GOOD
 
 
-def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None") -> None:
+def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
     from cranectl.cli.output import console
     from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.render.draw import draw_worst_moment
@@ -70,14 +69,13 @@ def _report_logs(logs: tuple[Path, ...], out: Path, *, predict: "Predict | None"
         f"{difference}"
         for difference, of in other_software(versions).items()
     ]
-    command = f"cranectl report {' '.join(map(str, logs))}"
     worst = {}
     try:
         for label, held in of_logs.items():
             worst[label] = draw_worst_moment(held)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
-    write_page(log_page(of_logs, command, notes, versions=versions, predict=predict, worst=worst), out)
+    write_page(log_page(of_logs, command_given(), notes, versions=versions, worst=worst), out)
     for note in notes:
         console(None).print(note)
     console(None).print(f"report: {out}")

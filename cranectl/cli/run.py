@@ -1,7 +1,7 @@
 """`cranectl run`."""
 
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -19,9 +19,6 @@ from cranectl.cli.command import (
 )
 from cranectl.cli.laws import controller_option, patience_option
 from cranectl.support.files import MCAP
-
-if TYPE_CHECKING:
-    from cranectl.compare.agreement import Predict
 
 
 @click.command("run", cls=Command)
@@ -45,7 +42,6 @@ def run_command(
     every: int | None,
     patience: float,
     out: Path | None,
-    predict: "Predict | None",
     json_file: str | None,
 ) -> int:
     """Run SCENARIO, a name or a TOML file, and compare the plants.
@@ -55,11 +51,12 @@ def run_command(
     cranectl run settled-trajectory --controller lqr --drive velocity
     cranectl run fixed-position --plants mujoco --set rig.load_mass=2.5 --set duration=30
     cranectl run my-scenario.toml --out my.mcap --every 1
-    cranectl run my-scenario.toml --rig my-crane.toml --drive velocity --predict
+    cranectl run my-scenario.toml --rig my-crane.toml --drive velocity
     """
     from cranectl.cases.case import make_case, run_case
+    from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
     from cranectl.cli.output import console, progress_bar, styled, write_json
-    from cranectl.reference import load_scenario
+    from cranectl.planning import load_scenario
     from cranectl.report.run.tables import (
         agreement_table,
         limit_notes,
@@ -78,7 +75,6 @@ def run_command(
         drive=checked_drive(drive),
         plants=plants,
         log=out,
-        predict=predict,
         patience=patience,
     )
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
@@ -91,6 +87,9 @@ def run_command(
         screen.print(f"  {note}")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
+    uses = [(plant, case.drive, case.controller) for plant in case.plants]
+    idle = idle_lines(case.scenario, scenario, rig, overrides, uses)
+    tell_idle(screen, [*idle, *idle_patience([case.controller], patience)])
     screen.print(metrics_table({"": result.runs}))
     if (limits := limits_table(result.runs)) is not None:
         screen.print(limits)
@@ -102,7 +101,7 @@ def run_command(
     layout = layout_for(case.plants, case.scenario.rig, case.log)
     screen.print(
         f"view: cranectl log layout {layout}; open the log in Foxglove or Lichtblick and "
-        f"import the layout, or: rerun {case.log}"
+        f"import the layout, or: rerun {shlex.quote(str(case.log))}"
     )
     write_json(
         json_file,

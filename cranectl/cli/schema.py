@@ -84,11 +84,12 @@ def _limits() -> dict[str, Any]:
 def _controller(table: dict[str, Any]) -> dict[str, Any]:
     """A name, or a table of name and parameters of laws."""
     from cranectl.controllers.registry import controller_names, load_controller
-    from cranectl.design import CONTROLLERS as FLAT_FAMILY
 
     name = {**table["properties"]["name"], "enum": list(controller_names())}
     laws = {}
-    for law in map(load_controller, controller_names()[len(FLAT_FAMILY) :]):
+    for law in map(load_controller, controller_names()):
+        if law.axis_design is not None:  # its numbers are in [design]
+            continue
         parameters = {
             each.name: {
                 "description": f"{each.description} [{each.unit}]" if each.unit else each.description,

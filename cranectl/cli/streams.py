@@ -1,4 +1,8 @@
-"""Standard output and error of any encoding, full or closed: none of that changes what a command does."""
+"""Standard output and error of any encoding, full or closed: none of that changes what a command does.
+
+A command's own output goes to the standard output that it was given. Whatever else writes to that descriptor,
+such as a C controller or a process that it starts, writes to standard error: it can break no JSON.
+"""
 
 import io
 import os
@@ -7,14 +11,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-STANDARD_ERROR = 2
+STANDARD_OUTPUT, STANDARD_ERROR = 1, 2
 
 
 @contextmanager
 def steady_streams() -> Iterator[None]:
     """For the length of a command: what cannot be encoded becomes `?`, what cannot be written is dropped."""
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = _steady(sys.stdout), _steady(sys.stderr)
+    own = _set_apart(sys.stdout)
+    sys.stdout, sys.stderr = _steady(sys.stdout, own), _steady(sys.stderr)
     try:
         yield
     finally:
@@ -22,9 +27,33 @@ def steady_streams() -> Iterator[None]:
             with suppress(OSError, ValueError):  # ValueError: somebody closed it
                 stream.flush()
         sys.stdout, sys.stderr = before
+        if own is not None:
+            os.dup2(own, STANDARD_OUTPUT)
+            os.close(own)
 
 
-def _steady(stream: Any) -> Any:
+def _set_apart(stream: Any) -> int | None:
+    """Return a new descriptor of standard output; the old number then leads to standard error.
+
+    Return None where `stream` is not standard output, or one of the two is closed.
+    """
+    try:
+        if stream.fileno() != STANDARD_OUTPUT:  # a test's
+            return None
+        stream.flush()
+        own = os.dup(STANDARD_OUTPUT)
+    except (AttributeError, OSError, ValueError):
+        return None
+    try:
+        os.dup2(STANDARD_ERROR, STANDARD_OUTPUT)
+    except OSError:
+        os.close(own)
+        return None
+    return own
+
+
+def _steady(stream: Any, descriptor: int | None = None) -> Any:
+    """Return a stream that writes to `descriptor`, by default that of `stream`, and never fails."""
     if stream is None:  # its descriptor was closed before we began
         return io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="replace")
     buffer = getattr(stream, "buffer", None)
@@ -33,7 +62,8 @@ def _steady(stream: Any) -> Any:
         return stream
     with suppress(OSError):
         stream.flush()
-    binary = io.BufferedWriter(_SteadyFile(raw.fileno(), "wb", closefd=False))
+    number = raw.fileno() if descriptor is None else descriptor
+    binary = io.BufferedWriter(_SteadyFile(number, "wb", closefd=False))
     at_once = stream.line_buffering or stream.write_through
     return io.TextIOWrapper(binary, encoding=stream.encoding, errors="replace", line_buffering=at_once)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, json_option, output_option
+from cranectl.cli.command import Command, command_given, json_option, output_option
 from cranectl.support.files import HTML
 
 
@@ -55,7 +55,7 @@ def run_thesis(json_file: str | None, report: Path | None) -> int:
         from cranectl.report.page import write_page
         from cranectl.thesis.page import thesis_page
 
-        write_page(thesis_page(result, figures, "cranectl report"), report)
+        write_page(thesis_page(result, figures, command_given()), report)
         screen.print(f"report: {report}")
     write_json(json_file, result.to_json())
     return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED

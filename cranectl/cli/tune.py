@@ -70,6 +70,7 @@ def tune_command(
     from cranectl.campaign.benchmark.tuned import tuned_files, tuned_table, write_tuned
     from cranectl.campaign.benchmark.tuning import tune
     from cranectl.cases.workers import available_cores
+    from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
     from cranectl.cli.output import console, progress_bar, write_json
 
     benchmark, file = read_benchmark(benchmark_name), benchmark_file(benchmark_name)
@@ -77,6 +78,9 @@ def tune_command(
     directory = file.parent
     files, rules = tuned_files(out, name), rules_of(benchmark, directory)
     screen = console(json_file)
+    runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
+    idle = [*idle_in_benchmark(benchmark, directory, runs_of), *idle_patience([name], patience)]
+    tell_idle(screen, idle)
     with progress_bar(runs or benchmark.tuning.runs, unit="runs", done="done") as (advance, describe):
         describe(name)
         tuned = tune(

@@ -1,7 +1,7 @@
 """`cranectl validate`."""
 
-import shlex
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
     Command,
+    command_given,
     drive_option,
     every_option,
     json_option,
@@ -25,10 +26,9 @@ if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
     from cranectl.cases.pairwise import Pairwise
     from cranectl.cases.validation import Validation
-    from cranectl.compare.agreement import Predict
     from cranectl.scenario import Scenario
 
-SHOWN = 10  # failures, broken limits and notes shown on the screen
+SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 
 
 @click.command("validate", cls=Command)
@@ -73,7 +73,6 @@ def validate_command(
     overrides: tuple[str, ...],
     out: Path,
     jobs: int | None,
-    predict: "Predict | None",
     every: int | None,
     patience: float,
     keep: "Keep",
@@ -85,8 +84,7 @@ def validate_command(
     """Run scenarios on all plants and judge their agreement.
 
     With all controllers, ideal and velocity drives. The limits and their reasons are in
-    validation/tolerances.toml. Those of velocity drives hold for the shipped scenarios and their rig: others
-    are shown and not judged, or with --predict judged by their own. What a scenario asks in [limits] is
+    validation/tolerances.toml; they hold for every scenario and rig. What a scenario asks in [limits] is
     judged beside the agreement. A scenario that cannot be run is a failed case with its reason; the others
     run.
 
@@ -106,6 +104,7 @@ def validate_command(
     from cranectl.cases.places import default_log
     from cranectl.cases.validation import Validation, junit_xml
     from cranectl.cases.workers import available_cores, run_cases
+    from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
     from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import chosen_controllers
     from cranectl.log import check_writable
@@ -113,16 +112,17 @@ def validate_command(
     from cranectl.plants.registry import default_plants
     from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
+    from cranectl.simulate.child import BLOCK_TIMEOUT
     from cranectl.support.files import write_text, writing
 
     if every is not None:
         overrides = (*overrides, f"log.every={every}")
     names = chosen_controllers(controllers)
-    several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": DRIVES}
-    drives = several[drive] if drive in several else (checked_drive(drive),)
+    several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
+    drives = several.get(drive) or (checked_drive(drive),)
     chosen = plants or default_plants()
-    sources = _sources(scenarios) or scenario_names()
-    loaded, unloaded = _loaded(tuple(dict.fromkeys(sources)), rig, overrides, chosen)
+    sources = dict.fromkeys(_sources(scenarios) or scenario_names())
+    loaded, unloaded = _loaded(tuple(sources), rig, overrides, chosen)
     cases = [
         make_case(
             scenario,
@@ -131,7 +131,6 @@ def validate_command(
             plants=chosen,
             log=default_log(out, scenario, name, kind),
             source=source,
-            predict=predict,
             keep=keep,
             pairwise=pairwise,
             patience=patience,
@@ -154,11 +153,17 @@ def validate_command(
     code = _exit_code(validation)
     pairs = _all_pairs(validation, json_file) if pairwise else None
     _tell(validation, code, out, json_file)
+    idle = idle_patience(names, patience)
+    for source, scenario in loaded.items():
+        uses, unread = product(chosen, drives, names), ("log.*",) * (keep == "none")
+        idle += idle_lines(scenario, source, rig, overrides, uses, unread=unread)
+    tell_idle(console(json_file), idle)
     told = validation.to_json(passed=code == exit_codes.GOOD)
     write_json(json_file, told if pairs is None else {**told, "pairwise": pairs.to_json()})
     options = [
         *(("--rig", str(rig)) if rig else ()),
         *(part for each in overrides for part in ("--set", each)),
+        *(("--patience", f"{patience:g}") if patience != BLOCK_TIMEOUT else ()),
     ]
     if junit is not None:
         with writing(junit):
@@ -168,11 +173,7 @@ def validate_command(
         from cranectl.report.page import write_page
         from cranectl.report.validation import validation_page
 
-        asked = [*scenarios, *(part for name in controllers for part in ("--controller", name))]
-        asked += ["--pairwise"] if pairwise else []
-        asked += ["--drive", drive, "--plants", ",".join(chosen), *options, "--report", str(report)]
-        remade_by = shlex.join(["cranectl", "validate", *asked])
-        page = validation_page(validation, options, remade_by, pairs)
+        page = validation_page(validation, options, command_given(), pairs)
         write_page(page, report)
         console(json_file).print(f"report: {report}")
     return code
@@ -185,10 +186,8 @@ def _all_pairs(validation: "Validation", json_file: str | None) -> "Pairwise":
     from cranectl.report.validation import pair_tables
 
     found = pairwise(validation)
-    if found.pairs:
-        screen = console(json_file)
-        for table in pair_tables(found):
-            screen.print(table)
+    for table in pair_tables(found) if found.pairs else ():
+        console(json_file).print(table)
     return found
 
 
@@ -206,8 +205,8 @@ def _sources(names: Sequence[str]) -> list[str]:
         if not exists(Path(name)) or not Path(name).is_dir():
             sources.append(name)
             continue
-        files = sorted(str(file) for file in Path(name).rglob("*.toml"))
-        files = [file for file in files if not _is_rig_or_campaign(Path(file))]
+        found = sorted(Path(name).rglob("*.toml"), key=str)
+        files = [str(file) for file in found if not _is_rig_or_campaign(file)]
         if not files:
             raise InputError(
                 f"{name}: a directory without scenarios",
@@ -236,7 +235,7 @@ def _loaded(
     """The scenarios by the names they were asked for, and why others cannot be loaded."""
     from cranectl.cases.case import Failure
     from cranectl.metrics.limits import limits_of
-    from cranectl.reference import load_scenario
+    from cranectl.planning import load_scenario
 
     loaded, unloaded = {}, {}
     for name in names:
@@ -260,13 +259,13 @@ def _tell(validation: "Validation", code: int, out: Path, json_file: str | None)
         agreements, runs = validation.agreements, validation.runs
         unjudged = sum(agreement.passed is None for agreement in agreements)
         screen.print(agreement_table(agreements, validation.other_failures))
-        if (limits := limits_table(runs, worst=SHOWN)) is not None:
+        if (limits := limits_table(runs, worst=SHOWN_FAILURES)) is not None:
             screen.print(limits if limits.rows else limits.note)
         notes = [*limit_notes(agreements), *run_notes(finished)]
-        for note in notes[:SHOWN]:
+        for note in notes[:SHOWN_FAILURES]:
             screen.print(f"  {note}")
-        if len(notes) > SHOWN:
-            screen.print(f"  and {len(notes) - SHOWN} more notes, in --report FILE")
+        if len(notes) > SHOWN_FAILURES:
+            screen.print(f"  and {len(notes) - SHOWN_FAILURES} more notes, in --report FILE")
         for case in lost:
             name = f"{case.source}, {case.controller}, {case.drive}"
             screen.print(" ", styled(f"{name}: no result, {validation.why_lost}", "bold red"))
@@ -287,14 +286,14 @@ def _tell_failures(validation: "Validation") -> None:
     for scenario, case, failure in validation.failures:
         name = scenario if case is None else f"{scenario}, {case.controller}, {case.drive}"
         alike.setdefault((scenario, failure), []).append(name)
-    for (scenario, failure), names in list(alike.items())[:SHOWN]:
+    for (scenario, failure), names in list(alike.items())[:SHOWN_FAILURES]:
         name = names[0] if len(names) == 1 else f"{scenario}, {len(names)} cases"
         screen.print(f"{name}: could not be run" if failure.bad_input else f"{name}: unforeseen")
-        full_traceback = click.get_current_context().obj
+        full_traceback = click.get_current_context().obj.full_traceback
         for line in (*failure.reason.splitlines(), *(failure.trace.splitlines() if full_traceback else ())):
             screen.print(line)
-    if len(alike) > SHOWN:
-        screen.print(f"and {len(alike) - SHOWN} more")
+    if len(alike) > SHOWN_FAILURES:
+        screen.print(f"and {len(alike) - SHOWN_FAILURES} more")
 
 
 def _exit_code(validation: "Validation") -> int:

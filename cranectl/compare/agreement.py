@@ -1,9 +1,8 @@
-"""Whether plants agree: how far they may differ, of which scenarios and plants that is known, and a verdict.
+"""Judge whether plants agree: how far they may differ, and a verdict.
 
-Ideal and force drives (level 2), and velocity drives that feel the load (level 3), are statements about
-numerics, and hold for any scenario, law and rig. How far a drive that is blind to the load, the analytic lag,
-is from those that feel it depends on rig, motion and controller: the limits of `validation/tolerances.toml`
-hold for the shipped scenarios with their own rig, others are predicted along their own run.
+All plants solve the same equations, with each kind of drive. So the limits of `validation/tolerances.toml`
+are statements about numerics, and hold for any scenario, controller and rig. A plant whose velocity drives do
+not feel the load is not judged with velocity drives.
 """
 
 import functools
@@ -14,37 +13,34 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cranectl.compare.runs import Comparison, compare_runs
-from cranectl.controllers.controller import LawDesign
-from cranectl.design import Design
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import plant_entry, reference_plant
-from cranectl.reference.planning.limits import share_of
-from cranectl.scenario import NANOSECONDS, Scenario, read_scenario, scenario_names
+from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.segments import as_asked
 from cranectl.simulate import Run, simulate_run
+from cranectl.simulate.memory import fits
 from cranectl.status import RunStatus
 from cranectl.support import resources
+from cranectl.support.consistency import check_ascending
 from cranectl.support.documents import read_toml
 
-ORDER = 4  # of the engine's scheme, the lower one of both plants
+LAGGING_MODEL = "cranectl.model.dynamics, fixed-step DOP853"  # what earlier logs say of the analytic plant
+TOLERANCES = "validation/tolerances.toml"  # where all limits come from
+ORDER = 4  # of the engine's scheme, the lowest of the plants'
 MOST_HALVINGS = 4
 SHORTEST_NS = 1000  # of control.physics_step
 
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
-# Fields of a scenario that move neither plant.
-SILENT = {"name", "title", "controller", "expected", "log", "metrics", "limits"}
-
 
 @dataclass(frozen=True)
-class Limits:
+class AgreementLimits:
     """How far two plants may differ, and why."""
 
     load_m: float
     angle_rad: float
     end_s: float  # between the ends of runs that stop early
     reason: str
-    source: str = "validation/tolerances.toml"
 
 
 @dataclass(frozen=True)
@@ -54,12 +50,10 @@ class NoLimits:
     reason: str
 
 
-# Of velocity drives that feel the load, and analytic's.
-Predict = Callable[[Scenario, Design], Limits | NoLimits]
-PairLimits = Mapping[tuple[str, str], Limits | NoLimits]  # by a plant and the one it is compared against
+PairLimits = Mapping[
+    tuple[str, str], AgreementLimits | NoLimits
+]  # by a plant and the one it is compared against
 
-OTHER_PAIR = NoLimits("with velocity drives limits are known for drives that feel the load, and analytic's")
-OTHER_LAW = NoLimits("how far the analytic plant's velocity drives lead is known for the flat family only")
 ENCODERS = NoLimits(
     "beside an effect whose schemes differ an encoder now and then reads one step more on one plant, and a "
     "loop that is hardly stable makes any size of that"
@@ -67,67 +61,43 @@ ENCODERS = NoLimits(
 SMOOTHED = NoLimits(
     "Coulomb's friction of the joint is a smoothed sign in the analytic plant, which never sticks"
 )
-NOT_SHIPPED = NoLimits(
-    "how far the analytic plant's velocity drives lead is known for the shipped scenarios and their own rig; "
-    "--predict finds the bound of this one"
+LAGS = NoLimits(
+    "the log's analytic plant has the velocity drives of an earlier version, lags that do not feel the load; "
+    "run it again to judge it"
 )
 
 
-def limits_for(
-    scenario: Scenario,
-    design: Design | LawDesign,
-    drive: str,
-    plants: Iterable[str],
-    *,
-    predict: Predict | None = None,
-) -> PairLimits:
-    """The limits of each of `plants` and the one that they are compared against, as `pair_limits`."""
+def _is_of_earlier_drives(run: Run) -> bool:
+    """Return True if a log's analytic plant had velocity drives that do not feel the load."""
+    return run.plant == "analytic" and run.drive == "velocity" and run.model == LAGGING_MODEL
+
+
+def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairLimits:
+    """Return the limits of each of `plants` and the one that they are compared against."""
     plants = list(plants)
     reference = reference_plant(plants)
     return {
-        (plant, reference): pair_limits(scenario, design, drive, (plant, reference), predict=predict)
+        (plant, reference): pair_limits(scenario, drive, (plant, reference))
         for plant in plants
         if plant != reference
     }
 
 
-def pair_limits(
-    scenario: Scenario,
-    design: Design | LawDesign,
-    drive: str,
-    pair: tuple[str, str],
-    *,
-    predict: Predict | None = None,
-) -> Limits | NoLimits:
-    """The limits of two plants; where the shipped ones do not hold for the analytic one, by `predict`."""
-    if drives_agree(drive, pair):
-        alike = agreement_limits("ideal" if drive == "velocity" else drive)
-        return _with_effects(alike, scenario, drive, pair)
-    if "analytic" not in pair or not any(plant_entry(plant).servos for plant in pair):
-        return OTHER_PAIR
-    if not isinstance(design, Design):
-        return OTHER_LAW
-    name = shipped_name(scenario)
-    if name is not None:
-        return agreement_limits(drive, name)
-    return predict(scenario, design) if predict is not None else NOT_SHIPPED
-
-
-def drives_agree(drive: str, plants: Iterable[str]) -> bool:
-    """Whether the drives of `plants` obey the same equations: velocity drives, if all of them are servos."""
-    return drive != "velocity" or all(plant_entry(plant).servos for plant in plants)
+def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> AgreementLimits | NoLimits:
+    """Return how far two plants may differ in closed loop, or why nobody knows."""
+    blind = [plant for plant in pair if DRIVES[drive].is_servo and not plant_entry(plant).servos]
+    if blind:
+        label = plant_entry(blind[0]).label
+        return NoLimits(f"velocity drives of the {label} plant do not feel the load, as those of others do")
+    return _with_effects(agreement_limits(drive), scenario, drive, pair)
 
 
 @functools.cache
-def agreement_limits(drive: str, scenario: str = "") -> Limits:
-    """What two plants with these drives may differ in closed loop.
-
-    With velocity drives of which one is blind to the load in the shipped `scenario`; one on a rig of its own
-    has limits of its own.
-    """
-    shared = dict(_closed_loop()[drive])
-    own = shared.pop("scenarios", {}).get(scenario, {})
-    return Limits(**{**shared, **own})
+def agreement_limits(drive: str) -> AgreementLimits:
+    """Return what two plants with these drives may differ in closed loop, without effects."""
+    known = _closed_loop()
+    strictest = known["velocity"]  # for a kind that has no limits of its own
+    return AgreementLimits(**known.get(drive, strictest))
 
 
 @functools.cache
@@ -137,7 +107,9 @@ def _closed_loop() -> dict[str, Any]:
     return found
 
 
-def _with_effects(limits: Limits, scenario: Scenario, drive: str, pair: tuple[str, str]) -> Limits | NoLimits:
+def _with_effects(
+    limits: AgreementLimits, scenario: Scenario, drive: str, pair: tuple[str, str]
+) -> AgreementLimits | NoLimits:
     """What the schemes of effects leave besides; lengths are those of the laboratory's rig."""
     known = _closed_loop()["effects"]
     if scenario.effects.sensing and len(known.keys() & set(scenario.effects.names)) > 1:
@@ -159,26 +131,6 @@ def _with_effects(limits: Limits, scenario: Scenario, drive: str, pair: tuple[st
     return limits
 
 
-def shipped_name(scenario: Scenario) -> str | None:
-    """The scenario that comes with cranectl and moves the plants as `scenario` does, on the same rig."""
-    motion = _motion(scenario)
-    return next((name for name, shipped in _shipped_motions().items() if shipped == motion), None)
-
-
-@functools.cache
-def _shipped_motions() -> dict[str, dict[str, Any]]:
-    return {name: _motion(read_scenario(name)) for name in scenario_names()}
-
-
-def _motion(scenario: Scenario) -> dict[str, Any]:
-    motion = scenario.model_dump(exclude=SILENT)
-    motion["planning"]["share"] = share_of(scenario)
-    motion["reference"]["segments"] = [
-        asked for segment in scenario.reference.segments for asked in as_asked(segment)
-    ]
-    return motion
-
-
 @dataclass(frozen=True)
 class Agreement:
     """A comparison of a plant with the reference plant, judged where their limits are known."""
@@ -195,6 +147,13 @@ class Agreement:
     passed: bool | None  # None: not judged
     limits: str  # where the limits come from, or why there are none
     curing_step_s: float | None = None  # control.physics_step with which they were seen to agree after all
+
+    def __post_init__(self) -> None:
+        """Raise InconsistentError for plants that pass in spite of a limit."""
+        if self.passed:
+            load, angle = self.max_load_error_m, self.max_angle_error_rad
+            check_ascending(("the difference of a load that passed", load), ("its limit", self.limit_m))
+            check_ascending(("the difference of an angle that passed", angle), ("its limit", self.limit_rad))
 
     @property
     def verdict(self) -> str:
@@ -216,7 +175,7 @@ def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[t
 
 
 def judge(
-    a: Run, b: Run, *, limits: Limits | NoLimits | None = None, comparison: Comparison | None = None
+    a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None = None, comparison: Comparison | None = None
 ) -> Agreement:
     """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
 
@@ -225,8 +184,10 @@ def judge(
     where it is known already.
     """
     comparison = comparison or compare_runs(a, b, signals=())
-    limits = limits or pair_limits(a.scenario, a.design, a.drive, (a.plant, b.plant))
-    known = limits if isinstance(limits, Limits) else None
+    limits = limits or pair_limits(a.scenario, a.drive, (a.plant, b.plant))
+    if _is_of_earlier_drives(a) or _is_of_earlier_drives(b):
+        limits = LAGS
+    known = limits if isinstance(limits, AgreementLimits) else None
     return Agreement(
         scenario=a.scenario.name,
         controller=a.design.name,
@@ -238,7 +199,7 @@ def judge(
         limit_m=known.load_m if known else None,
         limit_rad=known.angle_rad if known else None,
         passed=_within(comparison, a, b, known) if known else None,
-        limits=limits.source if isinstance(limits, Limits) else limits.reason,
+        limits=TOLERANCES if isinstance(limits, AgreementLimits) else limits.reason,
     )
 
 
@@ -254,7 +215,7 @@ def least_good(agreements: Sequence[Agreement]) -> Agreement:
     return min(agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True))
 
 
-def _within(comparison: Comparison, a: Run, b: Run, limits: Limits) -> bool:
+def _within(comparison: Comparison, a: Run, b: Run, limits: AgreementLimits) -> bool:
     return (
         comparison.max_load_error_m <= limits.load_m
         and comparison.max_angle_error_rad <= limits.angle_rad
@@ -269,19 +230,18 @@ def ended_as_expected(run: Run) -> bool:
 
 
 def judge_steps(
-    runs: Sequence[Run], limits: Limits | NoLimits, progress: Progress | None = None
+    runs: Sequence[Run], limits: AgreementLimits | NoLimits, progress: Progress | None = None
 ) -> Agreement:
-    """As `judge`; where plants differ too much but for their drives, with the step that cures it.
+    """Judge as `judge` does; where plants differ too much, find the step that cures it.
 
-    The step is as short as the order of the scheme says, and tried: both plants run once more. None if they
-    differ even then. An interrupt ends that, not the verdict.
+    It is as short as the order of the scheme says, and tried, where memory and an interrupt allow it.
     """
     agreement = judge(*runs, limits=limits)
-    same = drives_agree(agreement.drive, (agreement.plant, agreement.reference))
-    if not same or agreement.passed is not False or not isinstance(limits, Limits):
+    if agreement.passed is not False or not isinstance(limits, AgreementLimits):
         return agreement
     excess = max(agreement.max_load_error_m / limits.load_m, agreement.max_angle_error_rad / limits.angle_rad)
-    if not 1.0 < excess < math.inf or any(run.status == RunStatus.INTERRUPTED for run in runs):
+    interrupted = any(run.status == RunStatus.INTERRUPTED for run in runs)
+    if interrupted or not 1.0 < excess < math.inf or not fits(runs[0], more=len(runs)):
         return agreement
     halvings = min(math.ceil(math.log2(excess) / ORDER), MOST_HALVINGS)
     shorter = with_finer_steps(runs[0].scenario, 2**halvings)
@@ -290,7 +250,9 @@ def judge_steps(
     return replace(agreement, curing_step_s=shorter.control.physics_step)
 
 
-def _agree(scenario: Scenario, runs: Sequence[Run], limits: Limits, progress: Progress | None) -> bool:
+def _agree(
+    scenario: Scenario, runs: Sequence[Run], limits: AgreementLimits, progress: Progress | None
+) -> bool:
     """Whether the plants of `runs` agree in `scenario`."""
     again: list[Run] = []
     for run in runs:

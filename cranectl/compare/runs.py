@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.registry import PLANTS
+from cranectl.plants.registry import PLANTS, in_order
 from cranectl.signals import Signal
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -15,7 +15,8 @@ from cranectl.support.documents import differences, leaves
 from cranectl.support.errors import InputError
 
 COMPARED_GROUPS = ("state", "load", "input")
-SHOWN = 10  # differences in an error message
+Sampled = tuple[Run, NDArray[np.intp]]  # and which of its samples
+SHOWN_DIFFERENCES = 10  # differences in an error message
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
         load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
         angles = np.abs(b.angles[in_b] - a.angles[in_a])
         names = compared_signals(a) if signals is None else signals
-        of_signals = tuple(_differences(a, b, names, in_a, in_b, time))
+        of_signals = tuple(_differences((a, in_a), (b, in_b), names, time))
     return Comparison(
         a=_label(a),
         b=_label(b),
@@ -122,8 +123,9 @@ def _told(*values: Any) -> list[str]:
 
 
 def _differences(
-    a: Run, b: Run, names: Sequence[str], in_a: NDArray[np.intp], in_b: NDArray[np.intp], time: Array
+    first: Sampled, second: Sampled, names: Sequence[str], time: Array
 ) -> Iterator[SignalDifference]:
+    (a, in_a), (b, in_b) = first, second
     units = named_signals(a)
     for name in names:
         one, other = a.signal(name)[in_a], b.signal(name)[in_b]
@@ -146,7 +148,7 @@ def _label(run: Run) -> str:
 
 
 def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
-    """Two logged runs in the order of a log of both plants, to be written at the rate that they have.
+    """Two logged runs in the order of a log of two plants, to be written at the rate that they have.
 
     Raises InputError if one log cannot hold both: it has one controller, drive, reference and rate.
     """
@@ -159,6 +161,7 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
     for what, values in (
         ("controllers", (a.design.name, b.design.name)),
         ("drives", (a.drive, b.drive)),
+        ("loads [kg]", (a.scenario.rig.load_mass, b.scenario.rig.load_mass)),  # the pull of ropes is checked
         ("numbers of recorded signals", tuple(sum(map(len, run.design.groups)) for run in (a, b))),
     ):
         if values[0] != values[1]:
@@ -170,15 +173,16 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
         raise _unmergeable(a, b, "different times of their samples")
     if not np.array_equal(a.reference[:common], b.reference[:common]):
         raise _unmergeable(a, b, "different references")
-    first, second = sorted((a, b), key=lambda run: list(PLANTS).index(run.plant))
+    order = in_order((a.plant, b.plant))
+    first, second = sorted((a, b), key=lambda run: order.index(run.plant))
     return first, second
 
 
 def refuse_differences(what: str, differences: Sequence[str], *, described: str) -> None:
     """Raise InputError if there are any: a merged log describes the run of plant `described` only."""
     if differences:
-        more = len(differences) - SHOWN
-        shown = [*differences[:SHOWN], *([f"and {more} more"] if more > 0 else [])]
+        more = len(differences) - SHOWN_DIFFERENCES
+        shown = [*differences[:SHOWN_DIFFERENCES], *([f"and {more} more"] if more > 0 else [])]
         raise InputError(
             f"{what}: {'; '.join(shown)}",
             allowed="two runs of the same scenario, by the versions that are installed",

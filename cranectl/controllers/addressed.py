@@ -1,6 +1,6 @@
 """Laws that the loop calls by address: it is compiled once for all of them, in whatever language they are."""
 
-from collections.abc import Callable
+from ctypes import POINTER, c_double
 from math import isfinite
 from typing import Any, NamedTuple, cast
 
@@ -9,15 +9,18 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import Controller, Nominal, Sizes
+from cranectl.controllers.controller import ROPE_SLACK, Controller, Nominal, Sizes
 from cranectl.controllers.flat import RUNNING, regularity
+from cranectl.controllers.open_controllers import OPEN
+from cranectl.controllers.preparation import prepared
 from cranectl.model.dynamics import AxisMasses, axis_masses
 from cranectl.model.flatness import flat_output
 from cranectl.signals import INPUT_COLUMN, LAW_ERROR_COLUMN, LAW_LOAD_COLUMN, LAW_SIGNALS_COLUMN
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-from cranectl.support.jit import address_of, jit, why_not_compiled
+from cranectl.support.float_environment import environment_kept, keeping_environment
+from cranectl.support.jit import STEP, UNCOMPILED, address_of, jit, why_not_compiled
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)
@@ -44,41 +47,46 @@ class AddressedLaw(NamedTuple):
     command: Array  # (3,) held between two steps
     scratch: Array  # (12,)
     clock: NDArray[np.int64]  # (1,) control samples since the start
-    entry: int  # place in ENTRIES
+    entry: int  # place in `OpenControllers.entries`
+    slack_place: int  # of the memory, told of a slack rope; -1: it is not called then
+    records_all: bool  # `places` are all that is recorded of it
     outside: bool  # the package's and other packages' are trusted to write nothing but memory and command
 
 
-ENTRIES: list[tuple[Callable[[Sizes, Array], int], Sizes]] = []  # what gives addresses to laws from outside
+def addressed_law(controller: Controller, nominal: Nominal, recorded: int) -> AddressedLaw:
+    """Prepare `controller` for `nominal`; raise InputError where its design cannot be met.
 
-
-def addressed_law(controller: Controller, nominal: Nominal) -> AddressedLaw:
-    """`controller` prepared for `nominal`; raises InputError where its design cannot be met."""
-    parameters, memory = controller.prepare(nominal)
+    `recorded`: how many signals a run records of it, load and error included.
+    """
+    parameters, memory = prepared(controller, nominal)
     reference = nominal.reference
-    after = np.repeat(reference[-1:], controller.preview, axis=0)
-    parameters, memory = _numbers(parameters), _numbers(memory)
+    places = np.array([place for place, _ in controller.logged], dtype=np.int64)
+    if controller.records_all:
+        places = np.arange(len(memory) - recorded, len(memory))
+    if controller.preview:
+        reference = np.concatenate([reference, np.repeat(reference[-1:], controller.preview, axis=0)])
     rows = 15 * (1 + controller.preview)
     sizes = Sizes(len(parameters), 12, rows, len(memory), 3)
     law = AddressedLaw(
         address=0 if controller.entry else _compiled(controller),
         parameters=parameters,
-        reference=np.concatenate([reference, after]),
-        samples=len(reference),
+        reference=reference,
+        samples=len(nominal.reference),
         every=controller.every,
         encoders=controller.measures == "encoders",
         velocity=controller.command == "velocity",
         force=controller.command == "force",
         masses=axis_masses(nominal.rig),
-        places=np.array([place for place, _ in controller.logged], dtype=np.int64),
+        places=places,
         start=memory,
         **_memories(),
-        entry=len(ENTRIES),
+        entry=len(OPEN.entries),
+        slack_place=-1 if controller.slack_place is None else controller.slack_place,
+        records_all=controller.records_all,
         outside=controller.origin is not None,
     )
-    if any(place >= len(law.start) for place in law.places):
-        raise ValueError(f"{controller.name} logs places that its memory does not have")
     if controller.entry:
-        ENTRIES.append((controller.entry, sizes))
+        OPEN.entries.append((controller.entry, sizes))
     return law
 
 
@@ -86,14 +94,16 @@ def entered(law: AddressedLaw) -> AddressedLaw:
     """`law`, which is `at_start`, with an address in this process, which runs what it was made of."""
     if law.address:
         return law
-    entry, sizes = ENTRIES[law.entry]
-    return law._replace(address=entry(sizes, law.parameters))
+    entry, sizes = OPEN.entries[law.entry]
+    with environment_kept():
+        address = entry(sizes, law.parameters)
+    return law._replace(address=keeping_environment(address))
 
 
 def _compiled(controller: Controller) -> int:
     """The address of its step; raises InputError for what Numba cannot compile, with what it says of it."""
     try:
-        return address_of(controller.step)
+        address = address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
         said, where = why_not_compiled(controller.step, error)
         raise InputError(
@@ -101,6 +111,7 @@ def _compiled(controller: Controller) -> int:
             allowed="Python that Numba compiles: numbers, items of the five arrays, functions of math",
             remedy=f"correct {where}",
         ) from error
+    return address if controller.origin is None else keeping_environment(address)
 
 
 def at_start(law: AddressedLaw) -> AddressedLaw:
@@ -113,12 +124,6 @@ def at_start(law: AddressedLaw) -> AddressedLaw:
 def _memories() -> dict[str, Any]:
     clock = np.zeros(1, dtype=np.int64)
     return {"measured": np.zeros(12), "command": np.zeros(3), "scratch": np.zeros(12), "clock": clock}
-
-
-def _numbers(values: Array) -> Array:
-    """At least one, so that there is something to point to."""
-    array: Array = np.array(values, dtype=np.float64).ravel()
-    return array if len(array) else np.zeros(1)
 
 
 @cast(Any, intrinsic)
@@ -140,28 +145,44 @@ def _call(_typing, _address, parameters, measured, reference, memory, command):
     return types.int64(types.int64, *arrays), generate
 
 
+def _call_uncompiled(address, *arrays):
+    """Do what `_call` does, in a process that compiles nothing."""
+    return STEP(address)(*(each.ctypes.data_as(POINTER(c_double)) for each in arrays))
+
+
+if UNCOMPILED:
+    _call = _call_uncompiled
+
+
 @jit
 def record_law(law, state, reference, memory, row):
     """Write load and error as the joints tell them, and what the law logs, into the record `row`."""
+    recorded = law.places.shape[0]
+    if law.records_all:
+        first = memory.shape[0] - recorded
+        for i in range(recorded):
+            row[LAW_LOAD_COLUMN + i] = memory[first + i]
+        return
     flat_output(state, 0.0, 0.0, 0.0, law.scratch)
     for i in range(6):
         row[LAW_LOAD_COLUMN + i] = law.scratch[i]
         row[LAW_ERROR_COLUMN + i] = reference[i] - law.scratch[i]
-    for i in range(law.places.shape[0]):
+    for i in range(recorded):
         row[LAW_SIGNALS_COLUMN + i] = memory[law.places[i]]
 
 
 @jit
 def addressed_step(law, state, reference, memory, row):
-    """One sample; the counterpart of `flat.control_step` for any law.
+    """Take one sample of any controller; `law.measured` is what it is given.
 
     Returns RUNNING, or why the law cannot go on, in which case nothing is written.
     """
-    status = regularity(state, 0.0, 1.0)
-    if status != RUNNING:
-        return status
+    if not law.records_all:  # else the step itself judges the state that it writes down
+        status = regularity(state, 0.0, 1.0)
+        if status != RUNNING:
+            return status
     sample = law.clock[0]
-    if sample % law.every == 0:
+    if law.every == 1 or sample % law.every == 0:
         rows = law.reference[min(sample, law.samples - 1)]
         status = _call(law.address, law.parameters, law.measured, rows, memory, law.command)
         if status != 0:
@@ -178,6 +199,10 @@ def addressed_step(law, state, reference, memory, row):
 
 @jit
 def addressed_wait(law, state, reference, memory, row):
-    """In place of `addressed_step` while the rope is slack: the law waits."""
+    """Wait, in place of `addressed_step`, while the rope is slack; tell those that want to know it."""
+    if law.slack_place >= 0:
+        memory[law.slack_place] = ROPE_SLACK
+        rows = law.reference[min(law.clock[0], law.samples - 1)]
+        _call(law.address, law.parameters, law.measured, rows, memory, law.command)
     law.clock[0] += 1
     record_law(law, state, reference, memory, row)

@@ -14,19 +14,43 @@ observer, braking while the rope is slack, logging.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
+from cranectl.controllers.declarations import (
+    MAX_EVERY,
+    MAX_MEMORY,
+    MAX_PREVIEW,
+    check_callable,
+    check_choice,
+    check_items,
+    check_parameter_names,
+    check_signal_names,
+    check_whole,
+)
+from cranectl.design.records import ControllerDesign, Design, Origin, Value
+from cranectl.scenario import DesignSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.similarity import rounded
-from cranectl.signals import Signal, SignalGroup, law_groups
+from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_name
-from cranectl.support.provenance import DIGITS
 
-Value = float | str
+Command = Literal["acceleration", "velocity", "force"]  # [m/s²], [m/s], [N]
+Follows = Literal["path", "set-point"]  # set-point: end of the segment now running, at rest
+Measures = Literal["state", "encoders"]
+_COMPUTED = tuple(name for name, kind in vars(RigParameters).items() if isinstance(kind, property))
+READABLE = (*RigParameters.model_fields, *_COMPUTED, "limits", "path")
+SLACK_ENDS_RUN, ROPE_TAUT, ROPE_SLACK = 0.0, 1.0, 2.0  # what the loop writes into a `slack_place`
+_WHOLE = (  # numbers that a controller declares: their range, and what each is
+    ("every", 1, MAX_EVERY, "how many control periods lie between two steps"),
+    ("preview", 0, MAX_PREVIEW, "how many rows of the reference it looks ahead"),
+)
+
+
+PLACE = "a place of the memory, from 0 on"
 
 
 @dataclass(frozen=True)
@@ -59,7 +83,13 @@ class Parameter:
             fits = not isinstance(value, str | bool) and self.lowest <= value <= self.highest
             allowed = f"a number from {self.lowest:g} to {self.highest:g}"
         if not fits:
-            raise InputError(f"{where}.{self.name} = {value!r}", allowed=allowed, remedy=self.description)
+            raise InputError(
+                f"{where}.{self.name} = {value!r}",
+                allowed=allowed,
+                remedy=f"give {where}.{self.name} such a value: {self.description}"
+                if self.description
+                else f"give {where}.{self.name} such a value",
+            )
         return value if self.choices else float(value)
 
 
@@ -73,12 +103,13 @@ class Logged(NamedTuple):
 class Nominal(NamedTuple):
     """What a law is prepared for: the crane that it takes the real one for."""
 
-    rig: RigParameters
+    rig: RigParameters  # with the limits of its drives that hold, the scenario's or its own
     drive: str
     period: float  # between two steps of the law [s]
     reference: Array  # (N, 15) a row for each control sample: the path, or set-points
     state: Array  # (10,) at the start of the reference, order of signals.STATE
     parameters: Mapping[str, Any]  # all that the law declares
+    axis_design: Design | None = None  # of a controller with a linear design of one axis of the load
 
 
 CRANE_STATES = 4  # of one horizontal axis: position, its rate, angle, its rate
@@ -95,19 +126,6 @@ class LinearLaw(NamedTuple):
     a: Array  # (n, n)
     b: Array  # (n, 1)
     gain: Array  # (n,)
-
-
-class Origin(NamedTuple):
-    """The file of a law that no package brings, as a log tells it; it is never run from there."""
-
-    reference: str  # as it was named on the command line
-    sha256: str  # of its content, hexadecimal
-    source: str  # its text, where it is one
-
-    @property
-    def described(self) -> str:
-        """In a phrase."""
-        return f"{self.reference}, SHA-256 {self.sha256[:DIGITS]}"
 
 
 class Sizes(NamedTuple):
@@ -133,9 +151,9 @@ class Controller:
     title: str  # one line for people
     step: Callable[..., int]  # the signature above, in the Python that Numba compiles
     prepare: Callable[[Nominal], tuple[Array, Array]]  # (parameters, memory); may raise InputError
-    command: Literal["acceleration", "velocity", "force"] = "acceleration"  # [m/s²], [m/s], [N]
-    follows: Literal["path", "set-point"] = "path"  # set-point: end of the segment now running, at rest
-    measures: Literal["state", "encoders"] = "state"
+    command: Command = "acceleration"
+    follows: Follows = "path"
+    measures: Measures = "state"
     every: int = 1  # control periods between two steps; the command is held
     preview: int = 0  # rows of the reference after the present one
     parameters: tuple[Parameter, ...] = ()
@@ -145,13 +163,44 @@ class Controller:
     # are of, which it may write to.
     entry: Callable[[Sizes, Array], int] | None = None
     origin: Origin | None = None
+    code: str = ""  # of what has an `origin`: SHA-256 of its code, without comments and docstrings
     alone: bool = False  # there is one of it, for one run at a time
+    # What `prepare` uses of the nominal rig: fields, or `limits` of its drives; and `path` if it uses more
+    # of the reference than the start. None: not declared.
+    reads: tuple[str, ...] | None = None
+    # In place of parameters: makes its design of one axis of the load from the table [design] of a scenario.
+    # Its name is then one of `design.CONTROLLERS`.
+    axis_design: Callable[[DesignSettings], Design] | None = None
+    # Its memory ends with all that a run records of it, in the order of the groups of its design. Of others
+    # the loop records load and error, and what is `logged`.
+    records_all: bool = False
+    # Place of the memory where the loop writes whether the rope is slack. It is then called while the rope is
+    # slack, and its command is not used; others are not called.
+    slack_place: int | None = None
 
     def __post_init__(self) -> None:
-        """Raises InputError for a name that logs and TOML cannot have."""
-        check_name("controller", self.name)
+        """Raise InputError for a declaration that is not of the kind, or in the range, given above."""
+        if self.axis_design is None:
+            check_name("controller", self.name)
+        check_callable(f"{self.name}.step", self.step, remedy="write step(parameters, measured, ...)")
+        check_callable(f"{self.name}.prepare", self.prepare, remedy="write prepare(nominal)")
+        for key, kinds in (("command", Command), ("follows", Follows), ("measures", Measures)):
+            check_choice(f"{self.name}.{key}", getattr(self, key), get_args(kinds))
+        for key, lowest, highest, meaning in _WHOLE:
+            check_whole(f"{self.name}.{key}", getattr(self, key), lowest, highest, meaning)
+        check_items(f"{self.name}.parameters", self.parameters, Parameter, "{name: number}")
+        check_parameter_names(self.name, (parameter.name for parameter in self.parameters))
+        check_items(f"{self.name}.logged", self.logged, Logged, "{name: place of the memory}")
+        check_signal_names(self.name, (logged.signal.name for logged in self.logged))
+        for name in self.reads or ():
+            check_choice(f"{self.name}.reads", name, READABLE)
+        for place, signal in self.logged:
+            what = f"{self.name}.logged: the place of '{signal.name}'"
+            check_whole(what, place, 0, MAX_MEMORY - 1, PLACE)
+        if self.slack_place is not None:
+            check_whole(f"{self.name}.slack_place", self.slack_place, 0, MAX_MEMORY - 1, PLACE)
 
-    def designed(self, given: Mapping[str, Value], length: float = 1.0) -> "LawDesign":
+    def designed(self, given: Mapping[str, Value], length: float = 1.0) -> ControllerDesign:
         """With every parameter `given` or its default, on a rig `length` times as large as the laboratory's.
 
         Raises InputError for a wrong name or value.
@@ -165,32 +214,6 @@ class Controller:
             name: each.checked(given.get(name, each.sized(each.default, length)), where)
             for name, each in known.items()
         }
-        return LawDesign(self.name, values, tuple(logged.signal for logged in self.logged), self.origin)
-
-
-@dataclass(frozen=True)
-class LawDesign:
-    """A controller with its parameters, as a run knows it: the counterpart of the flat family's `Design`."""
-
-    name: str
-    parameters: Mapping[str, Value] = field(hash=False)
-    signals: tuple[Signal, ...]
-    origin: Origin | None = None
-
-    @property
-    def groups(self) -> tuple[SignalGroup, ...]:
-        """What a run under this law records besides what every run does."""
-        return law_groups(self.name, self.signals)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        signals = [[s.name, s.symbol, s.unit, s.description] for s in self.signals]
-        plain = {"name": self.name, "parameters": dict(self.parameters), "signals": signals}
-        return plain if self.origin is None else {**plain, "origin": self.origin._asdict()}
-
-    @classmethod
-    def from_json(cls, data: dict[str, Any]) -> "LawDesign":
-        """Inverse of `to_json`; raises KeyError, TypeError or ValueError for other data."""
-        signals = tuple(Signal(*map(str, signal)) for signal in data["signals"])
-        origin = Origin(**data["origin"]) if "origin" in data else None
-        return cls(str(data["name"]), dict(data["parameters"]), signals, origin)
+        return ControllerDesign(
+            self.name, values, tuple(logged.signal for logged in self.logged), self.origin
+        )

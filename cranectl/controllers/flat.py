@@ -1,21 +1,26 @@
-"""The sampled tracking controller: one compiled kernel for every plant and every run.
+"""The flat family: one sampled tracking controller, in six designs.
 
 v = z_d'''' + K (e, e', e'', e''') + v-bar with e = z_d - z, then the exactly linearising law of `flatness`.
 Between samples the input is held; the dynamic extension zeta'' = v_z is integrated exactly. Source: the
 thesis, chapters 3 and 4. Assumes: full state, a taut rope; masses are not used. Certain.
 """
 
+from functools import partial
 from math import isfinite, pi
 from typing import NamedTuple
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]
 
-from cranectl.design import Design
+from cranectl.controllers.controller import ROPE_SLACK, SLACK_ENDS_RUN, Controller, Nominal
+from cranectl.controllers.slots import Slots
+from cranectl.design import TITLES, Design, design_controller
 from cranectl.design.discretisation import check_sampled, sampled_blocks, sampled_loop
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.signals import (
     ACCELERATION,
     ALPHA,
+    BASE_WIDTH,
     BETA,
     CONTROLLER_COLUMN,
     ERROR_COLUMN,
@@ -36,8 +41,11 @@ ANGLE_SINGULAR = int(RunStatus.ANGLE_SINGULAR)
 LENGTH_SINGULAR = int(RunStatus.LENGTH_SINGULAR)
 NON_FINITE = int(RunStatus.NON_FINITE)
 
-# Places in the memory vector; the robustifier states of the axes x, y, z follow one another.
-ZETA, ZETA_DOT, ROBUSTIFIER = 0, 1, 2
+GIVEN = Slots(gain=4, feedthrough=1, period=1, gravity=1, blocks=1, matrices=0)  # of the robustifier's blocks
+BLOCK_SIZE = 8  # numbers of one: A (2, 2), B (2,), C (2,)
+# `begun`: whether the extension has been set to the reference; `slack`: the `slack_place`. The robustifier
+# states of the axes x, y, z follow one another, and after them comes a row of the record.
+MEMORY = Slots(zeta=1, zeta_dot=1, begun=1, slack=1, robustifier=0)
 LEAST_TENSION = 0.05  # of the load's weight, asked for by a tracker that is to recover; assumed
 
 
@@ -45,12 +53,22 @@ class Tracker(NamedTuple):
     """What the kernel needs to know besides signals; a design, sampled, on a given rig."""
 
     gain: Array  # (4,)
-    state_matrix: Array  # (n, 2, 2), see design.discretisation.SampledBlocks
-    input_matrix: Array  # (n, 2)
-    output_matrix: Array  # (n, 2)
+    # Of n blocks, one after the other: kernels would take longer to make matrices than to use them.
+    state_matrix: Array  # (4 n,), see design.discretisation.SampledBlocks
+    input_matrix: Array  # (2 n,)
+    output_matrix: Array  # (2 n,)
     feedthrough: float
     period: float  # [s]
     gravity: float  # [m/s²]
+
+
+# What makes a loop slower, by what is in the name of its controller.
+SAMPLING_REMEDIES = {
+    "pole-placement": "move design.poles towards 0",
+    "lqr": "raise design.input_weight",
+    "hinf": "raise design.hinf.control_weight",
+    "loop-shaping": "lower design.loop_shaping.proportional and integral",
+}
 
 
 def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
@@ -61,23 +79,17 @@ def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
     r = design.robustifier
     blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
     loop = sampled_loop(design.gain, blocks, period)
-    check_sampled(design.name, loop, period, remedy="choose slower poles or weights")
+    slower = " or ".join(remedy for kind, remedy in SAMPLING_REMEDIES.items() if kind in design.name)
+    check_sampled(design.name, loop, period, remedy=slower)
     return Tracker(
         gain=np.ascontiguousarray(design.gain),
-        state_matrix=blocks.state_matrix,
-        input_matrix=blocks.input_matrix,
-        output_matrix=blocks.output_matrix,
+        state_matrix=blocks.state_matrix.ravel(),
+        input_matrix=blocks.input_matrix.ravel(),
+        output_matrix=blocks.output_matrix.ravel(),
         feedthrough=blocks.feedthrough,
         period=period,
         gravity=gravity,
     )
-
-
-def initial_memory(tracker: Tracker, reference: Array) -> Array:
-    """Controller states with which a run that starts on its reference (15,) starts without a transient."""
-    memory = np.zeros(ROBUSTIFIER + 6 * len(tracker.state_matrix))
-    memory[ZETA], memory[ZETA_DOT] = reference[ACCELERATION + Z], reference[JERK + Z]
-    return memory
 
 
 @jit
@@ -101,14 +113,14 @@ def regularity(state, zeta, gravity):
 def robustify(tracker, axis, error, memory):
     """Output v-bar of one axis's robustifier [m/s⁴]; advances its states in `memory`."""
     output = tracker.feedthrough * error
-    n_blocks = tracker.state_matrix.shape[0]
+    a, b, c = tracker.state_matrix, tracker.input_matrix, tracker.output_matrix
+    n_blocks = len(b) // 2
     for k in range(n_blocks):
-        first = ROBUSTIFIER + 2 * (axis * n_blocks + k)
-        a, b, c = tracker.state_matrix[k], tracker.input_matrix[k], tracker.output_matrix[k]
+        first = MEMORY.robustifier + 2 * (axis * n_blocks + k)
         xi_1, xi_2 = memory[first], memory[first + 1]
-        output += c[0] * xi_1 + c[1] * xi_2
-        memory[first] = a[0, 0] * xi_1 + a[0, 1] * xi_2 + b[0] * error
-        memory[first + 1] = a[1, 0] * xi_1 + a[1, 1] * xi_2 + b[1] * error
+        output += c[2 * k] * xi_1 + c[2 * k + 1] * xi_2
+        memory[first] = a[4 * k] * xi_1 + a[4 * k + 1] * xi_2 + b[2 * k] * error
+        memory[first + 1] = a[4 * k + 2] * xi_1 + a[4 * k + 3] * xi_2 + b[2 * k + 1] * error
     return output
 
 
@@ -118,12 +130,12 @@ def inner_law(tracker, state, memory, v, command):
 
     Writes `command` (3,) [m/s²] and advances zeta and its rate in `memory` by one period.
     """
-    zeta, zeta_dot, period = memory[ZETA], memory[ZETA_DOT], tracker.period
+    zeta, zeta_dot, period = memory[MEMORY.zeta], memory[MEMORY.zeta_dot], tracker.period
     u = linearising_input(state, zeta, zeta_dot, v[0], v[1], v[2], tracker.gravity)
     for i in range(3):
         command[i] = u[i]
-    memory[ZETA] += period * (zeta_dot + 0.5 * period * v[2])
-    memory[ZETA_DOT] += period * v[2]
+    memory[MEMORY.zeta] += period * (zeta_dot + 0.5 * period * v[2])
+    memory[MEMORY.zeta_dot] += period * v[2]
 
 
 @jit
@@ -134,14 +146,14 @@ def control_step(tracker, state, reference, memory, row):
     flat output, error, input, virtual input and controller blocks of the record `row`. Returns RUNNING, or
     the status that forbids the law at this state, in which case nothing is written.
     """
-    zeta, zeta_dot = memory[ZETA], memory[ZETA_DOT]
+    zeta, zeta_dot = memory[MEMORY.zeta], memory[MEMORY.zeta_dot]
     status = regularity(state, zeta, tracker.gravity)
     if status != RUNNING:
         return status
     row[CONTROLLER_COLUMN] = zeta
     row[CONTROLLER_COLUMN + 1] = zeta_dot
-    for i in range(len(memory) - ROBUSTIFIER):
-        row[CONTROLLER_COLUMN + 2 + i] = memory[ROBUSTIFIER + i]
+    for i in range(len(memory) - MEMORY.robustifier):
+        row[CONTROLLER_COLUMN + 2 + i] = memory[MEMORY.robustifier + i]
 
     flat = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15]
     error = row[ERROR_COLUMN : ERROR_COLUMN + 12]
@@ -162,11 +174,19 @@ def control_step(tracker, state, reference, memory, row):
 
 
 @jit
+def begin(reference, memory):
+    """Set the extension to the reference at the first sample, so that a run begins without a transient."""
+    if memory[MEMORY.begun] == 0.0:
+        memory[MEMORY.zeta], memory[MEMORY.zeta_dot] = reference[ACCELERATION + Z], reference[JERK + Z]
+        memory[MEMORY.begun] = 1.0
+
+
+@jit
 def keep_taut(tracker, memory):
     """Keep the dynamic extension from asking for less tension than LEAST_TENSION of the load's weight."""
     least = (LEAST_TENSION - 1.0) * tracker.gravity
-    if memory[ZETA] < least:
-        memory[ZETA], memory[ZETA_DOT] = least, max(memory[ZETA_DOT], 0.0)
+    if memory[MEMORY.zeta] < least:
+        memory[MEMORY.zeta], memory[MEMORY.zeta_dot] = least, max(memory[MEMORY.zeta_dot], 0.0)
 
 
 @jit
@@ -175,10 +195,77 @@ def wait_step(tracker, state, reference, memory, row):
 
     The load falls freely, z'' = (0, 0, -g), and position and velocity are those of a rope that is taut.
     """
-    row[CONTROLLER_COLUMN], row[CONTROLLER_COLUMN + 1] = memory[ZETA], memory[ZETA_DOT]
-    for i in range(len(memory) - ROBUSTIFIER):
-        row[CONTROLLER_COLUMN + 2 + i] = memory[ROBUSTIFIER + i]
+    row[CONTROLLER_COLUMN], row[CONTROLLER_COLUMN + 1] = memory[MEMORY.zeta], memory[MEMORY.zeta_dot]
+    for i in range(len(memory) - MEMORY.robustifier):
+        row[CONTROLLER_COLUMN + 2 + i] = memory[MEMORY.robustifier + i]
     flat = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15]
     flat_output(state, -tracker.gravity, 0.0, tracker.gravity, flat)
     for i in range(12):
         row[ERROR_COLUMN + i] = reference[i] - flat[i]
+    for axis in range(3):
+        flat[12 + axis] = 0.0
+        row[VIRTUAL_INPUT_COLUMN + axis] = row[VIRTUAL_INPUT_COLUMN + 3 + axis] = 0.0
+
+
+def step(parameters, measured, reference, memory, command):
+    """One sample; see `controller`. State and path in, accelerations out."""
+    blocks = int(carray(parameters, (GIVEN.matrices,))[GIVEN.blocks])
+    given = carray(parameters, (GIVEN.matrices + BLOCK_SIZE * blocks,))
+    inputs, outputs = GIVEN.matrices + 4 * blocks, GIVEN.matrices + 6 * blocks
+    tracker = Tracker(
+        given[GIVEN.gain : GIVEN.feedthrough],
+        given[GIVEN.matrices : inputs],
+        given[inputs:outputs],
+        given[outputs:],
+        given[GIVEN.feedthrough],
+        given[GIVEN.period],
+        given[GIVEN.gravity],
+    )
+    states = MEMORY.robustifier + 6 * blocks
+    whole = carray(memory, (states + BASE_WIDTH + 6 * blocks,))
+    held, row, wanted = whole[:states], whole[states:], carray(command, (3,))
+    state, desired = carray(measured, (10,)), carray(reference, (15,))
+    begin(desired, held)
+    if held[MEMORY.slack] != SLACK_ENDS_RUN:
+        keep_taut(tracker, held)
+    if held[MEMORY.slack] == ROPE_SLACK:
+        wait_step(tracker, state, desired, held, row)
+        return RUNNING
+    status = control_step(tracker, state, desired, held, row)
+    for axis in range(3):
+        wanted[axis] = row[INPUT_COLUMN + axis]
+        if status == RUNNING and not isfinite(wanted[axis]):
+            status = NON_FINITE
+    return status
+
+
+def prepare(nominal: Nominal) -> tuple[Array, Array]:
+    """Return parameters and memory; raise InputError as `make_tracker`."""
+    assert nominal.axis_design is not None
+    tracker = make_tracker(nominal.axis_design, period=nominal.period, gravity=nominal.rig.gravity)
+    blocks = len(tracker.input_matrix) // 2
+    matrices = (tracker.state_matrix, tracker.input_matrix, tracker.output_matrix)
+    parameters = GIVEN.array(
+        gain=tracker.gain,
+        feedthrough=tracker.feedthrough,
+        period=tracker.period,
+        gravity=tracker.gravity,
+        blocks=blocks,
+        matrices=np.concatenate(matrices),
+    )
+    return parameters, MEMORY.array(robustifier=np.zeros(6 * blocks + BASE_WIDTH + 6 * blocks))
+
+
+FLAT_CONTROLLERS = {
+    name: Controller(
+        name=name,
+        title=title,
+        step=step,
+        prepare=prepare,
+        reads=("gravity",),
+        axis_design=partial(design_controller, name),
+        records_all=True,
+        slack_place=MEMORY.slack,
+    )
+    for name, title in TITLES.items()
+}

@@ -18,19 +18,18 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 
 from cranectl.controllers.controller import CRANE_STATES, Controller, LinearLaw, Logged, Nominal, Parameter
-from cranectl.controllers.flat import Tracker, control_step, make_tracker
+from cranectl.controllers.flat import MEMORY as TRACKED
+from cranectl.controllers.flat import Tracker, begin, control_step, make_tracker
 from cranectl.controllers.lqr_integral import matrices
+from cranectl.controllers.slots import Slots
 from cranectl.design import design_controller
 from cranectl.scenario import DesignSettings
 from cranectl.scenario.design import FASTEST, SLOWEST
 from cranectl.signals import (
-    ACCELERATION,
     BASE_WIDTH,
     INPUT_COLUMN,
-    JERK,
     VIRTUAL_INPUT,
     VIRTUAL_INPUT_COLUMN,
-    Z,
     controller_group,
 )
 from cranectl.support.arrays import Array
@@ -38,17 +37,16 @@ from cranectl.support.jit import jit
 
 POLES = tuple(f"pole_{k}" for k in range(1, 5))
 
-# Places of parameters and memory, of which the last is a row of the tracker's record.
-GAIN, PERIOD, GRAVITY, LEAD, PARAMETERS = 0, 4, 5, 6, 9
-EXTENSION, BEGUN, ROW, MEMORY = 0, 2, 3, 3 + BASE_WIDTH
-VIRTUAL = ROW + VIRTUAL_INPUT_COLUMN
+GIVEN = Slots(gain=4, period=1, gravity=1, lead=3)
+MEMORY = Slots(tracker=TRACKED.size, row=BASE_WIDTH)  # the tracker's memory, and its record
+VIRTUAL = MEMORY.row + VIRTUAL_INPUT_COLUMN
 
 
 @jit
 def set_points(tracker, lead, measured, reference, extension, row, command):
     """Velocities w (3,) [m/s] under which the drives accelerate as the tracker asks; returns its status.
 
-    `lead` (3,) [s]; `measured` (12,); `reference` (15,); `extension` (2,) and `row` as the tracker has them.
+    `lead` (3,) [s]; `measured` (12,); `reference` (15,); `extension` and `row` as the tracker has them.
     """
     status = control_step(tracker, measured[:10], reference, extension, row)
     for axis in range(3):
@@ -58,19 +56,18 @@ def set_points(tracker, lead, measured, reference, extension, row, command):
 
 def step(parameters, measured, reference, memory, command):
     """One sample; see `controller`. State and path in, set-points of velocity out."""
-    given, held = carray(parameters, (PARAMETERS,)), carray(memory, (MEMORY,))
-    if held[BEGUN] == 0.0:  # live sessions change laws on the way
-        held[EXTENSION], held[EXTENSION + 1] = reference[ACCELERATION + Z], reference[JERK + Z]
-        held[BEGUN] = 1.0
-    none = carray(parameters, (0, 2, 2))
-    tracker = Tracker(given[GAIN:PERIOD], none, none[:, 0], none[:, 0], 0.0, given[PERIOD], given[GRAVITY])
+    given, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
+    begin(reference, held)
+    none = carray(parameters, (0,))
+    gain, period, gravity = given[: GIVEN.period], given[GIVEN.period], given[GIVEN.gravity]
+    tracker = Tracker(gain, none, none, none, 0.0, period, gravity)
     return set_points(
         tracker,
-        given[LEAD:PARAMETERS],
+        given[GIVEN.lead :],
         carray(measured, (12,)),
         carray(reference, (15,)),
-        held[EXTENSION:BEGUN],
-        held[ROW:MEMORY],
+        held[: MEMORY.row],
+        held[MEMORY.row :],
         carray(command, (3,)),
     )
 
@@ -93,8 +90,10 @@ def lead_times(nominal: Nominal) -> Array:
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
     """Parameters and memory."""
     tracker = tracker_of(nominal)
-    head = (*tracker.gain, tracker.period, tracker.gravity)
-    return np.append(head, lead_times(nominal)), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        gain=tracker.gain, period=tracker.period, gravity=tracker.gravity, lead=lead_times(nominal)
+    )
+    return parameters, MEMORY.array()
 
 
 def linear_gain(flat_gain: Array, rope_length: float, gravity: float) -> Array:
@@ -121,6 +120,7 @@ FLAT_VELOCITY = Controller(
     title="flatness-based tracker, poles placed; measured velocities in the drives' set-points",
     step=step,
     prepare=prepare,
+    reads=("gravity", "time_constants"),
     command="velocity",
     parameters=tuple(
         Parameter(
@@ -137,7 +137,10 @@ FLAT_VELOCITY = Controller(
     ),
     logged=tuple(
         Logged(place, signal)
-        for first, signals in ((EXTENSION, controller_group(0).signals), (VIRTUAL, VIRTUAL_INPUT.signals[:3]))
+        for first, signals in (
+            (TRACKED.zeta, controller_group(0).signals),
+            (VIRTUAL, VIRTUAL_INPUT.signals[:3]),
+        )
         for place, signal in enumerate(signals, first)
     ),
     linearise=linearise,

@@ -14,23 +14,13 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 from scipy.linalg import solve_continuous_are
 
-from cranectl.controllers.controller import Controller, LinearLaw, Logged, Nominal, Parameter
+from cranectl.controllers.common import state_on_path
+from cranectl.controllers.controller import Controller, LinearLaw, Nominal, Parameter
+from cranectl.controllers.slots import Slots, per_axis
 from cranectl.design.discretisation import check_sampled, zero_order_hold
-from cranectl.model.flatness import flat_output, state_and_input
-from cranectl.signals import (
-    ACCELERATION,
-    ALPHA,
-    AXES,
-    BETA,
-    BRIDGE,
-    ROPE,
-    ROPE_RATE,
-    TROLLEY,
-    Signal,
-    X,
-    Y,
-    Z,
-)
+from cranectl.model.flatness import flat_output
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY, X, Y, Z
+from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
@@ -38,51 +28,50 @@ from cranectl.support.jit import jit
 GRID = 33  # rope lengths
 STATES = 5  # dx, dx', db, db', s
 
-# Places of parameters and memory.
-PERIOD, GRAVITY, SHORTEST, LENGTH_STEP, ROPE_GAIN, GAIN = 0, 1, 2, 3, 4, 7
-INTEGRAL, DESIRED, INPUT, LOAD, MEMORY = 0, 3, 13, 16, 28
+GIVEN = Slots(period=1, gravity=1, shortest=1, length_step=1, rope_gain=3, gain=0)
+MEMORY = Slots(integral=3, desired=10, inputs=3, load=12)
 
 
 @jit
 def feedback(parameters, measured, desired, integral, joint, angle, row, share):
-    """K(l) (dx, dx', db, db', s) of one axis, `share` of the way from one row of the grid to the next."""
+    """Return K(l) (dx, dx', db, db', s) of one axis, `share` of the way from a row to the next."""
     total = 0.0
     for i in range(STATES):
-        first = parameters[GAIN + STATES * row + i]
-        gain = first + share * (parameters[GAIN + STATES * (row + 1) + i] - first)
+        first = parameters[GIVEN.gain + STATES * row + i]
+        gain = first + share * (parameters[GIVEN.gain + STATES * (row + 1) + i] - first)
         place = joint + i if i < 2 else angle + i - 2
         total += gain * (integral if i == 4 else measured[place] - desired[place])
     return total
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, accelerations out."""
-    held = carray(memory, (MEMORY,))
-    desired, inputs, load = held[DESIRED:INPUT], held[INPUT:LOAD], held[LOAD:MEMORY]
-    gravity, period = parameters[GRAVITY], parameters[PERIOD]
-    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
-        return 2
-    state_and_input(reference, gravity, desired, inputs)
+    """Take one sample; see `controller`. State and path in, accelerations out."""
+    held = carray(memory, (MEMORY.size,))
+    integral, desired = held[: MEMORY.desired], held[MEMORY.desired : MEMORY.inputs]
+    inputs, load = held[MEMORY.inputs : MEMORY.load], held[MEMORY.load :]
+    gravity, period = parameters[GIVEN.gravity], parameters[GIVEN.period]
+    if not state_on_path(reference, gravity, desired, inputs):
+        return RunStatus.SLACK_ROPE
     flat_output(measured, 0.0, 0.0, gravity, load)
-    grid = (measured[ROPE] - parameters[SHORTEST]) / parameters[LENGTH_STEP]
+    grid = (measured[ROPE] - parameters[GIVEN.shortest]) / parameters[GIVEN.length_step]
     row = min(max(int(grid), 0), GRID - 2)
     share = min(max(grid - row, 0.0), 1.0)
-    x = feedback(parameters, measured, desired, held[X], BRIDGE, BETA, row, share)
-    y = feedback(parameters, measured, desired, held[Y], TROLLEY, ALPHA, row, share)
+    x = feedback(parameters, measured, desired, integral[X], BRIDGE, BETA, row, share)
+    y = feedback(parameters, measured, desired, integral[Y], TROLLEY, ALPHA, row, share)
     command[X], command[Y] = inputs[X] - x, inputs[Y] - y
     command[Z] = (
         inputs[Z]
-        - parameters[ROPE_GAIN] * (measured[ROPE] - desired[ROPE])
-        - parameters[ROPE_GAIN + 1] * (measured[ROPE_RATE] - desired[ROPE_RATE])
-        + parameters[ROPE_GAIN + 2] * held[Z]
+        - parameters[GIVEN.rope_gain] * (measured[ROPE] - desired[ROPE])
+        - parameters[GIVEN.rope_gain + 1] * (measured[ROPE_RATE] - desired[ROPE_RATE])
+        + parameters[GIVEN.rope_gain + 2] * integral[Z]
     )
     for axis in range(3):
-        held[axis] += period * (load[axis] - reference[axis])
+        integral[axis] += period * (load[axis] - reference[axis])
     return 0
 
 
 def matrices(rope_length: float, gravity: float) -> tuple[Array, Array, Array]:
-    """A, B of x' = A x + B u for x = (dx, dx', db, db', s), and C of (e, e', s)."""
+    """Return A, B of x' = A x + B u for x = (dx, dx', db, db', s), and C of (e, e', s)."""
     stiffness = -gravity / rope_length
     a = [
         [0, 1, 0, 0, 0],
@@ -97,12 +86,12 @@ def matrices(rope_length: float, gravity: float) -> tuple[Array, Array, Array]:
 
 
 def gain_at(rope_length: float, nominal: Nominal) -> Array:
-    """K (5,) at a rope length [m]; raises InputError where the sampled loop would be unstable."""
+    """Return K (5,) at a rope length [m]; raises InputError where the sampled loop would be unstable."""
     return _gain(nominal, *matrices(rope_length, nominal.rig.gravity))
 
 
 def rope_gain(nominal: Nominal) -> Array:
-    """K (3,) of the rope, for its length, rate, and the integral of the length."""
+    """Return K (3,) of the rope, for its length, rate, and the integral of the length."""
     return _gain(nominal, *(np.array(m) for m in _ROPE))
 
 
@@ -130,16 +119,23 @@ def _gain(nominal: Nominal, a: Array, b: Array, c: Array) -> Array:
 
 
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
-    """Parameters and memory; gains for all rope lengths of the rig."""
+    """Return parameters and memory, with gains for all rope lengths of the rig."""
     shortest, longest = nominal.rig.rope_range
     lengths = np.linspace(shortest, longest, GRID)
     gains = np.array([gain_at(length, nominal) for length in lengths])
-    head = (nominal.period, nominal.rig.gravity, shortest, lengths[1] - shortest, *rope_gain(nominal))
-    return np.concatenate([head, gains.ravel()]), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        period=nominal.period,
+        gravity=nominal.rig.gravity,
+        shortest=shortest,
+        length_step=lengths[1] - shortest,
+        rope_gain=rope_gain(nominal),
+        gain=gains,
+    )
+    return parameters, MEMORY.array()
 
 
 def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
-    """Of one horizontal axis at rest."""
+    """Return the linear law of one horizontal axis at rest."""
     a, b, _ = matrices(rope_length, nominal.rig.gravity)
     return LinearLaw(rope_length, a, b, gain_at(rope_length, nominal))
 
@@ -151,6 +147,7 @@ LQR_INTEGRAL = Controller(
     title="LQR with integral action on the linearised crane, flat path as feed-forward",
     step=step,
     prepare=prepare,
+    reads=("gravity", "rope_range"),
     parameters=(
         Parameter(
             "error_weight",
@@ -181,11 +178,6 @@ LQR_INTEGRAL = Controller(
         ),
         Parameter("input_weight", 0.1, "s⁴/m²", "r on the drive's acceleration", *WEIGHT),
     ),
-    logged=tuple(
-        Logged(
-            INTEGRAL + k, Signal(f"error_integral_{axis}", f"s_{axis}", "m s", f"of the load's error, {axis}")
-        )
-        for k, axis in enumerate(AXES)
-    ),
+    logged=MEMORY.logged(integral=per_axis("error_integral", "s", "m s", "of the load's error", "xyz")),
     linearise=linearise,
 )

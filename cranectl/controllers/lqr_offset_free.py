@@ -29,6 +29,7 @@ from scipy.linalg import solve_continuous_are
 
 from cranectl.controllers.controller import CRANE_STATES, Controller, LinearLaw, Logged, Nominal, Parameter
 from cranectl.controllers.observer import make_observer
+from cranectl.controllers.slots import Slots, per_axis
 from cranectl.design.discretisation import check_sampled, zero_order_hold
 from cranectl.model.flatness import flat_output, slopes_from_angles, state_and_input
 from cranectl.signals import (
@@ -42,21 +43,20 @@ from cranectl.signals import (
     ROPE_RATE,
     TROLLEY,
     VELOCITY,
-    Signal,
     X,
     Z,
 )
+from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-# Places of parameters and memory; of an axis the observer has z, z' and d.
-PERIOD, GRAVITY, ROPE_POLE, OBSERVER, LIMIT, LEVEL = 0, 1, 2, 3, 6, 8
 LEVELS = 17  # of ρ, the smallest first
-STATES, ELLIPSOID = 4, 4  # of a level: K (4,), then (B·P B) P (4, 4)
-WIDTH = STATES + STATES * STATES
-ESTIMATE, LEANING, DESIRED, INPUT, LOAD, SCALED, BEGUN, MEMORY = 0, 6, 21, 31, 34, 46, 50, 51
-LEAST = 0.2  # of the limit is the feedback's, whatever the path takes
-PUSH = 2  # in the estimate of an axis
+STATES = 4
+GIVEN = Slots(period=1, gravity=1, rope_pole=1, observer=3, limit=2, levels=0)
+LEVEL = Slots(gain=STATES, ellipsoid=STATES * STATES)  # K, then (B·P B) P
+MEMORY = Slots(estimate=6, leaning=15, desired=10, inputs=3, load=12, state=STATES, begun=1)
+PUSH = 2  # in the estimate of an axis, which is z, z' and d
+MIN_FEEDBACK_SHARE = 0.2  # of the limit is the feedback's, whatever the path takes
 
 
 @jit
@@ -69,8 +69,8 @@ def expect(estimate, specific_force, period):
 
 @jit
 def reached(parameters, level, state):
-    """The largest acceleration, over g, on the ellipsoid of a level through `state` (4,)."""
-    start = LEVEL + WIDTH * level + ELLIPSOID
+    """Return the largest acceleration, over g, on the ellipsoid of a level through `state` (4,)."""
+    start = GIVEN.levels + LEVEL.size * level + LEVEL.ellipsoid
     total = 0.0
     for i in range(STATES):
         for k in range(STATES):
@@ -80,7 +80,7 @@ def reached(parameters, level, state):
 
 @jit
 def feedback(parameters, state, limit):
-    """K x of an axis [1], scaled as above, for `state` (4,) and a limit of acceleration, over g."""
+    """Return K x of an axis [1], scaled as above, for `state` (4,) and a limit of acceleration, over g."""
     level, share = LEVELS - 2, 1.0
     high = reached(parameters, LEVELS - 1, state)
     while high > limit:
@@ -91,20 +91,22 @@ def feedback(parameters, state, limit):
         level, high = level - 1, low
     total = 0.0
     for i in range(STATES):
-        first, last = LEVEL + WIDTH * level + i, LEVEL + WIDTH * (level + 1) + i
+        first = GIVEN.levels + LEVEL.size * level + LEVEL.gain + i
+        last = first + LEVEL.size
         total += (parameters[first] + share * (parameters[last] - parameters[first])) * state[i]
     return total
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, accelerations out."""
-    held = carray(memory, (MEMORY,))
-    leaning, desired = held[LEANING:DESIRED], held[DESIRED:INPUT]
-    inputs, load, state = held[INPUT:LOAD], held[LOAD:SCALED], held[SCALED:BEGUN]
-    gravity, period, length = parameters[GRAVITY], parameters[PERIOD], measured[ROPE]
+    """Take one sample; see `controller`. State and path in, accelerations out."""
+    held = carray(memory, (MEMORY.size,))
+    leaning, desired = held[MEMORY.leaning : MEMORY.desired], held[MEMORY.desired : MEMORY.inputs]
+    inputs, load = held[MEMORY.inputs : MEMORY.load], held[MEMORY.load : MEMORY.state]
+    state = held[MEMORY.state : MEMORY.begun]
+    gravity, period, length = parameters[GIVEN.gravity], parameters[GIVEN.period], measured[ROPE]
     lift = reference[ACCELERATION + Z] + gravity
     if lift <= 0.0 or reference[Z] >= 0.0 or length <= 0.0:
-        return 2
+        return RunStatus.SLACK_ROPE
     flat_output(measured, 0.0, 0.0, gravity, load)
     slope_x, slope_y, _, _ = slopes_from_angles(
         measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE]
@@ -113,13 +115,13 @@ def step(parameters, measured, reference, memory, command):
         leaning[i] = reference[i]
     for axis in range(2):
         estimate = held[3 * axis : 3 * axis + 3]
-        if held[BEGUN] == 0.0:
+        if held[MEMORY.begun] == 0.0:
             estimate[0], estimate[1] = load[axis], load[VELOCITY + axis]
         innovation = load[axis] - estimate[0]
         for i in range(3):
-            estimate[i] += parameters[OBSERVER + i] * innovation
+            estimate[i] += parameters[GIVEN.observer + i] * innovation
         leaning[ACCELERATION + axis] -= estimate[PUSH]
-    held[BEGUN] = 1.0
+    held[MEMORY.begun] = 1.0
     state_and_input(leaning, gravity, desired, inputs)
     speed = sqrt(gravity * length)
     for axis in range(2):
@@ -130,10 +132,13 @@ def step(parameters, measured, reference, memory, command):
         state[1] = (measured[joint + 1] - desired[joint + 1]) / speed
         state[2] = (estimate[0] - reference[axis]) / length
         state[3] = (estimate[1] - reference[VELOCITY + axis]) / speed
-        left = max(parameters[LIMIT + axis] - abs(command[axis]), LEAST * parameters[LIMIT + axis])
+        left = max(
+            parameters[GIVEN.limit + axis] - abs(command[axis]),
+            MIN_FEEDBACK_SHARE * parameters[GIVEN.limit + axis],
+        )
         command[axis] -= gravity * feedback(parameters, state, left / gravity)
         expect(estimate, -lift * (slope_x if axis == X else slope_y), period)
-    pole = parameters[ROPE_POLE]
+    pole = parameters[GIVEN.rope_pole]
     command[Z] = inputs[Z] - pole * (
         pole * (length - desired[ROPE]) + 2.0 * (measured[ROPE_RATE] - desired[ROPE_RATE])
     )
@@ -146,14 +151,14 @@ B = np.array([[0.0], [1], [0], [0]])
 
 
 def regulator(error_weight: float, rate_weight: float) -> tuple[Array, Array]:
-    """K (4,) of (x, x', e, e') and P (4, 4), the cost of a state."""
+    """Return K (4,) of (x, x', e, e') and P (4, 4), the cost of a state."""
     cost = solve_continuous_are(A, B, np.diag([0.0, 0.0, error_weight, rate_weight]), [[1.0]])
     gain: Array = (B.T @ cost)[0]
     return gain, cost
 
 
 def frequencies(nominal: Nominal) -> tuple[float, float]:
-    """Poles of the observer and of the rope [rad/s], on a rope of middle length."""
+    """Return the poles of the observer and of the rope [rad/s], on a rope of middle length."""
     middle = 0.5 * sum(nominal.rig.rope_range)
     pendulum = sqrt(nominal.rig.gravity / middle)
     observer_pole, rope_pole = (float(nominal.parameters[name]) for name in ("observer_pole", "rope_pole"))
@@ -161,17 +166,17 @@ def frequencies(nominal: Nominal) -> tuple[float, float]:
 
 
 def levels(nominal: Nominal) -> Array:
-    """(LEVELS, WIDTH) of the weights and of ever smaller ones."""
+    """Return the levels of the weights and of ever smaller ones, a row each."""
     error_weight, rate_weight = (float(nominal.parameters[name]) for name in ("error_weight", "rate_weight"))
     rows = []
-    for share in np.geomspace(SMALLEST, 1.0, LEVELS):
+    for share in np.geomspace(MIN_SCALE, 1.0, LEVELS):
         gain, cost = regulator(share * error_weight, share * rate_weight)
         rows.append([*gain, *(gain[1] * cost).ravel()])  # B·P B is K's second
     return np.array(rows)
 
 
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
-    """Parameters and memory; raises InputError where sampling would make the loop unstable."""
+    """Return parameters and memory; raise InputError where sampling would make the loop unstable."""
     table, gravity = levels(nominal), nominal.rig.gravity
     observer_pole, rope_pole = frequencies(nominal)
     period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])
@@ -180,12 +185,19 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     check_sampled("lqr-offset-free", phi - hold @ table[-1:, :STATES], nominal.period, remedy=remedy)
     observer = make_observer(observer_pole, period=nominal.period, gravity=gravity)
     limits = nominal.rig.effects.limits.acceleration[:2]
-    head = [nominal.period, gravity, rope_pole, *observer[:3], *limits]
-    return np.concatenate([head, table.ravel()]), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        period=nominal.period,
+        gravity=gravity,
+        rope_pole=rope_pole,
+        observer=observer[:3],
+        limit=limits,
+        levels=table,
+    )
+    return parameters, MEMORY.array()
 
 
 def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
-    """Of one horizontal axis at rest, ρ = 1; what it adds is the observer's z, z' and d."""
+    """Return the linear law of one horizontal axis at rest, ρ = 1; it adds the observer's z, z' and d."""
     gravity, period = nominal.rig.gravity, nominal.period
     observer_pole, _ = frequencies(nominal)
     observer = make_observer(observer_pole, period=period, gravity=gravity)
@@ -203,7 +215,7 @@ def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
     return LinearLaw(rope_length, a, b, np.array(gain))
 
 
-SMALLEST = 1e-6  # of ρ
+MIN_SCALE = 1e-6  # of ρ
 WEIGHT, POLE = (1e-6, 1e6), (0.01, 100.0)
 
 LQR_OFFSET_FREE = Controller(
@@ -211,6 +223,7 @@ LQR_OFFSET_FREE = Controller(
     title="LQR about the path of a crane that leans against observed pushes: no offset, no wind-up",
     step=step,
     prepare=prepare,
+    reads=("gravity", "limits", "rope_range"),
     linearise=linearise,
     parameters=(
         Parameter("error_weight", 5.0, "1", "q_e on the load's error over l", *WEIGHT, search=(0.5, 10.0)),
@@ -220,7 +233,7 @@ LQR_OFFSET_FREE = Controller(
         Parameter("rope_pole", 1.5, "1", "two, over sqrt(g/l)", *POLE, search=(0.3, 6.0)),
     ),
     logged=tuple(
-        Logged(3 * k + PUSH, Signal(f"push_{axis}", f"d_{axis}", "m/s²", f"on the load, as observed, {axis}"))
-        for k, axis in enumerate("xy")
+        Logged(MEMORY.estimate + 3 * k + PUSH, signal)
+        for k, signal in enumerate(per_axis("push", "d", "m/s²", "on the load, as observed"))
     ),
 )

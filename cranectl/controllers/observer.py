@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cranectl.controllers.slots import Slots
 from cranectl.model.dynamics import angular_accelerations
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
 JOINTS = 5  # bridge, trolley, rope, alpha, beta
-# Places in the observer's memory: what it expects at the next sample.
-POSITION, VELOCITY, DISTURBANCE, MEMORY = 0, JOINTS, 2 * JOINTS, 3 * JOINTS
+EXPECTED = Slots(position=JOINTS, velocity=JOINTS, disturbance=JOINTS)  # expected at the next sample
 
 
 class Observer(NamedTuple):
@@ -44,19 +44,26 @@ def make_observer(bandwidth: float, *, period: float, gravity: float) -> Observe
 
 
 def initial_estimate(state: Array) -> Array:
-    """The observer's memory before the first sample of a run that starts, as known, at `state` (10,)."""
-    memory = np.zeros(MEMORY)
-    memory[POSITION:VELOCITY], memory[VELOCITY:DISTURBANCE] = state[0::2], state[1::2]
-    return memory
+    """Return the observer's memory before the first sample of a run that starts at a known `state` (10,)."""
+    return EXPECTED.array(position=state[0::2], velocity=state[1::2])
 
 
 @jit
 def correct(observer, joint, position, memory):
     """Take the measured `position` of one joint into account."""
-    innovation = position - memory[POSITION + joint]
-    memory[POSITION + joint] += observer.position_gain * innovation
-    memory[VELOCITY + joint] += observer.velocity_gain * innovation
-    memory[DISTURBANCE + joint] += observer.disturbance_gain * innovation
+    innovation = position - memory[EXPECTED.position + joint]
+    memory[EXPECTED.position + joint] += observer.position_gain * innovation
+    memory[EXPECTED.velocity + joint] += observer.velocity_gain * innovation
+    memory[EXPECTED.disturbance + joint] += observer.disturbance_gain * innovation
+
+
+@jit
+def advance(memory, joint, known, period):
+    """Expect the next sample of one joint, whose acceleration is `known` but for the disturbance."""
+    acceleration = known + memory[EXPECTED.disturbance + joint]
+    velocity = memory[EXPECTED.velocity + joint]
+    memory[EXPECTED.position + joint] += period * (velocity + 0.5 * period * acceleration)
+    memory[EXPECTED.velocity + joint] = velocity + period * acceleration
 
 
 @jit
@@ -67,27 +74,35 @@ def predict(observer, accelerations, memory):
     a period, and the disturbances would make up for it.
     """
     period = observer.period
-    u_x, u_y = accelerations[0] + memory[DISTURBANCE], accelerations[1] + memory[DISTURBANCE + 1]
-    length, alpha, beta = memory[POSITION + 2], memory[POSITION + 3], memory[POSITION + 4]
-    length_rate, alpha_rate, beta_rate = memory[VELOCITY + 2], memory[VELOCITY + 3], memory[VELOCITY + 4]
+    u_x, u_y = (
+        accelerations[0] + memory[EXPECTED.disturbance],
+        accelerations[1] + memory[EXPECTED.disturbance + 1],
+    )
+    length, alpha, beta = (
+        memory[EXPECTED.position + 2],
+        memory[EXPECTED.position + 3],
+        memory[EXPECTED.position + 4],
+    )
+    length_rate, alpha_rate, beta_rate = (
+        memory[EXPECTED.velocity + 2],
+        memory[EXPECTED.velocity + 3],
+        memory[EXPECTED.velocity + 4],
+    )
     alpha_ddot, beta_ddot = angular_accelerations(
         length, length_rate, alpha, alpha_rate, beta, beta_rate, u_x, u_y, observer.gravity
     )
     half = 0.5 * period
     alpha_ddot, beta_ddot = angular_accelerations(
         length + half * length_rate,
-        length_rate + half * (accelerations[2] + memory[DISTURBANCE + 2]),
+        length_rate + half * (accelerations[2] + memory[EXPECTED.disturbance + 2]),
         alpha + half * alpha_rate,
-        alpha_rate + half * (alpha_ddot + memory[DISTURBANCE + 3]),
+        alpha_rate + half * (alpha_ddot + memory[EXPECTED.disturbance + 3]),
         beta + half * beta_rate,
-        beta_rate + half * (beta_ddot + memory[DISTURBANCE + 4]),
+        beta_rate + half * (beta_ddot + memory[EXPECTED.disturbance + 4]),
         u_x,
         u_y,
         observer.gravity,
     )
     for joint in range(JOINTS):
         known = accelerations[joint] if joint < 3 else (alpha_ddot if joint == 3 else beta_ddot)
-        acceleration = known + memory[DISTURBANCE + joint]
-        velocity = memory[VELOCITY + joint]
-        memory[POSITION + joint] += period * (velocity + 0.5 * period * acceleration)
-        memory[VELOCITY + joint] = velocity + period * acceleration
+        advance(memory, joint, known, period)

@@ -15,22 +15,33 @@ from math import pi, sqrt
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
+from cranectl.controllers.controller import Controller, Nominal, Parameter
+from cranectl.controllers.slots import Slots
 from cranectl.signals import ROPE, Signal
 from cranectl.support.arrays import Array
 
 SHAPERS = ("none", "zv", "zvd", "ei")
 VIBRATION = 0.05  # V of ei, the part of the unshaped vibration that may remain at the modelled frequency
 
-# Places of parameters and memory; up to three impulses, and a ring of past rows of the path.
-PERIOD, PROPORTIONAL, INTEGRAL_GAIN, DERIVATIVE, FILTER, IMPULSES, ROWS, AMPLITUDE = range(8)
-DELAY = AMPLITUDE + 3
-INTEGRAL, ERROR, RATE, SHAPED, CLOCK, RING = 0, 3, 6, 9, 12, 13
+MAX_IMPULSES = 3  # impulses
 KEPT = 6  # position and velocity of a row of the path
+
+GIVEN = Slots(
+    period=1,
+    proportional=1,
+    integral=1,
+    derivative=1,
+    filter=1,
+    impulses=1,
+    rows=1,
+    amplitude=MAX_IMPULSES,
+    delay=MAX_IMPULSES,
+)
+MEMORY = Slots(integral=3, error=3, rate=3, shaped=3, clock=1, ring=0)  # ring: past rows of the path
 
 
 def impulses(shaper: str, period: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Amplitudes and times [s] of a shaper for a swing of `period` [s]."""
+    """Return amplitudes and times [s] of a shaper for a swing of `period` [s]."""
     v = VIBRATION
     amplitudes = {
         "none": (1.0,),
@@ -42,51 +53,53 @@ def impulses(shaper: str, period: float) -> tuple[tuple[float, ...], tuple[float
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. Readings and path in, set-points of velocity out."""
-    period, clock, rows = parameters[PERIOD], int(memory[CLOCK]), int(parameters[ROWS])
-    memory[CLOCK] += 1.0
+    """Take one sample; see `controller`. Readings and path in, set-points of velocity out."""
+    period, clock, rows = parameters[GIVEN.period], int(memory[MEMORY.clock]), int(parameters[GIVEN.rows])
+    memory[MEMORY.clock] += 1.0
     for i in range(KEPT):
-        memory[RING + KEPT * (clock % rows) + i] = reference[i]
+        memory[MEMORY.ring + KEPT * (clock % rows) + i] = reference[i]
     for axis in range(3):
         sign = -1.0 if axis == 2 else 1.0  # the rope is longer the lower the load
         position, velocity = 0.0, 0.0
-        for k in range(int(parameters[IMPULSES])):
-            past = RING + KEPT * (max(clock - int(parameters[DELAY + k]), 0) % rows) + axis
-            position += sign * parameters[AMPLITUDE + k] * memory[past]
-            velocity += sign * parameters[AMPLITUDE + k] * memory[past + 3]
+        for k in range(int(parameters[GIVEN.impulses])):
+            past = MEMORY.ring + KEPT * (max(clock - int(parameters[GIVEN.delay + k]), 0) % rows) + axis
+            position += sign * parameters[GIVEN.amplitude + k] * memory[past]
+            velocity += sign * parameters[GIVEN.amplitude + k] * memory[past + 3]
         error = position - measured[axis]
-        rate = (error - memory[ERROR + axis]) / period
-        memory[RATE + axis] += period / (period + parameters[FILTER]) * (rate - memory[RATE + axis])
-        memory[ERROR + axis] = error
-        memory[SHAPED + axis] = position
+        rate = (error - memory[MEMORY.error + axis]) / period
+        memory[MEMORY.rate + axis] += (
+            period / (period + parameters[GIVEN.filter]) * (rate - memory[MEMORY.rate + axis])
+        )
+        memory[MEMORY.error + axis] = error
+        memory[MEMORY.shaped + axis] = position
         command[axis] = (
             velocity
-            + parameters[PROPORTIONAL] * error
-            + parameters[INTEGRAL_GAIN] * memory[INTEGRAL + axis]
-            + parameters[DERIVATIVE] * memory[RATE + axis]
+            + parameters[GIVEN.proportional] * error
+            + parameters[GIVEN.integral] * memory[MEMORY.integral + axis]
+            + parameters[GIVEN.derivative] * memory[MEMORY.rate + axis]
         )
-        memory[INTEGRAL + axis] += period * error
+        memory[MEMORY.integral + axis] += period * error
     return 0
 
 
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
-    """Parameters and memory; the shaper is made for one rope length."""
+    """Return parameters and memory; the shaper is made for one rope length."""
     given = nominal.parameters
     length = given["rope_length"] or nominal.state[ROPE]
     amplitudes, times = impulses(str(given["shaper"]), 2.0 * pi * sqrt(length / nominal.rig.gravity))
     delays = [round(time / nominal.period) for time in times]
-    parameters = np.zeros(DELAY + 3)
-    parameters[:AMPLITUDE] = (
-        nominal.period,
-        *(given[name] for name in ("proportional", "integral", "derivative", "filter_time")),
-        len(amplitudes),
-        delays[-1] + 1,
+    rows, unused = delays[-1] + 1, (0, MAX_IMPULSES - len(delays))
+    parameters = GIVEN.array(
+        period=nominal.period,
+        filter=given["filter_time"],
+        impulses=len(amplitudes),
+        rows=rows,
+        amplitude=np.pad(amplitudes, unused),
+        delay=np.pad(delays, unused),
+        **{name: given[name] for name in ("proportional", "integral", "derivative")},
     )
-    parameters[AMPLITUDE : AMPLITUDE + len(amplitudes)] = amplitudes
-    parameters[DELAY : DELAY + len(delays)] = delays
-    memory = np.zeros(RING + KEPT * (delays[-1] + 1))
-    memory[ERROR : ERROR + 3] = nominal.reference[0, :3] * (1.0, 1.0, -1.0) - nominal.state[:5:2]
-    return parameters, memory
+    error = nominal.reference[0, :3] * (1.0, 1.0, -1.0) - nominal.state[:5:2]
+    return parameters, MEMORY.array(error=error, ring=np.zeros(KEPT * rows))
 
 
 _AXES = (("bridge", "x"), ("trolley", "y"), ("rope", "l"))
@@ -96,6 +109,7 @@ PID = Controller(
     title="PID on bridge, trolley and rope encoders, with input shaping",
     step=step,
     prepare=prepare,
+    reads=("gravity",),
     command="velocity",
     measures="encoders",
     parameters=(
@@ -128,14 +142,8 @@ PID = Controller(
             "filter_time", 0.02, "s", "time constant of the filter of the rate", 0.0, 1e2, length_power=0.5
         ),
     ),
-    logged=(
-        *(
-            Logged(SHAPED + k, Signal(f"shaped_{name}_position", f"r_{s}", "m", f"shaped path of the {name}"))
-            for k, (name, s) in enumerate(_AXES)
-        ),
-        *(
-            Logged(INTEGRAL + k, Signal(f"{name}_error_integral", f"∫e_{s}", "m s", f"of the {name}'s error"))
-            for k, (name, s) in enumerate(_AXES)
-        ),
+    logged=MEMORY.logged(
+        shaped=[Signal(f"shaped_{n}_position", f"r_{s}", "m", f"shaped path of the {n}") for n, s in _AXES],
+        integral=[Signal(f"{n}_error_integral", f"∫e_{s}", "m s", f"of the {n}'s error") for n, s in _AXES],
     ),
 )

@@ -1,20 +1,22 @@
 """The controllers there are: the flat family by its designs, every other law by where it is defined."""
 
 import functools
+import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.design import TITLES, Design, design_controller
+from cranectl.design import ControllerDesign, Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import size_of
 from cranectl.support import extensions
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_free, loaded, packages, with_extensions
-from cranectl.support.provenance import DIGITS
+from cranectl.support.provenance import FINGERPRINT_DIGITS, source_digests
 
 if TYPE_CHECKING:
-    from cranectl.controllers.controller import Controller, LawDesign
+    from cranectl.controllers.controller import Controller
 
 WHERE = {  # module and name of each law, imported only when asked for
     "pid": "cranectl.controllers.pid:PID",
@@ -22,7 +24,9 @@ WHERE = {  # module and name of each law, imported only when asked for
     "flat-velocity": "cranectl.controllers.flat_velocity:FLAT_VELOCITY",
     "lqr-offset-free": "cranectl.controllers.lqr_offset_free:LQR_OFFSET_FREE",
 }
-REGISTERED: dict[str, "Controller"] = {}  # in this process
+UDP = "udp://"  # of what is no file, but an address
+ENDINGS = (".py", ".so", ".dylib", ".dll", ".fmu", ".toml")  # of files with controllers
+FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symbol>\w*))?")
 
 
 def register_controller(controller: "Controller") -> None:
@@ -30,15 +34,20 @@ def register_controller(controller: "Controller") -> None:
 
     An entry point of the group `cranectl.controllers` makes it known to all.
     """
-    if REGISTERED.get(controller.name) is controller:  # as every test file of a package may say
+    if OPEN.registered.get(controller.name) is controller:  # as every test file of a package may say
         return
     check_free("controller", controller.name, controller_names())
-    REGISTERED[controller.name] = controller
+    OPEN.registered[controller.name] = controller
+
+
+def is_reference(text: str) -> bool:
+    """Return True if `text` names a controller in a file, rather than one by its name."""
+    return text.startswith(UDP) or FILE.fullmatch(text) is not None
 
 
 def controller_names() -> tuple[str, ...]:
     """The flat family, then all other laws; raises InputError as `with_extensions`."""
-    return (*FLAT_FAMILY, *WHERE, *_added(), *REGISTERED)
+    return (*FLAT_FAMILY, *WHERE, *_added(), *OPEN.registered)
 
 
 @functools.cache
@@ -51,9 +60,9 @@ def _added() -> dict[str, "Controller"]:
 
 def described_controllers() -> dict[str, tuple[str, str]]:
     """Where each controller is from, and what it is in a line, by name."""
-    found = {name: ("cranectl", title) for name, title in TITLES.items()}
-    origins = {**dict.fromkeys(WHERE, "cranectl"), **packages(extensions.CONTROLLERS)}
-    for name in controller_names()[len(FLAT_FAMILY) :]:
+    found = {}
+    origins = {**dict.fromkeys((*FLAT_FAMILY, *WHERE), "cranectl"), **packages(extensions.CONTROLLERS)}
+    for name in controller_names():
         law = load_controller(name)
         found[name] = (law.origin.reference if law.origin else origins.get(name, "this process"), law.title)
     return found
@@ -63,16 +72,18 @@ def checked_controller(name: str) -> str:
     """`name` if it is a controller's; raises InputError that lists the known names otherwise."""
     if name in controller_names():
         return name
-    from cranectl.controllers.doors.opening import is_reference
-
     if is_reference(name):
         raise InputError(
             f"the controller is the file '{name}', and neither scenario nor campaign runs code by itself",
             allowed=f"a file named on the command line, or {', '.join(controller_names())}",
             remedy="if you know what is in it, add --trust, or name it: --controller PATH",
         )
-    by_file = "choose one of the controllers listed above, or name the file of a law, law.py:NAME"
-    raise unknown_name("controller", name, controller_names(), remedy=by_file)
+    raise unknown_name(
+        "controller",
+        name,
+        controller_names(),
+        remedy="choose one of the controllers listed above, or name the file of a law, law.py:NAME",
+    )
 
 
 def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
@@ -84,26 +95,58 @@ def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def load_controller(name: str) -> "Controller":
-    """The law `name`, which is not of the flat family."""
+    """Return the controller `name`, which is known."""
+    if name in FLAT_FAMILY:
+        from cranectl.controllers.flat import FLAT_CONTROLLERS
+
+        return FLAT_CONTROLLERS[name]
     if name not in WHERE:
-        return {**_added(), **REGISTERED}[name]
+        return {**_added(), **OPEN.registered}[name]
     controller: Controller = loaded(WHERE[name])
     return controller
 
 
+def controller_of(design: ControllerDesign) -> "Controller":
+    """Return the controller that `design` was made of: of a file, the version with the same content.
+
+    All of the flat family run alike, and a design with gains by hand has a name of its own.
+    """
+    if design.axis_design is not None:
+        return load_controller(FLAT_FAMILY[0])
+    origin = design.origin
+    found = OPEN.versions.get((design.name, origin.sha256)) if origin else None
+    return found or load_controller(design.name)
+
+
+def controller_argument(name: str) -> str:
+    """Return what `--controller` is given for a controller: its file as it was named, or its name."""
+    origin = OPEN.registered[name].origin if name in OPEN.registered else None
+    return origin.reference if origin else name
+
+
 def law_digests(names: Iterable[str]) -> dict[str, str]:
-    """Of those of `names` whose law is in a file, `law NAME`: the first digits of its SHA-256."""
-    laws = {name: REGISTERED[name].origin for name in names if name in REGISTERED}
-    return {f"law {name}": origin.sha256[:DIGITS] for name, origin in laws.items() if origin}
+    """Return the first digits of the digest of each controller that is in a file, by `law NAME`."""
+    return {f"law {law.name}": law.code[:FINGERPRINT_DIGITS] for law in _registered(names) if law.code}
+
+
+def controller_sources(names: Iterable[str]) -> dict[str, str]:
+    """Digests of the sources of those of `names` that a module has registered in this process."""
+    own = [controller for controller in _registered(names) if not controller.origin]
+    functions = [function for controller in own for function in (controller.step, controller.prepare)]
+    return source_digests(getattr(function, "__module__", "cranectl") for function in functions)
 
 
 def runs_alone(names: Iterable[str]) -> bool:
     """Whether there is only one of one of these laws, for one run at a time."""
-    return any(REGISTERED[name].alone for name in names if name in REGISTERED)
+    return any(controller.alone for controller in _registered(names))
 
 
-def controller_design(name: str, scenario: Scenario) -> "Design | LawDesign":
-    """The controller `name` as `scenario` sets it: a design of the flat family, or a law's parameters.
+def _registered(names: Iterable[str]) -> list["Controller"]:
+    return [OPEN.registered[name] for name in names if name in OPEN.registered]
+
+
+def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
+    """Return the controller `name` as `scenario` sets it.
 
     Raises InputError for a wrong name, also of a table of parameters, and for settings that it cannot meet.
     """
@@ -112,10 +155,11 @@ def controller_design(name: str, scenario: Scenario) -> "Design | LawDesign":
     for law in scenario.controller.parameters:
         if law not in laws:
             raise unknown_name("law", law, laws)
-    if name in FLAT_FAMILY:
-        return design_controller(name, scenario.design)
+    controller = load_controller(name)
+    if controller.axis_design is not None:
+        return controller.axis_design(scenario.design)
     given = scenario.controller.parameters.get(name, {})
-    return load_controller(name).designed(given, size_of(scenario.rig))
+    return controller.designed(given, size_of(scenario.rig))
 
 
 def flat_design(name: str, scenario: Scenario) -> Design:
@@ -123,19 +167,12 @@ def flat_design(name: str, scenario: Scenario) -> Design:
     return only_flat(controller_design(name, scenario))
 
 
-def only_flat(design: "Design | LawDesign") -> Design:
-    """`design` if it is one of the flat family; raises InputError otherwise."""
-    if not isinstance(design, Design):
+def only_flat(design: ControllerDesign) -> Design:
+    """Return the linear design of one axis that `design` has; raise InputError if it has none."""
+    if design.axis_design is None:
         raise InputError(
             f"'{design.name}' has no linear design of one axis of the load, on which this judgement rests",
             allowed=f"the flat family: {', '.join(FLAT_FAMILY)}",
             remedy="judge it by simulation: cranectl ladder, cranectl campaign",
         )
-    return design
-
-
-def design_from_json(data: "dict[str, object]") -> "Design | LawDesign":
-    """What was written by `to_json`; raises KeyError, TypeError or ValueError for other data."""
-    from cranectl.controllers.controller import LawDesign
-
-    return Design.from_json(data) if "gain" in data else LawDesign.from_json(data)
+    return design.axis_design

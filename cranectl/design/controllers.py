@@ -57,13 +57,13 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
 
 def _computed(name: str, settings: DesignSettings) -> Design:
     # python-control takes more than a second to import
-    from cranectl.design.linear_systems import closed_loop_poles, loop_margins, open_loop, real_modal_form
+    from cranectl.design.linear_systems import closed_loop_poles, loop_margins, open_loop
     from cranectl.design.state_feedback import lqr_gain, pole_placement_gain
 
     feedback, _, kind = name.partition("+")
     gain = {"pole-placement": pole_placement_gain, "lqr": lqr_gain}[feedback](settings)
-    robustifier, gamma, achieved = _robustifier(kind, gain, settings)
-    loop, modal = open_loop(gain, robustifier), real_modal_form(robustifier)
+    robustifier, modal, gamma, achieved = _robustifier(kind, gain, settings)
+    loop = open_loop(gain, robustifier)
     record = Robustifier(modal.A, modal.B.ravel(), modal.C.ravel(), float(modal.D[0, 0]))
     return Design(
         name=name,
@@ -79,8 +79,8 @@ def _computed(name: str, settings: DesignSettings) -> Design:
 
 def _robustifier(
     name: str, gain: np.ndarray, settings: DesignSettings
-) -> tuple["control.StateSpace", float | None, float | None]:
-    """(system from e to v-bar, smallest gamma, its gamma)."""
+) -> tuple["control.StateSpace", "control.StateSpace", float | None, float | None]:
+    """Return a robustifier as `Synthesised`, without norms where there is none."""
     if name == "hinf":
         from cranectl.design.mixed_sensitivity import hinf_robustifier
 
@@ -91,7 +91,8 @@ def _robustifier(
         return loop_shaping_robustifier(gain, settings.loop_shaping)
     import control
 
-    return control.ss([], [], [], [[0.0]]), None, None
+    nothing = control.ss([], [], [], [[0.0]])
+    return nothing, nothing, None, None
 
 
 def with_gain(design: Design, gain: np.ndarray) -> Design:

@@ -66,7 +66,7 @@ def check_sampled(name: str, loop: Array, period: float, *, remedy: str) -> None
         raise InputError(
             f"'{name}' is unstable when sampled every {period:g} s: a pole of modulus {radius:.4g}",
             allowed="poles of modulus below 1",
-            remedy=f"shorten control.period, or {remedy}",
+            remedy=f"shorten control.period and with it control.physics_step, or {remedy}",
         )
 
 

@@ -3,12 +3,16 @@
 SLICOT comes through ctrlsys (BSD-3); the closed loop is rebuilt here from plant and controller and checked.
 """
 
+import math
+
 import control
 import ctrlsys
 import numpy as np
 
-from cranectl.design.linear_systems import HinfController, closed_loop_norm
+from cranectl.design.linear_systems import HinfController, closed_loop_norm, ill_conditioned
 from cranectl.support.errors import InputError
+
+GAMMA_ROUNDING = 1e-5  # relative error that SB10AD's bisection may leave in gamma; five digits are printed
 
 
 def hinf_controller(
@@ -26,22 +30,38 @@ def hinf_controller(
     call the problem. Raises InputError where no controller exists.
     """
     gamma_opt = _smallest_gamma(generalised, controls, measurements, name)
-    if gamma is not None and gamma < gamma_opt:
+    wanted = wanted_gamma(gamma_opt, back_off, gamma, name)
+    controller, wanted = _synthesise(generalised, controls, measurements, name, job=4, gamma=wanted)
+    return checked_controller(controller, gamma_opt, closed_loop_norm(generalised, controller), wanted, name)
+
+
+def wanted_gamma(smallest: float, back_off: float, gamma: float | None, name: str) -> float:
+    """Return the gamma to design for; raises InputError for a `gamma` below the smallest."""
+    if gamma is not None and gamma < smallest:
         raise InputError(
             f"{name} with gamma = {gamma:g}",
-            allowed=f"gamma of at least {gamma_opt:.6g}, the smallest that these weights allow",
+            allowed=f"gamma of at least {smallest:.6g}, the smallest that these weights allow",
             remedy="raise gamma, or leave it out and set back_off",
         )
-    wanted = back_off * gamma_opt if gamma is None else gamma
-    controller, gamma = _synthesise(generalised, controls, measurements, name, job=4, gamma=wanted)
-    achieved = closed_loop_norm(generalised, controller)
-    if not achieved <= gamma * (1.0 + 1e-4):
-        raise InputError(
-            f"the {name} controller reaches gamma {achieved:.6g} instead of {gamma:.6g}",
-            allowed="weights for which the synthesis is well conditioned",
-            remedy="increase back_off, or choose less extreme weights",
-        )
-    return HinfController(controller, gamma_opt, achieved)
+    return rounded_up(back_off * smallest) if gamma is None else gamma
+
+
+def rounded_up(gamma: float) -> float:
+    """Round up to five digits, which are certain: what is designed for it is the same on every processor."""
+    unit = 10.0 ** (math.floor(math.log10(gamma)) - 4)
+    return math.ceil(gamma / unit) * unit
+
+
+def checked_controller(
+    controller: control.StateSpace, smallest: float, achieved: float, wanted: float, name: str
+) -> HinfController:
+    """Return the design; raises InputError unless its norm lies between the smallest and the wanted one.
+
+    A norm that is smaller by rounding is the better value of the smallest.
+    """
+    if not smallest * (1.0 - GAMMA_ROUNDING) <= achieved <= wanted * (1.0 + 1e-4):
+        raise ill_conditioned(name)
+    return HinfController(controller, min(smallest, achieved), achieved)
 
 
 _INFEASIBLE = {

@@ -1,6 +1,8 @@
 """Small tools for linear systems that python-control does not have; poles and margins of one axis."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -12,6 +14,16 @@ from cranectl.design.records import Margins, loop_matrices
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
+Response = NDArray[np.complex128]
+
+SWEEPS = 100  # of balancing; it ends after a few
+SWEPT_AGREEMENT = 1e-4  # relative difference of a norm from its sweep over all frequencies
+OUTSIDE = 1e3  # how far beyond the slowest and the fastest pole frequencies are sampled
+PER_DECADE = 100
+RESONANCE = np.linspace(-3.0, 3.0, 31)  # samples about a pole, in distances of it from the imaginary axis
+HIGHEST = 4  # local maxima that are refined
+REFINEMENTS = 6  # each by a tenth
+
 
 @dataclass(frozen=True)
 class HinfController:
@@ -20,6 +32,40 @@ class HinfController:
     controller: control.StateSpace
     gamma_min: float  # smallest norm that any controller reaches
     gamma: float  # of this controller, recomputed from its closed loop
+
+
+class Synthesised(NamedTuple):
+    """The robustifier of a loop, from e to v-bar."""
+
+    system: control.StateSpace  # as the synthesis gives it
+    modal: control.StateSpace  # the same in `real_modal_form`
+    gamma_min: float
+    gamma: float
+
+
+def balanced(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Scale the states by powers of two until each row of [A B] is as large as its column of [A; C].
+
+    The diagonal of A, which no scaling changes, does not count.
+    """
+    a, b, c = a.copy(), b.copy(), c.copy()
+    for _ in range(SWEEPS):
+        changed = False
+        for k in range(len(a)):
+            others = np.arange(len(a)) != k
+            row = np.hypot(np.linalg.norm(a[k, others]), np.linalg.norm(b[k]))
+            column = np.hypot(np.linalg.norm(a[others, k]), np.linalg.norm(c[:, k]))
+            if row == 0.0 or column == 0.0:
+                continue
+            factor = 2.0 ** np.round(0.5 * np.log2(row / column))
+            changed = changed or factor != 1.0
+            a[:, k] *= factor
+            c[:, k] *= factor
+            a[k] /= factor
+            b[k] /= factor
+        if not changed:
+            break
+    return a, b, c
 
 
 def inner_loop(gain: Array) -> control.StateSpace:
@@ -50,6 +96,25 @@ def closed_loop_norm(generalised: control.StateSpace, k: control.StateSpace) -> 
     """Norm from w to z with u = K y around `generalised`, (w, u) to (z, y), rebuilt; infinite if unstable."""
     closed = generalised.lft(k)
     return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)
+
+
+def check_swept(name: str, swept: float, achieved: float) -> None:
+    """Raise InputError unless a norm that was swept over all frequencies is the `achieved` one."""
+    if not abs(swept - achieved) <= SWEPT_AGREEMENT * achieved:
+        raise ill_conditioned(name)
+
+
+def ill_conditioned(name: str) -> InputError:
+    """Return the error for a synthesis of which two computations differ.
+
+    It prints no figure and is the same for all of them: which one differs, and by how much, is rounding that
+    depends on the processor.
+    """
+    return InputError(
+        f"the {name} synthesis is ill-conditioned: two computations of its gamma differ",
+        allowed="weights and poles that are fewer decades apart",
+        remedy="choose poles and weights that are nearer to their defaults",
+    )
 
 
 def unstable_poles(a: Array) -> NDArray[np.complex128]:
@@ -83,17 +148,19 @@ def check_regulable(a: Array, b: Array, c: Array, what: str) -> None:
 
 
 def real_modal_form(system: control.StateSpace) -> control.StateSpace:
-    """The same single-input single-output system with 2 x 2 blocks on the diagonal of A.
+    """Return the same single-input single-output system with 2 x 2 blocks on the diagonal of A.
 
     Conjugate pairs come first, a block each, then real poles, two to a block. Each mode is scaled so that it
-    is driven as strongly as it is seen. Raises InputError where poles nearly coincide: there is no such form.
+    is driven as strongly as it is seen, and turned so that only its last state is driven, by a positive
+    number. So the form is unique: eigenvectors have signs that differ between processors. Raises InputError
+    where poles nearly coincide: there is no such form.
     """
     poles, vectors = np.linalg.eig(system.A)
     if len(poles) and np.linalg.cond(vectors) > 1e10:
         raise InputError(
             f"the robustifier has no modal form: its poles nearly coincide: {poles_text(system.A)}",
             allowed="designs with distinct robustifier poles",
-            remedy="change a weight or back_off a little",
+            remedy="set design.poles that differ by a fifth or more, or change design.state_weights",
         )
     columns: list[Array] = []
     blocks: list[Array] = []
@@ -107,20 +174,28 @@ def real_modal_form(system: control.StateSpace) -> control.StateSpace:
             blocks.append(np.array([[re, im], [-im, re]]))
     transform = np.column_stack(columns) if columns else np.zeros((0, 0))
     b, c = np.linalg.solve(transform, system.B), system.C @ transform
-    scale = _scales(blocks, b.ravel(), c.ravel())
-    a, b, c = diagonal(blocks), b * scale[:, np.newaxis], c / scale
-    return control.ss(a, b, c, system.D)
-
-
-def _scales(blocks: list[Array], b: Array, c: Array) -> Array:
-    """Factor for each state that balances how its mode is driven and seen."""
-    scales, at = [], 0
+    first = 0
     for block in blocks:
-        rows = slice(at, at + len(block))
-        driven, seen = np.linalg.norm(b[rows]), np.linalg.norm(c[rows])
-        scales += [float(np.sqrt(seen / driven)) if driven and seen else 1.0] * len(block)
-        at += len(block)
-    return np.array(scales)
+        rows = slice(first, first + len(block))
+        b[rows, 0], c[0, rows] = _normalised(b[rows, 0], c[0, rows])
+        first = rows.stop
+    return control.ss(diagonal(blocks), b, c, system.D)
+
+
+def _normalised(b: Array, c: Array) -> tuple[Array, Array]:
+    """Return how the states of one mode are driven and seen after they are turned and scaled.
+
+    Both commute with the mode's block of A, which therefore stays as it is.
+    """
+    driven, seen = np.linalg.norm(b), np.linalg.norm(c)
+    if not driven or not seen:
+        return b, c
+    scale = np.sqrt(seen / driven)
+    if len(b) == 1:
+        sign = np.sign(b)
+        return sign * scale * b, sign * c / scale
+    turn = np.array([[b[1], -b[0]], [b[0], b[1]]]) / driven
+    return np.array([0.0, scale * driven]), turn @ c / scale
 
 
 def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpace:
@@ -137,33 +212,95 @@ def closed_loop_poles(loop: control.StateSpace) -> NDArray[np.complex128]:
 
 def loop_margins(loop: control.StateSpace) -> Margins:
     """Margins of a stable `loop`."""
-    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(loop)
-    sensitivity = control.feedback(control.ss([], [], [], [[1.0]]), loop)
-    complementary = control.feedback(loop, 1.0)
+    with np.errstate(invalid="ignore"):  # frequencies whose powers overflow cross nothing
+        gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(loop)
+    poles = closed_loop_poles(loop)
+
+    def peak(function: Callable[[Response], Response], at_infinity: float) -> float:
+        return peak_over_frequency(
+            lambda omega: np.abs(function(frequency_response(loop, omega))), poles, at_infinity
+        )
+
     return Margins(
         gain_margin=float(gain_margin),
         phase_margin=float(np.deg2rad(phase_margin)),
-        disk_margin=1.0 / _peak(sensitivity - 0.5),
+        disk_margin=1.0 / peak(lambda gain: 1.0 / (1.0 + gain) - 0.5, 0.5),
         crossover=float(crossover),
-        bandwidth=_bandwidth(complementary),
-        sensitivity_peak=_peak(sensitivity),
-        complementary_peak=_peak(complementary),
+        bandwidth=_bandwidth(loop, poles),
+        sensitivity_peak=peak(lambda gain: 1.0 / (1.0 + gain), 1.0),
+        complementary_peak=peak(lambda gain: gain / (1.0 + gain), 0.0),
     )
 
 
-def _peak(system: control.StateSpace) -> float:
-    """Largest magnitude over all frequencies of a stable single-input single-output system."""
-    return float(control.system_norm(system, "inf", tol=1e-9, print_warning=False, method="scipy"))
+def frequency_response(system: control.StateSpace, omega: Array) -> Response:
+    """Response of a single-input single-output system at frequencies (N,) [rad/s]."""
+    a, b, c = balanced(system.A, system.B, system.C)
+    resolvent = 1j * omega[:, np.newaxis, np.newaxis] * np.eye(len(a)) - a
+    response: Response = (c @ np.linalg.solve(resolvent, b.astype(complex)))[:, 0, 0] + system.D[0, 0]
+    return response
 
 
-def _bandwidth(complementary: control.StateSpace) -> float:
+def peak_over_frequency(
+    magnitude: Callable[[Array], Array], poles: Response, at_infinity: float = 0.0
+) -> float:
+    """Find the largest value of a magnitude over all frequencies, by samples and their refinement.
+
+    The usual test for eigenvalues on the imaginary axis loses all digits where poles are many decades apart.
+
+    Parameters
+    ----------
+    magnitude
+        Of frequencies (N,) [rad/s], vectorised.
+    poles
+        Of the closed loop. Samples reach three decades beyond them, and lie closely about each resonance.
+    at_infinity
+        Its limit for high frequencies.
+
+    """
+    sizes = _sizes(poles)
+    first, last = np.log10(sizes.min() / OUTSIDE), np.log10(sizes.max() * OUTSIDE)
+    about = np.abs(poles.imag)[:, np.newaxis] + np.abs(poles.real)[:, np.newaxis] * RESONANCE
+    omega = np.sort(np.append(np.logspace(first, last, int((last - first) * PER_DECADE)), about[about > 0.0]))
+    values = magnitude(omega)
+    best = max(values[0], values[-1], at_infinity)
+    inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
+    for k in inner[np.argsort(values[inner])[-HIGHEST:]]:
+        low, high = omega[k - 1], omega[k + 1]
+        for _ in range(REFINEMENTS):
+            finer = np.linspace(low, high, 21)
+            fine = magnitude(finer)
+            top = int(np.argmax(fine))
+            best = max(best, fine[top])
+            low, high = finer[max(top - 1, 0)], finer[min(top + 1, 20)]
+    return float(best)
+
+
+def _sizes(poles: Response) -> Array:
+    """Return the moduli of the poles that are not 0, or 1 where there are none."""
+    sizes: Array = np.abs(poles[poles != 0.0])
+    return sizes if len(sizes) else np.ones(1)
+
+
+def _bandwidth(loop: control.StateSpace, poles: Response) -> float:
     """First frequency at which |T| is 3 dB below 1 (python-control's own search range is too narrow)."""
 
-    def excess(log_omega: float) -> float:
-        return float(abs(complementary(1j * 10.0**log_omega)) - 10.0 ** (-3.0 / 20.0))
+    def excess(log_omega: Array) -> Array:
+        gain = frequency_response(loop, 10.0 ** np.atleast_1d(log_omega))
+        above: Array = np.abs(gain / (1.0 + gain)) - 10.0 ** (-3.0 / 20.0)
+        return above
 
-    grid = np.linspace(-4.0, 7.0, 1101)
-    below = next((k for k, value in enumerate(map(excess, grid)) if value < 0.0), None)
-    if below is None:
-        return np.inf
-    return float(10.0 ** brentq(excess, grid[below - 1], grid[below], xtol=1e-10))
+    sizes = _sizes(poles)
+    slowest, fastest = np.floor(np.log10(sizes.min())), np.ceil(np.log10(sizes.max()))
+    first, last = int(min(slowest - 2, -4)), int(max(fastest + 2, 7))
+    grid = np.linspace(first, last, 100 * (last - first) + 1)
+    below = np.flatnonzero(excess(grid) < 0.0)
+    if not len(below) or below[0] == 0:
+        return np.inf if not len(below) else 0.0
+    k = int(below[0])
+    return float(10.0 ** brentq(lambda each: float(excess(each)[0]), grid[k - 1], grid[k], xtol=1e-10))
+
+
+def slowed_and_sampled(system: control.StateSpace, pace: float, period: float) -> control.StateSpace:
+    """Return a system from lengths to speeds, given in times of 1/`pace` [s], sampled by Tustin's map."""
+    slowed = control.ss(pace * system.A, pace * system.B, pace * system.C, pace * system.D)
+    return control.sample_system(slowed, period, "tustin")

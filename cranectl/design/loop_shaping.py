@@ -7,18 +7,28 @@ feed-through as in Skogestad, Postlethwaite: Multivariable Feedback Control, 2nd
 import control
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, solve_continuous_are
+from scipy.linalg import solve_continuous_are
 
 from cranectl.design.linear_systems import (
     HinfController,
+    Synthesised,
+    balanced,
     check_regulable,
+    check_swept,
     closed_loop_norm,
+    closed_loop_poles,
+    frequency_response,
     inner_loop,
+    open_loop,
+    peak_over_frequency,
     poles_text,
+    real_modal_form,
 )
 from cranectl.scenario import LoopShapingSettings
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+
+SLOWER = "move design.poles towards 0, or raise design.input_weight or design.loop_shaping.integral"
 
 
 def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> HinfController:
@@ -34,6 +44,14 @@ def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> HinfC
             allowed="a factor above 1: at gamma_min itself the controller is improper",
             remedy="set back_off a little above 1, for example 1.01",
         )
+    try:
+        return _synthesise(plant, back_off)
+    except InputError:  # where gains are large, rounding in these coordinates hides the slow modes
+        return _synthesise(control.ss(*balanced(plant.A, plant.B, plant.C), plant.D), back_off)
+
+
+def _synthesise(plant: control.StateSpace, back_off: float) -> HinfController:
+    """Return the central controller, computed in the coordinates of `plant`."""
     a, b, c, d = plant.A, plant.B, plant.C, plant.D
     check_regulable(a, b, c, "the shaped plant")
     s, r = np.eye(b.shape[1]) + d.T @ d, np.eye(c.shape[0]) + d @ d.T
@@ -56,17 +74,31 @@ def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> HinfC
     return HinfController(k, gamma_min, achieved)
 
 
-def loop_shaping_robustifier(
-    gain: Array, settings: LoopShapingSettings
-) -> tuple[control.StateSpace, float, float]:
-    """(robustifier from e to v-bar, gamma_min, gamma) for the inner loop with `gain`.
+def loop_shaping_robustifier(gain: Array, settings: LoopShapingSettings) -> Synthesised:
+    """Design a robustifier for the inner loop with `gain`.
 
     The weight W_e = P + I/s shapes the inner loop from v-bar to z; v-bar = -W_e K e, since K feeds back
     positively and e = z_d - z.
     """
-    weight = error_weight(settings)
-    design = glover_mcfarlane(inner_loop(gain) * weight, settings.back_off)
-    return -weight * design.controller, design.gamma_min, design.gamma
+    weight, inner = error_weight(settings), inner_loop(gain)
+    try:
+        design = glover_mcfarlane(inner * weight, settings.back_off)
+    except InputError as error:
+        raise InputError(error.found, allowed=error.allowed, remedy=SLOWER) from error
+    robustifier = -weight * design.controller
+    modal = real_modal_form(robustifier)
+
+    def norm(omega: Array) -> Array:
+        by_weight = frequency_response(weight, omega)
+        plant, response = frequency_response(inner, omega), frequency_response(modal, omega)
+        both = np.hypot(1.0, np.abs(response / by_weight)) * np.hypot(1.0, np.abs(plant * by_weight))
+        stacked: Array = both / np.abs(1.0 + plant * response)
+        return stacked
+
+    high = np.hypot(1.0, np.abs(design.controller.D[0, 0]))  # the shaped plant vanishes there
+    swept = peak_over_frequency(norm, closed_loop_poles(open_loop(gain, modal)), float(high))
+    check_swept("loop-shaping", swept, design.gamma)
+    return Synthesised(robustifier, modal, design.gamma_min, design.gamma)
 
 
 def error_weight(settings: LoopShapingSettings) -> control.StateSpace:
@@ -90,7 +122,7 @@ def _coprime_problem(plant: control.StateSpace) -> control.StateSpace:
 def _riccati(a: Array, b: Array, q: Array, r: Array) -> NDArray[np.float64]:
     try:
         solution: Array = solve_continuous_are(a, b, q, r)
-    except LinAlgError as error:
+    except ValueError as error:
         raise InputError(
             f"a Riccati equation of the shaped plant is ill-conditioned: {error}; its poles: {poles_text(a)}",
             allowed="plants without hidden modes on or near the imaginary axis",

@@ -3,20 +3,49 @@
 Skogestad, Postlethwaite: Multivariable Feedback Control, 2nd ed., section 9.3.5.
 """
 
+from dataclasses import replace
+
 import control
 import numpy as np
+from scipy.linalg import LinAlgError
 
-from cranectl.design.hinf_synthesis import hinf_controller
+from cranectl.design.full_information import (
+    FullInformation,
+    central_controller,
+    full_information,
+    in_own_units,
+    smallest_gamma,
+)
+from cranectl.design.hinf_synthesis import (
+    GAMMA_ROUNDING,
+    checked_controller,
+    hinf_controller,
+    wanted_gamma,
+)
 from cranectl.design.linear_systems import (
     HinfController,
+    Synthesised,
     check_regulable,
+    check_swept,
+    closed_loop_norm,
+    closed_loop_poles,
+    frequency_response,
+    hinf_norm,
+    ill_conditioned,
     inner_loop,
+    open_loop,
+    peak_over_frequency,
     poles_text,
+    real_modal_form,
     unstable_poles,
 )
 from cranectl.scenario import HinfSettings
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+
+NAME = "S/KS"
+NEAR_ENOUGH = 1e-4  # relative error of SLICOT's smallest gamma up to which its controller is taken
+CLOSEST = 2e-5  # relative distance to the smallest gamma; nearer the controller's fast pole loses all digits
 
 
 def mixed_sensitivity(
@@ -29,6 +58,8 @@ def mixed_sensitivity(
     """Bring the norm of [W_s S; W_ks K S] below `gamma`, by default the smallest times `back_off` >= 1.
 
     K is for negative feedback u = K (r - y); exactly at the optimum it has a pole that grows without bound.
+    For stable plants without feed-through a Riccati equation checks the smallest gamma that SLICOT finds, and
+    replaces it if they differ. If they differ by much, it gives the controller too.
     Raises InputError for weights of wrong dimension or with unstable poles, and where no controller exists.
     """
     _check_weight("sensitivity weight", sensitivity_weight, plant.noutputs)
@@ -41,21 +72,74 @@ def mixed_sensitivity(
         )
     check_regulable(plant.A, plant.B, plant.C, "the plant")
     generalised = generalised_plant(plant, sensitivity_weight, control_weight)
-    return hinf_controller(
-        generalised, plant.ninputs, plant.noutputs, name="S/KS", back_off=back_off, gamma=gamma
-    )
+    sizes = (plant.ninputs, plant.noutputs)
+    if len(unstable_poles(plant.A)) or plant.D.any():
+        return hinf_controller(generalised, *sizes, name=NAME, back_off=back_off, gamma=gamma)
+    problem = full_information(generalised, *sizes)
+    # Without any control the norm is that of the weight.
+    smallest = smallest_gamma(problem, hinf_norm(sensitivity_weight))
+    try:
+        design = hinf_controller(generalised, *sizes, name=NAME, back_off=back_off, gamma=gamma)
+    except InputError:
+        design = None
+    difference = np.inf if design is None else abs(design.gamma_min - smallest) / smallest
+    if design is not None and difference <= NEAR_ENOUGH:
+        return (
+            design if difference <= GAMMA_ROUNDING else replace(design, gamma_min=min(smallest, design.gamma))
+        )
+    return _by_full_information(problem, smallest, back_off, gamma)
 
 
-def hinf_robustifier(gain: Array, settings: HinfSettings) -> tuple[control.StateSpace, float, float]:
-    """(robustifier from e to v-bar, gamma_opt, gamma) for the inner loop with `gain`, (5.1)."""
+def _by_full_information(
+    problem: FullInformation, smallest: float, back_off: float, gamma: float | None
+) -> HinfController:
+    """Design by the Riccati equation, for weights at which SB10AD's computation is inaccurate or fails."""
+    wanted = wanted_gamma(smallest, back_off, gamma, NAME)
+    if wanted < smallest:
+        raise InputError(
+            f"no {NAME} controller for gamma = {wanted:.6g}: the smallest is {smallest:.6g}",
+            allowed="weights that some stabilising controller meets",
+            remedy="increase back_off to 1 or more",
+        )
+    wanted = max(wanted, smallest * (1.0 + CLOSEST))
+    try:
+        controller = central_controller(problem, wanted)
+    except LinAlgError:
+        raise ill_conditioned(NAME) from None
+    achieved = closed_loop_norm(problem.system(), controller)
+    return checked_controller(in_own_units(problem, controller), smallest, achieved, wanted, NAME)
+
+
+def hinf_robustifier(gain: Array, settings: HinfSettings) -> Synthesised:
+    """Design a robustifier for the inner loop with `gain`, (5.1)."""
+    try:
+        return _robustifier(gain, settings)
+    except InputError as error:
+        raise InputError(
+            error.found, allowed=error.allowed, remedy=f"in [design] or [design.hinf]: {error.remedy}"
+        ) from error
+
+
+def _robustifier(gain: Array, settings: HinfSettings) -> Synthesised:
     omega = settings.bandwidth
     pole = omega * settings.offset
     # W_s = (s/M + omega) / (s + pole)
     direct = 1.0 / settings.peak
     weight = control.ss([[-pole]], [[1.0]], [[omega - pole * direct]], [[direct]])
     control_weight = control.ss([], [], [], [[settings.control_weight]])
-    design = mixed_sensitivity(inner_loop(gain), weight, control_weight, settings.back_off, settings.gamma)
-    return design.controller, design.gamma_min, design.gamma
+    plant = inner_loop(gain)
+    design = mixed_sensitivity(plant, weight, control_weight, settings.back_off, settings.gamma)
+    modal = real_modal_form(design.controller)
+
+    def norm(omega: Array) -> Array:
+        response = frequency_response(modal, omega)
+        error, effort = np.abs(frequency_response(weight, omega)), settings.control_weight * np.abs(response)
+        stacked: Array = np.hypot(error, effort) / np.abs(1.0 + frequency_response(plant, omega) * response)
+        return stacked
+
+    swept = peak_over_frequency(norm, closed_loop_poles(open_loop(gain, modal)), direct)
+    check_swept(NAME, swept, design.gamma)
+    return Synthesised(design.controller, modal, design.gamma_min, design.gamma)
 
 
 def generalised_plant(

@@ -1,17 +1,21 @@
-"""What a design is, once computed: gains, achieved poles, margins, robustifier; the loop that it makes."""
+"""What a controller is in a run: its settings and, of the flat family, gains, poles, margins, robustifier."""
 
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.signals import SignalGroup, flat_groups
+from cranectl.signals import Signal, SignalGroup, flat_groups, law_groups
 from cranectl.support.arrays import Array
+from cranectl.support.consistency import check_ascending
+from cranectl.support.provenance import FINGERPRINT_DIGITS
 
 if TYPE_CHECKING:
     import control
 
+Value = float | str
 # z'''' = v of one axis as a system; python-control takes most of a second to import.
 CHAIN_A: Array = np.diag(np.ones(3), 1)
 CHAIN_B: Array = np.eye(4)[:, 3:]
@@ -107,14 +111,61 @@ class Margins:
         return 1.0 / self.sensitivity_peak
 
 
+class Origin(NamedTuple):
+    """The file of a controller that no package brings, as a log tells it; it is never run from there."""
+
+    reference: str  # as it was named on the command line
+    sha256: str  # of its content, hexadecimal
+    source: str  # its text, where it is one
+
+    @property
+    def described(self) -> str:
+        """In a phrase."""
+        return f"{self.reference}, SHA-256 {self.sha256[:FINGERPRINT_DIGITS]}"
+
+
 @dataclass(frozen=True)
-class Design:
+class ControllerDesign:
+    """A controller with its settings, as a run and its log know it."""
+
+    name: str
+    parameters: Mapping[str, Value] = field(default_factory=dict, hash=False)
+    signals: tuple[Signal, ...] = ()  # that it logs of itself
+    origin: Origin | None = None
+
+    @property
+    def groups(self) -> tuple[SignalGroup, ...]:
+        """What a run with this controller records besides what every run does."""
+        return law_groups(self.name, self.signals)
+
+    @property
+    def axis_design(self) -> "Design | None":
+        """The linear design of one axis of the load, of controllers that are designed so."""
+        return None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain data."""
+        signals = [[s.name, s.symbol, s.unit, s.description] for s in self.signals]
+        plain = {"name": self.name, "parameters": dict(self.parameters), "signals": signals}
+        return plain if self.origin is None else {**plain, "origin": self.origin._asdict()}
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> "ControllerDesign":
+        """Return what `to_json` has written; raise KeyError, TypeError or ValueError for other data."""
+        if "gain" in data:
+            return Design.from_json(data)
+        signals = tuple(Signal(*map(str, signal)) for signal in data["signals"])
+        origin = Origin(**data["origin"]) if "origin" in data else None
+        return ControllerDesign(str(data["name"]), dict(data["parameters"]), signals, origin)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design(ControllerDesign):
     """A controller for the chain z'''' = v of one axis; all three axes use the same.
 
     v = z_d'''' + gain · (e, e', e'', e''') + v-bar, with e = z_d - z (3.47).
     """
 
-    name: str
     gain: Array  # (4,) [1/s⁴, 1/s³, 1/s², 1/s]
     closed_loop_poles: NDArray[np.complex128]  # [1/s], of one axis, robustifier included
     margins: Margins
@@ -125,10 +176,19 @@ class Design:
     gamma_achieved: float | None = None  # of this robustifier
     stability_margin: float | None = None  # eps of the normalised coprime factors, loop shaping only
 
+    def __post_init__(self) -> None:
+        """Raise InconsistentError for norms that contradict each other."""
+        check_ascending(("gamma, the smallest", self.gamma), ("gamma achieved", self.gamma_achieved))
+
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
-        """What a run under this law records besides what every run does."""
+        """Only the flat tracker knows z'' and above, v and zeta."""
         return flat_groups(self.robustifier.sampled_order)
+
+    @property
+    def axis_design(self) -> "Design":
+        """The design itself."""
+        return self
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; poles as [real, imaginary]."""

@@ -2,11 +2,13 @@
 
 import control
 import numpy as np
+from scipy.optimize import brentq
 
 from cranectl.design.records import CHAIN_A, CHAIN_B
 from cranectl.scenario import DesignSettings
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+
+CERTAIN = 1e-7  # relative error up to which gains of the Riccati solver are taken
 
 
 def pole_placement_gain(settings: DesignSettings) -> Array:
@@ -18,19 +20,42 @@ def pole_placement_gain(settings: DesignSettings) -> Array:
 def lqr_gain(settings: DesignSettings) -> Array:
     """Gain (4,) that minimises the integral of x'Qx + R v² for one axis (4.15).
 
-    Raises InputError for weights whose Riccati equation cannot be solved.
+    The solver of the Riccati equation fails or loses digits where weights are many decades apart. Then the
+    gain comes from the spectral factor.
     """
-    weights = np.diag(settings.state_weights)
+    factor = spectral_factor(np.array(settings.state_weights) / settings.input_weight)
     try:
-        gain, _, poles = control.lqr(CHAIN_A, CHAIN_B, weights, np.array([[settings.input_weight]]))
-    except np.linalg.LinAlgError as error:
-        problem = str(error)
-    else:
-        if np.isfinite(gain).all() and poles.real.max() < 0.0:
-            return np.asarray(gain).reshape(4)
-        problem = "its solution does not stabilise"
-    raise InputError(
-        f"the Riccati equation of lqr is ill-conditioned: {problem}",
-        allowed="state and input weights of less extreme ratio",
-        remedy="scale design.state_weights and design.input_weight towards each other",
-    )
+        gain, _, _ = control.lqr(
+            CHAIN_A, CHAIN_B, np.diag(settings.state_weights), np.array([[settings.input_weight]])
+        )
+    except ValueError:  # of which LinAlgError is one
+        return factor
+    gain = np.asarray(gain).reshape(4)
+    return gain if np.allclose(gain, factor, rtol=CERTAIN, atol=0.0) else factor
+
+
+def spectral_factor(weights: Array) -> Array:
+    """Return the gain (4,) of lqr for state weights (4,) relative to the weight of v.
+
+    With p(s) = s⁴ + k3 s³ + k2 s² + k1 s + k0, p(s) p(-s) = s⁸ - q3 s⁶ + q2 s⁴ - q1 s² + q0. Equal powers
+    give k0, and k1 and k3 as functions of k2. What remains for k2 is concave and positive at 2 √k0; its root
+    above that makes p stable.
+    """
+    q0, q1, q2, q3 = map(float, weights)
+    k0 = np.sqrt(q0)
+
+    def others(k2: float) -> tuple[float, float]:
+        return float(np.sqrt(q1 + 2.0 * k0 * k2)), float(np.sqrt(q3 + 2.0 * k2))
+
+    def excess(log_k2: float) -> float:
+        k2 = np.exp(log_k2)
+        k1, k3 = others(k2)
+        return float((q2 - 2.0 * k0 + 2.0 * k1 * k3) / k2**2 - 1.0)
+
+    low = np.log(2.0 * np.sqrt(k0))
+    high = low + 1.0
+    while excess(high) > 0.0:
+        high += 1.0
+    k2 = float(np.exp(brentq(excess, low, high, xtol=1e-15, rtol=4 * np.finfo(float).eps)))
+    k1, k3 = others(k2)
+    return np.array([k0, k1, k2, k3])

@@ -3,26 +3,23 @@
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
+from math import inf
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from typing import Any
 
-from cranectl.controllers.controller import LawDesign
-from cranectl.controllers.doors.law_file import LawFile
-from cranectl.controllers.doors.opening import OPENED, open_again
-from cranectl.design import Design
+from cranectl.controllers.open_controllers import OPEN, SharedControllers
+from cranectl.design import ControllerDesign
 from cranectl.live.session import Session
+from cranectl.loaders.opening import open_again
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import Scenario
-from cranectl.simulate.child import PATIENCE, how_it_ended, spawned
+from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run
 from cranectl.status import RunStatus
+from cranectl.support.children import Child, ChildError, report_to_parent, requests, spawn_child
 from cranectl.support.errors import InputError
-from cranectl.support.interrupts import serve_parent
-
-STARTING = 120.0  # [s] for a process that imports and may compile
 
 
 class ChildSession:
@@ -31,20 +28,20 @@ class ChildSession:
     def __init__(
         self,
         scenario: Scenario,
-        design: Design | LawDesign,
+        design: ControllerDesign,
         *,
         plants: Iterable[str] = (),
         drive: Drive = "ideal",
-        patience: float = PATIENCE,
+        patience: float = BLOCK_TIMEOUT,
     ) -> None:
         """Ready at time zero; raises InputError as `simulate_run` does. `patience`: for an answer [s]."""
         self.scenario, self.design, self.drive = scenario, design, drive
         self.plan = plan_scenario(scenario)
         self.origin_ns, self.now_ns, self.moving = 0, 0, True
         self._names, self._patience = plants_to_run(plants), patience
-        self._child: tuple[BaseProcess, Connection] | None = None
+        self._child: Child | None = None
         self._start()
-        self._runs: list[Run] = self._ask("advance", 0) or []
+        self._runs: list[Run] = self._ask("advance", 0, patience=inf) or []  # imports and compiles
         if not self._runs:
             raise InputError(
                 f"{design.name} lets no session begin: its process ended or fell silent",
@@ -54,14 +51,14 @@ class ChildSession:
 
     def prepare(self) -> None:
         """As of a session."""
-        self._ask("prepare", patience=STARTING)
+        self._ask("prepare", patience=inf)  # which compiles what is left
 
     def advance(self, samples: int) -> list[Run]:
         """As of a session."""
         self._runs = self._ask("advance", samples) or self._failed()
         return self._runs
 
-    def use(self, design: Design | LawDesign) -> None:
+    def use(self, design: ControllerDesign) -> None:
         """As of a session."""
         self._ask("use", design)
         self.design = design
@@ -95,24 +92,18 @@ class ChildSession:
         """What the session in the process answers; None without one. Raises InputError as it does."""
         if self._child is None:
             return None
-        process, connection = self._child
-        patience = patience or self._patience
         try:
-            connection.send((what, given))
-            if connection.poll(patience):
-                return self._told(connection)
-            why = f"took more than {patience:g} s for a block"
-        except (EOFError, OSError):
-            process.join()
-            why = how_it_ended(process.exitcode or 0)
-        process.kill()
-        process.join()
-        self._child, self.moving = None, False
-        print(f"cranectl: {self.design.name} {why}", file=sys.stderr)
-        return None
+            self._child.send((what, given))
+            return self._told(self._child, patience or self._patience)
+        except ChildError as error:
+            return self._lose(error)
 
-    def _told(self, connection: Connection) -> Any:
-        answer, self.origin_ns, self.now_ns, self.moving = connection.recv()
+    def _lose(self, error: ChildError) -> None:
+        self._child, self.moving = None, False
+        print(f"cranectl: {self.design.name} {error}", file=sys.stderr)
+
+    def _told(self, child: Child, patience: float) -> Any:
+        answer, self.origin_ns, self.now_ns, self.moving = child.receive(patience)
         if isinstance(answer, InputError):
             raise answer
         return answer
@@ -132,33 +123,27 @@ class ChildSession:
 
     def _start(self) -> None:
         made = (self.scenario, self.design, self._names, self.drive, self.origin_ns)
-        self._child = spawned(_work, tuple(OPENED.values()), made)
-        _, connection = self._child
+        self._child = spawn_child(_work, OPEN.share(), made)
         try:
-            if connection.poll(STARTING):
-                self._told(connection)
-        except EOFError:
-            self._ask("advance", 0)  # which says how it ended
+            self._told(self._child, inf)  # it imports and may compile, which nothing bounds
+        except ChildError as error:
+            self._lose(error)
 
 
-def _work(laws: tuple[LawFile, ...], made: tuple[Any, ...], connection: Connection) -> None:
+def _work(connection: Connection, shared: SharedControllers, made: tuple[Any, ...]) -> None:
     """In the process: do what is asked, and answer with what came of it and where the session stands."""
-    serve_parent()
-    open_again(laws)
+    report_to_parent(connection)
+    open_again(shared)
     scenario, design, plants, drive, origin_ns = made
     try:
         session = Session(scenario, design, plants=plants, drive=drive, origin_ns=origin_ns)
     except InputError as error:
         connection.send((error, 0, 0, False))
         return
-    answer: Any = None
-    while True:
-        connection.send((answer, session.origin_ns, session.now_ns, session.moving))
-        try:
-            what, given = connection.recv()
-        except EOFError:  # the end of the session
-            return
+    connection.send((None, session.origin_ns, session.now_ns, session.moving))
+    for what, given in requests(connection):
         try:
             answer = getattr(session, what)(*given)
         except InputError as error:
             answer = error
+        connection.send((answer, session.origin_ns, session.now_ns, session.moving))

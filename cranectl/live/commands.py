@@ -15,12 +15,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cranectl.controllers.controller import LawDesign
 from cranectl.controllers.registry import controller_design, load_controller
-from cranectl.design import Design, with_gain
+from cranectl.design import ControllerDesign, with_gain
 from cranectl.live.hand import check_can_be_driven
+from cranectl.live.hand_limits import hand_limits
 from cranectl.live.wishes import Go, Wish, Wishes, checked_number
-from cranectl.reference import hand_limits
 from cranectl.reference.driven import HandLimits
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import length_scale, rounded
@@ -51,7 +50,7 @@ class Say:
 class Use:
     """Another controller, known to be stable."""
 
-    design: Design | LawDesign
+    design: ControllerDesign
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ class Controls:
     """The parameters of a session by name, and the commands that follow from changing them."""
 
     def __init__(
-        self, scenario: Scenario, design: Design | LawDesign, *, drive: str = "ideal", speed: float = 1.0
+        self, scenario: Scenario, design: ControllerDesign, *, drive: str = "ideal", speed: float = 1.0
     ) -> None:
         """Raises InputError for a speed that is not allowed."""
         self._wishes, self._refused, self._driven = Wishes(), "", False
@@ -144,7 +143,10 @@ class Controls:
 
     def refuse(self, what: str, allowed: str) -> None:
         """Say that `what` a client sends is of no use."""
-        self._say(refused(what, InputError("nobody listens", allowed=allowed)), warning=True)
+        self._say(
+            refused(what, InputError("nobody listens", allowed=allowed, remedy="send one of these")),
+            warning=True,
+        )
 
     def wish(self, message: bytes) -> None:
         """Drive as the Twist in a message says, until the next one comes or none has for too long."""
@@ -204,7 +206,7 @@ class Controls:
             if name not in before:
                 raise unknown_name("parameter", name, before)
         design = _with_numbers(design, {**before, **wanted})
-        if design is self._design or (isinstance(design, LawDesign) and design == self._design):
+        if design.to_json() == self._design.to_json():
             return
         law_of(self._scenario, design, self._drive, self._planned)  # raises if unstable
         if self._driven:
@@ -238,17 +240,18 @@ def _checked_bool(name: str, value: object) -> bool:
     return value
 
 
-def tunable(design: Design | LawDesign) -> dict[str, Value]:
+def tunable(design: ControllerDesign) -> dict[str, Value]:
     """What of a controller may be changed in a run: gains, or the parameters of a law, `pid.proportional`."""
-    if isinstance(design, Design):
-        return dict(zip(GAINS, design.gain.tolist(), strict=True))
+    if (axis := design.axis_design) is not None:
+        return dict(zip(GAINS, axis.gain.tolist(), strict=True))
     return {f"{design.name}.{name}": value for name, value in design.parameters.items()}
 
 
-def _with_numbers(design: Design | LawDesign, numbers: Mapping[str, Any]) -> Design | LawDesign:
+def _with_numbers(design: ControllerDesign, numbers: Mapping[str, Any]) -> ControllerDesign:
     """`design` with all that is tunable in it; raises InputError for what is not allowed."""
-    if isinstance(design, LawDesign):
+    axis = design.axis_design
+    if axis is None:
         given = {name.partition(".")[2]: value for name, value in numbers.items()}
         return load_controller(design.name).designed(given)
     gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in numbers.items()])
-    return with_gain(design, gain) if (gain != design.gain).any() else design
+    return with_gain(axis, gain) if (gain != axis.gain).any() else axis

@@ -14,6 +14,7 @@ import os
 import secrets
 import socket
 import socketserver
+import struct
 import threading
 from collections.abc import Callable, Collection, Iterator
 from urllib.parse import urlsplit
@@ -21,9 +22,11 @@ from urllib.parse import urlsplit
 from cranectl.support.errors import InputError, printable
 
 FOXGLOVE = frozenset({"https://app.foxglove.dev", "https://studio.foxglove.dev"})
-HEAD = 16 * 1024  # [bytes] of a request; browsers send one or two
-PATIENCE = 10.0  # [s] to send it, or to go
-BUFFER = 64 * 1024  # [bytes]
+MAX_HEAD_BYTES = 16 * 1024  # [bytes] of a request; browsers send one or two
+REQUEST_TIMEOUT = 10.0  # [s] to send it, or to go
+STALLED = 60  # [s] in which a viewer takes nothing of what it is sent: then it is gone, or asleep
+VIEWERS = 64  # at once: each holds two threads and two sockets
+RECEIVE_BUFFER = 64 * 1024  # [bytes]
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -41,6 +44,7 @@ class Guard(socketserver.ThreadingTCPServer):
     ) -> None:
         """Raises OSError or OverflowError for an address that cannot be had."""
         self.host, self.server, self.origins = address[0], server, origins
+        self.places = threading.BoundedSemaphore(VIEWERS)
         (self.address_family, *_), *_ = socket.getaddrinfo(*address, type=socket.SOCK_STREAM)
         super().__init__(address, _Visitor)
         self.port = int(self.server_address[1])
@@ -60,41 +64,65 @@ class _Visitor(socketserver.BaseRequestHandler):
     request: socket.socket
 
     def handle(self) -> None:
-        self.request.settimeout(PATIENCE)
+        if not self.server.places.acquire(blocking=False):
+            _LOGGER.warning("%d viewers are here already; another was turned away", VIEWERS)
+            self._answer("503 Service Unavailable")
+            return
+        try:
+            self._let_in()
+        finally:
+            self.server.places.release()
+
+    def _let_in(self) -> None:
+        self.request.settimeout(REQUEST_TIMEOUT)
         head = b""
         while b"\r\n\r\n" not in head:
-            piece = self.request.recv(BUFFER)
+            piece = self.request.recv(RECEIVE_BUFFER)
             head += piece
-            if not piece or len(head) > HEAD:
+            if not piece or len(head) > MAX_HEAD_BYTES:
                 return
         reason = refusal(head, self.server.host, self.server.origins)
         if reason:
             _LOGGER.warning("%s", reason)
-            self.request.sendall(b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\nContent-Length: 0\r\n\r\n")
+            self._answer("403 Forbidden")
         else:
             with socket.create_connection(self.server.server) as server:
                 self._connect(server, head)
+
+    def _answer(self, status: str) -> None:
+        head = f"HTTP/1.1 {status}\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+        self.request.sendall(head.encode())
 
     def _connect(self, server: socket.socket, head: bytes) -> None:
         """Pass on what both sides say until one of them ends."""
         for end in (self.request, server):
             end.settimeout(None)
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _duration(STALLED))
         server.sendall(head)
         asking = threading.Thread(target=_pass_on, args=[self.request, server], daemon=True)
         asking.start()
         _pass_on(server, self.request)
-        asking.join(PATIENCE)
+        asking.join(REQUEST_TIMEOUT)
         with contextlib.suppress(OSError):
             self.request.shutdown(socket.SHUT_RDWR)
 
 
 def _pass_on(source: socket.socket, sink: socket.socket) -> None:
-    with contextlib.suppress(OSError):
-        while data := source.recv(BUFFER):
+    try:
+        while data := source.recv(RECEIVE_BUFFER):
             sink.sendall(data)
+    except BlockingIOError:
+        _LOGGER.warning("a viewer that took nothing for %d s was disconnected", STALLED)
+    except OSError:
+        pass
     with contextlib.suppress(OSError):
         sink.shutdown(socket.SHUT_WR)
+
+
+def _duration(seconds: int) -> bytes:
+    """Return a duration as options of sockets have it."""
+    return struct.pack("ll", seconds, 0) if os.name == "posix" else struct.pack("L", 1000 * seconds)
 
 
 def refusal(head: bytes, host: str, origins: Collection[str]) -> str:

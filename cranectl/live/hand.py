@@ -6,14 +6,14 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import LawDesign
-from cranectl.controllers.registry import controller_names, load_controller
-from cranectl.design import Design
-from cranectl.reference import build_trajectory, hand_limits
+from cranectl.controllers.registry import controller_names, controller_of
+from cranectl.design import ControllerDesign
+from cranectl.live.hand_limits import hand_limits
+from cranectl.reference import build_trajectory
 from cranectl.reference.driven import asked_at, at_rest, derivatives, drive
 from cranectl.scenario import NANOSECONDS, Hold, ReferenceSettings, Scenario
 from cranectl.scenario.disturbances import Disturbance
-from cranectl.scenario.driven import AT_REST, MOST_CHANGES, Driven
+from cranectl.scenario.driven import MOST_CHANGES, SETTLING_TIME, Driven
 from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.scenario.segments import seconds
 from cranectl.support.arrays import Array
@@ -41,7 +41,7 @@ class Hand:
                 allowed=f"{_point(low)} to {_point(high)} m",
                 remedy="choose a scenario that ends there, or reduce planning.clearance",
             )
-        self._rest = math.ceil(AT_REST / self.limits.bandwidth / self._period)
+        self._rest = math.ceil(SETTLING_TIME / self.limits.bandwidth / self._period)
         # From here on a run could not tell how the load comes to rest.
         self._end = round(MAX_DURATION / self._period) - self._rest
         if sample >= self._end:
@@ -66,10 +66,6 @@ class Hand:
         rows = derivatives(self.limits, states).reshape(len(index), 15)
         self.table[index[index < len(self.table)]] = rows[index < len(self.table)]
         return rows
-
-    def row(self) -> Array:
-        """The reference at the next sample: shape (15,)."""
-        return derivatives(self.limits, self._state[np.newaxis]).reshape(15)
 
     def scenario(self, samples: int, controller: str, pulses: Iterable[Disturbance] = ()) -> Scenario:
         """What was driven until `samples` since the start, under `pulses`, and then released."""
@@ -112,10 +108,10 @@ class Hand:
         return self._scenario.model_copy(update=update)
 
 
-def check_can_be_driven(design: Design | LawDesign) -> None:
+def check_can_be_driven(design: ControllerDesign) -> None:
     """Raise InputError for a law that must know beforehand where the load will be."""
-    law = load_controller(design.name) if isinstance(design, LawDesign) else None
-    if law and (law.preview or law.follows != "path"):
+    controller = controller_of(design)
+    if controller.preview or controller.follows != "path":
         raise InputError(
             f"{design.name} must know beforehand where the load will be, and cannot be driven by hand",
             allowed="controllers that follow a path without preview",

@@ -18,6 +18,7 @@ from filelock import FileLock, Timeout
 from cranectl.live.viewers import Publisher
 from cranectl.log import topics
 from cranectl.log.consistency import Outcome
+from cranectl.log.limits import check_recordable
 from cranectl.log.writer import (
     FAILURES,
     check_complete,
@@ -115,8 +116,10 @@ class Recorder:
     def begin(self, runs: Sequence[Run], from_ns: int, reason: str) -> None:
         """Open the next file for what is sent from now on; of `runs` only what they are counts.
 
-        `from_ns` and `reason` say when and why it begins. Raises LogError.
+        `from_ns` and `reason` say when and why it begins. Raises LogError, and InputError as
+        `check_recordable` does.
         """
+        check_recordable(runs[0].scenario, runs[0].design, runs[0].drive)
         path = self._path = next_file(self._first)
         try:
             self._part = self._place.enter_context(replacing(path, keep_after=FAILURES))

@@ -32,7 +32,7 @@ from cranectl.log.messages import log_lines
 from cranectl.scenario import NANOSECONDS
 from cranectl.support.errors import InputError
 
-PATIENCE = 0.5  # [s] that a run may fall behind and still catch up
+MAX_LAG = 0.5  # [s] that a run may fall behind and still catch up
 
 
 class Pace:
@@ -50,13 +50,13 @@ class Pace:
         """After a block that should have taken `seconds`: (time to wait, time given up as lost), one is 0."""
         self._due += seconds
         late = self._clock() - self._due
-        if late > PATIENCE:
+        if late > MAX_LAG:
             self.restart()
             return 0.0, late
         return max(-late, 0.0), 0.0
 
 
-BLOCK = 0.02  # [s] of real time after which commands are carried out
+COMMAND_INTERVAL = 0.02  # [s] of real time after which commands are carried out
 IDLE = 0.05  # [s] the same while nothing moves
 SOURCE = "live"  # of lines in the log that no plant says
 
@@ -129,7 +129,7 @@ class LiveServer:
     def _advance(self, speed: float) -> float:
         """One block; returns the real time [s] that it should take."""
         period = self._session.scenario.period_ns / NANOSECONDS
-        samples = max(1, round(BLOCK * speed / period))
+        samples = max(1, round(COMMAND_INTERVAL * speed / period))
         self._step(samples)
         return samples * period / speed
 

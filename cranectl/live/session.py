@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import LawDesign
-from cranectl.controllers.flat import ROBUSTIFIER
-from cranectl.design import Design
+from cranectl.controllers.addressed import at_start, entered
+from cranectl.controllers.flat import MEMORY
+from cranectl.design import ControllerDesign
 from cranectl.live.hand import Asked, Hand, check_can_be_driven
 from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import plants_to_run
@@ -24,7 +24,7 @@ from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.signals import PATH_WIDTH, Z
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run, record_width
-from cranectl.simulate.runner import PreparedRun, by_kind, law_of, make_plant, memory_of, start_run
+from cranectl.simulate.runner import PreparedRun, law_of, make_plant, start_run
 from cranectl.simulate.signal_path import SignalPath, make_encoders, whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
@@ -49,13 +49,21 @@ class _Pulse:
     acceleration: tuple[float, float]  # alpha, beta [rad/s²]
 
 
+def _kept_memory(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:
+    """Return how much of the memory another controller of the flat family takes over."""
+    old, new = before.axis_design, after.axis_design
+    if old is None or new is None:
+        return 0
+    return len(memory) if new.robustifier is old.robustifier else MEMORY.robustifier
+
+
 class Session:
     """Plants that start together and are advanced together; one that stops waits for the next start."""
 
     def __init__(
         self,
         scenario: Scenario,
-        design: Design | LawDesign,
+        design: ControllerDesign,
         *,
         plants: Iterable[str] = (),
         drive: Drive = "ideal",
@@ -108,7 +116,7 @@ class Session:
         self._pulses = [pulse for pulse in self._pulses if pulse.end > self._samples]
         return runs
 
-    def use(self, design: Design | LawDesign) -> None:
+    def use(self, design: ControllerDesign) -> None:
         """Go on with another controller; raises InputError if its sampling makes it unstable.
 
         The set-points carry over. From one of the flat family to another the dynamic extension does as well,
@@ -120,13 +128,11 @@ class Session:
         self._law = law
         before, self.design = self.design, design
         for state in self._states:
-            old, inputs = state.run.memory, state.run.inputs._replace(**by_kind(law))
-            memory = memory_of(law, self._row())
-            if inputs.law is not None:
-                inputs.law.clock[0] = self._samples
-            elif isinstance(before, Design) and isinstance(design, Design):
-                kept = len(old) if design.robustifier is before.robustifier else ROBUSTIFIER
-                memory[:kept] = old[:kept]
+            own, memory = entered(at_start(law)), law.start.copy()
+            own.clock[0] = self._samples
+            if kept := _kept_memory(before, design, state.run.memory):
+                memory[:kept] = state.run.memory[:kept]
+            inputs = state.run.inputs._replace(law=own)
             state.run = state.run._replace(inputs=inputs, memory=memory)
             self._hand_over(state)
 
@@ -188,9 +194,8 @@ class Session:
 
     def _hand_over(self, state: _PlantState) -> None:
         """Have a law that reads its own reference read what is driven."""
-        law = state.run.inputs.law
-        if self._hand and law is not None:
-            law = law._replace(reference=self._hand.table, samples=len(self._hand.table))
+        if self._hand:
+            law = state.run.inputs.law._replace(reference=self._hand.table, samples=len(self._hand.table))
             state.run = state.run._replace(inputs=state.run.inputs._replace(law=law))
 
     def _reference(self, index: NDArray[np.intp]) -> Array:
@@ -199,12 +204,6 @@ class Session:
             self._hand.rows(index)
             if self._hand
             else self.plan.reference[np.minimum(index, self.scenario.steps)]
-        )
-
-    def _row(self) -> Array:
-        """What is desired at the next sample: shape (15,)."""
-        return (
-            self._hand.row() if self._hand else self.plan.reference[min(self._samples, self.scenario.steps)]
         )
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:

@@ -12,7 +12,7 @@ from cranectl.support.documents import parse_json
 from cranectl.support.errors import InputError, printable
 
 LOST = 0.3  # [s] without a message after which a wish counts as zero
-DIGITS = 5  # of numbers that are kept: a stick has no more, and there are many of them
+COMMAND_DIGITS = 5  # of numbers that are kept: a stick has no more, and there are many of them
 Vector = tuple[float, float, float]
 
 
@@ -71,10 +71,10 @@ def _checked_vector(name: str, value: object, low: Array, high: Array) -> Vector
     """The numbers x, y, z of a message; raises InputError for anything else."""
     if not isinstance(value, dict) or not {"x", "y", "z"} <= value.keys():
         found = f"{name.rstrip('.') or 'the point'} = {printable(repr(value), longest=80)}"
-        raise InputError(found, allowed="an object of x, y, z")
+        raise InputError(found, allowed="an object of x, y, z", remedy="send all three")
     box = zip("xyz", low.tolist(), high.tolist(), strict=True)
     x, y, z = (
-        min(max(round(checked_number(name + axis, value[axis], least, most), DIGITS), least), most)
+        min(max(round(checked_number(name + axis, value[axis], least, most), COMMAND_DIGITS), least), most)
         for axis, least, most in box
     )
     return x, y, z
@@ -82,11 +82,11 @@ def _checked_vector(name: str, value: object, low: Array, high: Array) -> Vector
 
 def checked_number(name: str, value: object, low: float, high: float) -> float:
     """`value` as a number from `low` to `high`; raises InputError for anything else."""
-    number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    number = value if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
     if not low <= number <= high:
         raise InputError(
             f"{name} = {value!r}",
             allowed=f"a number from {low:g} to {high:g}",
             remedy=f"choose another {name}",
         )
-    return number
+    return float(number)

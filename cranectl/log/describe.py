@@ -8,8 +8,9 @@ import numpy as np
 
 from cranectl.log.header import OVERLAY
 from cranectl.log.overlay import headers_of
-from cranectl.mcap_columns.opening import open_contents, opened
+from cranectl.mcap_columns.contents import open_contents, opened
 from cranectl.scenario import NANOSECONDS
+from cranectl.support.consistency import check_sum
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,10 @@ class LogDescription:
     topics: tuple[TopicDescription, ...]
     attachments: dict[str, int]  # name: bytes
 
+    def __post_init__(self) -> None:
+        """Raise InconsistentError where the messages of the topics do not add up."""
+        check_sum("the number of messages", self.messages, [topic.messages for topic in self.topics])
+
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
@@ -52,17 +57,11 @@ def describe_log(path: str | Path) -> LogDescription:
     duration = float(np.ptp(np.concatenate(times))) / NANOSECONDS if contents.messages else 0.0
     topics = []
     for channel in sorted(contents.channels.values(), key=lambda channel: channel.topic):
-        count = contents.messages[channel.id]
+        count, schema = contents.messages[channel.id], contents.schemas[channel.schema_id].name
         # Only signals carry the units of their fields as metadata; everything else is written at events.
         sampled = bool(channel.metadata) and count > 1 and duration > 0.0
-        topics.append(
-            TopicDescription(
-                topic=channel.topic,
-                schema=contents.schemas[channel.schema_id].name,
-                messages=count,
-                rate_hz=(count - 1) / duration if sampled else None,
-            )
-        )
+        rate_hz = (count - 1) / duration if sampled else None
+        topics.append(TopicDescription(channel.topic, schema, count, rate_hz))
     return LogDescription(
         path=str(path),
         size_bytes=path.stat().st_size,

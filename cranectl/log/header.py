@@ -10,14 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from cranectl.controllers.controller import LawDesign
-from cranectl.controllers.registry import design_from_json
-from cranectl.design import Design
+from cranectl.design import ControllerDesign
 from cranectl.log import topics
 from cranectl.log.consistency import MAX_NS, Clock, Outcome, check_design, check_outcome
-from cranectl.mcap_columns.records import DamageError
+from cranectl.mcap_columns.contents import foreign
+from cranectl.mcap_columns.records import DamageError, UnsupportedError
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import PLANTS
+from cranectl.plants.registry import LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
 from cranectl.scenario import Scenario
 from cranectl.scenario.held_files import with_files
 from cranectl.scenario.settings import parse_settings
@@ -28,6 +27,7 @@ from cranectl.support.documents import leaves, parse_json
 from cranectl.support.errors import InputError, LogError
 
 FORMATS = ("2",)  # that can be read; the last is written
+FILTERED = "keep metadata and attachments: mcap filter --include-metadata --include-attachments"
 OVERLAY = "overlay"  # the metadata of a log of runs by label, which has a header for each
 
 
@@ -36,7 +36,7 @@ class LogHeader:
     """The metadata and attachments of a log, understood."""
 
     scenario: Scenario
-    design: Design | LawDesign
+    design: ControllerDesign
     drive: Drive
     every: int  # logged every n-th control sample
     models: Mapping[str, str]  # the plants' own descriptions, by plant
@@ -70,7 +70,11 @@ class LogHeader:
 def parse_header(
     path: str, metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]
 ) -> LogHeader:
-    """The header of the log at `path`; raises LogError for a foreign log and one of another version."""
+    """The header of the log at `path`.
+
+    Raises LogError for a foreign log and one of another version, DamageError where it contradicts itself or
+    lacks what tells of runs.
+    """
     if OVERLAY in metadata:
         raise LogError(
             f"{path} is an overlay of the runs {metadata[OVERLAY].get('labels')}",
@@ -78,11 +82,7 @@ def parse_header(
             remedy="name one of these; info, compare, report, render and log export take overlays too",
         )
     if "cranectl" not in metadata:
-        raise LogError(
-            f"{path} is an MCAP file, but not of cranectl",
-            allowed="logs that cranectl wrote",
-            remedy="name such a log, or open the file in a viewer",
-        )
+        raise foreign(path)
     version = str(metadata["cranectl"].get("format"))
     if version not in FORMATS:
         raise LogError(
@@ -106,7 +106,7 @@ def parse_header(
 
 
 def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:
-    """The header that metadata and attachments make, those of format 2.
+    """Return the header that metadata and attachments of format 2 make.
 
     Raises DamageError where it contradicts itself; InputError, KeyError, TypeError, ValueError, IndexError,
     OverflowError or RecursionError where it is no such header.
@@ -115,8 +115,11 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     asked = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
     scenario = with_files(asked, attachments)
     plants = declared["plants"].split(",")
-    if not set(plants) <= set(PLANTS) or len(set(plants)) < len(plants):
-        raise ValueError(f"unknown plants {declared['plants']}")
+    if len(set(plants)) < len(plants):
+        raise ValueError(f"it has a plant twice: {declared['plants']}")
+    for plant in plants:
+        if plant not in PLANTS:
+            PLANTS.remember(_described(plant, metadata.get(f"plant/{plant}", {})))
     design = _design(_json(attachments, "design.json"))
     if (declared["scenario"], declared["controller"]) != (scenario.name, design.name):
         raise ValueError(f"it is said to be of {declared['scenario']} and {declared['controller']}")
@@ -126,7 +129,7 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
         design=design,
         drive=checked_drive(declared["drive"]),
         every=_count(declared["every"], least=1),
-        models={plant: _model(attachments, plant) for plant in plants},
+        models={p: attachments.get(f"{p}.xml", attachments.get(f"{p}.txt", b"")).decode() for p in plants},
         versions=metadata["versions"],
         outcomes={p: _outcome(metadata[f"run/{p}"]) for p in plants if f"run/{p}" in metadata},
         from_ns=_count(metadata["live"]["from_ns"]) if "live" in metadata else None,
@@ -136,8 +139,26 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     return header
 
 
-def _model(attachments: Mapping[str, bytes], plant: str) -> str:
-    return attachments.get(f"{plant}.xml", attachments.get(f"{plant}.txt", b"")).decode()
+def plant_metadata(plant: str) -> dict[str, dict[str, str]]:
+    """Return the metadata that show the runs of a plant of another package where that is not installed."""
+    entry = plant_entry(plant)
+    if entry.where.startswith("cranectl."):
+        return {}
+    told = {"label": entry.label, "colour": entry.colour, "servos": str(entry.servos).lower()}
+    return {f"plant/{plant}": told}
+
+
+def _described(plant: str, told: Mapping[str, str]) -> PlantEntry:
+    """Return the plant of a log that no package here brings; older logs tell only its name."""
+    return PlantEntry(
+        name=plant,
+        label=told.get("label", plant[:LONGEST_LABEL]),
+        colour=told.get("colour", PLANT_COLOURS[-1]),
+        where="",
+        batch=0,
+        servos=told.get("servos") == "true",
+        by_default=False,
+    )
 
 
 def _outcome(declared: Mapping[str, str]) -> Outcome:
@@ -156,22 +177,23 @@ def _count(text: str, *, least: int = 0) -> int:
 
 
 def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
+    if name not in attachments:
+        raise UnsupportedError(f"'{name}' is missing, as in filtered logs", FILTERED)
     data = parse_json(attachments[name], name)
     if not isinstance(data, dict):
         raise TypeError(f"{name} is no table")
     return data
 
 
-def _design(data: dict[str, Any]) -> Design | LawDesign:
-    """The design in `data`, if it says the same as `data`: whole matrices of numbers, none of them NaN."""
-    design = design_from_json(data)
-    if isinstance(design, LawDesign):
+def _design(data: dict[str, Any]) -> ControllerDesign:
+    """Return the design in `data` if it holds the same: whole matrices of numbers, none of them NaN."""
+    design = ControllerDesign.from_json(data)
+    if design.axis_design is None:
         return design
-    for _, number in leaves({name: value for name, value in data.items() if name != "name"}):
-        if number is None:
-            continue
-        if isinstance(number, bool) or not isinstance(number, int | float) or math.isnan(number):
-            raise TypeError(f"design.json holds {number!r} where a number belongs")
+    for name, value in leaves(data):
+        known = value is None or name == "name" or (type(value) in (int, float) and not math.isnan(value))
+        if not known:
+            raise TypeError(f"design.json holds {value!r} where a number belongs")
     declared = design.to_json()
     if any(declared[name] != value for name, value in data.items()):
         raise ValueError("the numbers of design.json do not fit together")

@@ -2,33 +2,33 @@
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from foxglove.messages import Log, LogLevel, Timestamp
+from foxglove.messages import Log, LogLevel
 from numpy.typing import NDArray
 
-from cranectl.compare.agreement import Limits, NoLimits, PairLimits, against_reference, judge
+from cranectl.compare.agreement import AgreementLimits, NoLimits, PairLimits, against_reference, judge
 from cranectl.compare.runs import compare_runs
-from cranectl.controllers.controller import LawDesign
-from cranectl.design import Design
+from cranectl.design import ControllerDesign
 from cranectl.log import schema, topics
 from cranectl.log.events import Event, StatusChange, events, status_changes
-from cranectl.log.scene import scene_streams
+from cranectl.log.scene import scene_streams, timestamp_of
 from cranectl.log.topics import Stream
-from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
 from cranectl.support.provenance import provenance
+from cranectl.support.units import PROCESSOR_ROUNDING, difference_text
 
-LEAST = 1e-14  # [m, rad] that is told of distances: what rounding leaves, and 0 would have no logarithm
+MIN_DISTANCE = (
+    1e-14  # [m, rad] that is told of distances: what rounding leaves, and 0 would have no logarithm
+)
 
 
 def streams(
-    runs: Sequence[Run],
-    limits: PairLimits | None = None,
-    versions: Mapping[str, str] | None = None,
+    runs: Sequence[Run], limits: PairLimits | None = None, versions: Mapping[str, str] | None = None
 ) -> list[Stream]:
-    """Every topic of a log; at equal times earlier streams come first in the file.
+    """Return every topic of a log; at equal times earlier streams come first in the file.
 
     Plants are judged by `limits`, by default as `judge` does. `versions`: of what made the runs, by default
     this.
@@ -40,11 +40,8 @@ def streams(
     for a, b in against_reference(runs):
         name = a.plant if len(runs) > 2 else ""
         if differing := _differences(a, b, name):
-            topic = topics.difference_topic(topics.VERDICT, name)
-            result += [
-                *differing,
-                _text(topic, "Verdict", _verdict(a, b, limits=(limits or {}).get((a.plant, b.plant)))),
-            ]
+            verdict = _verdict(a, b, limits=(limits or {}).get((a.plant, b.plant)))
+            result += [*differing, _text(topics.difference_topic(topics.VERDICT, name), "Verdict", verdict)]
     return result + scene_streams(runs)
 
 
@@ -65,15 +62,9 @@ def recorded(run: Run) -> Iterator[Stream]:
 def signals(
     topic: str, group: SignalGroup, time_ns: NDArray[np.int64], values: NDArray[np.float64]
 ) -> Stream:
-    """All signals of a group at each time, `values` (N, signals)."""
-    return Stream(
-        topic,
-        f"{schema.PACKAGE}.{group.schema}",
-        schema.group_schema(group),
-        time_ns,
-        schema.encode_rows(values),
-        topics.units(group),
-    )
+    """Return all signals of a group at each time, `values` (N, signals)."""
+    kind, rows = schema.group_schema(group), schema.EncodedRows(values)
+    return Stream(topic, f"{schema.PACKAGE}.{group.schema}", kind, time_ns, rows, topics.units(group))
 
 
 def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:
@@ -83,15 +74,14 @@ def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:
 
 
 def _differences(a: Run, b: Run, name: str) -> list[Stream]:
-    """Sample by sample over the common times; nothing where there are none. `name`: of the topics."""
+    """Subtract sample by sample over the common times, if there are any; `name` is that of the topics."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     if not len(time_ns):
         return []
-    blocks = {g.name: b.block(g.name)[in_b] - a.block(g.name)[in_a] for g in topics.DIFFERENCE_GROUPS}
-    result = [
-        signals(topics.difference_topic(group.name, name), group, time_ns, blocks[group.name])
-        for group in topics.DIFFERENCE_GROUPS
-    ]
+    result = []
+    for group in topics.DIFFERENCE_GROUPS:
+        difference = b.block(group.name)[in_b] - a.block(group.name)[in_a]
+        result.append(signals(topics.difference_topic(group.name, name), group, time_ns, difference))
     return [*result, distances(topics.difference_topic(topics.DISTANCE.name, name), a, b)]
 
 
@@ -100,10 +90,10 @@ def distances(topic: str, a: Run, b: Run) -> Stream:
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
     angles = np.abs(b.angles[in_b] - a.angles[in_a]).max(axis=1)
-    return signals(topic, topics.DISTANCE, time_ns, np.column_stack([load, angles]).clip(LEAST))
+    return signals(topic, topics.DISTANCE, time_ns, np.column_stack([load, angles]).clip(MIN_DISTANCE))
 
 
-def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, str]:
+def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> dict[str, str]:
     """Whether the plants agree, and by how much every signal differs."""
     comparison = compare_runs(a, b)
     agreement = judge(a, b, limits=limits, comparison=comparison)
@@ -113,47 +103,38 @@ def _verdict(a: Run, b: Run, *, limits: Limits | NoLimits | None) -> dict[str, s
         "angles": _beside(agreement.max_angle_error_rad, agreement.limit_rad, "rad", agreement.limits),
     }
     for row in comparison.signals:
-        text = f"at most {row.max_abs:.1e} {row.unit} at {row.at_s:g} s, RMS {row.rms:.1e}"
+        text = f"at most {difference_text(row.max_abs)} {row.unit}, RMS {difference_text(row.rms)}"
+        text += "" if row.max_abs < PROCESSOR_ROUNDING else f", largest at {row.at_s:g} s"
         values[row.signal.replace(".", "_")] = text
     return values
 
 
 def _beside(largest: float, limit: float | None, unit: str, limits: str) -> str:
-    """The largest distance and its limit, or why there is none; of limits that are not the file's, whose."""
-    text = f"{largest:.1e} {unit}"
-    if limit is None:
-        return f"{text}, no limit: {limits}"
-    return f"{text}, limit {limit:g} {unit}" + ("" if limits == Limits.source else f", {limits}")
+    """Return the largest distance and its limit, or why there is none."""
+    told = f"no limit: {limits}" if limit is None else f"limit {limit:g} {unit}"
+    return f"{difference_text(largest)} {unit}, {told}"
 
 
 def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
-    """The status of the run of `plant`."""
-    definition = schema.status_schema()
-    messages = [
-        schema.encode(definition, "Status", {name: getattr(change, name) for name in schema.STATUS_FIELDS})
-        for change in changes
-    ]
-    time_ns = np.array([change.time_ns for change in changes], dtype=np.int64)
-    return Stream(
-        topics.plant_topic(plant, "status"), f"{schema.PACKAGE}.Status", definition, time_ns, messages
-    )
+    """Return the status of the run of `plant`."""
+    rows = [{name: getattr(change, name) for name in schema.STATUS_FIELDS} for change in changes]
+    times = [change.time_ns for change in changes]
+    return _own(topics.plant_topic(plant, "status"), "Status", schema.status_schema(), times, rows)
 
 
 def log_lines(unordered: Iterable[Event]) -> Stream:
-    """Events as text, in the order of time."""
+    """Return events as text, in the order of time."""
     ordered = sorted(unordered, key=lambda event: event.time_ns)
-    messages = [
+    messages = (
         Log(
-            timestamp=Timestamp(*divmod(event.time_ns, NANOSECONDS)),
+            timestamp=timestamp_of(event.time_ns),
             level=LogLevel.Warning if event.warning else LogLevel.Info,
             name=event.source,
             message=event.message,
-        ).encode()
+        )
         for event in ordered
-    ]
-    time_ns = np.array([event.time_ns for event in ordered], dtype=np.int64)
-    definition = Log.get_schema()
-    return Stream(topics.LOG, definition.name, definition.data, time_ns, messages)
+    )
+    return Stream.of(topics.LOG, Log, [event.time_ns for event in ordered], messages)
 
 
 def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
@@ -171,15 +152,19 @@ def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
     return _text(topics.RUN_INFO, "RunInfo", values)
 
 
-def design_info(design: Design | LawDesign) -> Stream:
+def design_info(design: ControllerDesign) -> Stream:
     """Gains, poles, margins, or parameters."""
     values = {name: json.dumps(value) for name, value in design.to_json().items()}
     return _text(topics.DESIGN, "Design", values)
 
 
 def _text(topic: str, name: str, values: dict[str, str]) -> Stream:
-    """A stream of one message of strings at time 0."""
-    definition = schema.text_schema(name, tuple(values))
-    message = schema.encode(definition, name, values)
-    at_start = np.zeros(1, dtype=np.int64)
-    return Stream(topic, f"{schema.PACKAGE}.{name}", definition, at_start, [message])
+    """Return a stream of one message of strings at time 0."""
+    return _own(topic, name, schema.text_schema(name, tuple(values)), [0], [values])
+
+
+def _own(topic: str, name: str, definition: bytes, times: list[int], rows: list[dict[str, Any]]) -> Stream:
+    """Return messages of the type `name` of ours at their times [ns]."""
+    messages = [schema.encode(definition, name, values) for values in rows]
+    time_ns = np.array(times, dtype=np.int64)
+    return Stream(topic, f"{schema.PACKAGE}.{name}", definition, time_ns, messages)

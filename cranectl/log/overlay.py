@@ -19,15 +19,16 @@ from cranectl.log import scene, topics
 from cranectl.log.consistency import Clock, check_design, check_run
 from cranectl.log.events import events, status_changes
 from cranectl.log.header import OVERLAY, LogHeader, parse_header
+from cranectl.log.limits import check_recordable
 from cranectl.log.messages import distances, log_lines, recorded, signals, status
-from cranectl.log.reader import assembled, blocks_of, header_of, read_contents, runs_of
+from cranectl.log.reader import assembled, blocks_of, check_names, header_of, is_of_runs, runs_of
 from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, file_attachments, file_metadata, write_container
-from cranectl.mcap_columns.contents import Contents
-from cranectl.mcap_columns.opening import opened
+from cranectl.mcap_columns.contents import Contents, opened
 from cranectl.mcap_columns.records import DamageError
-from cranectl.plants.registry import PLANTS, reference_plant
-from cranectl.signals import REFERENCE
+from cranectl.mcap_columns.rows import read_rows
+from cranectl.plants.registry import PLANTS, plants_of_logs, reference_plant
+from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
 from cranectl.support.colours import VIEWER_SERIES
 from cranectl.support.errors import InputError, LogError
@@ -36,8 +37,8 @@ FORMAT = "1"
 STEP = "step"  # how far a run is from the one before it
 TARGET = "reference"  # of a run, in place of the one that the runs of other logs share
 MOST = len(VIEWER_SERIES)  # as many as there are colours
-LONGEST = 40  # letters of a label, which begins names in tables
-LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{LONGEST - 1}}}")
+MAX_LABEL = 40  # letters of a label, which begins names in tables
+LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{MAX_LABEL - 1}}}")
 
 T = TypeVar("T")
 
@@ -58,26 +59,23 @@ class Layer:
 
 
 def read_layers(path: str | Path) -> dict[str, Layer]:
-    """The runs of any log: by label those of an overlay, by plant those of others.
+    """Read the runs of any log: by label those of an overlay, by plant those of others.
 
     Raises LogError as `read_log` does.
     """
     with opened(path) as stream:
-        contents, columns = read_contents(path, stream)
+        contents, columns = read_rows(path, stream, is_of_runs)
         headers = headers_of(path, contents)
         if OVERLAY not in contents.metadata:
             runs = runs_of(next(iter(headers.values())), contents, columns)
             return {plant: _layer(headers[plant], run) for plant, run in runs.items()}
-        there = {label: _topics(label, header) for label, header in headers.items()}
-        groups = {
-            topic: group
-            for label, header in headers.items()
-            for topic, group in zip(there[label], header.groups().values(), strict=True)
-        }
+        groups: dict[str, SignalGroup] = {}
+        for label, header in headers.items():
+            groups |= {_topic(label, here): group for here, group in header.groups().items()}
         blocks = blocks_of(groups, contents, columns)
         layers = {}
         for label, header in headers.items():
-            own = {here: blocks[topic] for here, topic in zip(header.groups(), there[label], strict=True)}
+            own = {here: blocks[_topic(label, here)] for here in header.groups()}
             (plant,) = header.plants
             layers[label] = _layer(header, assembled(header, plant, own, header.outcome(plant)))
         return layers
@@ -91,6 +89,7 @@ def headers_of(path: str | Path, contents: Contents) -> dict[str, LogHeader]:
     if OVERLAY not in contents.metadata:
         header = header_of(path, contents)
         return dict.fromkeys(header.plants, header)
+    check_names(contents)
     labels = contents.metadata[OVERLAY].get("labels", "").split(",")
     if contents.metadata[OVERLAY].get("format") != FORMAT:
         raise LogError(
@@ -113,11 +112,10 @@ def _of(label: str, records: Mapping[str, T]) -> dict[str, T]:
     return {name.removeprefix(prefix): record for name, record in records.items() if name.startswith(prefix)}
 
 
-def _topics(label: str, header: LogHeader) -> list[str]:
-    """Where an overlay has each of the topics of `header.groups()`."""
-    here = header.groups()
-    kinds = (TARGET if topic == topics.REFERENCE_LOAD else topic.rpartition("/")[2] for topic in here)
-    return [topics.plant_topic(label, kind) for kind in kinds]
+def _topic(label: str, here: str) -> str:
+    """Return where an overlay has a topic that the run's own log has `here`."""
+    kind = TARGET if here == topics.REFERENCE_LOAD else here.rpartition("/")[2]
+    return topics.plant_topic(label, kind)
 
 
 def _layer(header: LogHeader, run: Run) -> Layer:
@@ -136,7 +134,8 @@ def check_labels(labels: Sequence[str]) -> None:
         if not LABEL.fullmatch(label) or label in PLANTS or told.count(name) > 1:
             raise InputError(
                 f"the label '{label}'",
-                allowed=f"up to {LONGEST} letters, digits, '_', '+', '-', each once, and no name of a plant",
+                allowed=f"up to {MAX_LABEL} letters, digits, '_', '+', '-', each once, "
+                "and no name of a plant",
                 remedy="choose other labels with --label",
             )
     if not 0 < len(labels) <= MOST:
@@ -156,8 +155,9 @@ def gathered(
     differ. Raises InputError for labels that cannot be, and LogError as `read_log` does.
     """
     named: list[tuple[str, str, Layer]] = []  # own label or none, stem of the file, run
-    for path in paths:
-        layers = read_layers(path)
+    read = [read_layers(path) for path in paths]
+    plants = plants_of_logs(plants, {name for layers in read if not is_overlay(layers) for name in layers})
+    for path, layers in zip(paths, read, strict=True):
         whole = is_overlay(layers)
         wanted = layers if whole else plants or (reference_plant(layers),)
         named += [(name if whole else "", path.stem, layers[name]) for name in wanted if name in layers]
@@ -188,11 +188,11 @@ def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
         labels = [_fitting(label) for label in choice]
         if len({*labels} - {*PLANTS, ""}) == len(runs):
             return labels
-    return [f"{_fitting(run.design.name)[: LONGEST - 3]}-{k}" for k, run in enumerate(runs, 1)]
+    return [f"{_fitting(run.design.name)[: MAX_LABEL - 3]}-{k}" for k, run in enumerate(runs, 1)]
 
 
 def _fitting(label: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_+]+", "-", label)[:LONGEST].strip("-_+")
+    return re.sub(r"[^A-Za-z0-9_+]+", "-", label)[:MAX_LABEL].strip("-_+")
 
 
 def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
@@ -202,11 +202,16 @@ def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
     metadata = {OVERLAY: {"format": FORMAT, "labels": ",".join(layers)}}
     attachments = []
     for label, layer in layers.items():
+        check_recordable(layer.run.scenario, layer.run.design, layer.run.drive)
         try:
             check_design(layer.run.design)
             check_run(layer.run, layer.clock)
         except DamageError as error:
-            raise LogError(f"cannot write {path}: {label} would contradict itself: {error}") from None
+            raise LogError(
+                f"cannot write {path}: {label} would contradict itself: {error}",
+                allowed="runs whose parts agree",
+                remedy=f"run {label} again",
+            ) from None
         records = {**file_metadata([layer.run], layer.every), "versions": dict(layer.versions)}
         if layer.from_ns is not None:
             records["live"] = {"from_ns": str(layer.from_ns)}
@@ -219,7 +224,7 @@ def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
 
 
 def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
-    """Of runs whose plants are called by their labels."""
+    """Yield the topics of runs whose plants are called by their labels."""
     yield log_lines(event for run in runs for event in events(run))
     for run in runs:
         yield status(run.plant, status_changes(run))
@@ -229,17 +234,15 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
         for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
             if np.intersect1d(run.time_ns, other.time_ns).size:
                 yield distances(topics.plant_topic(run.plant, kind), run, other)
-    drawn = {run.plant: run for run in runs if len(run.time_ns)}
+    drawn = {colour: run for run, colour in zip(runs, VIEWER_SERIES, strict=False) if len(run.time_ns)}
     if not drawn:
         return
-    longest = max(drawn.values(), key=lambda run: run.end_ns)
-    solid = next(iter(drawn))
+    longest, solid = max(drawn.values(), key=lambda run: run.end_ns), next(iter(drawn.values()))
     rows = scene.rows_apart(longest, 1.0 / scene.RATE)
     yield from (scene.transforms([*drawn.values()], longest, rows), scene.path(longest))
-    yield from (scene.workspace(drawn[solid]), scene.all_arrows(drawn[solid]))
-    for run, colour in zip(runs, VIEWER_SERIES, strict=False):
-        if run.plant in drawn:
-            opacity = 1.0 if run.plant == solid else scene.GHOST
-            yield scene.model(run.plant, run.scenario.rig, opacity, colour=colour)
-            yield scene.rope(run, opacity, scene.rows_apart(run, 1.0 / scene.RATE))
-            yield scene.whole_trail(run, 1.0, colour=colour)
+    yield from (scene.workspace(solid), scene.all_arrows(solid))
+    for colour, run in drawn.items():
+        opacity = 1.0 if run is solid else scene.GHOST
+        yield scene.model(run.plant, run.scenario.rig, opacity, colour=colour)
+        yield scene.rope(run, opacity, scene.rows_apart(run, 1.0 / scene.RATE))
+        yield scene.whole_trail(run, 1.0, colour=colour)

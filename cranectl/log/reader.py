@@ -1,20 +1,19 @@
 """Read logs back to NumPy, bit for bit what was written, or say what is wrong with them."""
 
 import contextlib
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from mcap.records import Channel, Schema
+from mcap.records import Channel
 from numpy.typing import NDArray
 
 from cranectl.log import topics
 from cranectl.log.consistency import Outcome, check_numbers, check_run, check_times, finite_samples
-from cranectl.log.header import LogHeader, parse_header
-from cranectl.mcap_columns.contents import Contents
-from cranectl.mcap_columns.opening import opened
-from cranectl.mcap_columns.records import Column, DamageError
+from cranectl.log.header import FILTERED, LogHeader, parse_header
+from cranectl.mcap_columns.contents import Contents, opened
+from cranectl.mcap_columns.records import Column, DamageError, UnsupportedError
 from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
@@ -22,10 +21,13 @@ from cranectl.simulate import Run, groups_of
 from cranectl.support.arrays import Array
 from cranectl.support.errors import nearest_first, unknown_name
 
+TOLD = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # what tells of runs
+TYPES = "cranectl."  # what the names of our types begin with
+WHOLE = "name the log as it was before topics were left out of it"
 NEAREST = 8  # names listed, of a log's 200, where one is unknown
 
 
-class Block(NamedTuple):
+class TopicSamples(NamedTuple):
     """All samples of one topic of signals."""
 
     time_ns: NDArray[np.int64]  # (N,)
@@ -33,12 +35,12 @@ class Block(NamedTuple):
 
 
 def read_log(path: str | Path) -> dict[str, Run]:
-    """The runs in a log by plant, at the logged rate.
+    """Read the runs in a log by plant, at the logged rate.
 
     Raises LogError if the file is missing, empty, truncated, damaged, foreign, or of another format version.
     """
     with opened(path) as stream:
-        contents, columns = read_contents(path, stream)
+        contents, columns = read_rows(path, stream, is_of_runs)
         return runs_of(header_of(path, contents), contents, columns)
 
 
@@ -49,14 +51,14 @@ def runs_of(header: LogHeader, contents: Contents, columns: dict[int, Column]) -
 
 
 def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
-    """Time [s] and values of one signal of a log, each (N,), by the name that viewers give it.
+    """Read time [s] and values of one signal of a log, each (N,), by the name that viewers give it.
 
     `mujoco/state.alpha`, `reference/load.load_x`, `diff/load.load_x`. Only the messages of its topic are
     taken apart. Raises InputError for a name that the log does not have, and LogError as `read_log` does.
     """
     topic, _, field = f"/{name.removeprefix('/')}".rpartition(".")
     with opened(path) as stream:
-        contents, columns = read_contents(path, stream, lambda other: other == topic)
+        contents, columns = read_rows(path, stream, lambda other: other == topic)
         header = header_of(path, contents)
         _checked_channels(contents, header.groups())
         known = _signals(contents)
@@ -71,22 +73,28 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
 
 def header_of(path: str | Path, contents: Contents) -> LogHeader:
     """What a file that has been read says of its runs; raises LogError, DamageError."""
+    check_names(contents)
     attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
     return parse_header(str(path), contents.metadata, attachments)
 
 
-def read_contents(
-    path: str | Path,
-    stream: BinaryIO,
-    wanted: Callable[[str], bool] = lambda topic: not topic.startswith(topics.DIFFERENCES),
-) -> tuple[Contents, dict[int, Column]]:
-    """All of a closed log, and the rows of signals of the topics `wanted` by channel."""
-    return read_rows(path, stream, wanted)
+def check_names(contents: Contents) -> None:
+    """Raise UnsupportedError for merged logs, and where another tool has left out what tells of runs."""
+    for name in sorted(contents.repeated):
+        if name.startswith("run/") or name.rpartition("/")[2] in TOLD:
+            raise UnsupportedError(f"it has {name} twice, as merged logs have", "name one of the logs")
+    if not contents.metadata and any(each.name.startswith(TYPES) for each in contents.schemas.values()):
+        raise UnsupportedError("it has no metadata, as filtered logs have", FILTERED)
+
+
+def is_of_runs(topic: str) -> bool:
+    """Return True unless a topic only compares runs."""
+    return not topic.startswith(topics.DIFFERENCES)
 
 
 def blocks_of(
     groups: Mapping[str, SignalGroup], contents: Contents, columns: dict[int, Column]
-) -> dict[str, Block]:
+) -> dict[str, TopicSamples]:
     """The blocks of groups by topic, empty where one has no channel; takes them out of `columns`.
 
     Raises DamageError unless each channel carries the signals of its group, in their order and units.
@@ -95,29 +103,25 @@ def blocks_of(
     return {
         topic: _decoded(topic, columns.pop(channels[topic].id), len(group))
         if topic in channels
-        else Block(np.zeros(0, dtype=np.int64), np.zeros((0, len(group))))
+        else TopicSamples(np.zeros(0, dtype=np.int64), np.zeros((0, len(group))))
         for topic, group in groups.items()
     }
 
 
 def _checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> dict[str, Channel]:
-    """The channels of groups of signals by topic; raises DamageError for one that carries others."""
+    """Return the channels of groups of signals by topic; raise DamageError if one carries others."""
     channels = _channels_of(contents, groups)
     for topic, channel in channels.items():
-        _check_group(channel, contents.schemas[channel.schema_id], groups[topic])
+        names, group = signal_names(channel, contents.schemas[channel.schema_id]), groups[topic]
+        if names != group.names:
+            raise DamageError(f"{topic} has the signals {', '.join(names)[:200]} instead of its own")
+        for signal in group.signals:
+            meaning = channel.metadata.get(signal.name, "")
+            if f"[{signal.unit}]" not in meaning:
+                raise DamageError(
+                    f"{topic} has {signal.name} as '{meaning[:100]}' instead of [{signal.unit}]"
+                )
     return channels
-
-
-def _check_group(channel: Channel, definition: Schema, group: SignalGroup) -> None:
-    names = signal_names(channel, definition)
-    if names != group.names:
-        raise DamageError(f"{channel.topic} has the signals {', '.join(names)[:200]} instead of its own")
-    for signal in group.signals:
-        meaning = channel.metadata.get(signal.name, "")
-        if f"[{signal.unit}]" not in meaning:
-            raise DamageError(
-                f"{channel.topic} has {signal.name} as '{meaning[:100]}' instead of [{signal.unit}]"
-            )
 
 
 def _channels_of(contents: Contents, wanted: Container[str]) -> dict[str, Channel]:
@@ -125,33 +129,36 @@ def _channels_of(contents: Contents, wanted: Container[str]) -> dict[str, Channe
     channels: dict[str, Channel] = {}
     for channel in contents.channels.values():
         if channel.topic in wanted and channels.setdefault(channel.topic, channel) is not channel:
-            raise DamageError(f"{channel.topic} has several channels")
+            raise UnsupportedError(
+                f"{channel.topic} has several channels, as in merged logs", "name one of the logs"
+            )
     return channels
 
 
-def _decoded(topic: str, column: Column, n_signals: int) -> Block:
+def _decoded(topic: str, column: Column, n_signals: int) -> TopicSamples:
     """The signals in the messages of a topic; raises DamageError for other messages."""
     if (np.diff(column.time_ns) <= 0).any():
         raise DamageError(f"the times of {topic} do not increase")
     try:
-        return Block(column.time_ns, decode_table(column.messages, n_signals))
+        return TopicSamples(column.time_ns, decode_table(column.messages, n_signals))
     except ValueError as error:
         raise DamageError(f"a message of {topic} is not what it should be: {error}") from None
 
 
-def _check_samples(topic: str, block: Block, outcome: Outcome) -> None:
+def check_samples(topic: str, block: TopicSamples, outcome: Outcome) -> None:
     """Raise DamageError unless a topic has all samples of a run that ended so."""
+    count = f"{len(block.time_ns)} of {outcome.samples} samples of {topic[1:]}"
     if len(block.time_ns) != outcome.samples:
-        raise DamageError(f"{len(block.time_ns)} of {outcome.samples} samples of {topic[1:]}")
+        raise DamageError(count) if len(block.time_ns) else UnsupportedError(count, WHOLE)
 
 
-def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcome: Outcome) -> Run:
+def assembled(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples], outcome: Outcome) -> Run:
     """The run of `plant` from the blocks of its topics; raises DamageError if it contradicts itself."""
     groups = groups_of(header.scenario, header.design, header.drive)
     own = {(topic := topics.plant_topic(plant, group.name)): blocks[topic] for group in groups}
     time_ns = next(iter(own.values())).time_ns
     for topic, block in own.items():
-        _check_samples(topic, block, outcome)
+        check_samples(topic, block, outcome)
         if (block.time_ns != time_ns).any():
             raise DamageError(f"{topic[1:]} has other times than {plant}/{groups[0].name}")
     run = Run(
@@ -170,20 +177,21 @@ def assembled(header: LogHeader, plant: str, blocks: Mapping[str, Block], outcom
     return run
 
 
-def _at(block: Block, time_ns: NDArray[np.int64]) -> Array:
+def _at(block: TopicSamples, time_ns: NDArray[np.int64]) -> Array:
     """The rows of the reference at `time_ns`; raises DamageError if it has not all of them."""
     common, _, rows = np.intersect1d(time_ns, block.time_ns, assume_unique=True, return_indices=True)
     if len(common) < len(time_ns):
-        raise DamageError(f"the reference has {len(common)} of {len(time_ns)} samples")
+        count = f"the reference has {len(common)} of {len(time_ns)} samples"
+        raise DamageError(count) if len(common) else UnsupportedError(count, WHOLE)
     return block.values[rows]
 
 
-def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: Block) -> None:
+def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: TopicSamples) -> None:
     """Raise DamageError unless one topic agrees with what is said of the runs."""
     plant = topic.split("/")[1]
     if plant in header.plants:
         outcome = header.outcome(plant)
-        _check_samples(topic, block, outcome)
+        check_samples(topic, block, outcome)
         check_times(topic, block.time_ns, header.clock, [outcome])
         check_numbers(topic, names, block.values[: finite_samples(outcome)])
     elif topic == topics.REFERENCE_LOAD:

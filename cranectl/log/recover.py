@@ -1,6 +1,5 @@
 """Make a readable log of a file that was cut off: killed with its process, or on a disk that went full."""
 
-import contextlib
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -13,12 +12,11 @@ from cranectl.log import topics
 from cranectl.log.consistency import Outcome
 from cranectl.log.header import LogHeader
 from cranectl.log.messages import streams
-from cranectl.log.reader import Block, assembled, blocks_of, header_of
+from cranectl.log.reader import TopicSamples, assembled, blocks_of, check_samples, header_of
 from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, outcome_metadata, write_container
-from cranectl.mcap_columns.contents import Contents, columns_of
-from cranectl.mcap_columns.opening import check_begin, opened
-from cranectl.mcap_columns.records import Content, DamageError
+from cranectl.mcap_columns.contents import Contents, check_begin, columns_of, foreign, is_ours, opened
+from cranectl.mcap_columns.records import Content, DamageError, UnsupportedError
 from cranectl.mcap_columns.rows import row_width
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -67,20 +65,20 @@ def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
         check_begin(source, stream)
         place = _place(source, out)
         contents, chunks = Contents(stream.seek(0, 2)), list[Content]()
-        with contextlib.suppress(DamageError):
-            for content in contents.chunks(stream):
-                chunks.append(content)
+        try:
+            chunks.extend(contents.chunks(stream))
+        except DamageError as error:
+            if not chunks and isinstance(error, UnsupportedError):
+                raise
         if not chunks:
-            raise _nothing(source)
+            raise _nothing(source) if is_ours(stream) else foreign(source)
         header = header_of(source, contents)
         runs = _runs(header, contents, chunks)
     if not any(len(run.time_ns) for run in runs.values()):
         raise _nothing(source)
     lost = 0 if contents.finished else contents.size - contents.stop
-    metadata = {
-        **contents.metadata,
-        **{f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs.values()},
-    }
+    outcomes = {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs.values()}
+    metadata = contents.metadata | outcomes
     if lost:
         metadata["recovered"] = {"source": source.name, "lost_bytes": str(lost)}
     put_right = _streams(header, _saved(contents, chunks), runs)
@@ -91,7 +89,16 @@ def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
         messages=contents.messages.total(),
         size=contents.size,
         lost=lost,
-        runs=tuple(_recovered(run, header.outcomes.get(plant)) for plant, run in runs.items()),
+        runs=tuple(
+            RecoveredRun(
+                plant=plant,
+                status=run.status.label,
+                end_s=run.end_s,
+                samples=len(run.time_ns),
+                expected=header.outcomes[plant].samples if plant in header.outcomes else None,
+            )
+            for plant, run in runs.items()
+        ),
     )
 
 
@@ -104,31 +111,37 @@ def _nothing(source: Path) -> LogError:
 
 
 def _place(source: Path, out: str | Path | None) -> Path:
-    if out is None:
-        named = PART.fullmatch(source.name)
-        place = source.with_name(named[1] if named else f"{source.stem}.recovered.mcap")
-        if place.exists():
-            raise LogError(
-                f"{place} exists and may be whole",
-                allowed="a place that is free",
-                remedy="choose another place with --out",
-            )
-    else:
-        place = Path(out)
+    named = PART.fullmatch(source.name)
+    place = Path(out or source.with_name(named[1] if named else f"{source.stem}.recovered.mcap"))
+    if out is None and place.exists():
+        raise LogError(
+            f"{place} exists and may be whole",
+            allowed="a place that is free",
+            remedy="choose another place with --out",
+        )
     check_writable(place, inputs=[source])
     return place
 
 
 def _runs(header: LogHeader, contents: Contents, chunks: Sequence[Content]) -> dict[str, Run]:
-    """The runs, each cut to the samples that all its groups have."""
+    """The runs, each cut to the samples that all its groups have.
+
+    Raises UnsupportedError where a topic has none of the samples that it is said to have.
+    """
     blocks = blocks_of(header.groups(), contents, columns_of(contents, chunks, row_width))
+    for plant, outcome in header.outcomes.items():
+        for topic, block in blocks.items():
+            if topic.startswith(f"/{plant}/") and len(block.time_ns) == 0:
+                check_samples(topic, block, outcome)
     return {plant: _run(header, plant, blocks) for plant in header.plants}
 
 
-def _run(header: LogHeader, plant: str, blocks: Mapping[str, Block]) -> Run:
+def _run(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples]) -> Run:
     own = {topic: block for topic, block in blocks.items() if topic.startswith(f"/{plant}/")}
     samples = min(len(block.time_ns) for block in own.values())
-    cut = {topic: Block(block.time_ns[:samples], block.values[:samples]) for topic, block in own.items()}
+    cut = {
+        topic: TopicSamples(block.time_ns[:samples], block.values[:samples]) for topic, block in own.items()
+    }
     end_ns = max((int(block.time_ns[-1]) for block in cut.values() if samples), default=header.clock.begin_ns)
     outcome = header.outcomes.get(plant)
     if outcome is None or outcome.samples != samples:
@@ -137,7 +150,7 @@ def _run(header: LogHeader, plant: str, blocks: Mapping[str, Block]) -> Run:
 
 
 def _saved(contents: Contents, chunks: Sequence[Content]) -> Iterator[Stream]:
-    """All messages, channel by channel, whatever their lengths."""
+    """Yield all messages, channel by channel, whatever their lengths."""
     rows: dict[int, list[tuple[int, bytes]]] = {number: [] for number in contents.channels}
     for content in chunks:
         for number, time_ns, start, stop in content.table.tolist():
@@ -145,10 +158,10 @@ def _saved(contents: Contents, chunks: Sequence[Content]) -> Iterator[Stream]:
     for number, channel in contents.channels.items():
         if channel.topic.rpartition("/")[2] in topics.FORMER:
             continue  # drawn anew under its present name
-        definition = contents.schemas[channel.schema_id]
+        kind, encoding = contents.schemas[channel.schema_id], channel.message_encoding
         time_ns = np.array([time_ns for time_ns, _ in rows[number]], dtype=np.int64)
-        messages = [message for _, message in rows[number]]
-        yield Stream(channel.topic, definition.name, definition.data, time_ns, messages, channel.metadata)
+        what = (time_ns, [message for _, message in rows[number]], channel.metadata)
+        yield Stream(channel.topic, kind.name, kind.data, *what, encoding, kind.encoding)
 
 
 def _streams(header: LogHeader, whole: Iterable[Stream], runs: Mapping[str, Run]) -> list[Stream]:
@@ -169,11 +182,9 @@ def _streams(header: LogHeader, whole: Iterable[Stream], runs: Mapping[str, Run]
 
 
 def _until(stream: Stream, runs: Mapping[str, Run]) -> Stream:
-    """A stream to the end of its plant's run, or of the longest."""
-    ends = {f"/{plant}/": run.end_ns for plant, run in runs.items()}
-    end_ns = next(
-        (end for prefix, end in ends.items() if stream.topic.startswith(prefix)), max(ends.values())
-    )
+    """Cut a stream at the end of its plant's run, or of the longest."""
+    plant = stream.topic.removeprefix("/").partition("/")[0]
+    end_ns = runs[plant].end_ns if plant in runs else max(run.end_ns for run in runs.values())
     kept = np.flatnonzero(stream.time_ns <= end_ns).tolist()
     return replace(stream, time_ns=stream.time_ns[kept], messages=[stream.messages[k] for k in kept])
 
@@ -185,13 +196,3 @@ def _ended(saved: Stream, made: Stream, ends: Collection[int]) -> Stream:
     rows = sorted([*known, *(row for row in new if row not in known)], key=lambda row: row[0])
     time_ns = np.array([time_ns for time_ns, _ in rows], dtype=np.int64)
     return replace(saved, time_ns=time_ns, messages=[message for _, message in rows])
-
-
-def _recovered(run: Run, outcome: Outcome | None) -> RecoveredRun:
-    return RecoveredRun(
-        plant=run.plant,
-        status=run.status.label,
-        end_s=run.end_s,
-        samples=len(run.time_ns),
-        expected=outcome.samples if outcome else None,
-    )

@@ -6,38 +6,15 @@ reference plant are ghosts. `scene_streams` makes all topics of whole runs; a li
 piece by piece.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from foxglove.messages import (
-    ArrowPrimitive,
-    CubePrimitive,
-    CylinderPrimitive,
-    FrameTransforms,
-    LinePrimitiveLineType,
-    Pose,
-    SceneEntityDeletion,
-    SceneEntityDeletionType,
-    SceneUpdate,
-    SpherePrimitive,
-)
+from foxglove import messages as fg
 from numpy.typing import NDArray
 
 from cranectl.log import topics
 from cranectl.log.events import disturbance_times
-from cranectl.log.primitives import (
-    IDENTITY,
-    ORIGIN,
-    colour_of,
-    entity_of,
-    line_of,
-    points_of,
-    quaternion_of,
-    timestamp_of,
-    transform_of,
-    vector_of,
-)
 from cranectl.log.topics import Stream
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants.registry import plant_entry, reference_plant
@@ -50,6 +27,9 @@ from cranectl.support.arrays import Array
 from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
 
 Rows = list[list[float]]
+IDENTITY = fg.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+ZERO = fg.Vector3(x=0.0, y=0.0, z=0.0)
+ORIGIN = fg.Pose(position=ZERO, orientation=IDENTITY)
 
 RATE = 50  # [Hz] of poses and ropes
 TRAIL_POINTS = 50  # of a trail before the newest
@@ -65,14 +45,14 @@ TARGET = 0.04  # [m], diameter of the ball where the load should be
 
 # Of a solid, by its kind: where an entity has it, its class, what else that wants.
 PRIMITIVES: dict[str, tuple[str, Any, dict[str, float]]] = {
-    "box": ("cubes", CubePrimitive, {}),
-    "sphere": ("spheres", SpherePrimitive, {}),
-    "cylinder": ("cylinders", CylinderPrimitive, {"bottom_scale": 1.0, "top_scale": 1.0}),
+    "box": ("cubes", fg.CubePrimitive, {}),
+    "sphere": ("spheres", fg.SpherePrimitive, {}),
+    "cylinder": ("cylinders", fg.CylinderPrimitive, {"bottom_scale": 1.0, "top_scale": 1.0}),
 }
 
 
 def scene_streams(runs: Sequence[Run]) -> list[Stream]:
-    """The 3-D topics of the runs."""
+    """Return the 3-D topics of the runs."""
     drawn = [run for run in runs if len(run.time_ns)]
     if not drawn:
         return []
@@ -100,23 +80,22 @@ def opacities(plants: Sequence[str]) -> dict[str, float]:
 
 
 def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stream:
-    """The whole tree at `rows` of the run `leader`; a run that has ended stays where it ended."""
+    """Return the whole tree at `rows` of the run `leader`; a run that has ended stays where it ended."""
     time_ns = leader.time_ns[rows]
     target = leader.reference[rows, :3].tolist()
     trees = [(run.plant, *_tree(run, time_ns)) for run in runs]
     messages = []
     for k, time in enumerate(map(timestamp_of, time_ns.tolist())):
-        tree = [transform_of(time, "world", "reference", target[k])]
+        tree = [_transform(time, "world", "reference", target[k])]
         for plant, trolley, load, rotation in trees:
             (x, y), frames = trolley[k], (f"{plant}/bridge", f"{plant}/trolley", f"{plant}/load")
             tree += [
-                transform_of(time, "world", frames[0], (x, 0.0, 0.0)),
-                transform_of(time, frames[0], frames[1], (0.0, y, 0.0)),
-                transform_of(time, frames[1], frames[2], load[k], rotation[k]),
+                _transform(time, "world", frames[0], (x, 0.0, 0.0)),
+                _transform(time, frames[0], frames[1], (0.0, y, 0.0)),
+                _transform(time, frames[1], frames[2], load[k], _quaternion(rotation[k])),
             ]
-        messages.append(FrameTransforms(transforms=tree).encode())
-    definition = FrameTransforms.get_schema()
-    return Stream(topics.TRANSFORMS, definition.name, definition.data, time_ns, messages)
+        messages.append(fg.FrameTransforms(transforms=tree))
+    return Stream.of(topics.TRANSFORMS, fg.FrameTransforms, time_ns, messages)
 
 
 def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
@@ -133,7 +112,7 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
 
 
 def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None = None) -> Stream:
-    """The rig's solids, once; a ghost has the colour of its run or plant and needs no second frame."""
+    """Return the rig's solids, once; a ghost has the colour of its run or plant and no second frame."""
     from cranectl.plants.mujoco.geometry import rig_solids  # MuJoCo, which reading a log does not need
 
     ghost = opacity < 1.0
@@ -145,145 +124,127 @@ def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None 
             continue
         name, primitive, more = PRIMITIVES[solid.kind]
         shape = primitive(
-            pose=Pose(
-                position=vector_of(solid.position),
-                orientation=quaternion_of(solid.orientation),
-            ),
-            size=vector_of(extent - less for extent in solid.size),
-            color=colour_of(tint or solid.colour[:3], solid.colour[3] * opacity),
+            pose=fg.Pose(position=_vector(solid.position), orientation=_quaternion(solid.orientation)),
+            size=_vector(extent - less for extent in solid.size),
+            color=_colour(tint or solid.colour[:3], solid.colour[3] * opacity),
             **more,
         )
         entities.setdefault(solid.body, {}).setdefault(name, []).append(shape)
     drawn = [
-        entity_of("world" if body == "frame" else f"{plant}/{body}", body, 0, **primitives)
+        _entity("world" if body == "frame" else f"{plant}/{body}", body, 0, **primitives)
         for body, primitives in entities.items()
     ]
-    return _scene(topics.plant_topic(plant, "model"), [0], [SceneUpdate(entities=drawn)])
+    return _scene(topics.plant_topic(plant, "model"), [0], [drawn])
 
 
 def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
-    """The rope from trolley to load at `rows`; coloured where it is nearly slack."""
+    """Return the rope from trolley to load at `rows`; coloured where it is nearly slack."""
     state, load = run.block("state")[rows], run.block("load")[rows]
     slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
     colours = np.outer(1.0 - slackness, rgb(VIEWER["rope"])) + np.outer(slackness, rgb(SLACK_ROPE))
     ends = np.column_stack([state[:, [BRIDGE, TROLLEY]], np.zeros(len(rows)), load[:, :3]]).tolist()
-    updates = []
-    for time_ns, (*trolley, x, y, z), colour in zip(
-        run.time_ns[rows].tolist(), ends, colours.tolist(), strict=True
-    ):
-        line = line_of(points_of([trolley, [x, y, z]]), ROPE_WIDTH, color=colour_of(colour, opacity))
-        updates.append(SceneUpdate(entities=[entity_of("world", "rope", time_ns, lines=[line])]))
-    return _scene(topics.plant_topic(run.plant, topics.ROPE), run.time_ns[rows].tolist(), updates)
+    times, shown = run.time_ns[rows].tolist(), []
+    for time_ns, (*trolley, x, y, z), colour in zip(times, ends, colours.tolist(), strict=True):
+        line = _line(_points([trolley, [x, y, z]]), ROPE_WIDTH, color=_colour(colour, opacity))
+        shown.append([_entity("world", "rope", time_ns, lines=[line])])
+    return _scene(topics.plant_topic(run.plant, topics.ROPE), times, shown)
 
 
 def whole_trail(run: Run, opacity: float, *, colour: str | None = None) -> Stream:
-    """The trail of a whole run."""
+    """Return the trail of a whole run."""
     rows = rows_apart(run, trail_step(run.scenario.rig))
     return trail(run.plant, run.time_ns[rows], run.load_position[rows], opacity, colour=colour)
 
 
 def trail_step(rig: RigParameters) -> float:
-    """Between the points of a trail, and between its messages [s]."""
+    """Return the time between the points of a trail, and between its messages [s]."""
     return drawn_trail(rig) / TRAIL_POINTS
 
 
 def trail(
     plant: str, time_ns: NDArray[np.int64], load: Array, opacity: float, *, colour: str | None = None
 ) -> Stream:
-    """Where the load has been, fading: a message for each time.
+    """Return where the load has been, fading: a message for each time.
 
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows are the past of the first message.
     """
-    points = points_of(load.tolist())
+    points = _points(load.tolist())
     shade = rgb(colour or VIEWER[plant_entry(plant).colour])
     width = TRAIL_WIDTH if opacity == 1.0 else GHOST_TRAIL_WIDTH
-    fading = [colour_of(shade, opacity * k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
-    updates = []
+    fading = [_colour(shade, opacity * k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
+    shown = []
     for k, time in enumerate(time_ns.tolist(), start=len(points) - len(time_ns)):
         first = max(k - TRAIL_POINTS, 0)
-        line = line_of(points[first : k + 1], width, colors=fading[first - k - 1 :])
-        updates.append(SceneUpdate(entities=[entity_of("world", "trail", time, lines=[line])]))
-    return _scene(topics.plant_topic(plant, "trail"), time_ns.tolist(), updates)
+        line = _line(points[first : k + 1], width, colors=fading[first - k - 1 :])
+        shown.append([_entity("world", "trail", time, lines=[line])])
+    return _scene(topics.plant_topic(plant, "trail"), time_ns, shown)
 
 
 def all_arrows(run: Run) -> Stream:
-    """The arrows of a whole run."""
+    """Return the arrows of a whole run."""
     times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
     acting, rig = disturbances_at(run.scenario, np.array(times)), run.scenario.rig
     return arrows(run.plant, times, acting, mass=rig.load_mass, scale=drawn_scale(rig))
 
 
 def arrows(plant: str, times: Sequence[int], disturbances: Array, *, mass: float, scale: float) -> Stream:
-    """Arrows for what acts on a load of `mass`, disturbances (N, 5) as `simulate.disturbances_at` has them.
+    """Return arrows for what acts on a load of `mass`, (N, 5) as `simulate.disturbances_at` has it.
 
     Each message deletes what was shown before. Alpha pushes the load along y, beta along x; a force is drawn
     as what it accelerates the load [m/s²], as is an angle's acceleration on a rope in `scale`.
     """
-    everything = SceneEntityDeletion(type=SceneEntityDeletionType.All, timestamp=timestamp_of(0))
-    updates = []
+    everything = fg.SceneEntityDeletion(type=fg.SceneEntityDeletionType.All, timestamp=timestamp_of(0))
+    shown = []
     for time, row in zip(times, disturbances, strict=True):
         pushes = np.array([(0.0, scale * row[0], 0.0), (scale * row[1], 0.0, 0.0), row[2:] / mass])
-        shown = [_arrow(push, scale) for push in pushes if push.any()]
-        entities = [entity_of(f"{plant}/load", "disturbance", time, arrows=shown)] if shown else []
-        updates.append(SceneUpdate(deletions=[everything], entities=entities))
-    return _scene(topics.plant_topic(plant, topics.ARROW), times, updates)
+        drawn = [_arrow(push, scale) for push in pushes if push.any()]
+        shown.append([_entity(f"{plant}/load", "disturbance", time, arrows=drawn)] if drawn else [])
+    return _scene(topics.plant_topic(plant, topics.ARROW), times, shown, deletions=[everything])
 
 
-def _arrow(push: Array, scale: float) -> ArrowPrimitive:
-    """At the load."""
+def _arrow(push: Array, scale: float) -> fg.ArrowPrimitive:
+    """Return an arrow at the load."""
     size = float(np.linalg.norm(push))
     x, y, z = push / size
     # The shortest turn of the arrow's x axis.
     turn = np.array([0.0, -z, y, 1.0 + x]) if x > -1.0 else np.array([0.0, 0.0, 1.0, 0.0])
     length = scale * float(np.clip(ARROW_LENGTH * size, SHORTEST_ARROW, LONGEST_ARROW))
-    return ArrowPrimitive(
-        pose=Pose(
-            position=vector_of([0.0] * 3),
-            orientation=quaternion_of((turn / np.linalg.norm(turn)).tolist()),
-        ),
+    orientation = _quaternion((turn / np.linalg.norm(turn)).tolist())
+    return fg.ArrowPrimitive(
+        pose=fg.Pose(position=ZERO, orientation=orientation),
         shaft_length=0.75 * length,
         shaft_diameter=SHAFT * scale,
         head_length=0.25 * length,
         head_diameter=HEAD * scale,
-        color=colour_of(rgb(VIEWER["disturbance"]), 0.95),
+        color=_colour(rgb(VIEWER["disturbance"]), 0.95),
     )
 
 
 def path(run: Run) -> Stream:
-    """The desired path as a line, the desired load as a small ball that moves with the frame `reference`."""
-    shade = rgb(VIEWER["reference"])
-    rig = run.scenario.rig
-    points = points_of(run.reference[rows_apart(run, trail_step(rig)), :3].tolist())
-    line = line_of(points, PATH_WIDTH, color=colour_of(shade, 0.9))
-    size = vector_of([TARGET * drawn_scale(rig)] * 3)
-    ball = SpherePrimitive(pose=ORIGIN, size=size, color=colour_of(shade, 0.6))
-    entities = [
-        entity_of("world", "path", 0, lines=[line]),
-        entity_of("reference", "target", 0, spheres=[ball]),
-    ]
-    return _scene(topics.REFERENCE_PATH, [0], [SceneUpdate(entities=entities)])
+    """Return the desired path, and the desired load as a ball that moves with the frame `reference`."""
+    shade, rig = rgb(VIEWER["reference"]), run.scenario.rig
+    points = _points(run.reference[rows_apart(run, trail_step(rig)), :3].tolist())
+    line = _line(points, PATH_WIDTH, color=_colour(shade, 0.9))
+    size = _vector([TARGET * drawn_scale(rig)] * 3)
+    ball = fg.SpherePrimitive(pose=ORIGIN, size=size, color=_colour(shade, 0.6))
+    target = _entity("reference", "target", 0, spheres=[ball])
+    return _scene(topics.REFERENCE_PATH, [0], [[_entity("world", "path", 0, lines=[line]), target]])
 
 
 def workspace(run: Run) -> Stream:
-    """Edges of the space that the load can hang in, and the obstacles."""
+    """Return the edges of the space that the load can hang in, and the obstacles."""
     x, y, rope = run.scenario.rig.workspace
     corners = np.array([(a, b, -c) for c in rope for b in y for a in x])
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
-    points = points_of(corners[k].tolist() for edge in edges for k in edge)
-    shade = colour_of(rgb(VIEWER["reference"]), 0.5)
-    line = line_of(points, 1.5, type=LinePrimitiveLineType.LineList, color=shade)
-    entities = [entity_of("world", "workspace", 0, lines=[line])]
-    if run.scenario.obstacles:
-        boxes = [_box(np.array(box.low), np.array(box.high)) for box in run.scenario.obstacles]
-        entities.append(entity_of("world", "obstacles", 0, cubes=boxes))
-    return _scene(topics.WORKSPACE, [0], [SceneUpdate(entities=entities)])
-
-
-def _box(low: Array, high: Array) -> CubePrimitive:
-    pose = Pose(position=vector_of(0.5 * (low + high)), orientation=IDENTITY)
-    return CubePrimitive(
-        pose=pose, size=vector_of(high - low), color=colour_of(rgb(VIEWER["reference"]), 0.4)
-    )
+    points, shade = _points(corners[k].tolist() for edge in edges for k in edge), rgb(VIEWER["reference"])
+    line = _line(points, 1.5, type=fg.LinePrimitiveLineType.LineList, color=_colour(shade, 0.5))
+    entities, boxes = [_entity("world", "workspace", 0, lines=[line])], []
+    for low, high in ((np.array(box.low), np.array(box.high)) for box in run.scenario.obstacles):
+        pose = fg.Pose(position=_vector(0.5 * (low + high)), orientation=IDENTITY)
+        boxes.append(fg.CubePrimitive(pose=pose, size=_vector(high - low), color=_colour(shade, 0.4)))
+    if boxes:
+        entities.append(_entity("world", "obstacles", 0, cubes=boxes))
+    return _scene(topics.WORKSPACE, [0], [entities])
 
 
 def rows_apart(run: Run, period: float) -> NDArray[np.intp]:
@@ -295,7 +256,50 @@ def rows_apart(run: Run, period: float) -> NDArray[np.intp]:
     return rows if rows[-1] == len(run.time_ns) - 1 else np.append(rows, len(run.time_ns) - 1)
 
 
-def _scene(topic: str, time_ns: Sequence[int], updates: Sequence[SceneUpdate]) -> Stream:
-    definition = SceneUpdate.get_schema()
-    messages = [update.encode() for update in updates]
-    return Stream(topic, definition.name, definition.data, np.array(time_ns, dtype=np.int64), messages)
+def _scene(topic: str, times: Iterable[int], shown: Iterable[list[fg.SceneEntity]], **more: Any) -> Stream:
+    """Return an update at each time; `shown`: its entities, `more`: what else all of them have."""
+    updates = (fg.SceneUpdate(entities=entities, **more) for entities in shown)
+    return Stream.of(topic, fg.SceneUpdate, times, updates)
+
+
+# What a message of Foxglove does not set is 0, and not seen.
+
+
+def _entity(frame: str, name: str, time_ns: int, **primitives: Any) -> fg.SceneEntity:
+    """Return what is shown until it is replaced, in a frame that it moves with."""
+    timestamp = timestamp_of(time_ns)
+    return fg.SceneEntity(timestamp=timestamp, frame_id=frame, id=name, frame_locked=True, **primitives)
+
+
+def _transform(
+    time: fg.Timestamp, parent: str, child: str, xyz: Sequence[float], rotation: fg.Quaternion = IDENTITY
+) -> fg.FrameTransform:
+    frames = {"parent_frame_id": parent, "child_frame_id": child}
+    return fg.FrameTransform(timestamp=time, translation=_vector(xyz), rotation=rotation, **frames)
+
+
+def _line(points: list[fg.Point3], pixels: float, **more: Any) -> fg.LinePrimitive:
+    """Return a line as wide from near as from far, connected or as `more` says."""
+    kind = {"type": fg.LinePrimitiveLineType.LineStrip, "scale_invariant": True, **more}
+    return fg.LinePrimitive(pose=ORIGIN, points=points, thickness=pixels, **kind)
+
+
+def timestamp_of(time_ns: int) -> fg.Timestamp:
+    """Return nanoseconds as a message has them."""
+    return fg.Timestamp(*divmod(time_ns, NANOSECONDS))
+
+
+def _vector(xyz: Iterable[float]) -> fg.Vector3:
+    return fg.Vector3(**dict(zip("xyz", xyz, strict=True)))
+
+
+def _points(rows: Iterable[Iterable[float]]) -> list[fg.Point3]:
+    return [fg.Point3(x=x, y=y, z=z) for x, y, z in rows]
+
+
+def _quaternion(xyzw: Iterable[float]) -> fg.Quaternion:
+    return fg.Quaternion(**dict(zip("xyzw", xyzw, strict=True)))
+
+
+def _colour(rgb: Sequence[float], opacity: float) -> fg.Color:
+    return fg.Color(**dict(zip("rgba", (*rgb, opacity), strict=True)))

@@ -5,8 +5,10 @@ column of them is a NumPy structured array: writing and reading need no per-mess
 """
 
 import functools
+import re
+from collections.abc import Iterator, Sequence
 from enum import IntEnum
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -19,6 +21,7 @@ from cranectl.signals import SignalGroup
 from cranectl.status import RunStatus
 
 PACKAGE = "cranectl"
+ENCODED = 1000  # rows at a time
 Field = descriptor_pb2.FieldDescriptorProto
 
 # Fields of `cranectl.Status`; None is a bool.
@@ -33,8 +36,11 @@ STATUS_FIELDS: dict[str, type[IntEnum] | None] = {
 
 @functools.cache
 def group_schema(group: SignalGroup) -> bytes:
-    """FileDescriptorSet of a signal group."""
+    """Return the FileDescriptorSet of a signal group."""
     message = descriptor_pb2.DescriptorProto(name=group.schema)
+    # What protobuf calls fields in JSON: two of one message must differ in it.
+    json_names = {re.sub(r"_+(.?)", lambda match: match[1].upper(), name) for name in group.names}
+    taken = set(group.names)
     for number, name in enumerate(group.names, start=1):
         message.field.add(
             name=name,
@@ -43,13 +49,43 @@ def group_schema(group: SignalGroup) -> bytes:
             type=Field.TYPE_DOUBLE,
             proto3_optional=True,
             oneof_index=number - 1,
+            json_name=name if len(json_names) < len(group) else None,
         )
-        message.oneof_decl.add(name=f"_{name}")
+        oneof = f"_{name}"  # named as protoc does
+        while oneof in taken:
+            oneof = f"X{oneof}"
+        taken.add(oneof)
+        message.oneof_decl.add(name=oneof)
     return _definition(message)
 
 
-def encode_rows(values: NDArray[np.float64]) -> list[bytes]:
-    """Protobuf messages of the rows of `values` (N, signals)."""
+class EncodedRows(Sequence[bytes]):
+    """Protobuf messages of the rows of an array (N, signals), each encoded when it is asked for.
+
+    All of them at once would take more memory than the run.
+    """
+
+    def __init__(self, values: NDArray[np.float64]) -> None:
+        self._values = values
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __iter__(self) -> Iterator[bytes]:
+        for first in range(0, len(self._values), ENCODED):
+            yield from _encoded(self._values[first : first + ENCODED])
+
+    @overload
+    def __getitem__(self, index: int) -> bytes: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[bytes]: ...
+    def __getitem__(self, index: int | slice) -> bytes | list[bytes]:
+        if isinstance(index, slice):
+            return _encoded(self._values[index])
+        return _encoded(self._values[index][np.newaxis])[0]
+
+
+def _encoded(values: NDArray[np.float64]) -> list[bytes]:
     layout = row_layout(values.shape[1])
     rows = np.zeros(len(values), dtype=layout)
     for number in range(1, values.shape[1] + 1):

@@ -1,13 +1,16 @@
 """The topics of a log: which signal group goes to which, and one with all its messages."""
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.signals import LOAD, STATE, Signal, SignalGroup
+
+SORTED = 1000  # messages of the longest stream that are put in order at a time
 
 
 @dataclass(frozen=True)
@@ -18,18 +21,34 @@ class Stream:
     schema_name: str
     schema: bytes  # FileDescriptorSet
     time_ns: NDArray[np.int64]
-    messages: list[bytes]
+    messages: Sequence[bytes]
     metadata: dict[str, str] = field(default_factory=dict)
+    encoding: str = "protobuf"  # of messages
+    schema_encoding: str = "protobuf"  # empty where there is no schema
+
+    @classmethod
+    def of(cls, topic: str, kind: Any, times: Iterable[int], messages: Iterable[Any]) -> "Stream":
+        """Return messages of `kind`, one of Foxglove's own, at their times [ns]."""
+        definition, time_ns = kind.get_schema(), np.array(times, dtype=np.int64)
+        return cls(topic, definition.name, definition.data, time_ns, [each.encode() for each in messages])
 
 
 def in_order(streams: Sequence[Stream]) -> Iterator[tuple[int, int, bytes]]:
     """Number of the stream, time [ns] and content of all messages in the order of time, then of streams."""
-    time = np.concatenate([stream.time_ns for stream in streams])
-    number = np.concatenate([np.full(len(stream.messages), k) for k, stream in enumerate(streams)])
-    order = np.lexsort((number, time))
     waiting = [iter(stream.messages) for stream in streams]
-    for k, time_ns in zip(number[order].tolist(), time[order].tolist(), strict=True):
-        yield k, time_ns, next(waiting[k])
+    taken = [0] * len(streams)
+    longest = max((stream.time_ns for stream in streams), key=len, default=np.empty(0, np.int64))
+    for until in [*longest[SORTED::SORTED].tolist(), None]:  # a few at a time, or their order takes memory
+        times, numbers = [], []
+        for k, stream in enumerate(streams):
+            last = len(stream.time_ns) if until is None else int(np.searchsorted(stream.time_ns, until))
+            times.append(stream.time_ns[taken[k] : last])
+            numbers.append(np.full(last - taken[k], k))
+            taken[k] = last
+        time, number = np.concatenate(times), np.concatenate(numbers)
+        order = np.lexsort((number, time))
+        for k, time_ns in zip(number[order].tolist(), time[order].tolist(), strict=True):
+            yield k, time_ns, next(waiting[k])
 
 
 REFERENCE_LOAD = "/reference/load"

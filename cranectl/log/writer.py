@@ -5,7 +5,7 @@ simulation time, no wall clock goes in: the same runs give the same bytes. Ctrl-
 the file is whole.
 """
 
-import json
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -18,7 +18,8 @@ from mcap.records import Attachment
 
 from cranectl.compare.agreement import PairLimits
 from cranectl.log.consistency import Outcome, check_runs
-from cranectl.log.header import FORMATS
+from cranectl.log.header import FORMATS, plant_metadata
+from cranectl.log.limits import check_recordable, documents_of
 from cranectl.log.messages import streams
 from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns.contents import read_end
@@ -30,11 +31,10 @@ from cranectl.support.files import MCAP, check_place, replacing
 from cranectl.support.interrupts import interrupts_wait
 from cranectl.support.provenance import provenance
 
-# Small chunks: after a kill nearly everything can be salvaged, for 0.2 % more size.
-CHUNK_SIZE = 64 * 1024
+Records = Mapping[str, Mapping[str, str]]  # metadata by name
+CHUNK_SIZE = 64 * 1024  # small: after a kill nearly everything can be salvaged, for 0.2 % more size
 REMEDY = "choose another place with --out"
-# Of writing; for a full disk the library has several.
-FAILURES = (OSError, RuntimeError, DamageError)
+FAILURES = (OSError, RuntimeError, DamageError)  # of writing; for a full disk the library has several
 
 
 def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:
@@ -43,17 +43,13 @@ def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = F
 
 
 def write_log(
-    path: str | Path,
-    runs: Sequence[Run],
-    *,
-    every: int | None = None,
-    limits: PairLimits | None = None,
+    path: str | Path, runs: Sequence[Run], *, every: int | None = None, limits: PairLimits | None = None
 ) -> Path:
     """Write runs of different plants, of the same scenario, design and drive to `path`.
 
     `every`: log every n-th control sample, by default as the scenario says; the last sample always.
     `limits`: what the agreement of plants is judged by, by default as `judge` has it.
-    Returns `path`; raises LogError if it cannot be written, or nobody could read it.
+    Returns `path`; raises LogError if it cannot be written, InputError if nobody could read it.
     """
     path = Path(path)
     check_writable(path, at_once=True)
@@ -63,7 +59,11 @@ def write_log(
 
 
 def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits | None = None) -> None:
-    """Write runs that hold every n-th sample already, as those read from a log do; raises LogError."""
+    """Write runs that hold every n-th sample already, as those read from a log do.
+
+    Raises LogError, and InputError as `check_recordable` does.
+    """
+    check_recordable(runs[0].scenario, runs[0].design, runs[0].drive)
     try:
         check_runs(runs, every)
     except DamageError as error:
@@ -78,10 +78,7 @@ def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits
 
 
 def write_container(
-    path: Path,
-    metadata: Mapping[str, Mapping[str, str]],
-    attachments: Sequence[Attachment],
-    sent: Sequence[Stream],
+    path: Path, metadata: Records, attachments: Sequence[Attachment], sent: Sequence[Stream]
 ) -> None:
     """Write an MCAP file, whole or not at all; raises LogError.
 
@@ -100,12 +97,9 @@ def write_container(
 
 
 def open_file(
-    part: Path,
-    context: foxglove.Context,
-    metadata: Mapping[str, Mapping[str, str]],
-    attachments: Sequence[Attachment],
+    part: Path, context: foxglove.Context, metadata: Records, attachments: Sequence[Attachment]
 ) -> foxglove.MCAPWriter:
-    """A file that begins with these and goes on with what is sent to `context`."""
+    """Return a file that begins with these and goes on with what is sent to `context`."""
     options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
     file = foxglove.open_mcap(part, allow_overwrite=True, context=context, writer_options=options)
     for name, values in metadata.items():
@@ -120,7 +114,7 @@ def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) 
     if part is not None and part.exists():
         if part.stat().st_size > CHUNK_SIZE:
             found = f"cannot write {path} to its end: {error}"
-            return LogError(found, remedy=f"make room, then cranectl log recover {part}")
+            return LogError(found, remedy=f"make room, then cranectl log recover {shlex.quote(str(part))}")
         part.unlink()
     return LogError.unwritable(path, error, remedy=remedy)
 
@@ -144,33 +138,23 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
             "every": str(every),
         },
         "versions": provenance(),
+        **{name: told for run in runs for name, told in plant_metadata(run.plant).items()},
         **{f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs},
     }
 
 
 def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
-    """Everything needed to repeat the runs."""
+    """Return everything needed to repeat the runs."""
     first = runs[0]
-    documents = {
-        "scenario.json": first.scenario.model_dump(mode="json"),
-        "parameters.json": first.scenario.rig.model_dump(mode="json"),
-        "design.json": first.design.to_json(),
-    }
-    texts = [
-        (name, "application/json", json.dumps(document, indent=2, ensure_ascii=False))
-        for name, document in documents.items()
-    ]
+    documents = documents_of(first.scenario, first.design)
+    attached = [(name, "application/json", text.encode()) for name, text in documents.items()]
     for run in runs:
         is_xml = run.model.startswith("<")
         name, kind = ("xml", "application/xml") if is_xml else ("txt", "text/plain")
-        texts.append((f"{run.plant}.{name}", kind, run.model))
-    attached = [(name, media_type, text.encode()) for name, media_type, text in texts]
+        attached.append((f"{run.plant}.{name}", kind, run.model.encode()))
     files = held_files(first.scenario)
     attached += [(name, "application/octet-stream", content) for name, content in files.items()]
-    return [
-        Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
-        for name, media_type, data in attached
-    ]
+    return [Attachment(0, 0, *each) for each in attached]
 
 
 def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
@@ -188,10 +172,12 @@ def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
     Not a `foxglove.Channel`: the library keeps every one of those for as long as the process lives, with the
     context and schema that it belongs to, closed or not.
     """
+    encoding = stream.schema_encoding
+    schema = foxglove.Schema(name=stream.schema_name, encoding=encoding, data=stream.schema)
     return context._create_channel(
         stream.topic,
-        message_encoding="protobuf",
-        schema=foxglove.Schema(name=stream.schema_name, encoding="protobuf", data=stream.schema),
+        message_encoding=stream.encoding,
+        schema=schema if encoding else None,
         metadata=stream.metadata,
     )
 

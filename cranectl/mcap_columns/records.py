@@ -18,7 +18,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Chunk
+from mcap.records import Chunk
 from numpy.typing import NDArray
 
 from cranectl.support.jit import jit
@@ -33,6 +33,14 @@ R = TypeVar("R")
 
 class DamageError(Exception):
     """What is wrong with a file, in a clause for people."""
+
+
+class UnsupportedError(DamageError):
+    """What MCAP allows and cranectl does not read, with what to do about it."""
+
+    def __init__(self, what: str, remedy: str) -> None:
+        super().__init__(what)
+        self.remedy = remedy
 
 
 class Record(NamedTuple):
@@ -56,7 +64,12 @@ def read_records(stream: BinaryIO, start: int, stop: int) -> Iterator[Record]:
         if len(prefix) < PREFIX.size or room < 0:
             raise DamageError(f"it ends within the record at byte {start}")
         opcode, length = PREFIX.unpack(prefix)
-        if length > min(room, MAX_RECORD):
+        if MAX_RECORD < length <= room:
+            raise UnsupportedError(
+                f"{record_name(opcode, start)} has {length} bytes, more than {MAX_RECORD}",
+                "write the file without it",
+            )
+        if length > room:
             raise DamageError(f"{record_name(opcode, start)} claims {length} bytes where {room} are left")
         body = stream.read(length)
         if len(body) < length:
@@ -80,14 +93,6 @@ def parse(read: Callable[[ReadDataStream], R], record: Record) -> R:
         return read(_Body(BytesIO(record.body)))
     except (McapError, struct.error, ValueError):
         raise DamageError(f"{record_name(record.opcode, record.start)} makes no sense") from None
-
-
-def parse_attachment(record: Record) -> Attachment:
-    """An attachment whose checksum, if there is one, is right; raises DamageError otherwise."""
-    attachment: Attachment = parse(Attachment.read, record)
-    expected = int.from_bytes(record.body[-4:], "little")
-    check_crc(zlib.crc32(record.body[:-4]), expected, record_name(record.opcode, record.start))
-    return attachment
 
 
 def check_crc(computed: int, expected: int, what: str) -> None:
@@ -157,14 +162,19 @@ class Content:
 
 
 def unpack(chunk: Chunk) -> Content:
-    """The records of a chunk; raises DamageError for one that is not exactly what its head says.
+    """Return the records of a chunk; raise DamageError if it is not exactly what its head says.
 
     Takes memory for what is there, not for what is claimed, and never much more than MAX_CHUNK.
     """
-    data = np.frombuffer(_inflated(chunk), dtype=np.uint8)
+    return cut_up(_inflated(chunk), "a chunk")
+
+
+def cut_up(records: bytes, where: str) -> Content:
+    """Return the messages and definitions in `records`; raise DamageError for any other record."""
+    data = np.frombuffer(records, dtype=np.uint8)
     table, definitions, stop = record_tables(data)
     if stop < len(data):
-        raise DamageError(f"byte {stop} of a chunk begins no record that could be there")
+        raise DamageError(f"byte {stop} of {where} begins no record that could be there")
     bodies = tuple((opcode, data[start:stop].tobytes()) for opcode, start, stop in definitions.tolist())
     return Content(data, table, bodies)
 
@@ -179,9 +189,15 @@ def joined(columns: Sequence[Column], width: int) -> Column:
 def _inflated(chunk: Chunk) -> bytes:
     size = chunk.uncompressed_size
     if size > MAX_CHUNK:
-        raise DamageError(f"a chunk claims to unpack to {size} bytes, more than {MAX_CHUNK}")
+        raise UnsupportedError(
+            f"a chunk claims to unpack to {size} bytes, more than {MAX_CHUNK}",
+            "write the file with smaller chunks, without longer messages",
+        )
     if chunk.compression not in _INFLATE:
-        raise DamageError(f"a chunk is compressed with '{chunk.compression[:20]}', neither zstd nor lz4")
+        raise UnsupportedError(
+            f"a chunk is compressed with '{chunk.compression[:20]}', neither zstd nor lz4",
+            "write the file with one of these, or without compression",
+        )
     try:
         data = _INFLATE[chunk.compression](chunk.data, size)
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
@@ -193,21 +209,18 @@ def _inflated(chunk: Chunk) -> bytes:
     return data
 
 
-class _OfThread(threading.local):
-    """What takes longer to make than to unpack a chunk with, and serves one thread at a time."""
-
-    def __init__(self) -> None:
-        self.zstd = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
-
-
-_of_thread = _OfThread()
+# Holds a decompressor, which takes longer to make than a chunk to unpack and serves one thread at a time.
+_of_thread = threading.local()
 
 
 def _zstd(data: bytes, size: int) -> bytes:
     # A frame that claims more itself would be given the room.
     if zstandard.frame_content_size(data) > size:
         raise DamageError(f"a chunk unpacks to more than {size} bytes")
-    return _of_thread.zstd.decompress(data, max_output_size=max(size, 1))
+    if not hasattr(_of_thread, "zstd"):
+        _of_thread.zstd = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
+    inflated: bytes = _of_thread.zstd.decompress(data, max_output_size=max(size, 1))
+    return inflated
 
 
 def _lz4(data: bytes, size: int) -> bytes:

@@ -11,8 +11,7 @@ from google.protobuf.message import DecodeError
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from cranectl.mcap_columns.contents import Contents, check_end, columns_of
-from cranectl.mcap_columns.opening import open_contents
+from cranectl.mcap_columns.contents import Contents, check_end, columns_of, open_contents
 from cranectl.mcap_columns.records import Column, DamageError
 
 MAX_DEFINITION = 2**16  # [bytes] of the type of a row of signals; the longest have about 1000
@@ -82,7 +81,7 @@ def row_layout(n_signals: int) -> np.dtype[Any]:
 
 
 def decode_table(data: NDArray[np.uint8], n_signals: int) -> NDArray[np.float64]:
-    """Values (N, signals) of messages by `encode_rows`, one after the other; ValueError for other bytes."""
+    """Values (N, signals) of messages by `EncodedRows`, one after the other; ValueError for other bytes."""
     rows = data.view(row_layout(n_signals)).reshape(-1)
     values = np.empty((len(rows), n_signals))
     for number in range(1, n_signals + 1):
@@ -93,6 +92,9 @@ def decode_table(data: NDArray[np.uint8], n_signals: int) -> NDArray[np.float64]
 
 
 def tag(number: int) -> bytes:
-    """Protobuf tag of a double field, at most the 2047th: a varint of field number and wire type."""
-    key = number << 3 | _FIXED64
-    return bytes([key]) if key < 0x80 else bytes([key & 0x7F | 0x80, key >> 7])
+    """Return the protobuf tag of a double field: a varint of field number and wire type."""
+    key, encoded = number << 3 | _FIXED64, bytearray()
+    while key >= 0x80:
+        encoded.append(key & 0x7F | 0x80)
+        key >>= 7
+    return bytes([*encoded, key])

@@ -2,7 +2,7 @@
 
     setup = metrics_setup(scenario, drive)
     accumulator = empty_accumulator()
-    accumulate(setup, accumulator, time_ns, record, reference, commands)  # for each block
+    accumulate(setup, accumulator, (time_ns, record, reference, commands))  # for each block
     metrics = finish(setup, accumulator, status, end_ns)
 
 `run_metrics(run)` does that for a run in memory.

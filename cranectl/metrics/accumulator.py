@@ -72,18 +72,14 @@ def empty_accumulator() -> Accumulator:
 def accumulate(
     setup: MetricsSetup,
     accumulator: Accumulator,
-    time_ns: NDArray[np.int64],
-    record: Array,
-    reference: Array,
-    commands: Array,
+    samples: tuple[NDArray[np.int64], Array, Array, Array],
 ) -> None:
-    """Add consecutive samples to `accumulator`.
+    """Add consecutive samples to `accumulator`: time_ns, record, reference, commands.
 
     `time_ns` (n,); `record` (n, BASE_WIDTH or more), columns as in `signals`; `reference` (n, 15); `commands`
     (n, any) with the flags of saturation from `setup.flag_column` on: the record of the stages, or of the
     whole run. Without stages anything will do, e.g. `record`.
     """
-    samples = (time_ns, record, reference, commands)
     add_samples(setup, accumulator.total, *samples)
     for metric in all_metrics():
         if metric.kernel is not None:
@@ -104,10 +100,13 @@ def add_samples(
         alpha, beta = row[STATE_COLUMN + ALPHA], row[STATE_COLUMN + BETA]
         sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
         add_inputs(total, row)
-        sway = add_sway(total, alpha, beta, ca * cb)
-        error = add_error(total, row, reference[k])
+        total.alpha_max = max(total.alpha_max, abs(alpha))
+        total.beta_max = max(total.beta_max, abs(beta))
+        sway = acos(ca * cb)  # between rope and plumb line
+        total.sway_squares += sway * sway
+        total.sway_max = max(total.sway_max, sway)
+        error = add_load(total, row, reference[k])
         add_drives(setup, total, row, (sa, ca, sb, cb), elapsed)
-        add_load_path(total, row)
         add_outside(setup, total, row, time, elapsed)
         add_saturation(setup, total, commands[k], elapsed)
         if time >= setup.rest_ns:
@@ -139,23 +138,16 @@ def add_inputs(total: Any, row: Array) -> None:
 
 
 @jit
-def add_sway(total: Any, alpha: float, beta: float, cosine: float) -> float:
-    """Cardan angles; returns the angle between rope and plumb line [rad], which has this `cosine`."""
-    total.alpha_max = max(total.alpha_max, abs(alpha))
-    total.beta_max = max(total.beta_max, abs(beta))
-    sway = acos(cosine)
-    total.sway_squares += sway * sway
-    total.sway_max = max(total.sway_max, sway)
-    return sway
-
-
-@jit
-def add_error(total: Any, row: Array, reference: Array) -> float:
-    """Tracking error of the load; returns its Euclidean norm [m]."""
-    square = 0.0
+def add_load(total: Any, row: Array, reference: Array) -> float:
+    """Add path and tracking error of the load; return the error's Euclidean norm [m]."""
+    square, moved = 0.0, 0.0
     for i in range(3):
-        e = reference[i] - row[LOAD_COLUMN + i]
+        load = row[LOAD_COLUMN + i]
+        e, way = reference[i] - load, load - total.load[i]
         square += e * e
+        moved += way * way
+        total.load[i] = load
+    total.load_path += sqrt(moved)
     error = sqrt(square)
     total.error_squares += square
     total.error_max = max(total.error_max, error)
@@ -192,17 +184,6 @@ def add_drives(
         total.energy[i] += max(work, 0.0)
         total.drive_path[i] += abs(position - total.position[i])
         total.position[i], total.velocity[i], total.power[i] = position, velocity, power
-
-
-@jit
-def add_load_path(total: Any, row: Array) -> None:
-    """Distance between the load and where it was at the sample before."""
-    square = 0.0
-    for i in range(3):
-        moved = row[LOAD_COLUMN + i] - total.load[i]
-        square += moved * moved
-        total.load[i] = row[LOAD_COLUMN + i]
-    total.load_path += sqrt(square)
 
 
 @jit

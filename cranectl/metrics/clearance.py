@@ -1,7 +1,5 @@
 """How far load and rope are from boxes: geometry that knows nothing of how motions are planned."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,12 +11,7 @@ HALVINGS = 50  # of the rope, to its nearest point
 
 
 def add_clearance(
-    setup: MetricsSetup,
-    own: Array,
-    time_ns: NDArray[np.int64],  # noqa: ARG001  (a kernel's)
-    record: Array,
-    reference: Array,  # noqa: ARG001
-    commands: Any,  # noqa: ARG001
+    setup: MetricsSetup, own: Array, _time_ns: NDArray[np.int64], record: Array, *_unread: Array
 ) -> None:
     """Keep the smallest clearance of all obstacles so far in `own` (1,)."""
     if not len(setup.obstacles) or not len(record):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.reference import HoldPath, build_trajectory
 from cranectl.reference.paths import SplinePath
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
@@ -43,7 +43,8 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
     record of the signal path alone. Ignored for a scenario without one.
     """
     rig = scenario.rig
-    friction = scenario.effects.friction if drive != "ideal" else None  # none can hold an ideal drive
+    held = not DRIVES[drive].is_prescribed  # by friction
+    friction = scenario.effects.friction if held else None
     rest_ns, direction = _rest(scenario.reference)
     return MetricsSetup(
         rest_ns=rest_ns,

@@ -67,7 +67,7 @@ def run_metrics(run: Run) -> RunMetrics | None:
     """Metrics of `run` over its recorded samples; None for a run that stopped before its first."""
     setup, accumulator = _begun(run)
     table, reference = np.ascontiguousarray(run.table), np.ascontiguousarray(run.reference)
-    accumulate(setup, accumulator, run.time_ns, table, reference, table)
+    accumulate(setup, accumulator, (run.time_ns, table, reference, table))
     return finish(setup, accumulator, run.status, run.end_ns)
 
 
@@ -79,7 +79,7 @@ def metric_course(run: Run, name: str) -> Array:
     for k, time in enumerate(run.time_ns.tolist()):
         sample = slice(k, k + 1)
         table = run.table[sample]
-        accumulate(setup, accumulator, run.time_ns[sample], table, run.reference[sample], table)
+        accumulate(setup, accumulator, (run.time_ns[sample], table, run.reference[sample], table))
         value = metric.value(Measured(setup, accumulator.total[0], accumulator.own, run.status, time))
         course[k] = np.nan if value is None else value
     return course
@@ -112,16 +112,12 @@ def finish(
 
 
 def _begun(run: Run) -> tuple[MetricsSetup, Accumulator]:
-    """To measure `run` with, before its first sample."""
-    return metrics_setup(run.scenario, run.drive, flag_column=_flag_column(run)), empty_accumulator()
+    """Return what to measure `run` with, before its first sample."""
+    names = [name for group in run.groups for name in group.names]
+    flags = names.index("bridge_limited") if "bridge_limited" in names else NO_FLAGS
+    return metrics_setup(run.scenario, run.drive, flag_column=flags), empty_accumulator()
 
 
 def _plain(value: Any) -> Value:
     plain: Any = np.asarray(value).tolist()
     return tuple(plain) if isinstance(plain, list) else plain
-
-
-def _flag_column(run: Run) -> int:
-    """Where the table of `run` has its flags of saturation, if it has any."""
-    names = [name for group in run.groups for name in group.names]
-    return names.index("bridge_limited") if "bridge_limited" in names else NO_FLAGS

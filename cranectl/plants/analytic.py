@@ -15,7 +15,7 @@ from cranectl.model.dynamics import (
     specific_rope_force,
 )
 from cranectl.plants.dop853 import STAGES, A, B
-from cranectl.plants.plant import Drive, Kernels
+from cranectl.plants.plant import DRIVES, Drive, Kernels, Triple
 from cranectl.plants.surroundings import FORCE, STICTION_RATE, air_drag, gravity_in_rig
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
@@ -50,40 +50,32 @@ class PassiveForces(NamedTuple):
     drag: float  # force over the square of the load's speed through the air [kg/m]
     pivot_viscous: float  # [N m s/rad]
     pivot_coulomb: float  # [N m]
-    tilt: tuple[float, float, float]  # weight of the load less that on level rails [N]
+    tilt: Triple  # weight of the load less that on level rails [N]
 
 
-class ForceDrives(NamedTuple):
-    """What force drives move; a rig with other drives has None."""
+class AxisDrives(NamedTuple):
+    """Drives that push what they move with gain · command - damping · rate - held; ideal drives have None.
+
+    Velocity drives are servos: gain and damping are the driven mass over the time constant, and the winch
+    holds the nominal weight of the load. Force drives have a gain of 1, and nothing else.
+    """
 
     masses: AxisMasses
     slope: tuple[float, float]  # weight of bridge with trolley along x, of the trolley along y [N]
+    gain: Triple
+    damping: Triple  # [N s/m]
+    held: float  # [N], by the winch
 
 
 class AnalyticRig(NamedTuple):
-    """Constants of the compiled plant; each drive obeys acceleration = gain·command - damping·velocity.
+    """Constants of the compiled plant."""
 
-    Before force drives the equations of motion make an acceleration of the command.
-    """
-
-    drive_gain: Array  # (3,)
-    drive_damping: Array  # (3,) [1/s]
     gravity: float
     load_mass: float
     passive: PassiveForces | None
-    forces: ForceDrives | None
+    drives: AxisDrives | None
     substeps: int
     step: float  # [s]
-
-
-@jit
-def drive_accelerations(rig, state, command):
-    """Accelerations (x_c'', y_c'', l'') [m/s²] that the drives produce at this state."""
-    return (
-        rig.drive_gain[0] * command[0] - rig.drive_damping[0] * state[BRIDGE_RATE],
-        rig.drive_gain[1] * command[1] - rig.drive_damping[1] * state[TROLLEY_RATE],
-        rig.drive_gain[2] * command[2] - rig.drive_damping[2] * state[ROPE_RATE],
-    )
 
 
 @jit
@@ -127,13 +119,13 @@ def pivot_torque(passive, rate):
 
 
 @jit
-def acceleration_command(forces, rig, state, command, disturbance, wind):
-    """The command, three numbers; of force drives the accelerations that they bring about.
+def drive_accelerations(drives, rig, state, command, disturbance, wind):
+    """Return the accelerations (x_c'', y_c'', l'') [m/s²] that the drives bring about.
 
     The load is pushed and its cardan joint turned besides: the drives feel the forces on the load, and what
     of them it follows across the rope they do not.
     """
-    if forces is None:
+    if drives is None:
         return command[0], command[1], command[2]
     n = rope_direction(state[ALPHA], state[BETA])
     sa, ca, sb, cb = sin(state[ALPHA]), cos(state[ALPHA]), sin(state[BETA]), cos(state[BETA])
@@ -141,19 +133,23 @@ def acceleration_command(forces, rig, state, command, disturbance, wind):
     passive = passive_accelerations(rig.passive, rig.load_mass, state, wind)
     alpha = rig.load_mass * state[ROPE] * (passive[0] + disturbance[0])
     beta = rig.load_mass * state[ROPE] * (passive[1] + disturbance[1])
+    gain, damping = drives.gain, drives.damping
+    bridge = gain[0] * command[0] - damping[0] * state[BRIDGE_RATE]
+    trolley = gain[1] * command[1] - damping[1] * state[TROLLEY_RATE]
+    winch = gain[2] * command[2] - damping[2] * state[ROPE_RATE] - drives.held
     return forced_accelerations(
-        forces.masses,
+        drives.masses,
         state,
-        command[0] + forces.slope[0] + f_x - cb * beta,
-        command[1] + forces.slope[1] + f_y - (ca * cb * alpha - sa * sb * beta),
-        command[2] + f_x * n[0] + f_y * n[1] + f_z * n[2],
+        bridge + drives.slope[0] + f_x - cb * beta,
+        trolley + drives.slope[1] + f_y - (ca * cb * alpha - sa * sb * beta),
+        winch + f_x * n[0] + f_y * n[1] + f_z * n[2],
     )
 
 
 @jit
-def derivative(rig, state, command, disturbance, wind, rate):
+def derivative(rig, state, accelerations, disturbance, wind, rate):
     """State derivative (10,) into `rate`; the thesis's (3.22) with drives and disturbances."""
-    u_x, u_y, u_l = drive_accelerations(rig, state, command)
+    u_x, u_y, u_l = accelerations[0], accelerations[1], accelerations[2]
     alpha_ddot, beta_ddot = angular_accelerations(
         state[ROPE], state[ROPE_RATE], state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE],
         u_x, u_y, rig.gravity,
@@ -175,8 +171,8 @@ def integrate(rig, state, command, disturbance, wind, stages, stage_state):
             for j in range(s):
                 increment += A[s, j] * stages[j, i]
             stage_state[i] = state[i] + rig.step * increment
-        given = acceleration_command(rig.forces, rig, stage_state, command, disturbance, wind)
-        derivative(rig, stage_state, given, disturbance, wind, stages[s])
+        accelerations = drive_accelerations(rig.drives, rig, stage_state, command, disturbance, wind)
+        derivative(rig, stage_state, accelerations, disturbance, wind, stages[s])
     for i in range(10):
         increment = 0.0
         for s in range(STAGES):
@@ -185,8 +181,8 @@ def integrate(rig, state, command, disturbance, wind, stages, stage_state):
 
 
 @jit
-def observe_load(rig, state, command, wind, load):
-    """Load position, velocity and rope tension (7,) into `load`."""
+def observe_load(rig, state, accelerations, wind, load):
+    """Load position, velocity and rope tension (7,) into `load`, at these accelerations of the drives."""
     length, length_rate = state[ROPE], state[ROPE_RATE]
     n = rope_direction(state[ALPHA], state[BETA])
     n_dot = rope_direction_rate(state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE])
@@ -196,7 +192,7 @@ def observe_load(rig, state, command, wind, load):
     load[VELOCITY + X] = state[BRIDGE_RATE] + length_rate * n[0] + length * n_dot[0]
     load[VELOCITY + Y] = state[TROLLEY_RATE] + length_rate * n[1] + length * n_dot[1]
     load[VELOCITY + Z] = length_rate * n[2] + length * n_dot[2]
-    u_x, u_y, u_l = drive_accelerations(rig, state, command)
+    u_x, u_y, u_l = accelerations[0], accelerations[1], accelerations[2]
     force = specific_rope_force(
         length, state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE], u_x, u_y, u_l, rig.gravity
     )
@@ -223,8 +219,8 @@ def measure_joints(crane, state):
 @jit
 def advance(crane, command, disturbance, wind, load):
     """One control period; see `Plant.advance`."""
-    given = acceleration_command(crane.rig.forces, crane.rig, crane.state, command, disturbance, wind)
-    observe_load(crane.rig, crane.state, given, wind, load)
+    accelerations = drive_accelerations(crane.rig.drives, crane.rig, crane.state, command, disturbance, wind)
+    observe_load(crane.rig, crane.state, accelerations, wind, load)
     for _ in range(crane.rig.substeps):
         integrate(crane.rig, crane.state, command, disturbance, wind, crane.stages, crane.stage_state)
 
@@ -252,6 +248,8 @@ class AnalyticPlant:
         effects: EffectSettings = NO_EFFECTS,
     ) -> None:
         self.drive = drive
+        if DRIVES[drive].is_servo:
+            self.description = f"{self.description}, velocity servos"
         self.rig = _analytic_rig(rig, drive, effects, substeps=substeps, step=step)
         self.state = np.zeros(10)
         self.stages, self.stage_state = np.zeros((STAGES, 10)), np.zeros(10)
@@ -284,24 +282,26 @@ class AnalyticPlant:
 def _analytic_rig(
     rig: RigParameters, drive: Drive, effects: EffectSettings, *, substeps: int, step: float
 ) -> AnalyticRig:
-    rates = 1.0 / rig.time_constants
-    lagging = drive == "velocity"
     return AnalyticRig(
-        drive_gain=rates if lagging else np.ones(3),
-        drive_damping=rates if lagging else np.zeros(3),
         gravity=rig.gravity,
         load_mass=rig.load_mass,
         passive=_passive_forces(rig, effects),
-        forces=_force_drives(rig, effects) if drive == "force" else None,
+        drives=None if DRIVES[drive].is_prescribed else _axis_drives(rig, drive, effects),
         substeps=substeps,
         step=step,
     )
 
 
-def _force_drives(rig: RigParameters, effects: EffectSettings) -> ForceDrives:
-    masses = axis_masses(rig)
+def _axis_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> AxisDrives:
+    masses, (gain, damping, held) = axis_masses(rig), DRIVES[drive].push(rig, effects)
     along_x, along_y, _ = gravity_in_rig(rig.gravity, effects)
-    return ForceDrives(masses, slope=(masses.bridge * along_x, masses.trolley * along_y))
+    return AxisDrives(
+        masses,
+        slope=(masses.bridge * along_x, masses.trolley * along_y),
+        gain=gain,
+        damping=damping,
+        held=held[2],
+    )
 
 
 def _passive_forces(rig: RigParameters, effects: EffectSettings) -> PassiveForces | None:

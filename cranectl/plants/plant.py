@@ -1,6 +1,7 @@
 """What every plant offers: set a state, read the joints, advance by one control period."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
 from cranectl.scenario.effects import EffectSettings
@@ -10,7 +11,48 @@ from cranectl.support.errors import InputError
 
 Drive = Literal["ideal", "velocity", "force"]
 
-DRIVES: tuple[Drive, ...] = ("ideal", "velocity", "force")
+Triple = tuple[float, float, float]  # of bridge, trolley, winch
+
+
+@dataclass(frozen=True)
+class DriveKind:
+    """What drives take for a command, and all of a run that depends on it.
+
+    Servos push with gain · (command - rate), the gain being `RigParameters.velocity_gains`.
+    """
+
+    command: Literal["acceleration", "velocity", "force"]
+    column: int | None  # of the first command among the inputs in a record; None: the signal path records it
+    at_rest: Literal["nothing", "rates", "weight"]  # commands that leave a crane as it is
+    limits: tuple[str, ...] = ()  # of `effects.limits`
+    is_servo: bool = False
+    holds_weight: bool = False  # the winch pushes with the nominal weight on its rope besides
+
+    @property
+    def is_prescribed(self) -> bool:
+        """Whether the axes move as commanded, whatever the force."""
+        return self.command == "acceleration"
+
+    def push(self, rig: RigParameters, effects: EffectSettings) -> tuple[Triple, Triple, Triple]:
+        """Return gain, damping and what is held [N] of the force gain · command - damping · rate - held."""
+        bridge, trolley, winch = rig.velocity_gains.tolist()
+        none, servo = (0.0, 0.0, 0.0), (bridge, trolley, winch)
+        held = (0.0, 0.0, rig.hanging_mass(effects) * rig.gravity if self.holds_weight else 0.0)
+        return (servo, servo, held) if self.is_servo else ((1.0, 1.0, 1.0), none, held)
+
+
+DRIVES: dict[Drive, DriveKind] = {
+    "ideal": DriveKind("acceleration", column=0, at_rest="nothing"),
+    "velocity": DriveKind(
+        "velocity",
+        column=3,
+        at_rest="rates",
+        limits=("velocity", "acceleration", "force"),
+        is_servo=True,
+        holds_weight=True,
+    ),
+    "force": DriveKind("force", column=None, at_rest="weight", limits=("force",)),
+}
 
 
 class StepError(InputError):

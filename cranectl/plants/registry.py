@@ -1,21 +1,31 @@
 """The plants there are: what the package knows of each without loading it, where its class is.
 
 Other packages declare a `PlantEntry` with an entry point of the group `cranectl.plants`, which every process
-finds, or call `register_plant`, which is known where their module is imported. Effects that a plant
-and its drives cannot show are refused rather than left out silently.
+finds, or call `register_plant`, which is known where their module is imported.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.scenario.effects import NO_LIMIT, DriveLimits, EffectSettings
+from cranectl.scenario.effects import PARTS, WHOLE_EFFECTS
 from cranectl.support import extensions
+from cranectl.support.colours import COLOURS, VIEWER
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_free, check_name, loaded, with_extensions
 from cranectl.support.provenance import source_digests
 
+LONGEST_LABEL = 40  # letters
+PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
+# What a plant may lack: effects and parts of them, all forces on its axes, and what disturbs its load.
+LACKS = (*WHOLE_EFFECTS, *PARTS, "force", "disturbances", "disturbances.force")
+# Effects that plants show unless they lack them; any other is shown only by those that say so.
+COMMON = ("limits", "friction", "rope", "body", "wind", "frame", "installation")
+BUILT_IN = (
+    "gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass", "bridge_time_constant",
+    "trolley_time_constant", "winch_time_constant",
+)  # fmt: skip
 REFERENCE_PLANT = "mujoco"  # the plant that others are compared against
 
 
@@ -30,20 +40,52 @@ class PlantEntry:
     batch: int  # samples of a campaign's batch: some seconds of runs like the thesis's; 0: none, too slow
     drives: tuple[Drive, ...] = ("ideal", "velocity")
     servos: bool = False  # its velocity drives feel the load, as those of `plants.elastic` and the engine do
-    # Why it cannot show rope, body, frame; force, or of that only limits.force, friction.coulomb, ...
+    # What it honours: effects in `shows` but for what it lacks, one of LACKS with a reason as a clause after
+    # its label, and numbers of the rig but for those in `fixed`. All that must act; the first run of a plant
+    # of another package tries it.
+    shows: Sequence[str] = COMMON
     lacks: Mapping[str, str] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)  # numbers of the rig, of BUILT_IN, that it has
     by_default: bool = True  # where a command is not told which plants
     package: str = ""  # that it needs, and that only the extra of its name installs
 
     def __post_init__(self) -> None:
         check_name("plant", self.name)
+        if not 0 < len(self.label) <= LONGEST_LABEL or not self.label.isprintable():
+            raise InputError(
+                f"the label {self.label[:LONGEST_LABEL]!r} of the plant {self.name}",
+                allowed=f"1 to {LONGEST_LABEL} printable characters",
+                remedy="take another label",
+            )
+        if self.colour not in PLANT_COLOURS:
+            raise InputError(
+                f"the colour '{self.colour}' of the plant {self.name}",
+                allowed=", ".join(PLANT_COLOURS),
+                remedy="take one of these",
+            )
+        for given, known, what in ((self.lacks, LACKS, "lacks"), (self.fixed, BUILT_IN, "fixed")):
+            for name in given:
+                if name not in known:
+                    raise unknown_name(f"setting in {what} of the plant {self.name}:", name, known)
+
+    def lack(self, setting: str) -> str | None:
+        """Return why it does not honour one of LACKS, None if nothing is said against it."""
+        effect = setting.partition(".")[0]
+        unsaid = setting in (*WHOLE_EFFECTS, *PARTS) and effect not in self.shows
+        return self.lacks.get(setting, "which does not show it" if unsaid else None)
 
     def check_installed(self) -> None:
-        """Raise InputError if the package that it needs is not there."""
+        """Raise InputError if the package that it needs, or that brings it, is not there."""
+        if not self.where:
+            raise InputError(
+                f"the {self.label} plant, which no installed package brings",
+                allowed=labels_of(PLANTS.values()),
+                remedy=f"install the package that brings the plant {self.name}",
+            )
         if self.package and find_spec(self.package) is None:
             raise InputError(
                 f"the {self.label} plant without {self.package}, which is not installed",
-                allowed=_labels(entry for entry in PLANTS.values() if not entry.package),
+                allowed=labels_of(entry for entry in PLANTS.values() if not entry.package),
                 remedy=f"pip install 'cranectl[{self.name}]'",
             )
 
@@ -53,7 +95,7 @@ class PlantEntry:
             able = [entry for entry in PLANTS.values() if entry.batch]
             raise InputError(
                 f"a campaign on the {self.label} plant, which is too slow for thousands of runs",
-                allowed=_labels(able),
+                allowed=labels_of(able),
                 remedy=f"take '--plants {REFERENCE_PLANT}', and {self.name} for single runs",
             )
 
@@ -65,10 +107,15 @@ class PlantEntry:
 
 
 class Plants(MutableMapping[str, PlantEntry]):
-    """Entries by name, in the order of a log; those of other packages are looked for when first asked."""
+    """Entries by name, in the order of a log; those of other packages are looked for when first asked.
+
+    Plants that only logs tell of can be looked up, to show their runs; nothing lists them, since they cannot
+    be run.
+    """
 
     def __init__(self, *own: PlantEntry) -> None:
         self._entries = {entry.name: entry for entry in own}
+        self._logged: dict[str, PlantEntry] = {}
         self._complete = False
 
     def _known(self) -> dict[str, PlantEntry]:
@@ -83,7 +130,26 @@ class Plants(MutableMapping[str, PlantEntry]):
 
     def __getitem__(self, name: str) -> PlantEntry:
         # A module of another package may ask for one of ours while it is loaded itself.
-        return self._entries[name] if name in self._entries else self._known()[name]
+        if name in self._entries:
+            return self._entries[name]
+        known = self._known()
+        return known[name] if name in known else self._logged[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries or name in self._known() or name in self._logged
+
+    def remember(self, entry: PlantEntry) -> None:
+        """Remember a plant of a log, unless it is known already."""
+        if entry.name not in self:
+            self._logged[entry.name] = entry
+
+    def forget(self) -> None:
+        """Forget the plants that only logs tell of."""
+        self._logged.clear()
+
+    def ordered(self, wanted: Collection[str]) -> tuple[str, ...]:
+        """Return the names that are `wanted` in the order of a log, those of logs only last."""
+        return tuple(name for name in (*self, *self._logged) if name in wanted)
 
     def __setitem__(self, name: str, entry: PlantEntry) -> None:
         self._known()[name] = entry
@@ -99,7 +165,6 @@ class Plants(MutableMapping[str, PlantEntry]):
 
 
 _RIGID = "which has a rigid rope without mass, a point load and a rigid frame"
-_POINT = "which has a rigid rope without mass and a point load"
 _SLIDES = "whose joints have viscous friction only"
 
 PLANTS = Plants(
@@ -109,7 +174,8 @@ PLANTS = Plants(
         colour="series-1",
         where="cranectl.plants.analytic:AnalyticPlant",
         batch=64,
-        drives=DRIVES,
+        drives=tuple(DRIVES),
+        servos=True,
         lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose axes know no such forces"},
     ),
     PlantEntry(
@@ -118,7 +184,7 @@ PLANTS = Plants(
         colour="series-3",
         where="cranectl.plants.elastic.plant:ElasticPlant",
         batch=32,
-        drives=DRIVES,
+        drives=tuple(DRIVES),
         servos=True,
     ),
     PlantEntry(
@@ -127,7 +193,7 @@ PLANTS = Plants(
         colour="series-2",
         where="cranectl.plants.mujoco.plant:MujocoPlant",
         batch=16,
-        drives=DRIVES,
+        drives=tuple(DRIVES),
         servos=True,
     ),
     PlantEntry(
@@ -136,11 +202,10 @@ PLANTS = Plants(
         colour="series-4",
         where="cranectl.plants.drake.plant:DrakePlant",
         batch=0,
-        drives=DRIVES,
+        drives=tuple(DRIVES),
         servos=True,
         lacks={
-            "rope": _POINT,
-            "body": _POINT,
+            "rope": "which has a rigid rope without mass",
             "limits.force": "whose drives give any force",
             "friction.coulomb": _SLIDES,
             "friction.pivot_coulomb": _SLIDES,
@@ -149,6 +214,9 @@ PLANTS = Plants(
         package="pydrake",
     ),
 )
+
+
+ALL = (("all",), ("both",))  # for every plant; both: as long as there were two
 
 
 def default_plants() -> tuple[str, ...]:
@@ -180,8 +248,7 @@ def plant_entry(name: str) -> PlantEntry:
 
 def in_order(names: Iterable[str]) -> tuple[str, ...]:
     """Plants in the order of a log; raises InputError for an unknown one."""
-    wanted = {plant_entry(name).name for name in names}
-    return tuple(name for name in PLANTS if name in wanted)
+    return PLANTS.ordered({plant_entry(name).name for name in names})
 
 
 def plants_to_run(names: Iterable[str]) -> tuple[str, ...]:
@@ -192,99 +259,22 @@ def plants_to_run(names: Iterable[str]) -> tuple[str, ...]:
     return chosen
 
 
+def plants_of_logs(names: Sequence[str], logged: Iterable[str]) -> tuple[str, ...]:
+    """Return the plants that a user names for logs that were read; `all` are the `logged` ones, if any.
+
+    Raises InputError for one that neither this process nor a log knows.
+    """
+    if tuple(names) in ALL:
+        return in_order(logged) or tuple(PLANTS)
+    return tuple(plant_entry(name).name for name in names)
+
+
 def reference_plant(names: Iterable[str]) -> str:
     """The plant that the others are compared against: REFERENCE_PLANT, or the last where it is absent."""
     ordered = in_order(names)
     return REFERENCE_PLANT if REFERENCE_PLANT in ordered else ordered[-1]
 
 
-USE_VELOCITY = "take '--drive velocity'"
-
-
-def check_effects(effects: EffectSettings, *, plant: str, drive: str) -> None:
-    """Raise InputError for an unknown plant, drives it lacks, effects that it cannot show with `drive`.
-
-    Friction of the cardan joint, wind, sensing and delay suit every plant and drive; limits of velocity and
-    acceleration are of set-points, which velocity drives have on both plants. Friction of the axes and limits
-    of force suit velocity and force drives, on plants that know them.
-    """
-    entry = plant_entry(plant)
-    if drive not in entry.drives:
-        raise InputError(
-            f"{drive} drives on the {entry.label} plant",
-            allowed=f"{' and '.join(entry.drives)} drives",
-            remedy=f"take '--drive {entry.drives[0]}'",
-        )
-    if effects.limits is not None and drive == "ideal":
-        raise InputError(
-            "[effects.limits] with ideal drives, which take accelerations and realise any",
-            allowed="velocity drives; force drives with limits of force alone",
-            remedy=f"{USE_VELOCITY}, or leave the effect out",
-        )
-    if effects.limits is not None and drive == "force":
-        _check_no_set_points(effects.limits)
-    for name in ("rope", "body", "frame"):
-        if getattr(effects, name) is not None and name in entry.lacks:
-            capable, remedy = _capable(name)
-            raise InputError(
-                f"[effects.{name}] on the {entry.label} plant, {entry.lacks[name]}",
-                allowed=f"{capable} for rope, body and frame",
-                remedy=remedy,
-            )
-    for name, zero in _forces(effects):
-        setting, on_axis = f"effects.{name} = {zero}", name in AXIS_FORCES
-        if reason := _lack(entry, name):
-            capable, remedy = _capable(name)
-            raise InputError(
-                f"effects.{name} on the {entry.label} plant, {reason}",
-                allowed=f"{setting}, or {capable}{' with velocity or force drives' if on_axis else ''}",
-                remedy=f"{remedy}; or set {setting}",
-            )
-        if drive == "ideal" and on_axis:
-            raise InputError(
-                f"effects.{name} with ideal drives, which move as commanded whatever the force",
-                allowed=f"{setting}, or velocity or force drives",
-                remedy=f"{USE_VELOCITY} or '--drive force'; or set {setting}",
-            )
-
-
-def _check_no_set_points(limits: DriveLimits) -> None:
-    for name in ("velocity", "acceleration"):
-        if min(getattr(limits, name)) < NO_LIMIT:
-            raise InputError(
-                f"effects.limits.{name} with force drives, which take no set-points",
-                allowed=f"effects.limits.{name} = {[NO_LIMIT] * 3}, or velocity drives",
-                remedy=f"{USE_VELOCITY}; or set effects.limits.{name} = {[NO_LIMIT] * 3}",
-            )
-
-
-def _capable(effect: str) -> tuple[str, str]:
-    """The plants that show `effect`, and what to do to have it, in words."""
-    able = [entry for entry in PLANTS.values() if not _lack(entry, effect)]
-    names = ",".join(entry.name for entry in able if not entry.package)
-    return _labels(able), f"take '--plants {names}', or leave the effect out"
-
-
-def _labels(entries: Iterable[PlantEntry]) -> str:
+def labels_of(entries: Iterable[PlantEntry]) -> str:
+    """Return the plants as the allowed part of an error."""
     return f"the {' or '.join(entry.label for entry in entries)} plant"
-
-
-AXIS_FORCES = ("limits.force", "friction.coulomb", "friction.viscous")  # what `force` among lacks means
-
-
-def _lack(entry: PlantEntry, effect: str) -> str | None:
-    """Why a plant cannot show an effect or a force, None if it can."""
-    return entry.lacks.get(effect) or (entry.lacks.get("force") if effect in AXIS_FORCES else None)
-
-
-def _forces(effects: EffectSettings) -> list[tuple[str, str]]:
-    """Settings of forces on single joints, and the value that means none."""
-    found: list[tuple[str, str]] = []
-    if effects.limits and min(effects.limits.force) < NO_LIMIT:
-        found.append(("limits.force", str([NO_LIMIT] * 3)))
-    if effects.friction:
-        acting = [kind for kind in ("coulomb", "viscous") if any(getattr(effects.friction, kind))]
-        found += [(f"friction.{kind}", str([0.0] * 3)) for kind in acting]
-        if effects.friction.pivot_coulomb:
-            found.append(("friction.pivot_coulomb", "0.0"))
-    return found

@@ -2,6 +2,7 @@
 
 from cranectl.plants.plant import StepError
 from cranectl.scenario.effects import EffectSettings
+from cranectl.scenario.quantities import MIN_DURATION
 from cranectl.scenario.scenario import longest_step
 from cranectl.support.errors import InputError
 
@@ -33,7 +34,11 @@ def check_rate(rate: float, effects: EffectSettings, length: float, *, step: flo
             f"a crane with {', '.join(effects.names)} and {length:g} m of rope: something vibrates or decays "
             f"with {rate:.3g} 1/s, too fast for steps of {step:g} s",
             allowed=f"rates up to {LARGEST / step:.3g} 1/s at this step",
-            remedy=f"set control.physics_step to {enough:g} or less; or choose a softer "
-            "rope or frame, a heavier winch, or a body with more inertia",
+            remedy=(
+                f"set control.physics_step to {enough:g} or less; or choose a softer rope or frame, "
+                "a heavier winch, or a body with more inertia"
+            )
+            if enough >= MIN_DURATION
+            else "choose a softer rope or frame, a heavier winch, or a body with more inertia",
             step=enough,
         )

@@ -1,7 +1,5 @@
-"""What the load is asked to do: time laws, paths, trajectories; planned, from files, by hand."""
+"""What the load is asked to do: time laws, paths, trajectories; from files, by hand."""
 
-from cranectl.reference.hand_limits import hand_limits
-from cranectl.reference.load import load_scenario, planned
 from cranectl.reference.paths import ArcPath, HoldPath, LinePath, Path
 from cranectl.reference.time_laws import REST_DERIVATIVES, time_law
 from cranectl.reference.trajectory import Trajectory, build_trajectory, end_point
@@ -15,8 +13,5 @@ __all__ = [
     "Trajectory",
     "build_trajectory",
     "end_point",
-    "hand_limits",
-    "load_scenario",
-    "planned",
     "time_law",
 ]

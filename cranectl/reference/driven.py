@@ -25,7 +25,7 @@ from cranectl.support.jit import jit
 
 STATES = 5  # of an axis: z, lag_1 … lag_4
 ASKED = 4  # columns of what is asked at a sample: 1 for a point or 0 for a velocity, and x, y, z of it
-WITHIN = 1e-9  # [s] of a sample is the sample
+SAME_SAMPLE = 1e-9  # [s] of a sample is the sample
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,13 @@ class DrivenPath:
 
     def sample(self, time: Array) -> Array:
         """As a path's; exactly what was driven at the samples, and between them as exact."""
-        index = np.floor((np.asarray(time) + WITHIN) / self.period).astype(int).clip(0, len(self._states) - 1)
+        index = (
+            np.floor((np.asarray(time) + SAME_SAMPLE) / self.period)
+            .astype(int)
+            .clip(0, len(self._states) - 1)
+        )
         states = self._states[index]
-        for k in np.flatnonzero(time - index * self.period > WITHIN):
+        for k in np.flatnonzero(time - index * self.period > SAME_SAMPLE):
             states[k] = self._between(index[k], float(time[k] - index[k] * self.period))
         return derivatives(self.limits, states)
 
@@ -98,10 +102,7 @@ def drive(limits: HandLimits, period: float, state: Array, asked: Array) -> Arra
     """
     states = np.empty((len(asked), 3, STATES))
     moves = transition(limits.bandwidth, period)
-    _drive(
-        limits.bandwidth, limits.speed, limits.low, limits.high, period, moves, state, asked, states,
-        np.empty(3), np.empty(STATES),
-    )  # fmt: skip
+    _drive(limits.bandwidth, limits.speed, limits.low, limits.high, period, moves, state, asked, states)
     return states
 
 
@@ -146,9 +147,8 @@ def _drive(
     state: Array,
     asked: Array,
     states: Array,
-    wish: Array,
-    new: Array,
 ) -> None:
+    wish, new = np.empty(3), np.empty(STATES)
     for k in range(asked.shape[0]):
         states[k] = state
         _heed(bandwidth, speed, low, high, period, state, asked[k], wish)

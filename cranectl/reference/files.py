@@ -5,25 +5,24 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from cranectl.scenario.tables import FromFile, Source
+from cranectl.reference.tables import FileColumn, read_columns
+from cranectl.scenario.tables import FromFile, Source, Units
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.inputs import open_input
 
-MAX_BYTES = 32 * 2**20  # of a table; ten minutes of samples at 1 kHz take 24 MiB as text
-MCAP, PARQUET = b"\x89MCAP", b"PAR1"
-MOST_ROWS = 2_000_000
-SEPARATORS = ",;\t"
+MAX_TABLE_BYTES = 32 * 2**20  # of a table; ten minutes of samples at 1 kHz take 24 MiB as text
+MCAP = b"\x89MCAP"
 FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
 AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
-class Motion:
+class RecordedMotion:
     """What a file says of the load, and the file."""
 
     columns: Mapping[str, Array]  # by what they are: time [s], x, y, z [m], speed [m/s]; each (N,)
@@ -47,16 +46,17 @@ def digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def read_motion(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -> Motion:
+def read_motion(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -> RecordedMotion:
     """The columns `wanted` of the file at `path`; raises InputError, LogError for one that is not as mapped.
 
     `wanted`: of time, x, y, z, speed.
     """
+    _check_used(settings, wanted, where)
     where = f"{where}: {path}"
     try:
-        with path.open("rb") as file:
+        with open_input(path, piped=MAX_TABLE_BYTES + 1) as file:
             begins = file.read(len(MCAP))
-            content = b"" if begins == MCAP else begins + file.read(MAX_BYTES + 1)
+            content = b"" if begins == MCAP else begins + file.read(MAX_TABLE_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise InputError(
             f"cannot read {where}: {error}",
@@ -67,89 +67,86 @@ def read_motion(path: Path, settings: FromFile, wanted: Sequence[str], where: st
         return _logged(path, settings, wanted, where)
     if not content:
         raise InputError(f"{where} is empty", allowed="samples of a motion", remedy="record it again")
-    if len(content) > MAX_BYTES:
+    if len(content) > MAX_TABLE_BYTES:
         raise InputError(
             f"{where} is too large",
-            allowed=f"at most {MAX_BYTES // 2**20} MiB",
+            allowed=f"at most {MAX_TABLE_BYTES // 2**20} MiB",
             remedy="leave out columns and samples, or write it as Parquet",
         )
-    factors = _factors(settings, wanted, where)
-    read = _read(content, {kind: getattr(settings.columns, kind) for kind in wanted}, where)
-    columns = {kind: factors[kind] * numbers for kind, numbers in read.items()}
-    return Motion(_signed(columns, settings), path.name, digest(content), content)
-
-
-def _factors(settings: FromFile, wanted: Sequence[str], where: str) -> dict[str, float]:
-    """What brings each column to SI."""
-    quantities = {kind: "length" if kind in AXES else kind for kind in wanted}
-    for quantity in dict.fromkeys(quantities.values()):
-        if getattr(settings.units, quantity) is None:
-            allowed = type(settings.units).model_json_schema()["properties"][quantity]["anyOf"][0]["enum"]
-            raise InputError(
-                f"{where}: the unit of {quantity} is not given",
-                allowed=f"units.{quantity}: {', '.join(allowed)}",
-                remedy=f"say in what it is, units = {{{quantity} = '{allowed[0]}', …}}: a guess could err",
-            )
-    return {kind: FACTORS[getattr(settings.units, quantity)] for kind, quantity in quantities.items()}
-
-
-def _read(content: bytes, named: Mapping[str, str], where: str) -> dict[str, Array]:
-    """The columns of a CSV or Parquet file, by what they are."""
-    import pyarrow as pa
-
-    try:
-        table = _parquet(content, named, where) if content[:4] == PARQUET else _csv(content, named, where)
-        columns = {kind: table[name] for kind, name in named.items()}
-    except (pa.ArrowException, KeyError, OSError, ValueError, IndexError) as error:
+    if "topic" in settings.model_fields_set:
         raise InputError(
-            f"cannot read {where}: {error}",
-            allowed="a CSV file with the names of its columns in the first line, a Parquet file, or a log",
-            remedy="write the file again",
-        ) from None
-    for kind, column in columns.items():
-        if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
-            raise InputError(
-                f"{where}: column '{named[kind]}' holds {column.type}",
-                allowed="numbers",
-                remedy="write numbers, with a point before decimals, or with ; between columns and a comma",
-            )
-    return {kind: column.to_numpy().astype(np.float64) for kind, column in columns.items()}
+            f"{where} is a table, and topic = '{settings.topic}' is given",
+            allowed="a topic of a log",
+            remedy="leave out topic",
+        )
+    columns = _of_table(content, settings, wanted, where)
+    return RecordedMotion(_signed(columns, settings), path.name, digest(content), content)
 
 
-def _csv(content: bytes, named: Mapping[str, str], where: str) -> Any:
-    import pyarrow as pa
-    from pyarrow import csv
-
-    separator = max(SEPARATORS, key=content.splitlines()[0].decode("utf-8-sig").count)
-    decimal = "," if separator == ";" and b"." not in content else "."
-    table = csv.read_csv(
-        pa.BufferReader(content),
-        parse_options=csv.ParseOptions(delimiter=separator),
-        convert_options=csv.ConvertOptions(decimal_point=decimal),
-    )
-    table = table.rename_columns([name.strip("# ") for name in table.column_names])
-    _check_names(table.column_names, named, where)
-    return table
-
-
-def _parquet(content: bytes, named: Mapping[str, str], where: str) -> Any:
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    file = parquet.ParquetFile(pa.BufferReader(content))
-    if file.metadata.num_rows > MOST_ROWS:
-        raise ValueError(f"it has {file.metadata.num_rows} rows, more than {MOST_ROWS}")
-    _check_names(file.schema_arrow.names, named, where)
-    return file.read(columns=list(named.values()))
+def _check_used(settings: FromFile, wanted: Sequence[str], where: str) -> None:
+    """Raise InputError for a column, or its unit, that is given and not `wanted`."""
+    default = FromFile()
+    given = [
+        f"{table}.{kind}"
+        for kind in ("time", "speed")
+        for table in ("columns", "units")
+        if kind not in wanted
+        and getattr(getattr(settings, table), kind) != getattr(getattr(default, table), kind)
+    ]
+    if given:
+        raise InputError(
+            f"{where}: {' and '.join(given)}, which changes nothing: what is read is {', '.join(wanted)}",
+            allowed="columns that are read, and their units",
+            remedy=f"leave out {' and '.join(given)}",
+        )
 
 
-def _check_names(names: Sequence[str], named: Mapping[str, str], where: str) -> None:
-    for kind, name in named.items():
-        if name not in names:
-            error = unknown_name("column", name, names, remedy=f"map it: columns = {{{kind} = '…'}}")
-            raise InputError(
-                f"{where}: {error.found}, for {kind}", allowed=error.allowed, remedy=error.remedy
-            )
+def _quantity(kind: str) -> str:
+    return "length" if kind in AXES else kind
+
+
+def _in_si(kind: str, column: FileColumn, settings: FromFile, where: str) -> Array:
+    """Return a column in SI; raise InputError if its unit is not given, or another than the file says."""
+    quantity, told = _quantity(kind), column.unit
+    name, given = getattr(settings.columns, kind), getattr(settings.units, quantity)
+    allowed = _units_of(quantity)
+    if given is None and not told:
+        raise InputError(
+            f"{where}: the unit of {quantity} is not given",
+            allowed=f"units.{quantity}: {', '.join(allowed)}",
+            remedy=f"say in what it is, units = {{{quantity} = '{allowed[0]}', …}}: a guess could err",
+        )
+    if told and told not in allowed:
+        raise InputError(
+            f"{where}: the file says that '{name}' is in '{told}'",
+            allowed=", ".join(allowed),
+            remedy="write the column in one of these units",
+        )
+    if told and (given or told) != told:
+        raise InputError(
+            f"{where}: units.{quantity} = '{given}', where the file says that '{name}' is in '{told}'",
+            allowed=f"the unit of the file, one of {', '.join(allowed)}",
+            remedy=f"leave out units.{quantity}, or correct the file",
+        )
+    return FACTORS[told or given] * column.values
+
+
+def _units_of(quantity: str) -> list[str]:
+    """Return the units that a quantity of a file can have."""
+    allowed: list[str] = Units.model_json_schema()["properties"][quantity]["anyOf"][0]["enum"]
+    return allowed
+
+
+def _of_table(content: bytes, settings: FromFile, wanted: Sequence[str], where: str) -> dict[str, Array]:
+    """Return the columns `wanted` of a CSV or Parquet file in SI; a number in place of a name is constant."""
+    told = {kind: getattr(settings.columns, kind) for kind in wanted}
+    named = {kind: name for kind, name in told.items() if isinstance(name, str)}
+    read = read_columns(content, named, {kind: _units_of(_quantity(kind)) for kind in named}, where)
+    rows = len(next(iter(read.values())).values) if read else 0
+    constant = {
+        kind: FileColumn(np.full(rows, value), "") for kind, value in told.items() if kind not in named
+    }
+    return {kind: _in_si(kind, {**read, **constant}[kind], settings, where) for kind in wanted}
 
 
 def _signed(columns: dict[str, Array], settings: FromFile) -> dict[str, Array]:
@@ -157,9 +154,9 @@ def _signed(columns: dict[str, Array], settings: FromFile) -> dict[str, Array]:
     return {kind: signs.get(kind, 1) * values for kind, values in columns.items()}
 
 
-def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -> Motion:
+def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -> RecordedMotion:
     """Of a log, which says units itself."""
-    from cranectl.mcap_columns.opening import opened
+    from cranectl.mcap_columns.contents import opened
     from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
 
     if "speed" in wanted:
@@ -171,6 +168,13 @@ def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -
     topic = f"/{settings.topic.removeprefix('/')}"
     with opened(path) as stream:
         contents, columns = read_rows(path, stream, lambda other: other == topic)
+        for name in ("columns", "units"):
+            if getattr(settings, name).model_fields_set:
+                raise InputError(
+                    f"{where} is a log, whose columns and units are its own, and {name} is given",
+                    allowed="topic, signs and offset",
+                    remedy=f"leave out {name}",
+                )
         fields = {
             channel.topic: (
                 number,
@@ -180,6 +184,12 @@ def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -
             for number, channel in contents.channels.items()
             if "[m]" in channel.metadata.get("load_x", "") and not channel.topic.startswith("/diff/")
         }
+        if not fields and "cranectl" not in contents.metadata:
+            raise InputError(
+                f"{where} is an MCAP file, but not of cranectl",
+                allowed="a log of cranectl, a CSV or a Parquet file",
+                remedy="write the positions of the load as CSV or Parquet",
+            )
         if topic not in fields:
             error = unknown_name("topic", settings.topic, [name[1:] for name in sorted(fields)])
             raise InputError(f"{where}: {error.found} of a load", allowed=error.allowed, remedy=error.remedy)
@@ -189,7 +199,7 @@ def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     found = {axis: rows[:, names.index(f"load_{axis}")] for axis in AXES}
     found["time"] = 1e-9 * (columns[number].time_ns - columns[number].time_ns[0])
-    return Motion(_signed(found, settings), path.name, sha256, _as_parquet(found))
+    return RecordedMotion(_signed(found, settings), path.name, sha256, _as_parquet(found))
 
 
 def _as_parquet(columns: Mapping[str, Array]) -> bytes:

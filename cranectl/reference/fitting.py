@@ -5,7 +5,7 @@ Near samples: least squares, degree 7 on uniform knots, in the span of which z''
 continuous with its rate. How many knots is decided by what such a spline says of samples that it did not see.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,17 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_matrix
 
+from cranectl.reference.normal_equations import DEGREE, TIED, DesignMatrix, free_coefficients
 from cranectl.reference.time_laws import spline
 from cranectl.support.arrays import Array
 
-THROUGH, NEAR = 9, 7  # degrees
+THROUGH, NEAR = 9, DEGREE  # degrees
 FREE = 4  # derivatives from this one on vanish at the ends of a path
-TIED = 5  # coefficients at each end
 LEAST_SPANS = 4  # with fewer nothing but start and end is free
 FOLDS = 10
-BLOCK = 5  # samples left out together, so that noise with some memory cannot foretell its neighbour
+LEFT_OUT_SAMPLES = (
+    5  # samples left out together, so that noise with some memory cannot foretell its neighbour
+)
 GROWTH = 1.2  # from one number of spans to the next that is tried
 RISES = 3  # worse by GROWTH so many times in a row: finer knots only follow noise
 DRAWS = 200
@@ -31,28 +32,77 @@ RIDGE = 1e-13
 BAND = 0.975  # quantile: of the magnitude's upper end
 
 
-def through_points(time: Array, points: Array) -> BSpline:
-    """The spline of degree 9 through `points` (N, 3) [m] at `time` (N,) [s], with a knot at each."""
-    rest = [(order, np.zeros(3)) for order in range(1, TIED)]
-    curve = make_interp_spline(time, points, k=THROUGH, bc_type=(rest, rest))
+def through_points(time: Array, points: Array) -> tuple[BSpline, float]:
+    """Compute the spline of degree 9 through `points` at `time`, with a knot at each and rest at its ends.
+
+    Parameters
+    ----------
+    time : (N,) array [s]
+    points : (N, 3) array [m]
+
+    Returns
+    -------
+    curve : BSpline
+    error : float
+        Bound of what rounding may have changed in a coefficient [m].
+    """
+    curve, error = _interpolate(time, points, THROUGH, range(1, TIED))
     coefficients = curve.c.copy()
     coefficients[:TIED], coefficients[-TIED:] = points[0], points[-1]
-    return spline(time, coefficients, THROUGH)
+    return spline(time, coefficients, THROUGH), error
 
 
-def path_through(parameter: Array, points: Array) -> BSpline:
-    """The natural spline of degree 7 through `points` (N, 3) [m], a knot at each, in motion at its ends."""
+def path_through(parameter: Array, points: Array) -> tuple[BSpline, float]:
+    """Compute the natural spline of degree 7 through `points`, with a knot at each, moving at its ends.
+
+    Parameters
+    ----------
+    parameter : (N,) array
+    points : (N, 3) array [m]
+
+    Returns
+    -------
+    curve : BSpline
+    error : float
+        Bound of what rounding may have changed in a coefficient [m].
+    """
     if len(points) < FREE:  # a polynomial of lower degree, which needs no more
         knots = np.concatenate([[parameter[0]] * NEAR, parameter, [parameter[-1]] * NEAR])
         means = [knots[k + 1 : k + NEAR + 1].mean() for k in range(len(knots) - NEAR - 1)]
         at = np.clip(means, parameter[0], parameter[-1])
-        lower = make_interp_spline(parameter, points, k=len(points) - 1)
+        lower, error = _interpolate(parameter, points, len(points) - 1, ())
         curve = make_interp_spline(at, lower(at), k=NEAR, t=knots)
     else:
-        natural = [(order, np.zeros(3)) for order in range(FREE, NEAR)]
-        curve = make_interp_spline(parameter, points, k=NEAR, bc_type=(natural, natural))
+        curve, error = _interpolate(parameter, points, NEAR, range(FREE, NEAR))
     curve.c[0], curve.c[-1] = points[0], points[-1]
-    return curve
+    return curve, error
+
+
+def _interpolate(
+    parameter: Array, points: Array, degree: int, orders: Sequence[int]
+) -> tuple[BSpline, float]:
+    """Interpolate with derivatives of these `orders` zero at both ends; bound the coefficients' error.
+
+    The bound is eps |A^-1| |A| |c|, by Skeel (J. ACM 26, 1979), for the collocation matrix A. It does not
+    depend on how the rounding of one processor happens to fall, as a residual does.
+    """
+    count, conditions = len(points), len(orders)
+
+    def solve(values: Array, left: Array, right: Array) -> BSpline:
+        ends = [list(zip(orders, each, strict=True)) for each in (left, right)] if conditions else None
+        return make_interp_spline(parameter, values, k=degree, bc_type=ends)
+
+    zero = np.zeros((conditions, 3))
+    curve = solve(points, zero, zero)
+    curve.c += solve(points - curve(parameter), zero, zero).c  # the matrix's rows differ much in size
+    units = np.eye(count + 2 * conditions)
+    inverse = solve(units[:count], units[count : count + conditions], units[count + conditions :]).c
+    size = np.abs(curve.c)
+    rows = [BSpline(curve.t, size, degree)(parameter)]
+    basis = BSpline(curve.t, np.eye(len(size)), degree)
+    rows += [np.abs(basis.derivative(order)(end)) @ size for end in parameter[[0, -1]] for order in orders]
+    error = np.finfo(float).eps * np.abs(inverse) @ np.vstack(rows)
+    return curve, float(error.max())
 
 
 @dataclass(frozen=True)
@@ -63,34 +113,29 @@ class Recorded:
     points: Array
 
     @cached_property
-    def _block(self) -> NDArray[np.intp]:
-        return np.arange(len(self.time)) // BLOCK
+    def _block(self) -> NDArray[np.int64]:
+        return np.arange(len(self.time), dtype=np.int64) // LEFT_OUT_SAMPLES
 
     @cached_property
-    def _folds(self) -> list[NDArray[np.intp]]:
-        return [np.flatnonzero(self._block % FOLDS == fold) for fold in range(FOLDS)]
+    def _fold(self) -> NDArray[np.int64]:
+        return self._block % FOLDS
 
-    def _design(self, spans: int) -> csr_matrix:
-        """What the free coefficients, those of each end one, make of the samples (N, spans - 1)."""
-        curve = spline(_breaks(self.time[-1], spans), np.zeros(spans + NEAR), NEAR)
-        rows = BSpline.design_matrix(self.time, curve.t, NEAR)
-        free = _free(spans)
-        return rows @ csr_matrix((np.ones(len(free)), (np.arange(len(free)), free)))
+    def _design(self, spans: int) -> DesignMatrix:
+        return DesignMatrix.of(self.time, _breaks(self.time[-1], spans))
 
     def left_out(self, spans: int) -> Array:
         """Mean square of the distance [m²] of each fold from the spline near all the others (FOLDS,)."""
         design = self._design(spans)
-        parts = [design[fold] for fold in self._folds]
-        grams = [_banded(part) for part in parts]
-        sides = [part.T @ self.points[fold] for part, fold in zip(parts, self._folds, strict=True)]
-        gram, side = np.sum(grams, axis=0), np.sum(sides, axis=0)
-        found = []
-        for part, fold, own, right in zip(parts, self._folds, grams, sides, strict=True):
-            remaining = gram - own
+        grams = design.banded(self._fold, FOLDS)
+        sides = design.times(self._fold, FOLDS, self.points)
+        gram, side = grams.sum(axis=0), sides.sum(axis=0)
+        coefficients = np.empty_like(sides)
+        for k in range(FOLDS):
+            remaining = gram - grams[k]
             remaining[NEAR] += RIDGE * gram[NEAR].max()  # where a fold has all samples of a span
-            coefficients = _solve(cholesky_banded(remaining), side - right)
-            found.append(((part @ coefficients - self.points[fold]) ** 2).sum(axis=1).mean())
-        return np.array(found)
+            coefficients[k] = _solve(cholesky_banded(remaining), side - sides[k])
+        away = ((design.at(self._fold, coefficients) - self.points) ** 2).sum(axis=1)
+        return np.array([away[self._fold == k].mean() for k in range(FOLDS)])
 
     def best_spans(self, most: int, good: float) -> int:
         """The fewest spans that foretell what is left out as well as the best, within its standard error.
@@ -114,24 +159,31 @@ class Recorded:
 
     def fitted(self, spans: int, start: Array | None = None) -> "Fit":
         """The spline of so many spans near the samples; it begins at `start` (3,) [m] if that is given."""
-        design = self._design(spans)
+        design, whole = self._design(spans), np.zeros_like(self._block)
         known = 0 if start is None else 1
         fixed = np.zeros((known, 3)) if start is None else start[np.newaxis]
-        rest = design[:, known:]
-        side = self.points - design[:, :known] @ fixed
-        factor = cholesky_banded(_banded(rest))
-        free = np.vstack([fixed, _solve(factor, rest.T @ side)])
-        residual = self.points - design @ free
+        rest, side = design, self.points
+        if start is not None:
+            rest, held = design.without_first(), np.zeros((1, design.columns, 3))
+            held[0, 0] = start
+            side = self.points - design.at(whole, held)
+        factor = cholesky_banded(rest.banded(whole, 1)[0])
+        free = np.vstack([fixed, _solve(factor, rest.times(whole, 1, side)[0])])
+        del side
+        residual = self.points - design.at(whole, free[np.newaxis])
+        del design, whole
         breaks = _breaks(self.time[-1], spans)
         # Signs at random, a block together: keeps how large the noise was there, and for how long it lasts.
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(DRAWS, self._block[-1] + 1))
+        random, signs = np.random.default_rng(0), np.empty((self._block[-1] + 1, DRAWS), dtype=np.int8)
+        for k in range(DRAWS):
+            signs[:, k] = random.choice([-1, 1], size=len(signs))
+        sums = rest.signed_times(self._block, signs, residual)
         drawn = [
-            np.vstack(
-                [np.zeros_like(fixed), _solve(factor, rest.T @ (sign[self._block, np.newaxis] * residual))]
-            )
-            for sign in signs
+            np.vstack([np.zeros_like(fixed), _solve(factor, np.ascontiguousarray(sums[:, :, k]))])
+            for k in range(DRAWS)
         ]
-        curves = [spline(breaks, each[_free(spans)], NEAR) for each in (free, *(free + new for new in drawn))]
+        tied = free_coefficients(spans)
+        curves = [spline(breaks, each[tied], NEAR) for each in (free, *(free + new for new in drawn))]
         return Fit(curves[0], residual, tuple(curves[1:]))
 
 
@@ -160,15 +212,6 @@ class Fit:
         return error
 
 
-def _banded(design: csr_matrix) -> Array:
-    """The matrix of the normal equations, its diagonals as SciPy has them."""
-    gram = design.T @ design
-    bands = np.zeros((NEAR + 1, gram.shape[0]))
-    for k in range(min(NEAR + 1, gram.shape[0])):
-        bands[NEAR - k, k:] = gram.diagonal(k)
-    return bands
-
-
 def _solve(factor: Array, side: Array) -> Array:
     solution: Array = cho_solve_banded((factor, False), side)
     return solution
@@ -176,12 +219,6 @@ def _solve(factor: Array, side: Array) -> Array:
 
 def _breaks(end: float, spans: int) -> Array:
     return np.linspace(0.0, end, spans + 1)
-
-
-def _free(spans: int) -> NDArray[np.intp]:
-    """Which free coefficient each coefficient is (spans + NEAR,)."""
-    count = spans + NEAR
-    return np.clip(np.arange(count) - (TIED - 1), 0, count - 2 * TIED + 1)
 
 
 def _numbers_of_spans(most: int) -> Iterator[int]:

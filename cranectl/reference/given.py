@@ -1,16 +1,19 @@
 """Segments whose motion is given, by way points or by samples: what they become, and what is refused."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from cranectl.reference.drive_demand import check_demand
-from cranectl.reference.files import AXES, Motion, read_motion
+from cranectl.reference.files import AXES, RecordedMotion, read_motion
 from cranectl.reference.fitting import Fit, Recorded, path_through, through_points
-from cranectl.reference.sanity import check_numbers, check_samples
+from cranectl.reference.sanity import check_length, check_numbers, check_samples
 from cranectl.scenario import Scenario
-from cranectl.scenario.segments import MOST_POINTS, MOST_SPANS, Samples, Spline, WayPoints
+from cranectl.scenario.segments import MAX_SPLINE_POINTS, MOST_SPANS, Hold, Samples, Spline, WayPoints
 from cranectl.scenario.settings import parse_settings
 from cranectl.scenario.tables import TO_START, FitNumbers, FromFile
 from cranectl.support.arrays import Array
@@ -18,12 +21,26 @@ from cranectl.support.errors import InputError
 
 NEGLIGIBLE = 0.2  # of the error below which a load counts as settled: 1 mm on the laboratory rig
 EXACT = 1e-4  # of that, 0.1 µm: below it knots would follow what is left of a simulated load's swing
-FARTHEST = 1e4  # [m] that a coefficient may be away
+MAX_COEFFICIENT = 1e4  # [m] that a coefficient may be away
+FASTER = "correct the times or units.time"
 BAND_POINTS = 16  # in each span, where the band is looked at
 
 
-def way_points(segment: WayPoints, start: Array, scenario: Scenario, directory: Path, where: str) -> Spline:
-    """The spline through a segment's points; raises InputError."""
+class Stretch(NamedTuple):
+    """Way points from one index to another, both included."""
+
+    first: int
+    last: int
+    rests: bool  # at one point all the time
+
+
+def way_points(
+    segment: WayPoints, start: Array, scenario: Scenario, directory: Path, where: str
+) -> list[Spline | Hold]:
+    """Return the splines through a segment's points, with a rest wherever a point is repeated.
+
+    Raises InputError.
+    """
     motion = None
     if segment.file is not None:
         timed = "speed" if segment.columns.speed else "time"
@@ -32,31 +49,63 @@ def way_points(segment: WayPoints, start: Array, scenario: Scenario, directory: 
         motion = read_motion(directory / segment.file, segment, wanted, where)
         where = f"{where}: {segment.file}"
     points = np.array(segment.points) if motion is None else motion.points
-    if not 2 <= len(points) <= MOST_POINTS:
+    if not 2 <= len(points) <= MAX_SPLINE_POINTS:
         raise InputError(
             f"{where}: {len(points)} points",
-            allowed=f"2 to {MOST_POINTS}: a spline passes through each",
+            allowed=f"2 to {MAX_SPLINE_POINTS}: a spline passes through each",
             remedy='near more than that passes kind = "samples"',
         )
     check_numbers(np.arange(len(points), dtype=np.float64), points, where)
     time = _times(segment, motion, points, where)
     check_numbers(time, points, where)
     if segment.time_law is None:
-        _check_length(time, scenario, where)
-    points = _moved(points, points[0], segment, start, scenario, np.zeros(3), where)
+        check_length(time[-1] - time[0], scenario, f"{where} lasts", FASTER)
+    points = _moved(points, segment, start, scenario, first=points[0], error=np.zeros(3), where=where)
     points[0] = start
     time = time - time[0]
-    curve = (path_through if segment.time_law else through_points)(time, points)
-    astray = np.abs(curve(time) - points).max() >= EXACT * _negligible(scenario)
-    if astray or not np.abs(curve.c).max() <= FARTHEST:
+    if segment.time_law is not None:
+        return [_segment(segment, _curve_through(segment, time, points, scenario, where), motion)]
+    found: list[Spline | Hold] = []
+    for first, last, rests in _stretches(points, EXACT * _negligible(scenario)):
+        own = time[first : last + 1] - time[first]
+        if rests:
+            points[first : last + 1] = points[first]
+            found.append(
+                parse_settings(Hold, {"kind": "hold", "duration": float(own[-1])}, f"{where}, a rest")
+            )
+            continue
+        curve = _curve_through(segment, own, points[first : last + 1], scenario, where)
+        check_demand([curve], scenario, where, begins=float(time[first]))
+        found.append(_segment(segment, curve, motion))
+    return found
+
+
+def _stretches(points: Array, near: float) -> Iterator[Stretch]:
+    """Divide way points (N, 3) into rests, where all are within `near` [m] of the first, and motions."""
+    moving = at = 0
+    while at < len(points) - 1:
+        apart = np.flatnonzero(np.linalg.norm(points[at + 1 :] - points[at], axis=1) > near)
+        last = at + int(apart[0]) if len(apart) else len(points) - 1
+        if last > at:
+            if at > moving:
+                yield Stretch(moving, at, rests=False)
+            yield Stretch(at, last, rests=True)
+            moving = last
+        at = max(last, at + 1)
+    if moving < len(points) - 1:
+        yield Stretch(moving, len(points) - 1, rests=False)
+
+
+def _curve_through(segment: WayPoints, time: Array, points: Array, scenario: Scenario, where: str) -> BSpline:
+    """Return the spline through points (N, 3) [m] at times from 0 [s]; raise InputError if there is none."""
+    curve, error = (path_through if segment.time_law else through_points)(time, points)
+    if not (error < EXACT * _negligible(scenario) and np.abs(curve.c).max() <= MAX_COEFFICIENT):
         raise InputError(
             f"{where}: no spline of degree {curve.k} can be computed through points so uneven in time",
             allowed=f"steps of time alike: now {np.diff(time).min():.2g} to {np.diff(time).max():.2g} s",
             remedy="leave out points that are close together, or add some between those far apart",
         )
-    if segment.time_law is None:
-        check_demand([curve], scenario, where)
-    return _segment(segment, curve, motion)
+    return curve
 
 
 def samples(segment: Samples, start: Array, scenario: Scenario, directory: Path, where: str) -> Spline:
@@ -66,8 +115,9 @@ def samples(segment: Samples, start: Array, scenario: Scenario, directory: Path,
     tolerance = _negligible(scenario)
     check_numbers(motion.columns["time"], motion.points, where)
     check_samples(motion.columns["time"], motion.points, tolerance, where)
-    _check_length(motion.columns["time"], scenario, where)
-    time = motion.columns["time"] - motion.columns["time"][0]
+    times = motion.columns["time"]
+    check_length(times[-1] - times[0], scenario, f"{where} lasts", FASTER)
+    time = times - times[0]
     recorded = Recorded(time, motion.points)
     spans = segment.spans or recorded.best_spans(MOST_SPANS, EXACT * tolerance)
     try:
@@ -78,25 +128,18 @@ def samples(segment: Samples, start: Array, scenario: Scenario, directory: Path,
             allowed="samples in every span",
             remedy="leave out spans: it is chosen then, or take fewer",
         ) from None
-    points = _moved(motion.points, free.curve.c[0], segment, start, scenario, free.start_error(), where)
+    points = _moved(
+        motion.points, segment, start, scenario, first=free.curve.c[0], error=free.start_error(), where=where
+    )
     recorded = Recorded(time, points)
+    del free  # its residuals take as much memory as the points
     fit = recorded.fitted(spans, start)
     at = np.linspace(0.0, time[-1], BAND_POINTS * spans + 1)
     check_demand((fit.curve, *fit.drawn), scenario, where, at)
     return _segment(segment, fit.curve, motion, _numbers(fit, recorded, spans, at))
 
 
-def _check_length(time: Array, scenario: Scenario, where: str) -> None:
-    length = time[-1] - time[0]
-    if length > scenario.duration * (1.0 + 1e-12):
-        raise InputError(
-            f"{where} lasts {length:.6g} s, longer than the run, {scenario.duration:g} s",
-            allowed="a run that its reference fits into",
-            remedy=f"duration = {np.ceil(length):g} or more, or correct units.time",
-        )
-
-
-def _times(segment: WayPoints, motion: Motion | None, points: Array, where: str) -> Array:
+def _times(segment: WayPoints, motion: RecordedMotion | None, points: Array, where: str) -> Array:
     """When each point is passed (N,) [s]."""
     given = segment.times if segment.times is not None else segment.speed
     if given is None and motion is not None and "time" in motion.columns:
@@ -108,6 +151,9 @@ def _times(segment: WayPoints, motion: Motion | None, points: Array, where: str)
             allowed="one for each point",
             remedy="add or remove some",
         )
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if segment.time_law is not None or segment.times is None:
+        _check_apart(chords, segment, where)
     if segment.times is not None:
         return np.array(segment.times)
     chosen = segment.columns.speed is not None or segment.speed is not None
@@ -118,20 +164,46 @@ def _times(segment: WayPoints, motion: Motion | None, points: Array, where: str)
     else:
         speeds = np.array(segment.speed) if motion is None or segment.speed else motion.columns["speed"]
         along = 0.5 * (speeds[1:] + speeds[:-1])
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    for what, wrong in (("no way", ~(chords > 0.0)), ("a mean speed of 0", ~(along > 0.0))):
-        if wrong.any():
-            k = int(np.argmax(wrong))
-            raise InputError(
-                f"{where}: {what} from point {k + 1} to the next: it takes no time, or for ever",
-                allowed="points apart from each other, with speeds above 0 between them",
-                remedy="give times, or correct the point",
-            )
+    still = np.flatnonzero(~(along > 0.0))
+    if len(still):
+        raise InputError(
+            f"{where}: a mean speed of 0 from point {still[0] + 1} to the next: it takes for ever",
+            allowed="a speed above 0 at one of two neighbouring points",
+            remedy="raise the speed, or give times in place of speeds",
+        )
     return np.concatenate([[0.0], np.cumsum(chords / along)])
 
 
+def _check_apart(chords: Array, segment: WayPoints, where: str) -> None:
+    """Raise InputError for a repeated point where nothing says how long the load rests there."""
+    repeated: NDArray[np.intp] = np.flatnonzero(~(chords > 0.0))
+    if not len(repeated):
+        return
+    again = f"point{'s' * (len(repeated) > 1)} {', '.join(str(k + 2) for k in repeated)}"
+    if isinstance(segment.speed, tuple):
+        again += " and the speeds there"
+    if len(repeated) == len(chords):
+        remedy = 'to stay in place use kind = "hold"'
+    elif segment.time_law is not None:
+        remedy = f"leave out {again}; to stop there, end the segment there and begin another"
+    else:
+        remedy = f"leave out {again}; to rest there, give times in place of speeds"
+    raise InputError(
+        f"{where}: no way from point {repeated[0] + 1} to the next: both are the same point",
+        allowed="points apart from each other, except with times and without a time_law",
+        remedy=remedy,
+    )
+
+
 def _moved(
-    points: Array, first: Array, segment: FromFile, start: Array, scenario: Scenario, error: Array, where: str
+    points: Array,
+    segment: FromFile,
+    start: Array,
+    scenario: Scenario,
+    *,
+    first: Array,
+    error: Array,
+    where: str,
 ) -> Array:
     """The points where the segment wants them; raises InputError unless `first` is `start` then.
 
@@ -142,6 +214,13 @@ def _moved(
     allowed = _negligible(scenario) + 4.0 * error
     if (away > allowed).any():
         told = ", ".join(f"{number:.4f}" for number in first + offset)
+        if (first + offset)[2] >= 0.0 > start[2] and segment.signs[2] == 1:
+            raise InputError(
+                f"{where} starts at [{told}], not below the trolley",
+                allowed="z upwards from the height of the trolley, so that a hanging load has z below 0",
+                remedy="signs = [1, 1, -1] if the file counts z downwards; or offset = "
+                f"'{TO_START}' if it counts from elsewhere",
+            )
         raise InputError(
             f"{where} starts at [{told}], where the load is at {[round(x, 4) for x in start.tolist()]}",
             allowed=f"at most {1e3 * allowed.max():.2g} mm between them",
@@ -170,7 +249,7 @@ def _numbers(fit: Fit, recorded: Recorded, spans: int, at: Array) -> FitNumbers:
 
 
 def _segment(
-    segment: WayPoints | Samples, curve: BSpline, motion: Motion | None, fit: FitNumbers | None = None
+    segment: WayPoints | Samples, curve: BSpline, motion: RecordedMotion | None, fit: FitNumbers | None = None
 ) -> Spline:
     made = {
         "kind": "spline",

@@ -1,27 +1,32 @@
 """Where the segments of a reference are from, for people."""
 
-from cranectl.reference.planning.review import reviews
 from cranectl.scenario import Scenario
-from cranectl.scenario.segments import Spline
+from cranectl.scenario.along_path import Plannable
+from cranectl.scenario.segments import Segment, Spline
 from cranectl.support.units import quantity
 
-DIGITS = 12  # of a digest
+DIGEST_DIGITS = 12  # of a digest
 
 
 def origins(scenario: Scenario) -> dict[str, str]:
-    """By name, `segment 0`, what a segment from a file is made of, and what a planned one is worth."""
-    segments = enumerate(scenario.reference.segments)
-    made = {k: _origin(each) for k, each in segments if isinstance(each, Spline) and each.source}
-    for review in reviews(scenario):
-        made[review.segment] = "; ".join([*filter(None, [made.get(review.segment)]), review.in_short])
-    return {f"segment {k}": made[k] for k in sorted(made)}
+    """Return by name, `segment 0`, what a segment from a file is made of, and what its plan claims."""
+    made = {f"segment {k}": _origin(each) for k, each in enumerate(scenario.reference.segments)}
+    return {name: origin for name, origin in made.items() if origin}
 
 
-def _origin(spline: Spline) -> str:
+def _origin(segment: Segment) -> str:
+    file = _file_of(segment) if isinstance(segment, Spline) and segment.source else ""
+    claim = segment.claim if isinstance(segment, Plannable) else ""
+    return "; ".join(filter(None, (file, claim)))
+
+
+def _file_of(spline: Spline) -> str:
     source, fit = spline.source, spline.fit
     assert source is not None
     held = "held here" if spline.held else "not held here"
-    file = f"{spline.made_from.get('kind')} from {source.file} (SHA-256 {source.sha256[:DIGITS]}, {held})"
+    file = (
+        f"{spline.made_from.get('kind')} from {source.file} (SHA-256 {source.sha256[:DIGEST_DIGITS]}, {held})"
+    )
     if fit is None:
         return f"{file}: {len(spline.breaks)} points"
     left_out, residual = (quantity(error, "m") for error in (fit.left_out_error, fit.residual))

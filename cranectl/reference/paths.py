@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import BSpline
 
-from cranectl.reference.planning.geometry import Chain
-from cranectl.reference.planning.series import from_derivatives
+from cranectl.reference.geometry import Chain
+from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import Law, derivatives, progress, spline
 from cranectl.support.arrays import Array
 

@@ -2,11 +2,15 @@
 
 import numpy as np
 
+from cranectl.scenario import Scenario
+from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 LEAST_SAMPLES = 50  # ten folds of five to leave out
 NEAR_END = 10  # samples, or more within 0.1 s
+# Coordinates of a map and seconds since 1970 are less; of these a double still tells 0.02 µm and 0.1 ms.
+MAX_DISTANCE, LATEST = 1e8, 1e12  # [m], [s]
 GAP = 5.0  # of the usual step
 # [m/s²]; of a load, between three neighbours: four times what a drive's ramp usually is
 HARDEST = 16.0
@@ -15,8 +19,27 @@ HARDEST = 16.0
 USUAL, BEYOND = 0.8, 8.0
 
 
+def check_length(length: float, scenario: Scenario, what: str, otherwise: str) -> None:
+    """Raise InputError for a reference longer than its run; `what` and a length [s] begin its message.
+
+    `otherwise`: what can be done in place of a longer run.
+    """
+    if length <= scenario.duration * (1.0 + 1e-12):
+        return
+    period = scenario.control.period
+    fits = float(np.ceil(length))
+    if abs(fits / period - round(fits / period)) > 1e-6:  # a run has whole periods
+        fits = float(np.ceil(length / period) * period)
+    longer = f"duration = {fits:.9g} or more, " if fits <= MAX_DURATION else ""
+    raise InputError(
+        f"{what} {length:.6g} s, longer than the run, {scenario.duration:g} s",
+        allowed=f"a run that its reference fits into, of at most {MAX_DURATION:g} s",
+        remedy=f"{longer}{'or ' * bool(longer)}{otherwise}",
+    )
+
+
 def check_numbers(time: Array, points: Array, where: str) -> None:
-    """Raise InputError for NaN or infinity and for times that do not increase."""
+    """Raise InputError for NaN, infinity, what is too far away, and times that do not increase."""
     wrong = np.flatnonzero(~np.isfinite(np.column_stack([time, points])).all(axis=1))
     if len(wrong):
         raise InputError(
@@ -25,6 +48,13 @@ def check_numbers(time: Array, points: Array, where: str) -> None:
             + (f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""),
             allowed="numbers in all rows",
             remedy="leave these rows out, or record the motion again",
+        )
+    far = np.flatnonzero((np.abs(points) > MAX_DISTANCE).any(axis=1) | (np.abs(time) > LATEST))
+    if len(far):
+        raise InputError(
+            f"{where}: sample {far[0] + 1} is at {time[far[0]]:g} s, x, y, z = {_told(points[far[0]])} m",
+            allowed=f"at most {MAX_DISTANCE:g} m and {LATEST:g} s from zero",
+            remedy="correct the units, or record the motion again",
         )
     late = np.flatnonzero(np.diff(time) <= 0.0)
     if len(late):

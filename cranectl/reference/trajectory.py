@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.reference.driven import DrivenPath, HandLimits
+from cranectl.reference.given_path import chain_of, check_moves
 from cranectl.reference.paths import ArcPath, ChainPath, HoldPath, LinePath, Path, SplinePath
-from cranectl.reference.planning.given_path import chain_of, check_moves
 from cranectl.reference.time_laws import law_of
 from cranectl.scenario import AddedSegment, Hold, Line, ReferenceSettings, Segment
 from cranectl.scenario.along_path import Arc, BlendedPath

@@ -53,9 +53,12 @@ class Caption:
         layer = Image.new("RGBA", (width, height), (255, 255, 255, 0))
         pen = ImageDraw.Draw(layer)
         left, run = self._px(24), self._timeline.main.run
+        runs = [track.run for track in self._timeline.tracks]
+        controllers = ", ".join(dict.fromkeys(run.design.name for run in runs))
+        subtitle = f"{controllers}, {' and '.join(dict.fromkeys(run.drive for run in runs))} drives"
         for y, text, role, letters in (
             (18, run.scenario.name, "ink", font(self._px(24), bold=True)),
-            (52, _subtitle(self._timeline), "muted", font(self._px(15))),
+            (52, subtitle, "muted", font(self._px(15))),
         ):
             pen.text((left, self._px(y)), _shortened(text, letters, 0.62 * width), LIGHT[role], letters)
         length, (right, middle) = scale
@@ -88,13 +91,6 @@ def _shortened(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
     return text[:kept] + "…"
 
 
-def _subtitle(timeline: Timeline) -> str:
-    """Controllers, then drives."""
-    runs = [track.run for track in timeline.tracks]
-    controllers = ", ".join(dict.fromkeys(run.design.name for run in runs))
-    return f"{controllers}, {' and '.join(dict.fromkeys(run.drive for run in runs))} drives"
-
-
 def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     """What is read off at `time` [s]: a line of text each, and the role of its colour."""
     errors = {track.label: track.error[track.row(time)] for track in timeline.tracks}
@@ -115,40 +111,40 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
 
 
 def legend(timeline: Timeline) -> list[tuple[Sign, str]]:
-    """What is to be seen, and what it means."""
+    """Return the signs of what is to be seen, and what they mean."""
     signs: list[tuple[Sign, str]] = []
     alone = f", last {drawn_trail(timeline.main.run.scenario.rig):.0f} s"
     for track in timeline.tracks:
         colour, width = (track.colour + "66", 9) if track.ghost else (track.colour, 3)
         role = alone if len(timeline.tracks) == 1 else ": ghost" if track.ghost else ": solid"
         name = track.label if timeline.by_label else f"{track.label} plant"
-        signs.append((partial(_line, colour, width), f"{name}{role}"))
-    signs.append((partial(_ball, LIGHT["series-3"]), "where the load should be"))
+        signs.append((partial(_line, colour=colour, width=width), f"{name}{role}"))
+    signs.append((_ball, "where the load should be"))
     if len(timeline.path_dashes):
-        signs.append((partial(_dashed, LIGHT["ink"]), "its whole path"))
+        signs.append((_dashed, "its whole path"))
     if any(track.run.scenario.forced or track.run.block("disturbance").any() for track in timeline.tracks):
-        signs.append((partial(_arrow, LIGHT["series-4"]), "disturbance"))
+        signs.append((_arrow, "disturbance"))
     if any(track.nearly_slack.any() for track in timeline.tracks):
-        signs.append((partial(_line, SLACK_ROPE, 3), "rope nearly slack"))
+        signs.append((partial(_line, colour=SLACK_ROPE), "rope nearly slack"))
     return signs
 
 
-def _line(colour: str, width: float, pen: Pen, middle: float, right: float, unit: float) -> None:
+def _line(pen: Pen, middle: float, right: float, unit: float, *, colour: str, width: float = 3) -> None:
     half = width * unit / 2
     pen.rectangle((0, middle - half, right, middle + half), fill=colour)
 
 
-def _dashed(colour: str, pen: Pen, middle: float, right: float, unit: float) -> None:
+def _dashed(pen: Pen, middle: float, right: float, unit: float) -> None:
     dash = right / 5
     for k in (0, 2, 4):
-        pen.rectangle((k * dash, middle - unit, (k + 1) * dash, middle + unit), fill=colour)
+        pen.rectangle((k * dash, middle - unit, (k + 1) * dash, middle + unit), fill=LIGHT["ink"])
 
 
-def _ball(colour: str, pen: Pen, middle: float, right: float, unit: float) -> None:
-    pen.circle((right / 2, middle), 6 * unit, fill=colour)
+def _ball(pen: Pen, middle: float, right: float, unit: float) -> None:
+    pen.circle((right / 2, middle), 6 * unit, fill=LIGHT["series-3"])
 
 
-def _arrow(colour: str, pen: Pen, middle: float, right: float, unit: float) -> None:
-    neck = right - 12 * unit
+def _arrow(pen: Pen, middle: float, right: float, unit: float) -> None:
+    neck, colour = right - 12 * unit, LIGHT["series-4"]
     pen.rectangle((0, middle - 1.5 * unit, neck, middle + 1.5 * unit), fill=colour)
     pen.polygon(((neck, middle - 6 * unit), (right, middle), (neck, middle + 6 * unit)), fill=colour)

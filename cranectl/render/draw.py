@@ -27,9 +27,13 @@ from cranectl.support.files import replacing, writing
 
 CAMERAS = ("overview", "side", "top")
 LIMITS = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
-SMALLEST, SMALLEST_WITH_PLOTS, LARGEST = (400, 300), (720, 360), (3840, 2160)
-LARGE, LARGE_WITH_PLOTS = (960, 720), (1440, 720)  # plots take a third of the width
-SMALL, SMALL_WITH_PLOTS = (480, 360), (900, 450)  # of a GIF
+SMALLEST, LARGEST = {False: (400, 300), True: (720, 360)}, (3840, 2160)  # by whether there are plots
+USUAL = {  # sizes by whether it is a GIF and whether there are plots
+    (False, False): (960, 720),
+    (False, True): (1440, 720),
+    (True, False): (480, 360),
+    (True, True): (900, 450),
+}
 PLOTS_SHARE = 3  # plots take the third part of the width
 LONGEST_GIF = 3000  # pictures, which are held in memory
 PALETTE_SAMPLES = 6  # pictures from which a GIF takes its colours
@@ -94,14 +98,11 @@ def render_settings(
     for name, value in (("fps", fps), ("speed", speed)):
         low, high = LIMITS[name]
         if value is not None and not low <= value <= high:
-            raise InputError(f"--{name} {value:g}", allowed=f"{low:g} to {high:g}")
-    if size:
-        width, height = _parsed_size(size, SMALLEST_WITH_PLOTS if plots else SMALLEST)
-    elif ending == ".gif":
-        width, height = SMALL_WITH_PLOTS if plots else SMALL
-    else:
-        width, height = LARGE_WITH_PLOTS if plots else LARGE
+            raise InputError(
+                f"--{name} {value:g}", allowed=f"{low:g} to {high:g}", remedy=f"choose another --{name}"
+            )
     usual_fps = 10.0 if ending == ".gif" else 25.0
+    width, height = _parsed_size(size, SMALLEST[plots]) if size else USUAL[ending == ".gif", plots]
     return RenderSettings(out, width, height, camera, plots, time, fps or usual_fps, speed or 1.0)
 
 
@@ -173,7 +174,7 @@ def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
 
 
 def _times(timeline: Timeline, settings: RenderSettings) -> Array:
-    """When the pictures are [s]."""
+    """Return when the pictures are [s]."""
     if settings.ending != ".png":
         times = timeline.times(settings.fps, settings.speed)
         if settings.ending == ".gif" and len(times) > LONGEST_GIF:
@@ -232,7 +233,7 @@ def check_encoder() -> None:
 
 
 def write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float, size: tuple[int, int]) -> None:
-    """H.264, to be played while it loads."""
+    """Write a video in H.264 that plays while it loads."""
     import av
     from av.video.reformatter import ColorRange, Colorspace
 
@@ -251,11 +252,9 @@ def write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float, size: tup
 
         # One picture is encoded while the next is drawn.
         with ThreadPoolExecutor(max_workers=1) as encoder:
-            encoded: Future[None] | None = None
+            encoded: Future[None] = encoder.submit(lambda: None)
             for picture in pictures:
-                if encoded is not None:
-                    encoded.result()
-                encoded = encoder.submit(encode, picture)
-            if encoded is not None:
                 encoded.result()
+                encoded = encoder.submit(encode, picture)
+            encoded.result()
         container.mux(stream.encode())

@@ -4,12 +4,12 @@ import contextlib
 import functools
 import importlib
 import os
-import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
 from typing import Any
 
+from cranectl.support.children import answer_of_program
 from cranectl.support.errors import InputError
 
 HEADLESS = ("egl", "osmesa")
@@ -80,15 +80,14 @@ def _chosen() -> tuple[str, dict[str, str]]:
 
 def _failure(backend: str) -> str:
     """Why a backend does not work, or nothing. In a process of its own: a failure would bar all others."""
-    command = [sys.executable, "-c", PROBE.format(backend)]
+    # -P: no module of the working directory, but those of PYTHONPATH as in this process.
+    command = [sys.executable, "-P", "-c", PROBE.format(backend)]
     environment = {**os.environ, "MUJOCO_GL": backend}
     try:
-        done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=PROBE_TIME, check=False
-        )
-    except subprocess.TimeoutExpired:
+        code, _, errors = answer_of_program(command, PROBE_TIME, environment=environment)
+    except TimeoutError:
         return "it hangs"
-    return _reason(done.stderr or "it crashes") if done.returncode else ""
+    return _reason(errors or "it crashes") if code else ""
 
 
 def _reason(text: str) -> str:

@@ -114,12 +114,11 @@ def _panels(timeline: Timeline) -> list[Panel]:
     alpha = _curves(timeline, lambda track: np.degrees(track.run.signal("state.alpha")))
     beta = _curves(timeline, lambda track: np.degrees(track.run.signal("state.beta")), dashed=True)
     tension = _curves(timeline, lambda track: track.run.signal("load.rope_tension"))
+    error, range_n = _curves(timeline, lambda track: track.error), (0.0, 1.1 * weight)
     panels = [
-        _told("load off its reference [{}]", "m", _curves(timeline, lambda track: track.error), (0.0, 1e-3)),
+        _told("load off its reference [{}]", "m", error, (0.0, 1e-3)),
         Panel("rope angles α, β (dashed) [°]", alpha + beta, (-1.0, 1.0)),
-        _told(
-            "rope tension [{}], red: nearly slack", "N", tension, (0.0, 1.1 * weight), NEARLY_SLACK * weight
-        ),
+        _told("rope tension [{}], red: nearly slack", "N", tension, range_n, NEARLY_SLACK * weight),
     ]
     if timeline.distances:
         ghosts = [track for track in timeline.tracks if track.ghost]
@@ -158,10 +157,8 @@ def _draw(axes: Axes, panel: Panel) -> None:
         axes.axhline(panel.limit, color=LIGHT["limit"], linewidth=0.9, linestyle=(0, (2, 2)))
     for curve in panel.curves:
         width, opacity = (4.5, 0.35) if curve.wide else (1.3, 1.0)
-        dash = (0, (4, 2)) if curve.dashed else "-"
-        axes.plot(
-            curve.time, curve.values, color=curve.colour, linewidth=width, alpha=opacity, linestyle=dash
-        )
+        style: dict[str, Any] = {"linestyle": (0, (4, 2)) if curve.dashed else "-", "alpha": opacity}
+        axes.plot(curve.time, curve.values, color=curve.colour, linewidth=width, **style)
     low, high = min(axes.get_ylim()[0], panel.shown[0]), max(axes.get_ylim()[1], panel.shown[1])
     axes.set_ylim(low, high if panel.logarithmic else high + HEADROOM * (high - low))
     axes.set_title(panel.title)
@@ -169,19 +166,14 @@ def _draw(axes: Axes, panel: Panel) -> None:
 
 def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
     line: dict[str, Any] = {"color": LIGHT["series-4"], "linewidth": 0.9}
+    names, above = {"alpha": "push on α", "beta": "push on β"}, axes.get_xaxis_transform()
     for disturbance in timeline.main.run.scenario.disturbances:
         axes.axvline(disturbance.start, **line)
         if disturbance.end is not None:
             axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **line)
         if named:
-            axes.annotate(
-                {"alpha": "push on α", "beta": "push on β"}.get(disturbance.joint or "", "force on load"),
-                (disturbance.start, 1.0),
-                xycoords=axes.get_xaxis_transform(),
-                xytext=(3.0, -9.0),
-                textcoords="offset points",
-                color=LIGHT["series-4"],
-            )
+            name, place = names.get(disturbance.joint or "", "force on load"), (disturbance.start, 1.0)
+            axes.annotate(name, place, (3.0, -9.0), above, "offset points", color=LIGHT["series-4"])
 
 
 def _dot(strip: Image.Image, centre: tuple[float, float], radius: float, colour: str) -> None:

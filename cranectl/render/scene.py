@@ -115,24 +115,20 @@ class Renderer:
                 self._add_disturbance(track, data, row)
                 self._add_reference(track, row)
             self._add_trail(track, row)
-        self._add_scale_bar()
+        for start, end in (self._bar, *np.stack([self._bar - self._tick, self._bar + self._tick], axis=1)):
+            self._connect(LINE, 2.0 * self._line, start, end, (*rgb(LIGHT["ink"]), 1.0))
         for box in self._timeline.main.run.scenario.obstacles:
             low, high = np.array(box.low), np.array(box.high)
             self._add(BOX, 0.5 * (high - low), 0.5 * (low + high), (*rgb(LIGHT["muted"]), OBSTACLE))
 
     def _set_solid(self, data: Any, rope: Colour) -> None:
         self._model.material("rope").rgba = (*rope, 1.0)
-        everything = mujoco.mjtCatBit.mjCAT_ALL
-        options, perturbation = mujoco.MjvOption(), mujoco.MjvPerturb()
-        mujoco.mjv_updateScene(
-            self._model, data, options, perturbation, self._camera, everything, self._scene
-        )
+        everything, how = mujoco.mjtCatBit.mjCAT_ALL, (mujoco.MjvOption(), mujoco.MjvPerturb())
+        mujoco.mjv_updateScene(self._model, data, *how, self._camera, everything, self._scene)
 
     def _add_ghost(self, track: Track, model: Any, data: Any, rope: Colour) -> None:
-        first = self._scene.ngeom
-        options, perturbation = mujoco.MjvOption(), mujoco.MjvPerturb()
-        moving = mujoco.mjtCatBit.mjCAT_DYNAMIC
-        mujoco.mjv_addGeoms(model, data, options, perturbation, moving, self._scene)
+        first, moving = self._scene.ngeom, mujoco.mjtCatBit.mjCAT_DYNAMIC
+        mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), moving, self._scene)
         for geom in self._scene.geoms[first : self._scene.ngeom]:
             is_rope = geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and rope == SLACK_COLOUR
             geom.rgba = (*(rope if is_rope else rgb(track.colour)), GHOST)
@@ -173,15 +169,9 @@ class Renderer:
         width, opacity = (5.0, GHOST) if track.ghost else (1.7, 1.0)
         if track.ghost:
             points = np.array([self._behind(point) for point in points])
-        for fading, start, end in zip(
-            np.linspace(0.1, 1.0, len(points))[1:], points, points[1:], strict=False
-        ):
-            self._connect(LINE, width * self._line, start, end, (*rgb(track.colour), fading * opacity))
-
-    def _add_scale_bar(self) -> None:
-        ticks = np.stack([self._bar - self._tick, self._bar + self._tick], axis=1)
-        for start, end in (self._bar, *ticks):
-            self._connect(LINE, 2.0 * self._line, start, end, (*rgb(LIGHT["ink"]), 1.0))
+        shades = opacity * np.linspace(0.1, 1.0, len(points))[1:]
+        for shade, start, end in zip(shades, points, points[1:], strict=False):
+            self._connect(LINE, width * self._line, start, end, (*rgb(track.colour), shade))
 
     def _behind(self, point: Array) -> Array:
         sight = point - self._eye

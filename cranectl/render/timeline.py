@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
+from cranectl.support.arrays import Array, Mask
 from cranectl.support.colours import LIGHT, VIEWER_SERIES
 from cranectl.support.errors import InputError
 
@@ -37,11 +36,10 @@ class Track:
         return distance
 
     @cached_property
-    def nearly_slack(self) -> NDArray[np.bool_]:
+    def nearly_slack(self) -> Mask:
         """Whether the rope pulls with less than NEARLY_SLACK of the load's weight, shape (N,)."""
-        slack: NDArray[np.bool_] = (
-            self.run.signal("load.rope_tension") < NEARLY_SLACK * self.run.scenario.rig.weight
-        )
+        weight = self.run.scenario.rig.weight
+        slack: Mask = self.run.signal("load.rope_tension") < NEARLY_SLACK * weight
         return slack
 
     def row(self, time: float) -> int:
@@ -91,15 +89,9 @@ class Timeline:
         return result
 
     def distance(self, time: float) -> float | None:
-        """Largest of the distances [m]; None for one plant, and after all but one have ended."""
-        return max(
-            (
-                float(distance[np.argmin(np.abs(times - time))])
-                for times, distance in self.distances
-                if len(times) and time <= times[-1]
-            ),
-            default=None,
-        )
+        """Return the largest distance [m]; None for one plant, and after all but one have ended."""
+        going = ((times, far) for times, far in self.distances if len(times) and time <= times[-1])
+        return max((float(far[np.argmin(np.abs(times - time))]) for times, far in going), default=None)
 
     def times(self, fps: float, speed: float) -> Array:
         """When each frame is [s]: in even steps from the start, and at the end, which shows how it ended."""
@@ -115,8 +107,10 @@ class Timeline:
 
 
 def timeline_of(runs: Mapping[str, Run]) -> Timeline:
-    """The timeline of runs by plant, or by label; raises InputError if none has a sample."""
-    drawn = {name: run for name, run in ((n, _drawable(r)) for n, r in runs.items()) if len(run.time_ns)}
+    """Return the timeline of runs by plant or label; raise InputError if none has a sample."""
+    drawn = {
+        name: run for name, run in zip(runs, map(_drawable, runs.values()), strict=True) if len(run.time_ns)
+    }
     if not drawn:
         raise InputError(
             "the log holds no sample: its runs stopped before their first",

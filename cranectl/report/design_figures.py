@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from cranectl.design import Design
 from cranectl.design.linear_systems import inner_loop, open_loop
 from cranectl.design.loop_shaping import error_weight
+from cranectl.report.theme import WIDTH, canvas
 from cranectl.scenario import LoopShapingSettings
 from cranectl.support.arrays import Array
 
@@ -22,21 +23,30 @@ DISTURBED = ("disturbance of 1 m/s⁴ on v", "time [s]", "displacement [mm]")
 
 
 def design_figure(design: Design) -> Figure:
-    """Sensitivities, loop gains and two responses of the loop of one axis."""
-    loop = open_loop(design.gain, design.robustifier.system())
-    figure = Figure(figsize=(10.0, 7.5), layout="constrained")
+    """Draw sensitivities, loop gains and two responses of the loop of one axis."""
+    loop, inner = open_loop(design.gain, design.robustifier.system()), inner_loop(design.gain)(1j * OMEGA)
+    figure, panels = canvas(10.0, 7.5, 2, 2)
     figure.suptitle(f"{design.name}, one axis")
-    sensitivities, shaped, initial, disturbed = figure.subplots(2, 2).flat
+    sensitivities, gains, initial, disturbed = panels.flat
     _draw_sensitivities(sensitivities, loop)
-    _draw_loops(shaped, design, loop)
-    _draw_responses(initial, disturbed, loop)
+    gains.loglog(OMEGA, np.abs(loop(1j * OMEGA)), label="loop cut at v")
+    gains.loglog(OMEGA, np.abs(inner), "--", label="G, v̄ to z")
+    if design.robustifier.order:
+        gains.loglog(OMEGA, np.abs(inner * design.robustifier.system()(1j * OMEGA)), label="G K, robustified")
+    gains.axhline(1.0, color="0.6", linewidth=0.8)
+    off, pushed = _responses(loop)
+    initial.plot(STEP_TIME, off, label="z, from 1 m off")
+    disturbed.plot(STEP_TIME, pushed * 1e3, label="z, step on v")
+    _finish(gains, "loop gains", FREQUENCY, "magnitude")
+    _finish(initial, *INITIAL)
+    _finish(disturbed, *DISTURBED)
     return figure
 
 
 def designs_figure(designs: Sequence[Design]) -> Figure:
-    """Several designs on top of each other, a colour each."""
-    figure = Figure(figsize=(10.0, 7.9), layout="constrained")
-    sensitivities, gains, initial, disturbed = figure.subplots(2, 2).flat
+    """Draw several designs on top of each other, a colour each."""
+    figure, panels = canvas(10.0, 7.9, 2, 2)
+    sensitivities, gains, initial, disturbed = panels.flat
     for k, design in enumerate(designs):
         loop, colour = open_loop(design.gain, design.robustifier.system()), f"C{k}"
         response = loop(1j * OMEGA)
@@ -57,11 +67,10 @@ def designs_figure(designs: Sequence[Design]) -> Figure:
 
 
 def loop_shaping_figure(design: Design, settings: LoopShapingSettings) -> Figure:
-    """How the weight shapes the inner loop and what robustification leaves of the shape; sensitivities."""
+    """Draw how the weight shapes the inner loop, what robustification leaves of it, and sensitivities."""
     robustifier = design.robustifier.system()
     inner, weight = (system(1j * OMEGA) for system in (inner_loop(design.gain), error_weight(settings)))
-    figure = Figure(figsize=(6.4, 5.4), layout="constrained")
-    shapes, sensitivities = figure.subplots(2, 1, sharex=True)
+    figure, (shapes, sensitivities) = canvas(WIDTH, 5.4, 2, 1, sharex=True)
     for values, style, label in (
         (inner, {"linestyle": (0, (4, 2))}, "G, v̄ to z"),
         (weight, {"linestyle": (0, (1, 1.5))}, "weight W_e"),
@@ -82,24 +91,6 @@ def _draw_sensitivities(axes: Axes, loop: control.StateSpace) -> None:
     for values, label in ((1.0 / (1.0 + response), "S"), (response / (1.0 + response), "T")):
         axes.loglog(OMEGA, np.abs(values), label=f"|{label}|, peak {np.abs(values).max():.2f}")
     _finish(axes, "loop cut at v: sensitivities", FREQUENCY, "magnitude")
-
-
-def _draw_loops(axes: Axes, design: Design, loop: control.StateSpace) -> None:
-    inner = inner_loop(design.gain)(1j * OMEGA)
-    axes.loglog(OMEGA, np.abs(loop(1j * OMEGA)), label="loop cut at v")
-    axes.loglog(OMEGA, np.abs(inner), "--", label="G, v̄ to z")
-    if design.robustifier.order:
-        axes.loglog(OMEGA, np.abs(inner * design.robustifier.system()(1j * OMEGA)), label="G K, robustified")
-    axes.axhline(1.0, color="0.6", linewidth=0.8)
-    _finish(axes, "loop gains", FREQUENCY, "magnitude")
-
-
-def _draw_responses(initial: Axes, disturbed: Axes, loop: control.StateSpace) -> None:
-    off, pushed = _responses(loop)
-    initial.plot(STEP_TIME, off, label="z, from 1 m off")
-    _finish(initial, *INITIAL)
-    disturbed.plot(STEP_TIME, pushed * 1e3, label="z, step on v")
-    _finish(disturbed, *DISTURBED)
 
 
 def _responses(loop: control.StateSpace) -> tuple[Array, Array]:

@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import Controller, LawDesign, LinearLaw
-from cranectl.design import Design
+from cranectl.controllers.controller import Controller, LinearLaw
+from cranectl.design import ControllerDesign, Design
 from cranectl.design.records import Margins
 from cranectl.report.table import Table, cells
 
-ROUNDING = (
-    1e4  # by which polynomials of some poles that nearly coincide amplify it, at the most that was seen
-)
-TIMES = {2: "twice"}
+ROUNDING = 1e4  # by which polynomials of some poles that nearly coincide amplify it, at most, as seen
 
 
 def design_tables(design: Design) -> tuple[Table, Table]:
@@ -53,7 +50,9 @@ def _pole_rows(poles: Iterable[NDArray[Any]]) -> list[tuple[str, ...]]:
     return [(f"pole {k} [1/s]", *row) for k, row in enumerate(columns, 1)]
 
 
-def law_tables(design: LawDesign, controller: Controller, linear: Sequence[LinearLaw]) -> tuple[Table, ...]:
+def law_tables(
+    design: ControllerDesign, controller: Controller, linear: Sequence[LinearLaw]
+) -> tuple[Table, ...]:
     """Parameters of a law, and what it achieves near rest at some rope lengths, if it can say it."""
     rows = tuple(
         cells(each.name, value if isinstance(value, str) else f"{value:g}", each.unit, each.description)
@@ -92,24 +91,23 @@ def _margin_rows(margins: Margins) -> tuple[tuple[str, str, str], ...]:
 
 
 def _gamma_rows(design: Design) -> list[tuple[str, str, str]]:
-    if design.gamma is None or design.gamma_achieved is None:
-        return []
     shaping = design.stability_margin is not None
     what = "coprime factors of the shaped loop" if shaping else "of [W_s S; W_ks K S]"
-    rows = [("gamma", f"{design.gamma:.5f}", f"smallest possible, {what}")]
-    rows.append(("gamma achieved", f"{design.gamma_achieved:.5f}", "by this robustifier"))
-    if design.stability_margin is not None:
-        rows.append(("stability margin", f"{design.stability_margin:.5f}", "1 / gamma achieved"))
-    return rows
+    figures = (
+        ("gamma", design.gamma, f"smallest possible, {what}"),
+        ("gamma achieved", design.gamma_achieved, "by this robustifier"),
+        ("stability margin", design.stability_margin, "1 / gamma achieved"),
+    )
+    return [(name, f"{value:.5f}", text) for name, value, text in figures if value is not None]
 
 
 def _poles(poles: NDArray[Any]) -> list[str]:
-    """The slowest first, multiple ones once."""
+    """Return the poles as text, the slowest first, multiple ones once."""
     slowest_first = sorted(distinct_poles(poles), key=lambda each: (-each[0].real, each[0].imag))
     return [
         f"{pole.real:.4g}"
         + (f" {pole.imag:+.4g}i" if pole.imag else "")
-        + (f" ({TIMES.get(count, f'{count} times')})" if count > 1 else "")
+        + (f" ({'twice' if count == 2 else f'{count} times'})" if count > 1 else "")
         for pole, count in slowest_first
     ]
 

@@ -1,6 +1,7 @@
 """The plan of a reference, for the terminal and for pages: times, limits that act, proof, path."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -8,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from cranectl.reference.planning.limits import AXES
-from cranectl.reference.planning.review import ACTS, Review
+from cranectl.planning.limits import AXES
+from cranectl.planning.review import ACTS, Review
 from cranectl.report.table import Table, cells
+from cranectl.report.theme import WIDTH, canvas
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import seconds
 
-WIDTH = 6.4  # [in]
 PANELS = {  # title: quantities, each with its label
     "set-points": {f"{axis} set-point": axis for axis in AXES},
     "their rates": {f"{axis} set-point's rate": axis for axis in AXES},
@@ -24,7 +25,7 @@ PANELS = {  # title: quantities, each with its label
 
 
 def plan_tables(scenario: Scenario, found: Sequence[Review], least: Sequence[float] = ()) -> list[Table]:
-    """When which segment is driven; of the planned ones what proves them, and the limits that act.
+    """Tell when which segment is driven; of planned ones what proves them, and the limits that act.
 
     `least` [s] is how long each would last at best, or nothing if that was not asked for.
     """
@@ -32,33 +33,24 @@ def plan_tables(scenario: Scenario, found: Sequence[Review], least: Sequence[flo
     rows, begins = [], 0.0
     for index, segment in enumerate(scenario.reference.segments):
         review, duration = reviews.get(index), seconds(segment)
-        more = (
-            ["", "", ""]
-            if review is None
-            else [f"{review.least:.3f}" if review.least else "", str(review.proof.pieces), _slack(review)]
-        )
-        what = review.planned if review else f"a {segment.kind}, as given"
-        if least:
-            more.append(f"{least[index]:.3f}, {duration / least[index] - 1.0:.1%}" if review else "")
+        what, more = f"a {segment.kind}, as given", [""] * (4 if least else 3)
+        if review is not None:
+            name, slack = review.tightest
+            alone = f"{review.least:.3f}" if review.least else ""
+            what, more = review.planned, [alone, str(review.proof.pieces), f"{slack:.2g} of {name}"]
+            more += [f"{least[index]:.3f}, {duration / least[index] - 1.0:.1%}"] if least else []
         rows.append(cells(str(index), what, f"{begins:.3f}", f"{duration:.3f}", *more))
         begins += duration
-    headings = (
-        "segment",
-        "",
-        "from\n[s]",
-        "lasts\n[s]",
-        "drives alone\n[s]",
-        "pieces\nproven",
-        "smallest slack",
-        *(("least with any knots\n[s], gap",) if least else ()),
-    )
+    headings = ["segment", "", "from\n[s]", "lasts\n[s]", "drives alone\n[s]"]
+    headings += ["pieces\nproven", "smallest slack"]
     note = (
         "Drives alone: what they would need without a load, which nothing can be under. Proven: every limit "
         "holds at every moment, on each of so many pieces of the motion. Slack: what is left of a limit."
     )
     if least:
+        headings.append("least with any knots\n[s], gap")
         note += " Least with any knots: extrapolated from this plan and one with twice as many, an estimate."
-    tables = [Table("", headings, tuple(rows), labels=2, note=note if found else "")]
+    tables = [Table("", tuple(headings), tuple(rows), labels=2, note=note if found else "")]
     acting = [
         cells(str(review.segment), name, ", ".join(f"{each.start:.2f}–{each.end:.2f}" for each in stretches))
         for review in found
@@ -95,18 +87,16 @@ def plan_json(scenario: Scenario, found: Sequence[Review], least: Sequence[float
 
 
 def plan_figure(found: Sequence[Review], scenario: Scenario) -> Figure:
-    """The load's path from above and from a side, and what its limits leave over time."""
-    figure = Figure(figsize=(WIDTH, 9.6), layout="constrained")
-    above, side, *stack = figure.subplots(6, 1, height_ratios=(2.4, 2.0, 1.0, 1.0, 1.0, 1.0))
+    """Draw the load's path from above and from a side, and what its limits leave over time."""
+    figure, panels = canvas(WIDTH, 9.6, 6, 1, height_ratios=(2.4, 2.0, 1.0, 1.0, 1.0, 1.0))
+    above, side, *stack = panels
     _draw_path(above, found, scenario, 1, "y [m]")
     _draw_path(side, found, scenario, 2, "z [m]")
     for axes, (title, names) in zip(stack, PANELS.items(), strict=True):
-        for colour, (name, label) in enumerate(names.items()):
-            for k, review in enumerate(found):
-                time, share = review.start + review.time, np.abs(review.shares.get(name, np.zeros(0)))
+        for (colour, (name, label)), (k, review) in product(enumerate(names.items()), enumerate(found)):
+            if len(share := np.abs(review.shares.get(name, ()))):
                 shown = label if k == 0 else "_nolegend_"
-                if len(share):
-                    axes.plot(time, share, color=f"C{colour}", label=shown)
+                axes.plot(review.start + review.time, share, color=f"C{colour}", label=shown)
         axes.axhline(1.0, color="0.6", linewidth=0.8, linestyle=(0, (2, 2)))
         axes.set(ylabel=title, ylim=(0.0, 1.12))
         axes.margins(x=0.0)
@@ -129,8 +119,3 @@ def _draw_path(axes: Axes, found: Sequence[Review], scenario: Scenario, vertical
         axes.add_patch(Rectangle(tuple(low), *(high - low), color="0.6", alpha=0.4))
     axes.set(xlabel="x [m]", ylabel=label, aspect="equal")
     axes.set_adjustable("datalim")
-
-
-def _slack(review: Review) -> str:
-    name, slack = review.tightest
-    return f"{slack:.2g} of {name}"

@@ -1,7 +1,11 @@
 """Tables as data: the terminal and a page show the same one."""
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -62,3 +66,11 @@ class Table:
         if lower:
             return tuple(upper), tuple(lower)
         return (tuple(replace(heading, rows=1) for heading in upper),)
+
+
+def tabulate(
+    title: str, items: Iterable[T], columns: Mapping[str, Callable[[T], Cell | str]], **more: Any
+) -> Table:
+    """Return a table of one row an item; `columns`: by heading, what a row has there."""
+    rows = tuple(cells(*(value(item) for value in columns.values())) for item in items)
+    return Table(title, tuple(columns), rows, **more)

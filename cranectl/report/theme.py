@@ -1,9 +1,11 @@
 """Colours that follow the reader's light or dark scheme, figures as inline SVG that use them, or as files.
 
 A figure is drawn in stand-in colours, one for each role; in the SVG they become CSS variables of the page.
+What an SVG says of axes over time is for the page's script: where they are, what they measure, their curves.
 """
 
 import io
+import json
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -15,13 +17,14 @@ from zlib import crc32
 import matplotlib
 from cycler import cycler
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cranectl.report.time_axes import marked, name_parts, told
 from cranectl.support.colours import COLOURS
 from cranectl.support.errors import InputError
 from cranectl.support.files import replacing
 
+WIDTH = 6.4  # [in] of most figures
 SERIES = tuple(role for role in COLOURS if role.startswith("series"))
 STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(COLOURS)}
 UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
@@ -58,6 +61,12 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+def canvas(width: float, height: float, *shape: int, **more: Any) -> tuple[Figure, Any]:
+    """Return a figure of this size [in] and its axes, as `Figure.subplots` makes them."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(*shape, **more)
+
+
 @contextmanager
 def styled() -> Iterator[None]:
     """Draw in the page's style; everything from making a figure to `inline_svg` belongs inside."""
@@ -76,11 +85,13 @@ def css_variables(dark: bool) -> str:
 
 
 def inline_svg(figure: Figure) -> str:
-    """`figure` as an `<svg>` element for a page, its ids kept apart from those of others."""
+    """Return `figure` as an `<svg>` element for a page, its ids kept apart from those of others."""
     file = io.StringIO()
-    name_parts(figure)
+    _name_parts(figure)
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
-    text = marked(file.getvalue())
+    text = re.sub(r'<g id="[xy]tick_\d+">', '<g class="tick">', file.getvalue())
+    text = re.sub(r'<g id="part-(\w+)">', r'<g data-part="\1">', text)
+    text = re.sub(r'<g id="[^"]*">', "<g>", text)
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r' (?:width|height)="[\d.]+pt"', "", text, count=2)
@@ -90,7 +101,7 @@ def inline_svg(figure: Figure) -> str:
         r"font-size: ([\d.]+)px; font-family: [^;\"]*", r"font-size: calc(\1px * var(--text))", text
     )
     text = re.sub(r"<text.*?</text>", lambda words: SUBSCRIPT.sub(_LOWERED, words[0]), text)
-    plots, width = told(figure), f"--wide: {72.0 * figure.get_figwidth():g}"
+    plots, width = _told(figure), f"--wide: {72.0 * figure.get_figwidth():g}"
     data = f' data-plots="{escape(plots, quote=True)}"' if plots else ""
     text = text.replace("<svg", f'<svg style="{width}"{data}', 1)
     for role, colour in STAND_IN.items():
@@ -115,3 +126,54 @@ def save_figure(figure: Figure, path: Path) -> None:
             allowed="a .svg, .pdf or .png file in an existing directory",
             remedy="choose another file with --plot",
         ) from None
+
+
+TIME = "time [s]"  # label of an axis that pages enlarge
+
+
+def _time_axes(figure: Figure) -> list[Axes]:
+    """Return the axes of `figure` over time: one of those that share an x-axis has its label."""
+    shared = ((axes, axes.get_shared_x_axes().get_siblings(axes)) for axes in figure.axes)
+    labels = ((axes, [each.get_xlabel() for each in siblings]) for axes, siblings in shared)
+    return [axes for axes, texts in labels if next(filter(None, texts), "") == TIME]
+
+
+def _name_parts(figure: Figure) -> None:
+    """Give ids to what the script moves, by which the SVG's groups become `data-part`s; before drawing."""
+    for k, axes in enumerate(_time_axes(figure)):
+        axes.set_gid(f"part-axes{k}")
+        axes.xaxis.set_gid("part-x")
+        axes.yaxis.set_gid("part-y")
+        axes.yaxis.get_offset_text().set_gid("part-offset")
+        for line in _named(axes):
+            line.set_gid("part-curve")
+        for text in axes.texts:
+            text.set_gid("part-event")
+
+
+def _told(figure: Figure) -> str:
+    """Describe the axes over time, once drawn: box [points from the top left], ranges, scale, unit, names."""
+    width, height = (72.0 * inches for inches in figure.get_size_inches())
+    plots = []
+    for axes in _time_axes(figure):
+        left, bottom, right, top = axes.get_position().extents
+        box = (left * width, (1.0 - top) * height, right * width, (1.0 - bottom) * height)
+        plots.append(
+            {
+                "box": [round(side, 3) for side in box],
+                "x": axes.get_xlim(),
+                "y": axes.get_ylim(),
+                "log": axes.get_yscale() == "log",
+                "unit": axes.get_ylabel().partition("[")[2].rstrip("]"),
+                "labels": [line.get_label() for line in _named(axes)],
+            }
+        )
+    return json.dumps(plots, ensure_ascii=False) if plots else ""
+
+
+def _named(axes: Axes) -> list[Any]:
+    """Return the curves that have a label, as they are drawn, those below first."""
+    return sorted(
+        (line for line in axes.lines if not str(line.get_label()).startswith("_")),
+        key=lambda line: line.zorder,
+    )

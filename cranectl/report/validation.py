@@ -1,6 +1,7 @@
 """The page of a validation: what failed on top, with the command that shows it."""
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import isnan
 
@@ -8,7 +9,8 @@ from cranectl.cases.pairwise import Pairwise, WorstPair
 from cranectl.cases.validation import Validation
 from cranectl.report.page import Page, Section
 from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes, run_table
-from cranectl.report.table import ANSWERS, Cell, Table, cells
+from cranectl.report.table import ANSWERS, Cell, Table, cells, tabulate
+from cranectl.support.units import difference_text
 
 SHOWN = 10  # rows of what is wrong, the worst first, before the others are folded
 
@@ -16,35 +18,30 @@ SHOWN = 10  # rows of what is wrong, the worst first, before the others are fold
 def validation_page(
     validation: Validation, options: Sequence[str], remade_by: str, pairs: Pairwise | None = None
 ) -> Page:
-    """Of `validation`; `options` are those of single runs, for the commands that run a case again."""
+    """Return the page of `validation`; `options` belong to the commands that run a case again."""
     verdicts, finished = validation.verdicts, validation.finished
     failed = sorted((each for each in verdicts if each.kind != "passed"), key=lambda each: -each.overrun)
-    rows = tuple(
-        cells(
-            ", ".join(part for part in (each.scenario, each.controller, each.drive) if part),
-            "; ".join(" ".join(fault.split()) for fault in each.faults),
-            f"cranectl report {each.log}" if each.log else each.command(options),
-        )
-        for each in failed
-    )
-    tables = _in_parts(Table("", ("case", "what is wrong", "to see it"), rows, labels=3))
+    rows = []
+    for each in failed:
+        case = ", ".join(filter(None, (each.scenario, each.controller, each.drive)))
+        faults = "; ".join(" ".join(fault.split()) for fault in each.faults)
+        report = shlex.join(["cranectl", "report", each.log]) if each.log else each.command(options)
+        rows.append(cells(case, faults, report))
+    tables = _in_parts(Table("", ("case", "what is wrong", "to see it"), tuple(rows), labels=3))
     lead = f"{len(verdicts) - len(failed)} of {len(verdicts)} cases passed."
     sections = [Section("failed", "What failed", () if failed else ("Nothing.",), tables)]
     if finished:
         agreements, runs = validation.agreements, validation.runs
-        paragraphs, tables = (
-            limit_notes(agreements),
-            (agreement_table(agreements, validation.other_failures),),
-        )
+        paragraphs = limit_notes(agreements)
+        tables = (agreement_table(agreements, validation.other_failures),)
         worst, limits = limits_table(runs, worst=SHOWN), limits_table(runs)
         if worst is not None and limits is not None:
             folded = replace(limits, title=f"All limits: {len(limits.rows)}", folded=True)
             tables = (*((worst,) if worst.rows else ()), folded, *tables)
             paragraphs[:0] = [] if worst.rows else [limits.note]
         notes = Table("Notes", ("",), tuple(cells(note) for note in run_notes(finished)))
-        sections.append(
-            Section("judgement", "Plants and limits", tuple(paragraphs), (*tables, *_in_parts(notes)))
-        )
+        tables = (*tables, *_in_parts(notes))
+        sections.append(Section("judgement", "Plants and limits", tuple(paragraphs), tables))
         if pairs is not None and pairs.pairs:
             sections.append(Section("pairs", "Every plant against every other", (), pair_tables(pairs)))
         sections.append(Section("runs", "Runs", (), (run_table({"": runs}),)))
@@ -52,37 +49,29 @@ def validation_page(
 
 
 def pair_tables(found: Pairwise) -> tuple[Table, Table]:
-    """How far each plant is from each other at most, and what each does by itself."""
-    rows = tuple(
-        cells(
-            pair.drive,
-            f"{pair.plant}, {pair.reference}",
-            f"{pair.cases}",
-            *(f"{value:.1e}" for value in (pair.load_m, pair.angle_rad, pair.tension_n)),
-            f"{pair.scenario}, {pair.controller}",
-            _answer(pair),
-        )
-        for pair in found.pairs
-    )
-    headings = ("drives", "plants", "cases", "load [m]", "angle [rad]", "tension [N]", "load, where", "agree")
-    apart = Table("Every plant against every other, at most", headings, rows, labels=2)
-    alone = tuple(
-        cells(
-            each.drive,
-            each.plant,
-            f"{each.step_error_m:.1e}",
-            "-" if isnan(each.order) else f"{each.order:.1f}",
-            f"{each.energy_drift:.1e}",
-            f"{each.scenario}, {each.controller}",
-        )
-        for each in found.plants
-    )
-    columns = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
+    """Return how far each plant is from each other at most, and what each does by itself."""
+    columns: dict[str, Callable[[WorstPair], Cell | str]] = {
+        "drives": lambda pair: pair.drive,
+        "plants": lambda pair: f"{pair.plant}, {pair.reference}",
+        "cases": lambda pair: f"{pair.cases}",
+        "load [m]": lambda pair: difference_text(pair.load_m),
+        "angle [rad]": lambda pair: difference_text(pair.angle_rad),
+        "tension [N]": lambda pair: difference_text(pair.tension_n),
+        "load, where": lambda pair: f"{pair.scenario}, {pair.controller}",
+        "agree": _answer,
+    }
+    apart = tabulate("Every plant against every other, at most", found.pairs, columns, labels=2)
+    rows = []
+    for each in found.plants:
+        order = "-" if isnan(each.order) else f"{each.order:.1f}"
+        where, drift = f"{each.scenario}, {each.controller}", difference_text(each.energy_drift)
+        rows.append(cells(each.drive, each.plant, difference_text(each.step_error_m), order, drift, where))
+    headings = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
     note = (
         "Step error: how far the load moves when the plant's own steps are a quarter as long, and the order "
         "by which that falls; - where rounding is all there is. Energy drift: of a free swing of 20 s."
     )
-    return apart, Table("Each plant by itself", columns, alone, labels=2, note=note)
+    return apart, Table("Each plant by itself", headings, tuple(rows), labels=2, note=note)
 
 
 def _answer(pair: WorstPair) -> Cell:

@@ -37,8 +37,9 @@ SIGNALS: dict[tuple[str, str], Signal] = {
     (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
 }
 LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
-ROUNDING = -14.0  # power of ten of the least distance that logs tell
-TITLE, ROW, MOST = 8.0, 8.0, 64.0  # [%] of a window of 900 pixels: standings take so much of its height
+DISTANCE_EXPONENT = -14.0  # power of ten of the least distance that logs tell
+# Height of the standings in [%] of a window of 900 pixels.
+TITLE, ROW_HEIGHT, MOST = 8.0, 8.0, 64.0
 MOST_UNITS = 4  # of what a law logs
 FOLLOWED = 30.0  # [s] that a live session's plots show
 
@@ -51,7 +52,7 @@ def layout_json(
     rig: RigParameters = LABORATORY,
     law: Sequence[Signal] | None = None,
 ) -> str:
-    """The layout `name` as a file's content, for a log of `plants`, by default those that are run by default.
+    """Return the layout `name` as a file's content, for a log of `plants`, by default the usual ones.
 
     What shows one run shows the reference plant's.
 
@@ -64,16 +65,10 @@ def layout_json(
     panels: dict[str, dict[str, Any]] = {}
     shown = labels if name in ("overlay", "ladder") else in_order(plants or default_plants())
     drawn = _controller(shown, law) if name == "controller" else LAYOUTS[name](shown)
-    layout = _numbered(drawn, panels)
+    content: dict[str, Any] = {"layout": _numbered(drawn, panels), "configById": panels}
+    content |= {"globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1.0}}
     for configuration in panels.values():
         show_rig(configuration, rig)
-    content = {
-        "layout": layout,
-        "configById": panels,
-        "globalVariables": {},
-        "userNodes": {},
-        "playbackConfig": {"speed": 1.0},
-    }
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
@@ -142,18 +137,14 @@ def _flat_plots(plant: str) -> list[Panel]:
 
 
 def _law_plots(plant: str, law: Sequence[Signal]) -> list[Panel]:
-    """What a law logs, a plot for each unit, of the first ones."""
-    units = list(dict.fromkeys(signal.unit for signal in law))[:MOST_UNITS]
-    topic = topics.plant_topic(plant, "controller")
-    plots = []
-    for unit in units:
-        signals = [signal for signal in law if signal.unit == unit][: len(VIEWER_SERIES)]
-        lines = [
-            _line(field_of(topic, signal.name), signal, signal.name, VIEWER_SERIES[k])
-            for k, signal in enumerate(signals)
-        ]
-        plots.append(plot("of the law", lines))
-    return plots
+    """Return plots of what a controller logs, one for each of the first units."""
+    topic, by_unit = topics.plant_topic(plant, "controller"), dict[str, list[dict[str, Any]]]()
+    for signal in law:
+        lines = by_unit.setdefault(signal.unit, [])
+        if len(lines) < len(VIEWER_SERIES):
+            colour = VIEWER_SERIES[len(lines)]
+            lines.append(_line(field_of(topic, signal.name), signal, signal.name, colour))
+    return [plot("of the law", lines) for lines in [*by_unit.values()][:MOST_UNITS]]
 
 
 def _live(plants: Sequence[str]) -> Layout:
@@ -175,23 +166,26 @@ def _live(plants: Sequence[str]) -> Layout:
 
 
 def _overlay(labels: Sequence[str]) -> Layout:
-    """Runs by label: the crane of the first and the ghosts of the others, the same signals of all."""
+    """Show runs by label: the crane of the first, the others as ghosts, the same signals of all."""
     if not labels:
         raise InputError(
             "the layout overlay, of no runs",
             allowed="the runs of a log that cranectl log overlay or cranectl ladder wrote",
             remedy="name such a log with --log",
         )
-    titles = {("load", f"load_{axis}"): f"load {axis}" for axis in "xyz"}
-    titles |= {("state", name): name for name in ("alpha", "beta")}
     target = topics.plant_topic(labels[0], TARGET)
-    paths = [_of_labels(labels, key[0], SIGNALS[key]) for key in titles]
-    for k, axis in enumerate("xyz"):
-        paths[k].append(_reference(axis, target))
-    x, *rest = map(plot, titles.values(), paths)
-    y, z, alpha, beta = map(without_legend, rest)
+    x, *rest = (
+        plot(
+            f"load {axis}",
+            [*_of_labels(labels, "load", SIGNALS["load", f"load_{axis}"]), _reference(axis, target)],
+        )
+        for axis in "xyz"
+    )
+    angles = (plot(name, _of_labels(labels, "state", SIGNALS["state", name])) for name in ("alpha", "beta"))
+    y, z, alpha, beta = map(without_legend, [*rest, *angles])
     load = topics.DISTANCE.signals[0]
-    far = without_legend(plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, load)))
+    others = _of_labels(labels, topics.DISTANCE.name, load)
+    far = without_legend(plot(f"distance from {labels[0]}", others)) if others else events()
     shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]
     shown.append(topics.plant_topic(labels[0], topics.ARROW))
     left = _crane_and_standings(scene_panel(shown), labels)
@@ -199,22 +193,21 @@ def _overlay(labels: Sequence[str]) -> Layout:
 
 
 def _ladder(labels: Sequence[str]) -> Layout:
-    """What each fidelity level adds, how far it is from theory; the crane of theory, the trails of all."""
+    """Show what each fidelity level adds, its distance from theory, that crane, the trails of all."""
     labels = labels or NAMES
+    if len(labels) == 1:  # nothing to be compared
+        return _overlay(labels)
     distance = topics.DISTANCE.signals[0]
-    added, orders = (
-        plot(
-            f"log₁₀ of distance from {where}",
-            _of_labels(labels, group, distance, ".@log10"),
-            minYValue=LEAST_ORDER,
-        )
-        for where, group in (("the level before", STEP), (labels[0], topics.DISTANCE.name))
-    )
+    orders = []
+    for where, group in (("the level before", STEP), (labels[0], topics.DISTANCE.name)):
+        lines = _of_labels(labels, group, distance, ".@log10")
+        orders.append(plot(f"log₁₀ of distance from {where}", lines, minYValue=LEAST_ORDER))
     metres = plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, distance))
     shown = [topics.plant_topic(labels[0], kind) for kind in ("model", topics.ROPE, topics.ARROW)]
     shown += [topics.plant_topic(label, "trail") for label in labels]
     left = _crane_and_standings(scene_panel(shown), labels[-1:])
-    right = column([added, without_legend(orders), without_legend(metres), events()], (44, 20, 20, 16))
+    others = map(without_legend, (orders[1], metres))
+    right = column([orders[0], *others, events()], (44, 20, 20, 16))
     return row([left, right], (42, 58))
 
 
@@ -237,7 +230,7 @@ def _several(signals: Sequence[Panel], distances: Layout) -> Layout:
 def _crane_and_standings(scene: Panel, names: Sequence[str]) -> Layout:
     """How the runs stand below the crane, as high as its rows need, but the crane is to be seen."""
     told = standings(names)
-    share = min(TITLE + ROW * len(told[1]["paths"]), MOST)
+    share = min(TITLE + ROW_HEIGHT * len(told[1]["paths"]), MOST)
     return column([scene, told], (100.0 - share, share))
 
 
@@ -265,13 +258,11 @@ def _of_each(plants: Sequence[str], group: str, name: str) -> list[dict[str, Any
 
 
 def _of_labels(labels: Sequence[str], group: str, signal: Signal, modifier: str = "") -> list[dict[str, Any]]:
-    """A signal of each run of an overlay, in the run's colour; distances are those of all but the first."""
-    lines = []
-    for k, label in enumerate(labels):
-        if k or group not in (topics.DISTANCE.name, STEP):
-            value = f"{field_of(topics.plant_topic(label, group), signal.name)}{modifier}"
-            lines.append(_line(value, signal, label, VIEWER_SERIES[k]))
-    return lines
+    """Return a signal of each run of an overlay, in its colour; the first has no distance from itself."""
+    first = 1 if group in (topics.DISTANCE.name, STEP) else 0
+    fields = (field_of(topics.plant_topic(label, group), signal.name) for label in labels)
+    lines = zip(fields, labels, VIEWER_SERIES, strict=False)
+    return [_line(f"{field}{modifier}", signal, *told) for field, *told in lines][first:]
 
 
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
@@ -281,23 +272,19 @@ def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
 
 
 def _distance_plots(plants: Sequence[str]) -> list[Panel]:
-    """How far the plants are apart, in powers of ten down to what rounding leaves."""
-    return [
-        plot(f"log₁₀ {signal.symbol}", _distances(plants, signal, k), minYValue=ROUNDING)
-        for k, signal in enumerate(topics.DISTANCE.signals)
-    ]
+    """Return how far the plants are apart, in powers of ten down to what rounding leaves.
 
-
-def _distances(plants: Sequence[str], signal: Signal, k: int) -> list[dict[str, Any]]:
-    """How far the plants are apart: on a linear axis nanometres beside millimetres would be a flat line."""
-    several, lines = len(plants) > 2, []
-    for name in plants:
-        if name != reference_plant(plants):
+    On a linear axis nanometres beside millimetres would be a flat line.
+    """
+    several, others, plots = len(plants) > 2, [p for p in plants if p != reference_plant(plants)], []
+    for signal, colour in zip(topics.DISTANCE.signals, VIEWER_SERIES, strict=False):
+        lines = []
+        for name in others:
             topic = topics.difference_topic(topics.DISTANCE.name, name if several else "")
-            colour = VIEWER[PLANTS[name].colour] if several else VIEWER_SERIES[k]
-            label = PLANTS[name].label if several else signal.symbol
-            lines.append(_line(f"{topic}.{signal.name}.@log10", signal, label, colour))
-    return lines
+            told = (PLANTS[name].label, VIEWER[PLANTS[name].colour]) if several else (signal.symbol, colour)
+            lines.append(_line(f"{topic}.{signal.name}.@log10", signal, *told))
+        plots.append(plot(f"log₁₀ {signal.symbol}", lines, minYValue=DISTANCE_EXPONENT))
+    return plots
 
 
 def _reference(axis: str, topic: str = topics.REFERENCE_LOAD) -> dict[str, Any]:

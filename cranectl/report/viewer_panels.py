@@ -112,39 +112,25 @@ def service(name: str) -> Panel:
 
 
 def pad(title: str, horizontal: str, vertical: str) -> Panel:
-    """Four buttons that drive by hand, in the layout in shares of the drives' speed; see `show_rig`."""
-    buttons = {
-        "right": (horizontal, 1),
-        "left": (horizontal, -1),
-        "up": (vertical, 1),
-        "down": (vertical, -1),
-    }
-    wishes = {
-        f"{name}Button": {"field": f"linear-{axis}", "value": WISH * sign}
-        for name, (axis, sign) in buttons.items()
-    }
+    """Return four buttons that drive by hand, here in shares of the drives' speed; see `show_rig`."""
+    wishes = {}
+    for axis, names in ((horizontal, ("right", "left")), (vertical, ("up", "down"))):
+        for name, sign in zip(names, (1, -1), strict=True):
+            wishes[f"{name}Button"] = {"field": f"linear-{axis}", "value": WISH * sign}
     return panel("Teleop", title, topic="/wish", publishRate=10, **wishes)
 
 
 def standings(plants: Sequence[str]) -> Panel:
-    """How the runs stand; reference and disturbances are the same for all.
+    """Show how the runs stand; reference and disturbances are the same for all.
 
     Three and more leave room for little more than that.
     """
-    names = {name: plant.label for name, plant in PLANTS.items()}  # the crane of a ladder has none
-    told: dict[str, tuple[str, ...]] = dict.fromkeys(plants, ("status",))
-    told[plants[-1]] = (
-        ("status", "phase", "disturbed", "saturated") if len(plants) < 3 else ("status", "disturbed")
-    )
-    paths = [
-        {
-            "value": field_of(topics.plant_topic(plant, "status"), field),
-            "label": f"{names.get(plant, plant)} {field.replace('_', ' ')}",
-            "timestampMethod": "receiveTime",
-        }
-        for plant, fields in told.items()
-        for field in fields
-    ]
+    last = ("phase", "disturbed", "saturated") if len(plants) < 3 else ("disturbed",)
+    paths = []
+    for plant, field in (*((plant, "status") for plant in plants), *((plants[-1], field) for field in last)):
+        value = field_of(topics.plant_topic(plant, "status"), field)
+        name = PLANTS[plant].label if plant in PLANTS else plant  # the crane of a ladder has no label
+        paths.append({"value": value, "label": f"{name} {field}", "timestampMethod": "receiveTime"})
     return panel("StateTransitions", "phase and status", paths=paths, isSynced=True)
 
 

@@ -6,6 +6,8 @@ from cranectl.scenario.disturbances import NANOSECONDS, nanoseconds
 from cranectl.scenario.load import (
     changed_from_default,
     default_scenario,
+    given_settings,
+    idle_effects,
     load_rig,
     read_scenario,
     rig_names,
@@ -34,6 +36,8 @@ __all__ = [
     "Segment",
     "changed_from_default",
     "default_scenario",
+    "given_settings",
+    "idle_effects",
     "load_rig",
     "nanoseconds",
     "read_scenario",

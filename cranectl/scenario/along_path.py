@@ -1,11 +1,11 @@
 """Segments whose path is given: lines, arcs, and those joined by blends; how fast is given, or planned."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from cranectl.scenario.quantities import Duration, Point2, Point3
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import RuleError, Settings
 
 SHORTEST = "shortest"
 # Seconds, or a word; tags of no letters, so that errors name the field and no more.
@@ -34,7 +34,24 @@ TIME_LAW = "degree-9: C⁴; degree-5: C²; minimum-time: planned, C⁴, without 
 DURATION = "[s], or shortest: the least within the limits"
 
 
-class AlongPath(Settings):
+class Plannable(Settings):
+    """A segment that may be planned, and then carries what its plan was proven to keep."""
+
+    _claim: str = PrivateAttr("")  # in words; of what was planned, so in no table
+
+    @property
+    def claim(self) -> str:
+        """What was found and proven when the segment was planned, a line; else empty."""
+        return self._claim
+
+    def claiming(self, claim: str) -> Self:
+        """Return the same segment with `claim`."""
+        segment = self.model_copy()
+        segment._claim = claim
+        return segment
+
+
+class AlongPath(Plannable):
     """A segment whose path is given; how fast it is gone along is, or is planned."""
 
     duration: Timed | None = Field(None, description=DURATION)
@@ -43,19 +60,22 @@ class AlongPath(Settings):
     @model_validator(mode="after")
     def _timed_once(self) -> "AlongPath":
         if self.time_law == MINIMUM_TIME and self.duration is not None:
-            raise ValueError(
-                f"duration = {self.duration!r} and time_law = 'minimum-time', which finds the duration: "
-                "leave one of them out"
+            raise RuleError(
+                f"duration = {self.duration!r} and time_law = 'minimum-time'",
+                allowed="one of the two: minimum-time finds the duration",
+                remedy="leave one of them out",
             )
         if self.time_law == "degree-5" and self.duration == "shortest":
-            raise ValueError(
-                "time_law = 'degree-5' with duration = 'shortest': its accelerations jump, no drive's can: "
-                "leave time_law out, or give the duration in seconds"
+            raise RuleError(
+                "time_law = 'degree-5' with duration = 'shortest'",
+                allowed="a law whose accelerations do not jump, which no drive's can",
+                remedy="leave time_law out, or give the duration in seconds",
             )
         if self.time_law != MINIMUM_TIME and self.duration is None:
-            raise ValueError(
-                f"a segment of kind '{self.kind}' has no duration: give it in seconds, or as 'shortest', or "  # type: ignore[attr-defined]
-                "time_law = 'minimum-time' to have it planned"
+            raise RuleError(
+                f"a segment of kind '{self.kind}' has no duration",  # type: ignore[attr-defined]
+                allowed="a duration, or a time law that finds it",
+                remedy="give it in seconds, or as 'shortest', or leave it to time_law = 'minimum-time'",
             )
         return self
 
@@ -72,9 +92,10 @@ class Blendable(AlongPath):
     @model_validator(mode="after")
     def _blends_in_minimum_time(self) -> "Blendable":
         if self.blend and self.time_law != MINIMUM_TIME:
-            raise ValueError(
-                f"blend = {self.blend:g} without time_law = 'minimum-time': what stops at its end has no "
-                "corner to blend, so leave blend out, or leave the time to the plan"
+            raise RuleError(
+                f"blend = {self.blend:g} without time_law = 'minimum-time'",
+                allowed="a corner that is passed: what stops at its end has none to blend",
+                remedy="leave blend out, or leave the time to the plan: time_law = 'minimum-time'",
             )
         return self
 
@@ -110,8 +131,10 @@ class BlendedPath(AlongPath):
     @model_validator(mode="after")
     def _has_corners(self) -> "BlendedPath":
         if len(self.taken) != len(self.parts) - 1:
-            raise ValueError(
-                f"{len(self.taken)} numbers in taken: {len(self.parts)} parts have a corner less"
+            raise RuleError(
+                f"{len(self.taken)} numbers in taken",
+                allowed=f"{len(self.parts)} parts have a corner less",
+                remedy="give one for each corner",
             )
         return self
 

@@ -13,8 +13,9 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import RATE, Scaled, Settings
 
+# Of chains z⁗ = v: frequencies scale by 1/√L, so gains by powers of it.
 Weight = Annotated[float, Field(ge=1e-9, le=1e9)]
 SLOWEST, FASTEST = 1e-3, 1e3  # [1/s], of poles
 
@@ -59,10 +60,10 @@ class HinfSettings(Settings):
     offset: Annotated[float, Field(ge=1e-6, le=1.0)] = Field(
         0.09, description="A, upper bound of |S| at frequency zero"
     )
-    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3)] = Field(
+    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3), RATE] = Field(
         0.8, description="w, where |S| may reach 1 [rad/s]"
     )
-    control_weight: Annotated[float, Field(ge=1e-9, le=1e3)] = Field(
+    control_weight: Annotated[float, Field(ge=1e-9, le=1e3), Scaled(2.0)] = Field(
         1e-4, description="W_ks on v-bar [s⁴/m]; not in the thesis, this value reproduces its gammas"
     )
     back_off: Annotated[float, Field(ge=1.0, le=10.0)] = Field(
@@ -76,8 +77,10 @@ class HinfSettings(Settings):
 class LoopShapingSettings(Settings):
     """Glover-McFarlane with the weight W_e = P + I/s on the error."""
 
-    proportional: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(17.88, description="P [1/s⁴]")
-    integral: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(78.85, description="I [1/s⁵]")
+    proportional: Annotated[float, Field(ge=1e-6, le=1e6), Scaled(-2.0)] = Field(
+        17.88, description="P [1/s⁴]"
+    )
+    integral: Annotated[float, Field(ge=1e-6, le=1e6), Scaled(-2.5)] = Field(78.85, description="I [1/s⁵]")
     back_off: Annotated[float, Field(ge=1.0001, le=10.0)] = Field(
         1.01, description="gamma over the smallest gamma; above 1"
     )
@@ -86,13 +89,18 @@ class LoopShapingSettings(Settings):
 class DesignSettings(Settings):
     """Data of the feedback designs (thesis 5.2.1); each axis gets the same."""
 
-    poles: Annotated[tuple[Pole, Pole, Pole, Pole], Field(strict=False)] = Field(
+    poles: Annotated[tuple[Pole, Pole, Pole, Pole], Field(strict=False), RATE] = Field(
         (-2.5, -2.5, -2.5, -2.5),
         description='closed-loop poles of pole-placement [1/s]; a conjugate pair as "-3+1j", "-3-1j"',
     )
-    state_weights: Annotated[tuple[Weight, Weight, Weight, Weight], Field(strict=False)] = Field(
-        (1000.0, 1.0, 1.0, 1.0), description="diagonal of Q of lqr, for e, ė, ë, e⃛"
-    )
+    state_weights: Annotated[
+        tuple[Weight, Weight, Weight, Weight],
+        Field(strict=False),
+        Scaled(-4.0),
+        Scaled(-3.0),
+        Scaled(-2.0),
+        Scaled(-1.0),
+    ] = Field((1000.0, 1.0, 1.0, 1.0), description="diagonal of Q of lqr, for e, ė, ë, e⃛")
     input_weight: Weight = Field(0.1, description="R of lqr, for v")
     hinf: HinfSettings = HinfSettings()
     loop_shaping: LoopShapingSettings = LoopShapingSettings()

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cranectl.scenario.quantities import MAX_DURATION, Duration
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import RuleError, Settings
 
 NANOSECONDS = 1_000_000_000
 Newtons = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -29,9 +29,18 @@ class Disturbance(Settings):
     @model_validator(mode="after")
     def _is_one_thing(self) -> "Disturbance":
         if self.end is not None and self.end <= self.start:
-            raise ValueError("a disturbance must end after its start")
+            raise RuleError(
+                f"a disturbance ends at {self.end:g} s, not after its start at {self.start:g} s",
+                allowed="a disturbance must end after its start",
+                remedy="raise its end, or leave it out",
+            )
         if (self.joint is None) != (self.magnitude is None) or (self.joint is None) == (self.force is None):
-            raise ValueError("a disturbance has either joint and magnitude [rad/s²] or force [N]")
+            told = [each for each in ("joint", "magnitude", "force") if getattr(self, each) is not None]
+            raise RuleError(
+                f"a disturbance with {', '.join(told) or 'a time only'}",
+                allowed="a disturbance has either joint and magnitude [rad/s²] or force [N]",
+                remedy="give joint and magnitude, or force, and leave the other out",
+            )
         return self
 
     def __str__(self) -> str:

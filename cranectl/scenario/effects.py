@@ -1,18 +1,27 @@
 """The effects that a run can add, a table each under [effects] in a scenario; an absent table is no effect.
 
+The class of an effect is all that the package knows of it outside the plants: its numbers with their units,
+how they scale to a crane of another size, its level of the ladder and what of it is linear. A new effect is a
+class here, with a field of `EffectNumbers` and of `EffectSettings`, and in each plant that shows it a part.
+
 The thesis gives none of these numbers. Every default is an assumption about a small laboratory rig, with its
 reason in the description; an empty table takes them all. A rig in a file of its own has numbers of its own,
 under `[effects]` there or scaled (`scenario.similarity`), which an empty table then takes.
 """
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.effect import WHOLE, Effect, Part
+from cranectl.scenario.settings import FORCE, LENGTH, MASS, RATE, SPEED, TIME, Scaled, Settings
 
 Size = Annotated[float, Field(ge=0.0, le=1e6)]
 Triple = Annotated[tuple[Size, Size, Size], Field(strict=False)]
+# Numbers that are scaled to a crane's size: wide enough for each size that `scenario.similarity` allows.
+Resistance = Annotated[float, Field(ge=0.0, le=1e9)]
+Resistances = Annotated[tuple[Resistance, Resistance, Resistance], Field(strict=False)]
 Limit = Annotated[float, Field(ge=1e-6, le=1e9)]
 Limits = Annotated[tuple[Limit, Limit, Limit], Field(strict=False)]
 Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
@@ -20,73 +29,110 @@ Component = Annotated[float, Field(ge=-100.0, le=100.0)]
 Vector = Annotated[tuple[Component, Component, Component], Field(strict=False)]
 Seed = Annotated[int, Field(ge=0, lt=2**32)]
 NO_LIMIT = 1e9  # the largest value of a Limit: as good as none
+DAMPING_MOMENT = Scaled(1.5, 1.0)
 
 
-class DriveLimits(Settings):
+class DriveLimits(Effect):
     """What the drives of bridge, trolley and winch can do at most; commands beyond are cut off."""
 
-    velocity: Limits = Field(
+    adds = "limits of velocity, acceleration and force"
+    is_staged = True
+    nonlinear = WHOLE
+    set_points: ClassVar[Mapping[str, float]] = {"velocity": NO_LIMIT, "acceleration": NO_LIMIT}
+    parts: ClassVar[Mapping[str, Part]] = {"force": Part(NO_LIMIT, 20.0, on_axes=True)}
+
+    velocity: Annotated[Limits, SPEED] = Field(
         (1.0, 1.0, 0.6), description="[m/s]; assumed: what belt axes and a winch of this size reach"
     )
     acceleration: Limits = Field(
         (4.0, 4.0, 6.0), description="of the set-point [m/s²]; assumed: usual ramps of such drives"
     )
-    force: Limits = Field(
+    force: Annotated[Limits, FORCE] = Field(
         (60.0, 40.0, 30.0),
         description="[N]; assumed: six times the load's weight on the bridge, three on the winch, the load's "
         "weight included; 1e9 is no limit",
     )
 
 
-class Sensing(Settings):
+class Sensing(Effect):
     """Encoders on bridge, trolley, winch and both cardan axes; velocities come from the observer."""
 
-    position_resolution: Triple = Field(
+    adds = "encoders and an observer in place of the state"
+    is_staged = True
+    linear = ("observer_bandwidth",)
+    nonlinear = ("position_resolution", "angle_resolution", "position_noise", "angle_noise")
+    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {"seed": ("*_noise*",)}
+
+    position_resolution: Annotated[Triple, LENGTH] = Field(
         (1e-4, 1e-4, 5e-5), description="of bridge, trolley, rope [m]; assumed: 2000 lines on 0.2 m a turn"
     )
     angle_resolution: Size = Field(
         2.0 * 3.141592653589793 / 16384,
         description="of alpha and beta [rad]; assumed: 4096 lines, quadrature",
     )
-    position_noise: Triple = Field(
+    position_noise: Annotated[Triple, LENGTH] = Field(
         (0.0, 0.0, 0.0), description="standard deviation [m]; encoders on rails have next to none"
     )
     angle_noise: Size = Field(
         1e-4, description="standard deviation [rad]; assumed: vibration of the joint's arm"
     )
     seed: Seed = Field(0, description="of the noise")
-    observer_bandwidth: Annotated[float, Field(ge=1.0, le=1000.0)] = Field(
+    observer_bandwidth: Annotated[float, Field(ge=1.0, le=1000.0), RATE] = Field(
         60.0, description="of the observer's poles [rad/s]; assumed: six times the loop's crossover"
     )
 
 
-class Delay(Settings):
+class Delay(Effect):
     """Between measurement and drive: computing and transport, a whole number of control periods."""
+
+    adds = "computing and transport"
+    is_staged = True
+    linear = WHOLE
 
     seconds: Seconds = Field(0.004, description="[s]; assumed: a fieldbus cycle each way and computing")
 
 
-class Friction(Settings):
+class Friction(Effect):
     """Coulomb and viscous friction of the driven axes and of the cardan joint."""
 
-    coulomb: Triple = Field(
+    adds = "friction of axes and joint"
+    linear = ("viscous", "pivot_viscous")
+    nonlinear = ("coulomb", "pivot_coulomb")
+    parts: ClassVar[Mapping[str, Part]] = {
+        "coulomb": Part(0.0, 2.0, on_axes=True),
+        "viscous": Part(0.0, 4.0, on_axes=True),
+        "pivot_coulomb": Part(0.0, 0.01),
+        "pivot_viscous": Part(0.0, 0.01),
+    }
+
+    coulomb: Annotated[Resistances, FORCE] = Field(
         (2.0, 1.0, 1.0), description="bridge, trolley, winch [N]; assumed: 2 to 4 % of the moved weight"
     )
-    viscous: Triple = Field((4.0, 2.0, 2.0), description="bridge, trolley, winch [N s/m]; assumed: belts")
-    pivot_coulomb: Size = Field(5e-4, description="of each cardan axis [N m]; assumed: small ball bearings")
-    pivot_viscous: Size = Field(1e-3, description="of each cardan axis [N m s/rad]; assumed: grease")
+    viscous: Annotated[Resistances, Scaled(-0.5, 1.0)] = Field(
+        (4.0, 2.0, 2.0), description="bridge, trolley, winch [N s/m]; assumed: belts"
+    )
+    pivot_coulomb: Annotated[Resistance, Scaled(1.0, 1.0)] = Field(
+        5e-4, description="of each cardan axis [N m]; assumed: small ball bearings"
+    )
+    pivot_viscous: Annotated[Resistance, DAMPING_MOMENT] = Field(
+        1e-3, description="of each cardan axis [N m s/rad]; assumed: grease"
+    )
 
 
-class Rope(Settings):
+class Rope(Effect):
     """A rope that has mass, gives, and can go slack."""
 
-    stiffness: Annotated[float, Field(ge=1e2, le=1e12)] = Field(
+    adds = "a rope that has mass, gives and goes slack"
+    is_structural = True
+    linear = WHOLE
+
+    stiffness: Annotated[float, Field(ge=10.0, le=1e12), FORCE] = Field(
         5e4, description="E A, tension over strain [N]; assumed: 2 mm polyethylene cord"
     )
     damping_ratio: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
         0.1, description="of the load on the rope at its initial length; assumed: fibre friction"
     )
-    mass: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
+    mass: Annotated[float, Field(ge=0.0, le=1e6), Scaled(-1.0, 1.0)] = Field(
         0.003, description="[kg/m]; assumed: 2 mm polyethylene cord"
     )
     on_slack: Literal["stop", "recover"] = Field(
@@ -94,41 +140,70 @@ class Rope(Settings):
     )
 
 
-class Body(Settings):
+class Body(Effect):
     """A load that is no point: a rigid body that swings by itself under its hook."""
 
-    hook_offset: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+    adds = "a load that swings under its hook"
+    is_structural = True
+    linear = WHOLE
+    parts: ClassVar[Mapping[str, Part]] = {"hook_mass": Part(0.0, 1.0)}
+
+    hook_offset: Annotated[float, Field(ge=0.0, le=100.0), LENGTH] = Field(
         0.06, description="rope end above the centre of mass [m]; assumed: the ball's radius and a shackle"
     )
-    inertia: Annotated[float, Field(ge=1e-9, le=1e9)] = Field(
+    inertia: Annotated[float, Field(ge=1e-9, le=1e9), Scaled(2.0, 1.0)] = Field(
         1e-3, description="about each axis through the centre of mass [kg m²]; a ball of 1 kg, 50 mm radius"
     )
-    swing_damping: Size = Field(1e-3, description="of the hook [N m s/rad]; assumed: an eye in a shackle")
+    swing_damping: Annotated[Resistance, DAMPING_MOMENT] = Field(
+        1e-3, description="of the hook [N m s/rad]; assumed: an eye in a shackle"
+    )
+    hook_mass: Annotated[Size, MASS] = Field(
+        0.0, description="of hook and block, a point at the rope's end [kg]; none: the load weighs far more"
+    )
 
 
-class Wind(Settings):
+class Wind(Effect):
     """Air that moves: drag on the load, mean wind and gusts of first order (Dryden-like)."""
 
+    adds = "drag and gusts"
+    is_structural = True
+    linear = ("mean",)
+    nonlinear = ("gust",)
+    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "mean.*": ("drag_area", "density"),
+        "gust": ("drag_area", "density"),
+        "gust_time": ("gust", "drag_area", "density"),
+        "seed": ("gust", "drag_area", "density"),
+        "drag_area": ("density",),
+        "density": ("drag_area",),
+    }
+
     mean: Vector = Field((0.0, 0.0, 0.0), description="velocity of the air (x, y, z) [m/s]; still by default")
-    gust: Size = Field(0.3, description="standard deviation of each horizontal component [m/s]; a draught")
-    gust_time: Annotated[float, Field(ge=1e-2, le=1e3)] = Field(
+    gust: Annotated[Size, SPEED] = Field(
+        0.3, description="standard deviation of each horizontal component [m/s]; a draught"
+    )
+    gust_time: Annotated[float, Field(ge=1e-2, le=1e3), TIME] = Field(
         2.0, description="correlation time of the gusts [s]; assumed"
     )
-    drag_area: Size = Field(
+    drag_area: Annotated[Size, Scaled(-1.0, 1.0)] = Field(
         0.0037, description="drag coefficient times area [m²]; a ball of 50 mm radius, coefficient 0.47"
     )
     density: Annotated[float, Field(ge=0.0, le=2000.0)] = Field(1.2, description="of the air [kg/m³]")
     seed: Seed = Field(0, description="of the gusts")
 
 
-class Frame(Settings):
+class Frame(Effect):
     """A frame that gives way under its bridge: a damped spring along x and along y."""
 
-    frequency: Annotated[tuple[Limit, Limit], Field(strict=False)] = Field(
+    adds = "a frame that gives way"
+    is_structural = True
+    linear = WHOLE
+
+    frequency: Annotated[tuple[Limit, Limit], Field(strict=False), RATE] = Field(
         (9.0, 12.0), description="of the empty rig along x, y [Hz]; assumed: aluminium profiles, four posts"
     )
     damping_ratio: Annotated[float, Field(ge=0.0, le=1.0)] = Field(0.02, description="assumed: bolted joints")
-    mass: Annotated[float, Field(ge=1e-3, le=1e6)] = Field(
+    mass: Annotated[float, Field(ge=1e-3, le=1e8), MASS] = Field(
         20.0, description="that moves with the rails [kg]; assumed: the upper half of the frame"
     )
 
@@ -137,11 +212,20 @@ Angle = Annotated[float, Field(ge=-0.5, le=0.5)]
 Gain = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
-class Installation(Settings):
+class Installation(Effect):
     """What is not set up as the controller believes; all as believed by default."""
+
+    # No level of the ladder, since no rig is known to have it: campaigns vary it.
+    is_staged = True
+    nonlinear = WHOLE
+    set_points: ClassVar[Mapping[str, float]] = {"dead_zone": 0.0}
+    parts: ClassVar[Mapping[str, Part]] = {"tilt": Part(0.0, 0.02)}
 
     drive_gain: Annotated[tuple[Gain, Gain, Gain], Field(strict=False)] = Field(
         (1.0, 1.0, 1.0), description="what bridge, trolley, winch make of a command of 1"
+    )
+    dead_zone: Annotated[Triple, SPEED] = Field(
+        (0.0, 0.0, 0.0), description="bridge, trolley, winch stand still for set-points below this [m/s]"
     )
     rope_offset: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
         0.0, description="what the encoder reads more than the rope is long [m]"
@@ -185,7 +269,12 @@ class EffectSettings(Settings):
     @property
     def staged(self) -> bool:
         """Whether anything lies between plant and tracker, or between tracker and plant."""
-        return any((self.sensing, self.limits, self.delay, self.installation))
+        return any(EFFECTS[name].is_staged for name in self.names)
+
+    @property
+    def linear_part(self) -> "EffectSettings":
+        """What of them makes a plant another linear plant."""
+        return EffectSettings(**{name: getattr(self, name).linear_part for name in self.names})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -193,5 +282,13 @@ class EffectSettings(Settings):
         return tuple(name for name in type(self).model_fields if getattr(self, name) is not None)
 
 
+EFFECTS: dict[str, type[Effect]] = {
+    name: type(field.default) for name, field in EffectNumbers.model_fields.items()
+}
+# What of them plants show: some as a whole, of some the parts.
+WHOLE_EFFECTS = [
+    name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)
+]
+PARTS = {f"{name}.{part}": each for name, kind in EFFECTS.items() for part, each in kind.parts.items()}
 NO_EFFECTS = EffectSettings()
 ALL_EFFECTS = EffectNumbers().only(*EffectNumbers.model_fields)

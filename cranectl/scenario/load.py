@@ -1,15 +1,16 @@
 """Scenarios and rigs from files: which file a name means, what comes on top of what."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import ReferenceSettings, Scenario, controller_table
 from cranectl.scenario.settings import override, parse_settings
 from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
 from cranectl.support import resources
-from cranectl.support.documents import Table, differences, leaves, merged, read_toml
+from cranectl.support.documents import Table, differences, is_plain, leaves, merged, read_toml
 from cranectl.support.errors import InputError
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
@@ -74,6 +75,60 @@ def rig_table(name_or_path: str | Path) -> Table:
     return completed_rig(_given(str(name_or_path), Path()))
 
 
+def given_settings(
+    name_or_path: str | Path | None, rig: str | Path | None, overrides: Sequence[str]
+) -> dict[str, Any]:
+    """Return by dotted name what the user says of a scenario, in its file, in its rig's and by overrides.
+
+    The arguments are those of `read_scenario`, or for `default_scenario` without a name. What comes with
+    cranectl does not count.
+    """
+    table: Table = {}
+    shipped = True
+    if name_or_path is not None:
+        path = scenario_file(name_or_path)
+        table, shipped = read_toml(path), path.parent == resources.SCENARIO_DIRECTORY
+        if rig is None and isinstance(table.get("rig"), str):
+            rig = rig_place(table["rig"], path.parent)
+    if rig is not None:
+        table = {**table, "rig": _own_rig(str(rig), Path())}
+    if "controller" in table:
+        table = {**table, "controller": controller_table(table["controller"])}
+    given = {name for name, _ in _said(table) if not shipped or (rig is not None and name.startswith("rig."))}
+    asked = [assignment.partition("=")[0].strip() for assignment in overrides]
+    return {
+        name: value
+        for name, value in _said(override(table, overrides))
+        if name in given or any(f"{name}.".startswith(f"{key}.") for key in asked)
+    }
+
+
+def _said(table: Table) -> Iterator[tuple[str, Any]]:
+    """Yield the values of a table by dotted names, and its empty tables."""
+    return leaves(table, is_leaf=lambda value: is_plain(value) or not value)
+
+
+def idle_effects(scenario: Scenario, given: Iterable[str]) -> tuple[str, ...]:
+    """Return the effects that `scenario` does not have, but its rig has numbers of among `given`."""
+    named = {name.split(".")[2] for name in given if name.startswith("rig.effects.")}
+    return tuple(
+        name
+        for name in EffectSettings.model_fields
+        if name in named and getattr(scenario.effects, name) is None
+    )
+
+
+def _own_rig(name_or_path: str, directory: Path) -> Table:
+    """Return what a rig's file says and those of the user's that it extends."""
+    path = resources.toml_file("rig", str(rig_place(name_or_path, directory)), resources.RIG_DIRECTORY)
+    if path.parent == resources.RIG_DIRECTORY:
+        return {}
+    table = read_toml(path)
+    below = _own_rig(table["extends"], path.parent) if "extends" in table else {}
+    whole: Table = merged(below, {name: value for name, value in table.items() if name != "extends"})
+    return whole
+
+
 def _given(name_or_path: str, directory: Path, above: tuple[Path, ...] = ()) -> Table:
     """What the file of a rig says, on top of the one that it `extends`, by a path from its own place."""
     path = resources.toml_file("rig", str(rig_place(name_or_path, directory)), resources.RIG_DIRECTORY)
@@ -85,7 +140,11 @@ def _given(name_or_path: str, directory: Path, above: tuple[Path, ...] = ()) -> 
     if below is None:
         return {"rated_load": table["load_mass"], **table} if "load_mass" in table else table
     if not isinstance(below, str):
-        raise InputError(f"{path}: extends = {below!r}", allowed="the name of a rig or the path of its file")
+        raise InputError(
+            f"{path}: extends = {below!r}",
+            allowed="the name of a rig or the path of its file",
+            remedy="write it in quotes, such as extends = 'harbour-crane'",
+        )
     whole: Table = merged(_given(below, path.parent, (*above, path.resolve())), table)
     return whole
 

@@ -3,17 +3,18 @@
 What the drives can do is in `[effects.limits]`, or, without such an effect, in the rig's numbers of it.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from cranectl.scenario.quantities import Point3
 from cranectl.scenario.rig import Range
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import LENGTH, RuleError, Settings
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 Ratio = Annotated[float, Field(gt=0.0, le=1e3)]
-Jerk = Annotated[float, Field(gt=0.0, le=1e9)]
+FORMER_SOLVERS = ("clarabel", "ipopt")  # values of planning.solver, up to version 0.2
+Jerk = Annotated[float, Field(ge=1e-9, le=1e9)]
 
 
 class PlanningSettings(Settings):
@@ -24,7 +25,7 @@ class PlanningSettings(Settings):
         description="of the limits of drives, lean and tension that the plan may use, the rest is for "
         "feedback; by default 0.95, with sensing, delay or friction 0.88: measured",
     )
-    lean: Annotated[float, Field(gt=0.0, lt=1.5)] = Field(
+    lean: Annotated[float, Field(ge=1e-6, lt=1.5)] = Field(
         0.35, description="of the rope from the vertical [rad]; assumed: 20 degrees"
     )
     tension: Annotated[tuple[Ratio, Ratio], Field(strict=False)] = Field(
@@ -34,7 +35,7 @@ class PlanningSettings(Settings):
     jerk: Annotated[tuple[Jerk, Jerk, Jerk], Field(strict=False)] | None = Field(
         None, description="of bridge, trolley, rope [m/s³]; without it none is limited"
     )
-    clearance: Annotated[float, Field(ge=0.0, le=1e3)] = Field(
+    clearance: Annotated[float, Field(ge=0.0, le=1e3), LENGTH] = Field(
         0.05, description="of the load from the ends of the rig and from its floor [m]; assumed: its radius"
     )
     load_box: Annotated[tuple[Range, Range, Range], Field(strict=False)] | None = Field(
@@ -45,22 +46,30 @@ class PlanningSettings(Settings):
         description="knot spans of what is planned, times 24 for a move, 40 for a path: 2 makes it 1 to 2 % "
         "shorter and takes six times as long",
     )
-    solver: Literal["clarabel", "ipopt"] = Field(
-        "clarabel", description="clarabel: linear programs in sequence; ipopt: by the extra `plan`"
-    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _drop_solver(cls, table: Any) -> Any:
+        """Ignore the choice of a solver, which scenarios and logs of version 0.2 make."""
+        if isinstance(table, dict) and table.get("solver") in FORMER_SOLVERS:
+            return {name: value for name, value in table.items() if name != "solver"}
+        return table
 
     @model_validator(mode="after")
     def _can_hang(self) -> "PlanningSettings":
         low, high = self.tension
         if not low < 1.0 < high:
-            raise ValueError(
-                f"planning.tension = {[low, high]}: a load at rest pulls with 1, its weight, which must lie "
-                "between"
+            raise RuleError(
+                f"planning.tension = {[low, high]}",
+                allowed="a load at rest pulls with 1, its weight, which must lie between",
+                remedy="give a number below 1 and one above it, for example [0.2, 2.0]",
             )
         for axis, (low, high) in zip("xyz", self.load_box or (), strict=False):
             if not low < high:
-                raise ValueError(
-                    f"planning.load_box: {axis} must increase from its first to its second value"
+                raise RuleError(
+                    f"planning.load_box: {axis} from {low:g} to {high:g}",
+                    allowed=f"planning.load_box: {axis} must increase from its first to its second value",
+                    remedy=f"exchange the two values of {axis}",
                 )
         return self
 
@@ -75,5 +84,9 @@ class Obstacle(Settings):
     @model_validator(mode="after")
     def _has_volume(self) -> "Obstacle":
         if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
-            raise ValueError(f"obstacle '{self.name}': low must be below high in x, y and z")
+            raise RuleError(
+                f"obstacle '{self.name}': low = {list(self.low)}, high = {list(self.high)}",
+                allowed=f"obstacle '{self.name}': low must be below high in x, y and z",
+                remedy="exchange the values of the axes that it has no size along",
+            )
         return self

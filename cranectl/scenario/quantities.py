@@ -6,8 +6,9 @@ from pydantic import Field
 
 from cranectl.scenario.rig import Position
 
-MAX_DURATION = 600.0  # [s]; a run is held in memory, half a gigabyte for ten minutes at 1 ms
+MAX_DURATION = 600.0  # [s]; `simulate.memory` counts what a run holds in memory
 
-Duration = Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
+MIN_DURATION = 1e-6  # [s]; the shortest control period: joints of segments are met within a nanosecond
+Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]
 Point2 = Annotated[tuple[Position, Position], Field(strict=False)]
 Point3 = Annotated[tuple[Position, Position, Position], Field(strict=False)]

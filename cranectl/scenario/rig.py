@@ -11,15 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from cranectl.scenario.effects import EffectNumbers
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.effects import EffectNumbers, EffectSettings
+from cranectl.scenario.settings import LENGTH, MASS, TIME, RuleError, Settings
 
 Positive = Annotated[float, Field(gt=0.0)]
 # Bounds far beyond any crane: within them nothing over- or underflows.
-Mass = Annotated[float, Field(ge=1e-3, le=1e6)]
-Lag = Annotated[float, Field(ge=1e-6, le=100.0)]
+Load = Annotated[float, Field(ge=1e-3, le=1e6), MASS]
+Mass = Annotated[float, Field(ge=1e-6, le=1e8), MASS]  # of parts: what is scaled to any load is within
+Lag = Annotated[float, Field(ge=1e-6, le=100.0), TIME]
 Position = Annotated[float, Field(ge=-1e4, le=1e4)]
-Range = Annotated[tuple[Position, Position], Field(strict=False)]
+Range = Annotated[tuple[Position, Position], Field(strict=False), LENGTH]
 
 
 class Look(Settings):
@@ -56,8 +57,8 @@ class RigParameters(Settings):
     winch_mass: Mass = Field(
         0.4, description="winch rotor referred to the rope, J/r² [kg]; assumed: J=1.6e-4, r=0.02"
     )
-    load_mass: Mass = Field(1.0, description="load [kg]; assumed; the tracker does not depend on it")
-    rated_load: Mass = Field(
+    load_mass: Load = Field(1.0, description="load [kg]; assumed; the tracker does not depend on it")
+    rated_load: Load = Field(
         1.0, description="largest load that the crane is built for [kg]; assumed; of a rig file its load_mass"
     )
     bridge_time_constant: Lag = Field(
@@ -79,9 +80,17 @@ class RigParameters(Settings):
         for name in ("bridge_range", "trolley_range", "rope_range"):
             low, high = getattr(self, name)
             if not low < high:
-                raise ValueError(f"{name} must increase from its first to its second value")
+                raise RuleError(
+                    f"{name} = {[low, high]}",
+                    allowed=f"{name} must increase from its first to its second value",
+                    remedy="exchange its two values",
+                )
         if self.rope_range[0] <= 0.0:
-            raise ValueError("rope_range must begin above 0: a rope of no length is singular")
+            raise RuleError(
+                f"rope_range = {list(self.rope_range)}",
+                allowed="rope_range must begin above 0: a rope of no length is singular",
+                remedy="give the length of the shortest rope, for example 0.1",
+            )
         return self
 
     @property
@@ -114,3 +123,7 @@ class RigParameters(Settings):
     def weight(self) -> float:
         """Weight of the load, which the winch drive holds [N]."""
         return self.load_mass * self.gravity
+
+    def hanging_mass(self, effects: EffectSettings) -> float:
+        """Return the mass of the load and of the hook that `effects` give it [kg]."""
+        return self.load_mass + (effects.body.hook_mass if effects.body else 0.0)

@@ -7,12 +7,12 @@ from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model
 
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Wind
+from cranectl.scenario.effects import NO_EFFECTS, DriveLimits, EffectSettings, Wind
 from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.quantities import Duration, Point3
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Segment, is_planned, seconds
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import LENGTH, RuleError, Settings
 
 STILL = Wind(gust=0.0, drag_area=0.0)
 MOST_PARTS = 1_000_000  # that are tried to divide a period
@@ -32,7 +32,7 @@ class ReferenceSettings(Settings):
 
     @property
     def planned(self) -> bool:
-        """Whether all segments say at what time the load is where; else `cranectl.planning` finds out."""
+        """Whether all segments say at what time the load is where; else `cranectl.reference` plans it."""
         return all(map(is_planned, self.segments))
 
 
@@ -48,7 +48,7 @@ class ControlSettings(Settings):
     """Sampling."""
 
     period: Duration = Field(0.001, description="control period, input held [s]")
-    physics_step: Duration = Field(0.001, description="step of both plants [s]; divides the period")
+    physics_step: Duration = Field(0.001, description="step of all plants [s]; divides the period")
     lag_compensation: bool = Field(
         True, description="add u·tau to the set-points of velocity drives, to cancel their lag"
     )
@@ -96,7 +96,7 @@ class LogSettings(Settings):
 class MetricSettings(Settings):
     """What metrics of a run are measured by."""
 
-    settling_tolerance: Annotated[float, Field(gt=0.0, le=1e3)] = Field(
+    settling_tolerance: Annotated[float, Field(gt=0.0, le=1e3), LENGTH] = Field(
         0.005, description="error of the load below which it counts as settled [m]; a laboratory crane's"
     )
 
@@ -147,20 +147,24 @@ class Scenario(Settings):
     @model_validator(mode="after")
     def _times_fit(self) -> "Scenario":
         period, step = self.control.period, self.control.physics_step
-        if abs(period * NANOSECONDS - self.period_ns) > 1e-3 or self.period_ns < 1000:
-            raise ValueError("control.period must be a whole number of nanoseconds, at least 1000")
-        if nanoseconds(step) < 1000:
-            raise ValueError("control.physics_step must be at least 1000 nanoseconds")
+        if abs(period * NANOSECONDS - self.period_ns) > 1e-3:
+            raise RuleError(
+                f"control.period = {period!r} s",
+                allowed="control.period must be a whole number of nanoseconds",
+                remedy=f"set control.period to {round(period, 9)!r}",
+            )
         if not _divides(step, period):
             fits = longest_step(period, step)
-            raise ValueError(
-                f"control.physics_step must divide control.period: {step} s does not divide {period} s, "
-                f"the next shorter that does is {fits:g} s"
+            raise RuleError(
+                f"control.physics_step = {step} s does not divide {period} s",
+                allowed="control.physics_step must divide control.period",
+                remedy=f"set control.physics_step to {fits:g}, the next shorter that does",
             )
-        if self.rig.time_constants.min() < step:
-            raise ValueError(
-                f"the rig's time constants must be at least control.physics_step, {step} s: "
-                f"the shortest is {self.rig.time_constants.min():g} s"
+        if (shortest := float(self.rig.time_constants.min())) < step:
+            raise RuleError(
+                f"the shortest time constant of the rig's drives is {shortest:g} s",
+                allowed=f"the rig's time constants must be at least control.physics_step, {step} s",
+                remedy=f"set control.physics_step to {longest_step(period, shortest):g}, or correct the rig",
             )
         times = {"duration": self.duration}
         for index, each in enumerate(self.disturbances):
@@ -169,13 +173,39 @@ class Scenario(Settings):
         for name, time in times.items():
             _check_multiple(name, time, period)
             if time > self.duration or (name.endswith("start") and time >= self.duration):
-                raise ValueError(f"{name} must lie before the end of the run, {self.duration} s")
+                raise RuleError(
+                    f"{name} = {time} s is not before the end of the run",
+                    allowed=f"{name} must lie before the end of the run, {self.duration} s",
+                    remedy=f"raise duration, or lower {name}",
+                )
         if self.effects.delay:
             _check_multiple("effects.delay.seconds", self.effects.delay.seconds, period)
         length = sum(seconds(segment) for segment in self.reference.segments if is_planned(segment))
         if length > self.duration * (1.0 + 1e-12):
-            raise ValueError(f"the segments last {length} s, longer than duration {self.duration} s")
+            raise RuleError(
+                f"the segments last {length} s, longer than duration {self.duration} s",
+                allowed="a run that lasts as long as its reference, or longer",
+                remedy=f"set duration to {math.ceil(length / period) * period:.9g} or more",
+            )
         return self
+
+    @property
+    def drive_limits(self) -> DriveLimits:
+        """What the drives can do: `effects.limits`, or without that effect the rig's own numbers of it."""
+        return self.effects.limits or self.rig.effects.limits
+
+    @property
+    def drive_limits_key(self) -> str:
+        """Return the table that `drive_limits` are in."""
+        return "effects.limits" if self.effects.limits else "rig.effects.limits"
+
+    @property
+    def limited_rig(self) -> RigParameters:
+        """The rig with the limits of its drives that hold: what controllers and viewers are told."""
+        numbers, limits = self.rig.effects, self.drive_limits
+        if limits == numbers.limits:
+            return self.rig
+        return self.rig.model_copy(update={"effects": numbers.model_copy(update={"limits": limits})})
 
     @property
     def effects_on_plant(self) -> EffectSettings:
@@ -225,7 +255,11 @@ def longest_step(period: float, longest: float) -> float:
 
 def _check_multiple(name: str, time: float, period: float) -> None:
     if not _divides(period, time):
-        raise ValueError(f"{name} must be a multiple of control.period: {time} s is none of {period} s")
+        raise RuleError(
+            f"{name} = {time} s is no multiple of control.period = {period} s",
+            allowed=f"{name} must be a multiple of control.period",
+            remedy=f"set {name} to {max(round(time / period), 1) * period:.9g}, or change control.period",
+        )
 
 
 def _divides(step: float, time: float) -> bool:

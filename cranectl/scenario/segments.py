@@ -1,4 +1,4 @@
-"""Segments of a reference: what a scenario says of each; `reference.py` has the paths that follow.
+"""Segments of a reference: what a scenario says of each; `reference/paths.py` has what follows.
 
 Another package adds a kind by an entry point of the group `cranectl.segments` that is a `SegmentKind`.
 """
@@ -29,18 +29,20 @@ from cranectl.scenario.along_path import (
     Arc,
     BlendedPath,
     Line,
+    Plannable,
     SplineLaw,
     TimeLaw,
 )
 from cranectl.scenario.driven import Driven
 from cranectl.scenario.quantities import MAX_DURATION, Duration, Point3
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import RuleError, Settings
 from cranectl.scenario.tables import FitNumbers, FromFile, Source
 from cranectl.support import extensions
 from cranectl.support.extensions import with_extensions
 
-MOST_POINTS = 2000  # of a spline through all of them
+MAX_SPLINE_POINTS = 2000  # of a spline through all of them
 MOST_SPANS = 1000  # of a spline near samples
+OF_FILE = ("columns", "units", "topic", "signs")  # what way points that are given have not
 
 
 class Hold(Settings):
@@ -64,23 +66,35 @@ class Move(Settings):
         None, description="shortest: straight, with a stop at each point of via, by the law of degree 9"
     )
 
+    @model_validator(mode="after")
+    def _bends_if_told_how(self) -> "Move":
+        told = [name for name in ("plane", "constant_rope") if getattr(self, name)]
+        if told and self.duration is not None:
+            raise RuleError(
+                f"{' and '.join(told)} with duration = 'shortest'",
+                allowed="one of the two: 'shortest' goes straight from point to point",
+                remedy="leave duration out, or the others",
+            )
+        return self
+
 
 Speed = Annotated[float, Field(ge=0.0, le=1e3)]
 
 
 class WayPoints(FromFile):
-    """Through given points, the first where the last segment ended, by one spline of degree 9.
+    """Through given points, the first where the last segment ended, by splines of degree 9.
 
+    A repeated point is a rest from its first to its last time. Between rests there is one spline.
     In minimum time: by one of degree 7 that need not rest at its ends, along which the motion is planned.
     """
 
     kind: Literal["waypoints"]
     file: str | None = Field(None, description="with the points, by its path from the scenario's file")
     points: (
-        Annotated[tuple[Point3, ...], Field(strict=False, min_length=2, max_length=MOST_POINTS)] | None
+        Annotated[tuple[Point3, ...], Field(strict=False, min_length=2, max_length=MAX_SPLINE_POINTS)] | None
     ) = Field(None, description="or the points themselves (x, y, z) [m]")
     times: Annotated[tuple[Annotated[float, Field(ge=-1e9, le=1e9)], ...], Field(strict=False)] | None = (
-        Field(None, description="of `points` [s]; only their differences count")
+        Field(None, description="of `points` [s]; only their differences count; a repeated point is a rest")
     )
     speed: (
         Annotated[
@@ -98,13 +112,24 @@ class WayPoints(FromFile):
     @model_validator(mode="after")
     def _is_timed_once(self) -> "WayPoints":
         if (self.file is None) == (self.points is None):
-            raise ValueError("a segment of kind 'waypoints' has either a file or points")
+            raise RuleError(
+                f"a segment with {'neither a file nor' if self.file is None else 'a file and'} points",
+                allowed="one of the two",
+                remedy="give one of the two",
+            )
+        default = FromFile()
+        of_file = [name for name in OF_FILE if getattr(self, name) != getattr(default, name)]
+        if self.points is not None and of_file and self.columns.speed is None:
+            found = f"{', '.join(of_file)} with points"
+            raise RuleError(found, allowed="points alone, which are in no file", remedy="leave them out")
         timed = [self.times is not None, self.speed is not None, self.columns.speed is not None]
         needed = self.points is not None and self.time_law is None
         if sum(timed) > 1 or (needed and not any(timed[:2])):
-            raise ValueError(
-                "a segment of kind 'waypoints' takes its times from a column of its file, from times or from "
-                "speed: give one of them"
+            raise RuleError(
+                f"a segment with {sum(timed)} of times, speed and columns.speed",
+                allowed="a segment of kind 'waypoints' takes its times from a column of its file, from times "
+                "or from speed",
+                remedy="give one of them",
             )
         return self
 
@@ -119,7 +144,7 @@ class Samples(FromFile):
     )
 
 
-class Spline(Settings):
+class Spline(Plannable):
     """A motion that is there already: a B-spline over time with simple knots, at rest at both ends.
 
     With a time law: a path, of degree 7 or more, that rests nowhere.
@@ -144,26 +169,35 @@ class Spline(Settings):
     def _is_a_spline(self) -> "Spline":
         steps = [b - a for a, b in itertools.pairwise(self.breaks)]
         if self.breaks[0] != 0.0 or min(steps) <= 0.0 or self.breaks[-1] > MAX_DURATION:
-            raise ValueError(f"breaks must increase from 0 to at most {MAX_DURATION:g} s")
+            raise RuleError(
+                f"breaks from {self.breaks[0]:g} to {self.breaks[-1]:g} s, the least step {min(steps):g} s",
+                allowed=f"breaks must increase from 0 to at most {MAX_DURATION:g} s",
+                remedy="begin them at 0, and give each knot once",
+            )
         if len(self.coefficients) != len(steps) + self.degree:
-            raise ValueError(
-                f"{len(self.coefficients)} coefficients: {len(steps)} spans of degree {self.degree} have "
-                f"{len(steps) + self.degree}"
+            raise RuleError(
+                f"{len(self.coefficients)} coefficients of degree {self.degree}",
+                allowed=f"{len(steps) + self.degree} for {len(steps)} spans",
+                remedy="give so many",
             )
         if (self.lasts is None) != (self.time_law in (None, MINIMUM_TIME)):
-            raise ValueError(
-                "a spline lasts so long by a time law other than minimum-time: give both or none"
+            raise RuleError(
+                f"a spline with {'a time law' if self.lasts is None else 'lasts'} alone",
+                allowed="a spline lasts so long by a time law other than minimum-time",
+                remedy="give both or none",
             )
         if self.time_law is not None and self.degree < 7:
-            raise ValueError(
-                f"a spline of degree {self.degree} with a time law: its fifth derivative jumps, which no "
-                "drive's acceleration can: take degree 7 or 9"
+            raise RuleError(
+                f"a spline of degree {self.degree} with a time law",
+                allowed="one whose fifth derivative does not jump, which no drive's acceleration can",
+                remedy="take degree 7 or 9",
             )
         ends = self.coefficients[:2], self.coefficients[-2:]
         if self.time_law is not None and any(a == b for a, b in ends):
-            raise ValueError(
-                "a spline with a time law whose first or last two coefficients are equal: it rests there, "
-                "and its path has no direction; leave time_law out, or take kind = 'waypoints'"
+            raise RuleError(
+                "a spline with a time law whose first or last two coefficients are equal: it rests there",
+                allowed="a path that rests nowhere",
+                remedy="leave time_law out, or take kind = 'waypoints'",
             )
         return self
 
@@ -226,8 +260,9 @@ class AddedSegment(Settings):
         try:
             _ = self.settings
         except ValidationError as error:
-            wrong = (f"{'.'.join(map(str, e['loc']))}: {e['msg'].lower()}" for e in error.errors())
-            raise ValueError(f"a segment of kind '{self.kind}': {'; '.join(wrong)}") from None
+            wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg'].lower()}" for e in error.errors())
+            found, remedy = f"a segment of kind '{self.kind}': {wrong}", "see what the package says of it"
+            raise RuleError(found, allowed="what its package takes", remedy=remedy) from None
         return self
 
     @property

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -15,6 +16,43 @@ class Settings(BaseModel):
     """Base of all settings: no unknown keys, no silent conversions, no NaN or infinity, frozen."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """How a number grows with a crane: by these powers of its length and of its mass.
+
+    It annotates a field. A list has one for all its numbers, or one for each of them.
+    """
+
+    length: float = 0.0
+    mass: float = 0.0
+
+
+LENGTH, MASS, TIME, SPEED, RATE = Scaled(1.0), Scaled(0.0, 1.0), Scaled(0.5), Scaled(0.5), Scaled(-0.5)
+FORCE = MASS  # since gravity stays
+
+
+def scales_of(model: type[BaseModel], prefix: str = "") -> dict[str, Scaled]:
+    """Return how the numbers of `model` scale, by dotted name; what stays is left out."""
+    found: dict[str, Scaled] = {}
+    for name, field in model.model_fields.items():
+        key = f"{prefix}{name}"
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            found |= scales_of(field.annotation, f"{key}.")
+        scales = [each for each in field.metadata if isinstance(each, Scaled)]
+        names = [key] if len(scales) == 1 else [f"{key}.{k}" for k in range(len(scales))]
+        found |= dict(zip(names, scales, strict=True))
+    return found
+
+
+class RuleError(ValueError):
+    """A rule across fields is broken; `parse_settings` tells it with the wrong fields."""
+
+    def __init__(self, found: str, *, allowed: str, remedy: str) -> None:
+        """Take what an `InputError` takes."""
+        super().__init__(f"{found}; allowed: {allowed}")
+        self.found, self.allowed, self.remedy = found, allowed, remedy
 
 
 MAX_PROBLEMS = 10  # told in one message
@@ -32,7 +70,7 @@ def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
         more = error.error_count() - len(problems)
     raise InputError(
         f"{source}: " + "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else ""),
-        allowed="; ".join(allowed for _, allowed, _ in problems if allowed),
+        allowed="; ".join(dict.fromkeys(allowed for _, allowed, _ in problems if allowed)),
         remedy="; ".join(remedy for _, _, remedy in problems if remedy) or "correct the fields above",
     ) from None
 
@@ -52,7 +90,11 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
                 remedy="for example --set rig.load_mass=2.5",
             )
         if key.count(".") >= MAX_DEPTH:
-            raise InputError(f"--set {assignment}", allowed=f"keys of at most {MAX_DEPTH} parts")
+            raise InputError(
+                f"--set {assignment}",
+                allowed=f"keys of at most {MAX_DEPTH} parts",
+                remedy="for example --set rig.load_mass=2.5",
+            )
         text = text.strip()
         if text.startswith("["):
             text = _COMPLEX.sub(r'"\g<0>"', text)
@@ -73,12 +115,14 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
         return f"unknown key '{where}'", ", ".join(known), remedy
     if details["type"] == "missing":
         return f"'{where}' is missing", f"{where}: {_describe(model, location)}", f"add '{where}'"
-    if details["type"] == "value_error":  # a rule across fields; its text names them
-        return str(details["ctx"]["error"]), "", ""
+    if details["type"] == "value_error" and isinstance(rule := details["ctx"]["error"], RuleError):
+        return rule.found, rule.allowed, rule.remedy
     message, remedy = details["msg"], str(details.get("ctx", {}).get("remedy", ""))
     if details["type"] == "tuple_type":  # of Python
         message = "Input should be a list"
-        remedy = "put texts in it in quotes, numbers without" if str(value).startswith("[") else ""
+        remedy = (
+            "put texts in it in quotes, numbers without" if str(value).startswith("[") else "write a list"
+        )
     return (
         f"{where} = {printable(repr(value), longest=80)}",
         f"{where}: {message[0].lower()}{message[1:]}",

@@ -2,12 +2,17 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from cranectl.scenario.rig import Position
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import RuleError, Settings
 
 Name = Annotated[str, Field(min_length=1, max_length=200)]
+# A column by its name, or one number for all rows. Tags of no letters, as below.
+NameOrNumber = Annotated[
+    Annotated[Name, Tag("")] | Annotated[Position, Tag(" ")],
+    Discriminator(lambda value: "" if isinstance(value, str) else " "),
+]
 Sign = Literal[1, -1]
 Vector = Annotated[tuple[Position, Position, Position], Field(strict=False)]
 TO_START = "to-start"
@@ -22,9 +27,15 @@ class Columns(Settings):
     """The names of a file's columns."""
 
     time: Name = Field("time", description="of times; only their differences count")
-    x: Name = Field("x", description="of the load along x")
-    y: Name = Field("y", description="of the load along y")
-    z: Name = Field("z", description="of the load along z, up, from the height of the trolley")
+    x: NameOrNumber = Field(
+        "x", description="of the load along x; or a number that all rows have, in the file's unit"
+    )
+    y: NameOrNumber = Field(
+        "y", description="of the load along y; or a number that all rows have, in the file's unit"
+    )
+    z: NameOrNumber = Field(
+        "z", description="of the load along z, up, from the height of the trolley; or a number"
+    )
     speed: Name | None = Field(None, description="of speeds at way points, in place of times")
 
 
@@ -40,7 +51,9 @@ class FromFile(Settings):
     """A motion of the load in a file: CSV, Parquet, or a log of cranectl."""
 
     columns: Columns = Columns()
-    units: Units = Field(Units(), description="must be given, but for a log, which has its own")
+    units: Units = Field(
+        Units(), description="must be given where the file does not say them itself, as logs do"
+    )
     topic: Name = Field(
         "reference/load", description="of a log: reference/load, or the load of a plant, as mujoco/load"
     )
@@ -51,6 +64,16 @@ class FromFile(Settings):
         (0.0, 0.0, 0.0),
         description="added to x, y, z [m]; to-start: what brings the file's first point to where the load is",
     )
+
+    @model_validator(mode="after")
+    def _has_what_has_a_unit(self) -> "FromFile":
+        if self.units.speed is not None and self.columns.speed is None:
+            raise RuleError(
+                "units.speed without columns.speed",
+                allowed="units of the columns that are read",
+                remedy="name the column of speeds, or leave the unit out",
+            )
+        return self
 
 
 class Source(Settings):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.model.dynamics import AxisMasses, axis_masses, drive_forces, forced_accelerations
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
@@ -33,7 +33,7 @@ def make_actuation(nominal: Scenario, start: Array, drive: Drive = "ideal") -> A
         time_constant=nominal.rig.time_constants,
         period=nominal.period_ns / NANOSECONDS,
         velocity=start[1:6:2].copy(),
-        masses=axis_masses(nominal.rig) if drive == "force" else None,
+        masses=axis_masses(nominal.rig) if DRIVES[drive].command == "force" else None,
     )
 
 

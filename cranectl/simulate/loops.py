@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.controllers.addressed import JOINTS, AddressedLaw, addressed_step, addressed_wait
-from cranectl.controllers.flat import Tracker, control_step, keep_taut, wait_step
+from cranectl.controllers.controller import ROPE_TAUT
 from cranectl.plants.plant import Kernels, Plant
 from cranectl.signals import (
     COMMAND_COLUMN,
@@ -46,8 +46,7 @@ ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 class LoopInputs(NamedTuple):
     """Everything a loop needs besides the plant, the record and the memory of the law."""
 
-    tracker: Tracker | None  # of the flat family
-    law: AddressedLaw | None  # or any other; for the one that is None there is no code in a compiled loop
+    law: AddressedLaw
     actuation: Actuation
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
@@ -60,35 +59,19 @@ class LoopInputs(NamedTuple):
 
 
 @jit
-def flat_command(tracker, inputs, state, k, memory, row):
-    """What the flat family commands, or, while the rope is slack, the drives' coming to rest."""
-    if tracker is None:
-        return RUNNING
-    command, status = row[INPUT_COLUMN : INPUT_COLUMN + 6], RUNNING
-    if inputs.recover:
-        keep_taut(tracker, memory)
-    if inputs.slack[0] > 0.0:
-        wait_step(tracker, state, inputs.reference[k], memory, row)
-        brake(inputs.actuation, command)
-    else:
-        status = control_step(tracker, state, inputs.reference[k], memory, row)
-    if status == RUNNING:
-        actuate(inputs.actuation, command)
-    return status
-
-
-@jit
-def law_command(law, inputs, path, state, k, memory, row):
-    """The same of any other law."""
-    if law is None:
-        return RUNNING
-    command, reference = row[INPUT_COLUMN : INPUT_COLUMN + 6], inputs.reference[k]
+def command_law(inputs, path, state, k, memory, row):
+    """Have the controller command, or brake the drives while the rope is slack; make the set-points."""
+    law, reference = inputs.law, inputs.reference[k]
+    command = row[INPUT_COLUMN : INPUT_COLUMN + 6]
+    follow_velocity(inputs.actuation.masses, inputs.actuation, state)
+    give_measured(law, path, state, k)
     if inputs.slack[0] > 0.0:
         addressed_wait(law, state, reference, memory, row)
         brake(inputs.actuation, command)
         actuate(inputs.actuation, command)
         return RUNNING
-    give_measured(law, path, state, k)
+    if inputs.recover and law.slack_place >= 0:
+        memory[law.slack_place] = ROPE_TAUT
     status = addressed_step(law, state, reference, memory, row)
     if status != RUNNING:
         return status
@@ -116,24 +99,14 @@ def give_measured(law, path, state, k):
 
 
 @jit
-def _control(inputs, path, state, k, memory, row):
-    """The law, or what takes its place while the rope is slack, and the set-points that follow."""
-    follow_velocity(inputs.actuation.masses, inputs.actuation, state)
-    status = flat_command(inputs.tracker, inputs, state, k, memory, row)
-    if status != RUNNING:
-        return status
-    return law_command(inputs.law, inputs, path, state, k, memory, row)
-
-
-@jit
 def control_sample(inputs, path, k, row, memory):
     """Run the law on the state in record row `k`; writes the rest of the row except the load."""
     if path is None:
-        status = _control(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
+        status = command_law(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
     else:
         measured = path.record[k, :COMMAND_COLUMN]
         sense(path, row, measured)
-        status = _control(inputs, path, measured[:10], k, memory, row)
+        status = command_law(inputs, path, measured[:10], k, memory, row)
         if status == RUNNING:
             command, actuation = row[INPUT_COLUMN : INPUT_COLUMN + 3], inputs.actuation
             wanted = drive_command(

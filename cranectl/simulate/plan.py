@@ -10,8 +10,11 @@ from cranectl.plants.surroundings import air_velocity
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, WORKSPACE_SIGNALS, Z
+from cranectl.simulate.memory import check_planned
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+
+AXES = ("bridge", "trolley", "rope")
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,9 @@ def plan_reference(scenario: Scenario) -> PlannedReference:
     """Sample the reference.
 
     Raises InputError where the reference is not smooth enough, would need a slack rope, or leads bridge,
-    trolley or rope out of the workspace.
+    trolley or rope out of the workspace, and where its samples take too much memory.
     """
+    check_planned(scenario)
     time_ns = np.arange(scenario.steps + 1, dtype=np.int64) * scenario.period_ns
     reference = build_trajectory(scenario.reference).sample(time_ns / NANOSECONDS)
     _check_taut(scenario, time_ns, reference)
@@ -128,10 +132,10 @@ def _check_speed(scenario: Scenario, time_ns: NDArray[np.int64], states: Array) 
     worst, axis = np.unravel_index(int(np.argmax(speed / limits)), speed.shape)
     if speed[worst, axis] > limits[axis]:
         raise InputError(
-            f"the reference moves faster than the drive of {WORKSPACE_SIGNALS[axis]} can: "
+            f"the reference moves faster than the drive of the {AXES[axis]} can: "
             f"{speed[worst, axis]:.3g} m/s at {time_ns[worst] / NANOSECONDS:g} s",
             allowed=f"up to effects.limits.velocity = {limits[axis]:g} m/s",
-            remedy="give the segment more time, or correct the limit",
+            remedy="give the segment more time, or correct effects.limits.velocity",
         )
 
 
@@ -144,6 +148,6 @@ def _check_workspace(scenario: Scenario, time_ns: NDArray[np.int64], states: Arr
             raise InputError(
                 f"the reference leaves the workspace: {name} = {position[worst]:.4g} m at "
                 f"{time_ns[worst] / NANOSECONDS:g} s",
-                allowed=f"{low:g} to {high:g} m",
-                remedy="move the path, give it more time, or change the rig's range",
+                allowed=f"rig.{AXES[axis]}_range, from {low:g} to {high:g} m",
+                remedy=f"move the path, give it more time, or change rig.{AXES[axis]}_range",
             )

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import LawDesign
-from cranectl.design import Design
-from cranectl.plants.plant import Drive
+from cranectl.design import ControllerDesign
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import SignalGroup, recorded_groups
 from cranectl.simulate.signal_path import has_signal_path
@@ -15,13 +14,13 @@ from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 
 
-def groups_of(scenario: Scenario, design: Design | LawDesign, drive: Drive) -> tuple[SignalGroup, ...]:
+def groups_of(scenario: Scenario, design: ControllerDesign, drive: Drive) -> tuple[SignalGroup, ...]:
     """What a run records, in column order."""
-    staged = drive if has_signal_path(scenario.effects, drive) else ""
+    staged = DRIVES[drive].command if has_signal_path(scenario.effects, drive) else ""
     return recorded_groups(design.groups, staged=staged, forced=scenario.forced)
 
 
-def record_width(design: Design | LawDesign) -> int:
+def record_width(design: ControllerDesign) -> int:
     """Columns of a run's record without those of its signal path."""
     return sum(map(len, recorded_groups(design.groups)))
 
@@ -31,7 +30,7 @@ class Run:
     """A run in memory, as simulated or as read from a log."""
 
     scenario: Scenario
-    design: Design | LawDesign
+    design: ControllerDesign
     plant: str
     drive: Drive
     model: str  # the plant's own description, MJCF for MuJoCo
@@ -50,7 +49,7 @@ class Run:
     @property
     def controller(self) -> str:
         """Its name, and of a law from outside the file."""
-        origin = self.design.origin if isinstance(self.design, LawDesign) else None
+        origin = self.design.origin
         return self.design.name if origin is None else f"{self.design.name}, {origin.described}"
 
     @property
@@ -104,11 +103,12 @@ class Run:
     def every(self, n: int) -> "Run":
         """Every n-th control sample, and always the last, where a run that stopped shows why.
 
-        Of a run that was logged, those that are there.
+        Of a run that was logged, those that are there. Views, not copies, where they are evenly spaced.
         """
         samples = (self.time_ns - self.time_ns[:1]) // self.scenario.period_ns
-        chosen = samples % n == 0
-        chosen[-1:] = True
+        mask = samples % n == 0
+        mask[-1:] = True
+        chosen = slice(None, None, n) if mask[::n].all() and mask.sum() == mask[::n].size else mask
         return replace(
             self, time_ns=self.time_ns[chosen], table=self.table[chosen], reference=self.reference[chosen]
         )

@@ -1,29 +1,34 @@
 """Simulate a scenario on a plant: a whole run that is kept, or one that is looked at block by block."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.controllers.addressed import AddressedLaw, addressed_law, at_start, entered
-from cranectl.controllers.controller import Controller, LawDesign, LinearLaw, Nominal
-from cranectl.controllers.flat import Tracker, initial_memory, make_tracker
-from cranectl.controllers.registry import controller_design, load_controller
-from cranectl.design import Design
+from cranectl.controllers.controller import Controller, LinearLaw, Nominal
+from cranectl.controllers.flat import Tracker, make_tracker
+from cranectl.controllers.preparation import linearised
+from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.design import ControllerDesign, Design
+from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.plants.registry import REFERENCE_PLANT, check_effects, plant_entry
+from cranectl.plants.probe import check_honest
+from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
 from cranectl.simulate.actuation import Actuation, make_actuation
-from cranectl.simulate.child import CAN_FORK, PATIENCE, blocks_here, blocks_in_child, shared_zeros
+from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import AdvanceBlock, LoopInputs, compiled_loop, python_loop
+from cranectl.simulate.memory import check_run
 from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
+from cranectl.support.children import CAN_FORK
 from cranectl.support.errors import unknown_name
 
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
@@ -46,12 +51,12 @@ def simulate_run(
     plant: str = REFERENCE_PLANT,
     drive: str = "ideal",
     controller: str | None = None,
-    design: Design | LawDesign | None = None,
+    design: ControllerDesign | None = None,
     nominal: Scenario | None = None,
     plan: Plan | None = None,
-    law: Tracker | AddressedLaw | None = None,
+    law: AddressedLaw | None = None,
     compiled: bool = True,
-    patience: float = PATIENCE,
+    patience: float = BLOCK_TIMEOUT,
     progress: Progress | None = None,
 ) -> Run:
     """Run `scenario` on one plant and record every sample.
@@ -60,14 +65,16 @@ def simulate_run(
     `nominal`: what the controller takes the crane for, by default what it is; reference, feedback, observer
     are made for it. It may differ from `scenario` in rig, effects, initial and disturbances only. `plan`
     and `law`, as `law_of` gives it, save making the same twice. `patience`: time [s] after which a law from
-    outside that has not returned is given up. Raises InputError for wrong names and for a
-    reference that the rig cannot follow. A run that has to stop early, Ctrl-C included, returns what it has,
-    with the reason in its status.
+    outside that has not returned is given up. Raises InputError for wrong names, for a reference that the
+    rig cannot follow, and for a run that takes too much memory. A run that has to stop early, Ctrl-C
+    included, returns what it has, with the reason in its status.
     """
     nominal = nominal or scenario
     design = design or controller_design(controller or nominal.controller.name, nominal)
+    kind = checked_drive(drive)
+    check_run(scenario, design, kind)
     plan = plan or plan_run(plan_reference(nominal), scenario)
-    crane = make_plant(plant, scenario, checked_drive(drive))
+    crane = make_plant(plant, scenario, kind)
     law = law or law_of(nominal, design, crane.drive, plan)
     samples, width = len(plan.time_ns), record_width(design)
     outside = law_from_outside(design) if compiled and CAN_FORK else None
@@ -84,7 +91,7 @@ def simulate_run(
         enter=outside is None,
     )
     record = zeros((samples, width))
-    rows, last, status = _run_blocks(run, record, plan, outside, patience, progress)
+    rows, last, status = _run_blocks(run, record, plan, outside, patience=patience, progress=progress)
     return Run(
         scenario=scenario,
         design=design,
@@ -102,7 +109,7 @@ def simulate_run(
 def start_run(
     crane: Plant,
     scenario: Scenario,
-    law: Tracker | AddressedLaw,
+    law: AddressedLaw,
     plan: Plan,
     *,
     nominal: Scenario,
@@ -128,7 +135,7 @@ def start_run(
         path=make_signal_path(
             scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
         ),
-        memory=memory_of(law, plan.reference[0]),
+        memory=law.start.copy(),
     )
 
 
@@ -137,68 +144,54 @@ def tracker_of(scenario: Scenario, design: Design) -> Tracker:
     return make_tracker(design, period=scenario.period_ns / NANOSECONDS, gravity=scenario.rig.gravity)
 
 
-def law_of(
-    nominal: Scenario, design: Design | LawDesign, drive: Drive, plan: PlannedReference
-) -> Tracker | AddressedLaw:
+def law_of(nominal: Scenario, design: ControllerDesign, drive: Drive, plan: PlannedReference) -> AddressedLaw:
     """`design` made to run the reference of `plan` on the crane that it takes for `nominal`.
 
     Raises InputError where its sampling makes it unstable, or as its own preparation does.
     """
-    if isinstance(design, Design):
-        return tracker_of(nominal, design)
-    controller = load_controller(design.name)
-    return addressed_law(controller, nominal_crane(nominal, design, controller, drive, plan))
+    controller = controller_of(design)
+    recorded = sum(map(len, design.groups))
+    return addressed_law(controller, nominal_crane(nominal, design, controller, drive, plan), recorded)
 
 
 def linearised_law(
-    nominal: Scenario, design: LawDesign, rope_lengths: Sequence[float] = ()
+    nominal: Scenario, design: ControllerDesign, rope_lengths: Sequence[float] = ()
 ) -> list[LinearLaw]:
     """A law near rest at some rope lengths [m]; nothing if it cannot say it.
 
     By default at the shortest, the middle and the longest rope of the rig.
     """
-    controller = load_controller(design.name)
+    controller = controller_of(design)
     if controller.linearise is None:
         return []
     known = nominal_crane(nominal, design, controller, "ideal", plan_reference(nominal))
     shortest, longest = nominal.rig.rope_range
     lengths = rope_lengths or (shortest, 0.5 * (shortest + longest), longest)
-    return [controller.linearise(known, length) for length in lengths]
+    return [linearised(controller, known, length) for length in lengths]
 
 
 def nominal_crane(
-    nominal: Scenario, design: LawDesign, controller: Controller, drive: Drive, plan: PlannedReference
+    nominal: Scenario, design: ControllerDesign, controller: Controller, drive: Drive, plan: PlannedReference
 ) -> Nominal:
     """What `controller` is prepared for on the crane that it takes the real one for."""
     reference = plan.reference
     if controller.follows == "set-point":
         reference = build_trajectory(nominal.reference).set_points(plan.time_ns / NANOSECONDS)
     return Nominal(
-        rig=nominal.rig,
+        rig=nominal.limited_rig,
         drive=drive,
         period=controller.every * nominal.period_ns / NANOSECONDS,
         reference=reference,
         state=plan.reference_state[0],
         parameters=design.parameters,
+        axis_design=design.axis_design,
     )
 
 
-def by_kind(law: Tracker | AddressedLaw, *, enter: bool = True) -> dict[str, Any]:
-    """The law in its place among the inputs of a loop, at the start of a run; `enter` as `start_run`."""
-    if isinstance(law, Tracker):
-        return {"tracker": law, "law": None}
-    law = at_start(law)
-    return {"tracker": None, "law": entered(law) if enter else law}
-
-
-def memory_of(law: Tracker | AddressedLaw, reference: Array) -> Array:
-    """Of a law at the start of a run on `reference` (15,)."""
-    return initial_memory(law, reference) if isinstance(law, Tracker) else law.start.copy()
-
-
 def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
-    """The plant `name` for a scenario; raises InputError for an unknown one and effects it cannot show."""
-    check_effects(scenario.effects, plant=name, drive=drive)
+    """Make the plant `name` for a scenario; raise InputError for an unknown one and what it cannot show."""
+    check_scenario(scenario, plant=name, drive=drive)
+    check_honest(name, drive)
     return plant_entry(name).load()(
         scenario.rig,
         drive=drive,
@@ -218,31 +211,32 @@ def checked_drive(name: str) -> Drive:
 
 def inputs_of(
     scenario: Scenario,
-    law: Tracker | AddressedLaw,
+    law: AddressedLaw,
     actuation: Actuation,
     plan: Plan,
     drive: Drive,
     *,
     enter: bool = True,
 ) -> LoopInputs:
-    """What a loop needs to run `plan` from its first row to its last."""
+    """What a loop needs to run `plan` from its first row to its last; `enter` as `start_run`."""
+    law = at_start(law)
     return LoopInputs(
-        **by_kind(law, enter=enter),
+        law=entered(law) if enter else law,
         actuation=actuation,
         reference=plan.reference,
         disturbance=plan.disturbance,
         wind=plan.wind,
         workspace=scenario.rig.workspace,
         stop_outside=scenario.workspace.on_exit == "stop",
-        command_column=INPUT_COLUMN + (0 if drive == "ideal" else 3),
+        command_column=INPUT_COLUMN + (DRIVES[drive].column or 0),
         recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",
         slack=np.zeros(1),
     )
 
 
-def law_from_outside(design: Design | LawDesign) -> Controller | None:
+def law_from_outside(design: ControllerDesign) -> Controller | None:
     """The law of a file; None: the package's, or another package's."""
-    return load_controller(design.name) if isinstance(design, LawDesign) and design.origin else None
+    return controller_of(design) if design.origin else None
 
 
 def _run_blocks(
@@ -250,6 +244,7 @@ def _run_blocks(
     record: Array,
     plan: Plan,
     outside: Controller | None,
+    *,
     patience: float,
     progress: Progress | None,
 ) -> tuple[int, int, RunStatus]:
@@ -258,8 +253,7 @@ def _run_blocks(
 
     def advance(first: int) -> tuple[int, int, int]:
         nonlocal inputs
-        if inputs.law is not None:
-            inputs = inputs._replace(law=entered(inputs.law))
+        inputs = inputs._replace(law=entered(inputs.law))
         return run.advance(inputs, run.path, record, run.memory, first, min(first + BLOCK, total))
 
     try:

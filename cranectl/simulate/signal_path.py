@@ -13,16 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.controllers.observer import (
-    DISTURBANCE,
+    EXPECTED,
     JOINTS,
-    POSITION,
-    VELOCITY,
     Observer,
     correct,
     initial_estimate,
     make_observer,
     predict,
 )
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.surroundings import FORCE
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Installation, Sensing
@@ -69,6 +68,9 @@ def make_limits(limits: DriveLimits | None, period: float) -> SetpointLimits:
     return SetpointLimits(np.array(limits.velocity), period * np.array(limits.acceleration))
 
 
+CUT_OFF = 1e-9  # of the largest velocity; a limit that changes a set-point by less does not act
+
+
 @jit
 def limited(limits, axis, setpoint, previous):
     """The set-point nearest to `setpoint` that the drive may be given after `previous` [m/s]."""
@@ -96,6 +98,7 @@ class CalibrationError(NamedTuple):
 
     rope_offset: float  # read more than there is [m]
     drive_gain: Array  # (3,) of bridge, trolley, winch
+    dead_zone: Array  # (3,) of set-points [m/s]
 
 
 class SignalPath(NamedTuple):
@@ -115,16 +118,16 @@ class SignalPath(NamedTuple):
     record: Array  # (N, PATH_WIDTH)
 
 
-def has_signal_path(effects: EffectSettings, drive: str) -> bool:
+def has_signal_path(effects: EffectSettings, drive: Drive) -> bool:
     """Whether a run has a signal path: for its effects, or since it records the forces of its drives."""
-    return effects.staged or drive == "force"
+    return effects.staged or DRIVES[drive].column is None
 
 
 def make_signal_path(
     scenario: Scenario,
     start: Array,
     *,
-    drive: str,
+    drive: Drive,
     samples: int,
     nominal: Scenario | None = None,
     record: Array | None = None,
@@ -141,10 +144,10 @@ def make_signal_path(
     nominal = nominal or scenario
     sensing, setting = effects.sensing or Sensing(), effects.installation or Installation()
     bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
-    first = np.zeros(3)
-    if drive == "velocity":
+    kind, first = DRIVES[drive], np.zeros(3)
+    if kind.at_rest == "rates":
         first = start[1:6:2]
-    elif drive == "force":
+    elif kind.at_rest == "weight":
         first = forces_at_rest(nominal, start)
     return SignalPath(
         sensed=effects.sensing is not None,
@@ -153,8 +156,10 @@ def make_signal_path(
         observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
         estimate=initial_estimate(start),
         told=np.zeros(3),
-        calibration=CalibrationError(setting.rope_offset, np.array(setting.drive_gain)),
-        limits=make_limits(effects.limits if drive == "velocity" else None, period),
+        calibration=CalibrationError(
+            setting.rope_offset, np.array(setting.drive_gain), np.array(setting.dead_zone)
+        ),
+        limits=make_limits(effects.limits if "velocity" in kind.limits else None, period),
         previous=first.copy(),
         line=np.tile(first, (scenario.delay_samples, 1)),
         clock=np.zeros(1, dtype=np.int64),
@@ -165,7 +170,9 @@ def make_signal_path(
 def whole_record(scenario: Scenario, record: Array, path: SignalPath | None, wind: Array) -> Array:
     """The record of a run with the part of its signal path and the forces on its load, if it has them."""
     parts = [record] if path is None else [record, path.record]
-    return np.hstack([*parts, wind[:, FORCE:]]) if scenario.forced else np.hstack(parts)
+    if scenario.forced:
+        parts.append(wind[:, FORCE:])
+    return np.hstack(parts) if len(parts) > 1 else record
 
 
 @jit
@@ -184,30 +191,36 @@ def sense(path, row, measured):
         position = row[STATE_COLUMN + 2 * joint] + (offset if joint == ROPE else 0.0)
         path.readings[joint] = read_encoder(path.encoders, path.clock[0], joint, position)
         correct(path.observer, joint, path.readings[joint], estimate)
-        measured[2 * joint] = estimate[POSITION + joint]
-        measured[2 * joint + 1] = estimate[VELOCITY + joint]
-    measured[2 * JOINTS] = estimate[DISTURBANCE + 3]
-    measured[2 * JOINTS + 1] = estimate[DISTURBANCE + 4]
+        measured[2 * joint] = estimate[EXPECTED.position + joint]
+        measured[2 * joint + 1] = estimate[EXPECTED.velocity + joint]
+    measured[2 * JOINTS] = estimate[EXPECTED.disturbance + 3]
+    measured[2 * JOINTS + 1] = estimate[EXPECTED.disturbance + 4]
 
 
 @jit
 def act(path, actuation, wanted, row, commanded):
     """Turn what the drives are to get, three numbers, into what they get and whether limits act, `commanded`.
 
-    A set-point that is cut off is cut off in the integral of `actuation` too, so that it does not run away;
-    and the observer is told what drives make of it, or it would take the rest for a push.
+    The integral of `actuation` follows a set-point that is cut off, so that it does not run away. The
+    observer is told what drives make of that set-point, or it would take the rest for a disturbance. A
+    controller that keeps to the limits itself exceeds them by rounding, which differs between processors:
+    that is no cut.
     """
     command = commanded[:3]
     for axis in range(3):
         command[axis] = limited(path.limits, axis, wanted[axis], path.previous[axis])
         path.told[axis] = row[INPUT_COLUMN + axis]
         commanded[3 + axis] = 0.0
+        cut = command[axis] - wanted[axis]
         if command[axis] != wanted[axis]:
-            actuation.velocity[axis] += command[axis] - wanted[axis]
-            velocity = path.estimate[VELOCITY + axis]
+            actuation.velocity[axis] += cut
+        if abs(cut) > CUT_OFF * path.limits.velocity[axis]:
+            velocity = path.estimate[EXPECTED.velocity + axis]
             path.told[axis] = drive_acceleration(actuation, axis, command[axis], velocity)
             commanded[3 + axis] = 1.0
         path.previous[axis] = command[axis]
+        if abs(command[axis]) < path.calibration.dead_zone[axis]:  # the drive's own, of which nobody is told
+            command[axis] = 0.0
         command[axis] *= path.calibration.drive_gain[axis]
     if path.sensed:
         predict(path.observer, path.told, path.estimate)

@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from cranectl.support.errors import InputError
+from cranectl.support.formats import MARK, format_of
+from cranectl.support.inputs import open_input
 
 Table = dict[str, Any]
 
-MAX_BYTES = 2**20  # scenarios, campaigns and designs have some thousands; a MiB takes half a second to parse
-MAX_BITS = 1024  # of a whole number, as many as a float reaches
+# Scenarios, campaigns and designs have some thousands; a MiB takes half a second to parse.
+MAX_DOCUMENT_BYTES = 2**20
+MAX_BITS = 1023  # of a whole number: each of these becomes a float, the largest of 1024 bits do not
 MAX_DEPTH = 32  # tables and lists within one another; ours have five
 # A dotted key of more parts than that, for which tomllib takes quadratic time.
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
@@ -45,11 +48,17 @@ def parse_json(text: str | bytes, source: str) -> Any:
 
 def _text(path: Path, kind: str) -> str:
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+        with open_input(path, piped=MAX_DOCUMENT_BYTES + 1) as file:
+            content = file.read(MAX_DOCUMENT_BYTES + 1)
+        if len(content) > MAX_DOCUMENT_BYTES and (found := format_of(content)):
+            raise _other(str(path), kind, found)
         _check_size(content, str(path))
         return content.decode("utf-8")
-    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a null character in the name
+    except UnicodeDecodeError as error:
+        if found := format_of(content):
+            raise _other(str(path), kind, found) from None
+        raise InputError(f"cannot read {path}: {error}", remedy=f"name a readable {kind} file") from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise InputError(f"cannot read {path}: {error}", remedy=f"name a readable {kind} file") from None
 
 
@@ -71,9 +80,13 @@ def _toml(text: str) -> Table:
 
 
 def _parsed(parse: Callable[[Any], Any], text: str | bytes, source: str, kind: str) -> Any:
+    text = text.removeprefix(MARK) if isinstance(text, str) else text.removeprefix(MARK.encode())
     try:
         return _limited(parse, text, source)
     except ValueError as error:  # those of tomllib and json among them; a number of thousands of digits
+        found = format_of(text.encode(errors="replace") if isinstance(text, str) else text)
+        if found and found != kind:
+            raise _other(source, kind, found) from None
         raise _invalid(source, kind, error) from None
 
 
@@ -93,9 +106,9 @@ def _limited(parse: Callable[[Any], Any], text: str | bytes, source: str) -> Any
 
 
 def _check_size(text: str | bytes, source: str) -> None:
-    if len(text) > MAX_BYTES:
+    if len(text) > MAX_DOCUMENT_BYTES:
         raise InputError(
-            f"{source} is larger than {MAX_BYTES} bytes",
+            f"{source} is larger than {MAX_DOCUMENT_BYTES} bytes",
             allowed="files of settings, which have some thousands",
             remedy="check that this is the right file",
         )
@@ -127,6 +140,14 @@ def _invalid(source: str, kind: str, error: ValueError) -> InputError:
         f"{source} is not valid {kind}: {error}",
         allowed=f"{kind} in UTF-8, whole numbers of at most {MAX_BITS} bits",
         remedy="correct it at that place",
+    )
+
+
+def _other(source: str, kind: str, found: str) -> InputError:
+    return InputError(
+        f"{source} is {found}, not {kind}",
+        allowed=f"settings as {kind} in UTF-8",
+        remedy=f"name a {kind} file, or write the settings into one",
     )
 
 
@@ -187,11 +208,16 @@ def assign(node: Any, path: str, value: Any, source: str) -> None:
 
 def _index(node: Any, key: str, source: str) -> int:
     if not isinstance(node, list):
-        raise InputError(f"{source}: '{key}' lies below a plain value", allowed="a table")
+        raise InputError(
+            f"{source}: '{key}' lies below a plain value",
+            allowed="a table",
+            remedy=f"leave '{key}' out",
+        )
     if not (key.isdecimal() and int(key) < len(node)):
         raise InputError(
             f"{source}: '{key}' is no entry of the list",
             allowed=f"an index from 0 to {len(node) - 1}" if node else "nothing, the list is empty",
+            remedy="choose one that is there, or set the whole list",
         )
     return int(key)
 

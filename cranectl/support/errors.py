@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Self
 
-COMPARED = 80  # [characters] of a name: the time to compare goes with their square
-LONGEST = 4000  # [characters] of a phrase; all signals of a log are named in fewer
+COMPARED_CHARACTERS = 80  # [characters] of a name: the time to compare goes with their square
+MAX_PHRASE = 4000  # [characters] of a phrase; all signals of a log are named in fewer
 
 
 class CranectlError(Exception):
@@ -18,7 +18,7 @@ class InputError(CranectlError):
     """Wrong input. `found`, `allowed` and `remedy` are complete phrases for people (exit code 2)."""
 
     def __init__(self, found: str, *, allowed: str = "", remedy: str = "") -> None:
-        phrases = (printable(text, longest=LONGEST) for text in (found, allowed, remedy))
+        phrases = (printable(text, longest=MAX_PHRASE) for text in (found, allowed, remedy))
         self.found, self.allowed, self.remedy = phrases
         labelled = (("found", self.found), ("allowed", self.allowed), ("remedy", self.remedy))
         super().__init__("\n".join(f"{label + ':':9}{text}" for label, text in labelled if text))
@@ -52,6 +52,15 @@ def printable(text: str, *, longest: int = 500) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def describe_error(error: BaseException) -> str:
+    """Return the class and the text of `error`, also where making the text fails."""
+    try:
+        text = str(error)
+    except Exception as failure:
+        text = f"its text cannot be made: {type(failure).__name__}"
+    return f"{type(error).__name__}: {text}"
+
+
 def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = "") -> InputError:
     """The error for a name that is not in a registry; lists the known names in their order.
 
@@ -77,4 +86,6 @@ def nearest_first(name: str, known: Iterable[str]) -> list[str]:
 
 
 def _similarity(a: str, b: str) -> float:
-    return difflib.SequenceMatcher(None, a[:COMPARED].lower(), b[:COMPARED].lower()).ratio()
+    return difflib.SequenceMatcher(
+        None, a[:COMPARED_CHARACTERS].lower(), b[:COMPARED_CHARACTERS].lower()
+    ).ratio()

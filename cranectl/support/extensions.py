@@ -26,7 +26,7 @@ def loaded(where: str) -> Any:
 
 def check_name(kind: str, name: str) -> None:
     """Raise InputError for a name that topics, columns and TOML keys cannot have."""
-    if not re.fullmatch(r"[a-z][a-z0-9-]*", name):
+    if not (isinstance(name, str) and re.fullmatch(r"[a-z][a-z0-9-]*", name)):
         raise InputError(
             f"a {kind} named '{name}'",
             allowed="lower case letters, digits, hyphens",

@@ -5,7 +5,6 @@ Ctrl-C for what it starts in the background.
 """
 
 import contextlib
-import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -88,20 +87,3 @@ def interrupts_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def serve_parent() -> None:
-    """In a worker process: leave signals to its parent, and end with it."""
-    from multiprocessing import parent_process  # which every command would load
-    from multiprocessing.connection import wait
-
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
-    parent = parent_process()
-    assert parent is not None
-
-    def end_with_parent() -> None:
-        wait([parent.sentinel])
-        os._exit(1)
-
-    threading.Thread(target=end_with_parent, daemon=True).start()

@@ -5,8 +5,8 @@ runs whatever machine code it finds. Here a cached file counts only with the rig
 over the sources of the function's module and of every module of the package that this one imports.
 """
 
-import atexit
 import contextlib
+import ctypes
 import functools
 import hashlib
 import inspect
@@ -14,9 +14,7 @@ import multiprocessing
 import os
 import pickle
 import re
-import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from io import BytesIO
 from pathlib import Path
@@ -28,12 +26,19 @@ import numba
 import numpy as np
 from numba.core.caching import IndexDataCacheFile
 
+from cranectl.support.compiled_step import CompiledStep
+from cranectl.support.errors import printable
+from cranectl.support.kernel_cache import cache_directory, cache_of, is_own
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 # Numba sets its configuration as attributes at run time; no type checker knows them.
 _numba_config: Any = numba.config
 _PACKAGE = Path(__file__).parents[1]
 _COMPILER = f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {np.__version__}"
+UNCOMPILED = bool(_numba_config.DISABLE_JIT)  # as NUMBA_DISABLE_JIT asks
+STEP = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.POINTER(ctypes.c_double)] * 5)
+_CALLBACKS: list[Any] = []  # to uncompiled steps, whose addresses are in use
 _DIGEST_SIZE = hashlib.sha256().digest_size
 _IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\([^)]*\)|.*))?", re.MULTILINE)
 
@@ -57,50 +62,43 @@ def jit_loop(function: F, name: str, **callees: Any) -> F:
 
 @functools.cache
 def address_of(step: Callable[..., int]) -> int:
-    """The address of `step` as a C function of five pointers to doubles that returns an int64, compiled.
+    """Compile `step` to a C function of five pointers to doubles that returns an int64; return its address.
+
+    An exception in the step is reported, and the function returns that it failed.
 
     Kept on disk is the package's own only: what somebody else's step takes from other files is not known, and
     an old gain in it would go unnoticed.
     """
-    from numba.core.ccallback import CFunc
-    from numba.core.types import CPointer, float64, int64
-
-    pointer: Any = CPointer
-    options = {"nopython": True, "error_model": "numpy"}
-    compiled: Any = CFunc(step, ((pointer(float64),) * 5, int64), {}, options)
+    if UNCOMPILED:
+        callback = STEP(step)
+        _CALLBACKS.append(callback)
+        return ctypes.cast(callback, ctypes.c_void_p).value or 0
+    compiled: Any = CompiledStep(step)
     if (file := Path(step.__code__.co_filename)).is_relative_to(_PACKAGE):
-        with _cache_in_place():
-            compiled.enable_caching()
-            _check_files(compiled._cache, sources_digest(file))
+        compiled._cache = cache_of(cast(FunctionType, step))
+        _check_files(compiled._cache, sources_digest(file))
     compiled.compile()
     return int(compiled.address)
 
 
 def why_not_compiled(step: Callable[..., int], error: Exception) -> tuple[str, str]:
-    """What Numba says of `step`, in a line, and of which file and line."""
-    lines = str(error).splitlines() or [type(error).__name__]
-    said = next((line for line in lines if not line.startswith("Failed in nopython mode")), lines[0])
+    """Return what Numba says of `step`, in a line, and the file and line that it names."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+    first = 1 if lines[0].startswith("Failed in nopython mode") and len(lines) > 1 else 0
+    said = lines[first]
+    if said.endswith(":") and len(lines) > first + 1:  # what it announces stands in the next line
+        said = f"{said} {lines[first + 1].removeprefix('>>> ')}"
     loc = getattr(error, "loc", None)
-    return said, f"{loc.filename}:{loc.line}" if loc else step.__code__.co_filename
+    return printable(said), f"{loc.filename}:{loc.line}" if loc else step.__code__.co_filename
 
 
 def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
-    with _cache_in_place():
-        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
-    if not _numba_config.DISABLE_JIT:
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
+    if not UNCOMPILED:
+        compiled._cache = cache_of(cast(FunctionType, function))
         files = (Path(inspect.getfile(inspect.unwrap(each))) for each in (function, *callees))
         _check_files(compiled._cache, sources_digest(*files))
     return cast(F, compiled)
-
-
-@contextlib.contextmanager
-def _cache_in_place() -> Iterator[None]:
-    previous = _numba_config.CACHE_DIR
-    _numba_config.CACHE_DIR = str(cache_directory())
-    try:
-        yield
-    finally:
-        _numba_config.CACHE_DIR = previous
 
 
 def _check_files(cache: Any, sources: str) -> None:
@@ -162,9 +160,10 @@ class _CheckedFile(IndexDataCacheFile):
         return pickle.loads(self._checked(str(Path(self._cache_path, name))))
 
     def _checked(self, path: str) -> bytes:
-        content = Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            own, content = is_own(os.fstat(file.fileno())), file.read()
         body = content[_DIGEST_SIZE:]
-        if content[:_DIGEST_SIZE] != self._digest(body):
+        if not own or content[:_DIGEST_SIZE] != self._digest(body):
             raise _DamageError
         return body
 
@@ -173,7 +172,7 @@ class _CheckedFile(IndexDataCacheFile):
 
 
 class _DamageError(Exception):
-    """A cached file was changed since it was written, or is of other sources."""
+    """A cached file was changed since it was written, is of other sources, or belongs to another user."""
 
 
 def sources_digest(*paths: Path) -> str:
@@ -207,39 +206,3 @@ def _file(module: Path) -> Path | None:
 @functools.cache
 def _source(path: Path) -> str:
     return path.read_text(encoding="utf-8")
-
-
-@functools.cache
-def cache_directory() -> Path:
-    """Where compiled code is kept: the first writable of $NUMBA_CACHE_DIR, package, home.
-
-    Without one: a place for this process and those it starts, said on standard error and removed at the end.
-    """
-    roots = _cache_roots()
-    for root in roots:
-        if _is_writable(root):
-            return root
-    print(
-        f"cranectl: compiled code cannot be kept in {' or '.join(map(str, roots))}; each start compiles "
-        "for a minute until NUMBA_CACHE_DIR names a directory that can be written",
-        file=sys.stderr,
-    )
-    directory = tempfile.mkdtemp(prefix="cranectl-")
-    atexit.register(shutil.rmtree, directory, ignore_errors=True)
-    os.environ["NUMBA_CACHE_DIR"] = directory
-    return Path(directory)
-
-
-def _cache_roots() -> list[Path]:
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    cache_home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return [Path(chosen)] if chosen else [_PACKAGE / "__pycache__" / "kernels", Path(cache_home) / "cranectl"]
-
-
-def _is_writable(directory: Path) -> bool:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory):
-            return True
-    except OSError:
-        return False

@@ -5,7 +5,7 @@ from fnmatch import fnmatchcase
 
 from cranectl.support.errors import InputError, did_you_mean, nearest_first
 
-SHOWN = 6  # as many near names as fit a line or two
+SHOWN_NEAR_NAMES = 6  # as many near names as fit a line or two
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
@@ -17,7 +17,7 @@ def unmatched(pattern: str, names: Iterable[str]) -> InputError:
     """The error for a pattern that matches none of `names`; lists the nearest names and groups."""
     known = list(names)
     groups = {name.rpartition(".")[0] + ".*" for name in known}
-    near = nearest_first(pattern, groups if pattern.endswith("*") else {*known, *groups})[:SHOWN]
+    near = nearest_first(pattern, groups if pattern.endswith("*") else {*known, *groups})[:SHOWN_NEAR_NAMES]
     return InputError(
         f"no signal matches '{pattern}'",
         allowed=f"patterns of signal names, the nearest being {', '.join(near)}" if near else "",

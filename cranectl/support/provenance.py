@@ -2,14 +2,17 @@
 
 Logs and results carry it, so that what was computed by other software can be told apart. Fingerprints are of
 the relative names and the contents of files that are released: a checkout and its wheel have the same. Of a
-package that adds metrics or plants they are of all its files.
+package that adds metrics or plants they are of all its files, of a single
+module of what it imports beside it.
 """
 
+import ast
 import functools
 import hashlib
 import importlib.metadata
 import importlib.util
 import platform
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -30,7 +33,8 @@ PACKAGES = (
 FINGERPRINTS = ("sources", "models", "data")
 HARMLESS = ("python", "foxglove-sdk")  # no number of a run depends on them
 UNKNOWN = "unknown"  # of what wrote it before it said so
-DIGITS = 16  # of a fingerprint, hexadecimal
+INSTALLED = ("site-packages", "dist-packages")  # folders of packages
+FINGERPRINT_DIGITS = 16  # of a fingerprint, hexadecimal
 
 
 def provenance() -> dict[str, str]:
@@ -67,19 +71,50 @@ def source_digests(modules: Iterable[str]) -> dict[str, str]:
     return {f"sources of {package}": _package_digest(package) for package in sorted(packages)}
 
 
-@functools.cache
 def _package_digest(package: str) -> str:
     try:
         spec = importlib.util.find_spec(package)
-    except ValueError:  # a script's own module
-        spec = None
+    except ValueError:  # a module without a spec, such as a script
+        file = getattr(sys.modules[package], "__file__", None)
+        return _module_digest(Path(file)) if file and Path(file).is_file() else UNKNOWN
     if spec is None or not spec.has_location or spec.origin is None:
         return UNKNOWN
     origin = Path(spec.origin)
-    if spec.submodule_search_locations is None:
-        return fingerprint(origin.parent, [origin])
-    files = (path for path in origin.parent.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    return fingerprint(origin.parent, files)
+    one_file = spec.submodule_search_locations is None
+    return _module_digest(origin) if one_file else _folder_digest(origin.parent)
+
+
+@functools.cache
+def _folder_digest(folder: Path) -> str:
+    return fingerprint(folder, _files_in(folder))
+
+
+def _files_in(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+
+
+@functools.cache
+def _module_digest(path: Path) -> str:
+    """Digest of a module without a package, and of what it imports from its folder, directly or not."""
+    folder, waiting, seen = path.parent, [path], {path}
+    while waiting and folder.name not in INSTALLED:  # where neighbours are packages of their own
+        for name in _imported(waiting.pop()) - {"cranectl"}:
+            module, package = folder / f"{name}.py", folder / name
+            new = {module} if module.is_file() else set(_files_in(package)) if package.is_dir() else set()
+            waiting += [each for each in new - seen if each.suffix == ".py"]
+            seen |= new
+    return fingerprint(folder, seen)
+
+
+def _imported(path: Path) -> set[str]:
+    """The first parts of the names of all modules that a source file imports."""
+    try:
+        nodes = list(ast.walk(ast.parse(path.read_bytes())))
+    except (SyntaxError, ValueError):  # it is no source
+        return set()
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
+    return {name.partition(".")[0] for name in names}
 
 
 def fingerprint(root: Path, paths: Iterable[Path]) -> str:
@@ -88,7 +123,7 @@ def fingerprint(root: Path, paths: Iterable[Path]) -> str:
     for name, path in sorted((path.relative_to(root).as_posix(), path) for path in paths):
         content = path.read_bytes().replace(b"\r\n", b"\n")
         digest.update(f"{name}\0{len(content)}\0".encode() + content)
-    return digest.hexdigest()[:DIGITS]
+    return digest.hexdigest()[:FINGERPRINT_DIGITS]
 
 
 def provenance_differences(

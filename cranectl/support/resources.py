@@ -31,7 +31,9 @@ def toml_file(kind: str, name_or_path: str, directory: Path) -> Path:
         return directory / f"{name_or_path}.toml"
     if exists(path) and path.is_dir():
         raise InputError(
-            f"{name_or_path} is a directory", allowed=f"a {kind} by name or the path of its file"
+            f"{name_or_path} is a directory",
+            allowed=f"a {kind} by name or the path of its file",
+            remedy="name a file in it, or another",
         )
     if exists(path):
         return path

@@ -10,13 +10,15 @@ from typing import Any
 
 PREFIXES = {6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}  # by power of ten
 FORCES = ("N", "Nm", "J", "W")  # of which thousands are told as k; a path of 1200 m is not 1.2 km
+PROCESSOR_ROUNDING = 1e-9  # m, rad, N, ...: differences between runs that are smaller depend on the processor
 PLAIN = ("°", "1", "%", "", "kg")  # which take no prefix
+PREFIXED = re.compile(r"[cdhkMmµun](m|s|g|N|rad|A|V|W|J|Pa|Hz)\b")  # nor do those that have one, as mm
 
 
 def scaled(unit: str, largest: float) -> tuple[float, str]:
     """The factor that brings values in `unit` up to `largest` to the unit that is told, and that unit."""
     size = abs(largest)
-    if unit in PLAIN or not 0.0 < size < math.inf:
+    if unit in PLAIN or PREFIXED.match(unit) or not 0.0 < size < math.inf:
         return 1.0, unit
     highest = max(PREFIXES) if unit in FORCES else 0
     rounded = float(f"{size:.2e}")  # 0.9999 mm is told as 1 mm
@@ -35,6 +37,21 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
         number = f"{factor * value:.0f}" if 1e3 <= size < math.inf else f"{factor * value:z#.{digits}g}"
     space = "" if unit in ("°", "") else " "
     return f"{number.rstrip('.')}{space}{prefixed}"
+
+
+def difference_text(value: float) -> str:
+    """Return a difference between two runs as text, in SI units: 2.2e-03, or < 1e-09.
+
+    Below 1e-9 it is made of rounding: its digits change with the processor, its size does not matter.
+    """
+    return f"< {PROCESSOR_ROUNDING:.0e}" if value < PROCESSOR_ROUNDING else f"{value:.1e}"
+
+
+def difference_in(value: float, unit: str) -> str:
+    """Return a difference between two runs with its unit, as `quantity`; < 1 nm where it is rounding."""
+    if abs(value) < PROCESSOR_ROUNDING:
+        return f"< {quantity(PROCESSOR_ROUNDING, unit, 1)}"
+    return quantity(value, unit)
 
 
 def plain(setting: Any) -> str:

@@ -10,12 +10,13 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.reference import load_scenario, time_law
+from cranectl.planning import load_scenario
+from cranectl.reference import time_law
 from cranectl.report.design_figures import loop_shaping_figure
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.run.figures import FAMILIES, WIDTH, Curve
+from cranectl.report.run.figures import FAMILIES, RunCurve
 from cranectl.report.run.page import agreement, caption
-from cranectl.report.theme import SERIES
+from cranectl.report.theme import SERIES, WIDTH, canvas
 from cranectl.simulate import Run
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
@@ -97,17 +98,19 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
 
 
 def _summary(reproduction: Reproduction) -> tuple[str, ...]:
-    numbers = [number for *_, number in reproduction.numbers()]
-    within = sum(number.within for number in numbers)
-    count = f"{within} of {len(numbers)} printed numbers are within their tolerance on both plants."
-    return (count, *(f"{note[0].upper()}{note[1:]}." for note in reproduction.notes()))
+    within = [number.within for *_, number in reproduction.numbers()]
+    count = (
+        f"{sum(within)} of {len(within)} printed numbers are within their tolerance, on the analytic plant"
+    )
+    notes = (f"{note[0].upper()}{note[1:]}." for note in reproduction.notes())
+    return (f"{count} and on MuJoCo's.", *notes)
 
 
 def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterable[Figure]:
-    """The figures of one scenario and one feedback, with all its robustifiers."""
+    """Yield the figures of one scenario and one feedback, with all its robustifiers."""
     labels = dict(zip(ROBUSTIFIERS.items(), SERIES, strict=False))
     curves = [
-        Curve(label, colour, runs[robustifier, plant], wide=plant == "analytic")
+        RunCurve(label, colour, runs[robustifier, plant], wide=plant == "analytic")
         for (robustifier, label), colour in labels.items()
         for plant in ("analytic", "mujoco")
     ]
@@ -117,24 +120,16 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
     places = {name: first + 1 + 2 * k + offset for k, name in enumerate(FAMILY_ORDER)}
     if offset == 0:
         places["space"] = first
+    ideal, velocity = (
+        [(runs[r, "analytic"], runs[r, source]) for r in ROBUSTIFIERS]
+        for source in ("mujoco", "mujoco_velocity")
+    )
     for name, place in places.items():
         family = FAMILIES[name]
-        agreements = [
-            agreement(family, [(runs[r, "analytic"], runs[r, source]) for r in ROBUSTIFIERS], what)
-            for source, what in (
-                ("mujoco", "Analytic and MuJoCo curves differ by at most"),
-                ("mujoco_velocity", "with velocity drives by"),
-            )
-        ]
-        yield Figure.drawn(
-            f"{family.title}, {FEEDBACK[feedback]}",
-            f"{caption(family, shown)} {', '.join(agreements)}.",
-            family.draw,
-            family,
-            curves,
-            alone=name == "space",
-            number=f"5.{place}",
-        )
+        apart = agreement(family, ideal, "Analytic and MuJoCo curves differ by at most")
+        text = f"{caption(family, shown)} {apart}, {agreement(family, velocity, 'with velocity drives by')}."
+        more = {"alone": name == "space", "number": f"5.{place}"}
+        yield Figure.drawn(f"{family.title}, {FEEDBACK[feedback]}", text, family.draw, family, curves, **more)
 
 
 def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
@@ -168,10 +163,9 @@ def _time_law_figure() -> Figure:
 
 
 def _draw_time_laws() -> Drawing:
-    """Position, velocity, acceleration of both time laws."""
+    """Draw position, velocity, acceleration of both time laws."""
     tau = np.linspace(0.0, 1.0, 401)
-    drawing = Drawing(figsize=(WIDTH, 4.6), layout="constrained")
-    stack = drawing.subplots(3, 1, sharex=True)
+    drawing, stack = canvas(WIDTH, 4.6, 3, 1, sharex=True)
     for law, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
         for axes, values in zip(stack, time_law(law, tau), strict=False):
             axes.plot(tau, values, label=law.replace("-", " "), **style)
@@ -184,18 +178,15 @@ def _draw_time_laws() -> Drawing:
 
 
 def _design_figures(reproduction: Reproduction) -> Iterable[Figure]:
-    """5.7 and 5.8: the loops that loop shaping makes of both feedbacks."""
+    """Yield 5.7 and 5.8: the loops that loop shaping makes of both feedbacks."""
     settings = load_scenario("fixed-position").design.loop_shaping
     for number, (feedback, name) in zip(("5.7", "5.8"), FEEDBACK.items(), strict=True):
         design = reproduction.designs[f"{feedback}+loop-shaping"]
         margins = design.margins
-        yield Figure.drawn(
-            f"Singular values and shaped loop, {name} with loop shaping",
+        text = (
             f"γ = {design.gamma:.4f}, the coprime factors may err by ε = {design.stability_margin:.3f}; "
             f"cut at v, the loop gain may fall to {margins.gain_margin:.2f} of itself, the phase lag by "
-            f"{np.degrees(margins.phase_margin):.0f}°; modulus margin {margins.modulus_margin:.2f}.",
-            loop_shaping_figure,
-            design,
-            settings,
-            number=number,
+            f"{np.degrees(margins.phase_margin):.0f}°; modulus margin {margins.modulus_margin:.2f}."
         )
+        title = f"Singular values and shaped loop, {name} with loop shaping"
+        yield Figure.drawn(title, text, loop_shaping_figure, design, settings, number=number)

@@ -1,14 +1,15 @@
-"""The thesis's numbers beside ours: norms and tables 5.1 to 5.4, on both plants."""
+"""The thesis's numbers beside ours: norms and tables 5.1 to 5.4, on the analytic plant and MuJoCo's."""
 
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from cranectl.design import Design, design_controller
 from cranectl.metrics import WorkspaceViolation, workspace_violations
+from cranectl.planning import load_scenario
 from cranectl.plants.plant import Drive
-from cranectl.reference import load_scenario
 from cranectl.scenario import DesignSettings, Scenario
 from cranectl.signals import LOAD
 from cranectl.simulate import Run, plan_scenario, simulate_run
@@ -26,8 +27,7 @@ SOURCES: dict[str, tuple[str, Drive]] = {
     "mujoco_velocity": ("mujoco", "velocity"),
 }
 JUDGED = ("analytic", "mujoco")  # the thesis simulates ideal drives
-# Symbols of the tables' columns.
-SYMBOLS = {
+SYMBOLS = {  # of the tables' columns
     "bridge_acceleration": "ẍ_c",
     "trolley_acceleration": "ÿ_c",
     "rope_acceleration": "l̈",
@@ -50,14 +50,19 @@ class Number:
     decimals: int | None = None  # printed, where print alone may differ: ours must give the same digits
 
     @property
+    def judged(self) -> list[float]:
+        """Ours of the sources that are judged."""
+        return [self.ours[source] for source in JUDGED if source in self.ours]
+
+    @property
     def difference(self) -> float:
-        """Largest difference of the judged sources from print, signed."""
-        return max((self.ours[source] - self.printed for source in JUDGED if source in self.ours), key=abs)
+        """Largest difference from print, signed."""
+        return max((value - self.printed for value in self.judged), key=abs)
 
     @property
     def within(self) -> bool:
-        ours = [self.ours[source] for source in JUDGED if source in self.ours]
-        digits = self.decimals is None or all(prints_as(v, self.printed, self.decimals) for v in ours)
+        """Whether ours are as near as the tolerance, and print as what was printed."""
+        digits = self.decimals is None or all(prints_as(v, self.printed, self.decimals) for v in self.judged)
         return digits and abs(self.difference) <= self.tolerance
 
 
@@ -107,8 +112,8 @@ class Reproduction:
         return all(number.within for *_, number in self.numbers())
 
     def notes(self) -> list[str]:
-        """What the tables do not say: gains, what stays unexplained, what the thesis did not notice."""
-        gains = [
+        """Tell what tables do not say: gains, what stays unexplained, what the thesis did not notice."""
+        notes = [
             f"gains of {name} (not printed in the thesis): {', '.join(f'{gain:.5g}' for gain in values)}"
             for name, values in self.gains.items()
         ]
@@ -116,15 +121,12 @@ class Reproduction:
         for name, _, column, number in self.numbers():
             if not number.explained:
                 open_points.setdefault(number.reason, {})[f"{name} {SYMBOLS[column]}"] = None
-        unexplained = [
-            f"unexplained, {', '.join(places)}: {reason}" for reason, places in open_points.items()
-        ]
-        departures = [
+        notes += [f"unexplained, {', '.join(places)}: {reason}" for reason, places in open_points.items()]
+        return notes + [
             f"not noticed in the thesis: {d.scenario}, {d.controller}: {d.violation.signal} leaves the rig "
             f"at {d.violation.first_time_s:g} s, by up to {d.violation.max_excess_m:.3f} m"
             for d in self.departures
         ]
-        return [*gains, *unexplained, *departures]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -132,22 +134,18 @@ class Reproduction:
             name: [_row_json(controller, numbers) for controller, numbers in table.rows.items()]
             for name, table in self.tables.items()
         }
+        numbers = [(f"{name} {column}", number) for name, _, column, number in self.numbers()]
+        unexplained = {f"{place}: {number.reason}" for place, number in numbers if not number.explained}
+        told = ("signal", "first_time_s", "max_excess_m")
         return {
             "passed": self.passed,
             "gains": self.gains,
             "norms": tables.pop("norms"),
             "tables": tables,
-            "unexplained": sorted(
-                {f"{table} {column}: {n.reason}" for table, _, column, n in self.numbers() if not n.explained}
-            ),
+            "unexplained": sorted(unexplained),
             "departures": [
-                {
-                    "scenario": d.scenario,
-                    "controller": d.controller,
-                    "signal": d.violation.signal,
-                    "first_time_s": d.violation.first_time_s,
-                    "max_excess_m": d.violation.max_excess_m,
-                }
+                {"scenario": d.scenario, "controller": d.controller}
+                | {name: getattr(d.violation, name) for name in told}
                 for d in self.departures
             ],
         }
@@ -169,36 +167,28 @@ def reproduce(
     readings: dict[tuple[str, str, str], dict[str, float]] = {}  # by table, controller, source; by column
     designs: dict[str, Design] = {}
     departures = []
-    for scenario in scenarios:
-        plan = plan_scenario(scenario)
-        for controller in CONTROLLERS:
-            design = design_controller(controller, _settings(scenario, controller, norms))
-            designs[controller] = design
-            for source, (plant, drive) in SOURCES.items():
-                run = simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan)
-                for name, table in tables.items():
-                    if table["scenario"] == scenario.name:
-                        readings[name, controller, source] = _readings(run, table)
-                if watch is not None:
-                    watch(source, run)
-                if progress is not None:
-                    progress(f"{scenario.name}, {controller}", scenario.duration)
-                if source == "mujoco":
-                    departures += [Departure(scenario.name, controller, v) for v in workspace_violations(run)]
+    planned = [(scenario, plan_scenario(scenario)) for scenario in scenarios]
+    for (scenario, plan), controller in product(planned, CONTROLLERS):
+        design = design_controller(controller, _settings(scenario, controller, norms))
+        designs[controller] = design
+        for source, (plant, drive) in SOURCES.items():
+            run = simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan)
+            read = (name for name, table in tables.items() if table["scenario"] == scenario.name)
+            readings |= {(name, controller, source): _readings(run, tables[name]) for name in read}
+            if watch is not None:
+                watch(source, run)
+            if progress is not None:
+                progress(f"{scenario.name}, {controller}", scenario.duration)
+            if source == "mujoco":
+                departures += [Departure(scenario.name, controller, v) for v in workspace_violations(run)]
     reproduced = {"norms": _norms(printed["norms"], tolerances["norms"], scenarios[0].design)}
     for name, table in tables.items():
-        rows = {
-            controller: {
-                column: _number(
-                    value,
-                    {source: readings[name, controller, source][column] for source in SOURCES},
-                    tolerances["tables"][name][column],
-                    controller,
-                )
-                for column, value in zip(table["columns"], values, strict=True)
-            }
-            for controller, values in table["rows"].items()
-        }
+        rows: dict[str, Numbers] = {controller: {} for controller in table["rows"]}
+        for controller, column in product(rows, table["columns"]):
+            value = table["rows"][controller][table["columns"].index(column)]
+            ours = {source: readings[name, controller, source][column] for source in SOURCES}
+            tolerance = tolerances["tables"][name][column]
+            rows[controller][column] = _number(value, ours, tolerance, controller)
         reproduced[name] = ThesisTable(f"Table {name}, p. {table['page']}: {table['title']}", rows)
     return Reproduction(designs, reproduced, tuple(departures))
 
@@ -240,13 +230,12 @@ def _settings(scenario: Scenario, controller: str, norms: dict[str, float]) -> D
 
 
 def _readings(run: Run, table: dict[str, Any]) -> dict[str, float]:
-    """What a table reads from one run: signed extremes of inputs, the load at the end.
+    """Return what a table reads from one run: signed extremes of inputs, the load at the end.
 
     An extreme is the maximum where print is positive, else the minimum.
     """
     readings = {}
-    printed = table["rows"][run.design.name]
-    for column, value in zip(table["columns"], printed, strict=True):
+    for column, value in zip(table["columns"], table["rows"][run.design.name], strict=True):
         group = "load" if column in LOAD.names else "input"
         rows = (run.time >= table.get("from", {}).get(column, 0.0)) & (run.time <= table["until"])
         signal = run.signal(f"{group}.{column}")[rows]
@@ -272,10 +261,9 @@ def _norms(
 def _number(printed: float, ours: dict[str, float], column: dict[str, Any], controller: str) -> Number:
     tolerance = column.get("rows", {}).get(controller, column)
     decimals = tolerance.get("decimals")
+    allowed = tolerance.get("absolute", tolerance.get("relative", 0.0) * abs(printed))
     if decimals is not None:
         allowed = 10.0**-decimals
-    else:
-        allowed = tolerance.get("absolute", tolerance.get("relative", 0.0) * abs(printed))
     return Number(printed, ours, allowed, tolerance["explained"], tolerance["reason"], decimals)
 
 

@@ -8,7 +8,7 @@ import pytest
 from cranectl.analysis.advice import GIVEN, IMPROVEMENTS, Advice, advise, assess, improved, visited_points
 from cranectl.analysis.certificate.certify import CAUTION
 from cranectl.analysis.levels import with_effects
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 

@@ -10,11 +10,11 @@ from numpy.testing import assert_array_equal
 
 from cranectl.analysis.budget.error_budget import error_budget
 from cranectl.analysis.ladder import check_steps, deviation, evaluate_levels
-from cranectl.analysis.levels import BASE, EFFECTS, LEVELS, NAMES, with_effects
+from cranectl.analysis.levels import BASE, EFFECT_LEVELS, LEVELS, NAMES, with_effects
 from cranectl.cli.main import main
 from cranectl.log.overlay import read_layers
+from cranectl.planning import load_scenario
 from cranectl.plants.plant import StepError
-from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.scenario.settings import parse_settings
@@ -23,9 +23,9 @@ from cranectl.support.errors import InputError
 
 
 def test_there_is_a_level_for_every_effect_and_in_the_same_order() -> None:
-    assert tuple(name for name in NAMES if name in EFFECTS) == EFFECTS
-    assert ALL_EFFECTS.names == (*EFFECTS, "installation")
-    assert NAMES.index(BASE) == NAMES.index(EFFECTS[0]) - 1
+    assert tuple(name for name in NAMES if name in EFFECT_LEVELS) == EFFECT_LEVELS
+    assert ALL_EFFECTS.names == (*EFFECT_LEVELS, "installation")
+    assert NAMES.index(BASE) == NAMES.index(EFFECT_LEVELS[0]) - 1
 
 
 def test_levels_add_one_effect_each_and_are_the_runs_that_a_person_would_make(short: Scenario) -> None:
@@ -61,7 +61,9 @@ def test_the_step_that_is_named_does_for_all_levels(short: Scenario) -> None:
     assert 0.5 * min(steps) <= caught.value.step <= min(steps) < max(steps)
     table["control"] = {"physics_step": caught.value.step}
     finer = parse_settings(Scenario, table, "finer")
-    check_steps(finer, [with_effects(finer, EFFECTS), *(with_effects(finer, [name]) for name in effects)])
+    check_steps(
+        finer, [with_effects(finer, EFFECT_LEVELS), *(with_effects(finer, [name]) for name in effects)]
+    )
 
 
 def test_the_scenario_s_own_settings_are_taken(short: Scenario) -> None:

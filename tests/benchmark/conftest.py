@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from cranectl.controllers.doors.opening import close_laws
+from cranectl.loaders.opening import close_laws
 
 
 @pytest.fixture(autouse=True)

@@ -3,8 +3,9 @@
 import subprocess
 from pathlib import Path
 
-from cranectl.controllers.doors.c_law import HEADER
+from cranectl.loaders.c_law import HEADER
 from tests.conftest import ROOT
+from tests.pace import HANG
 
 FOLDER = ROOT / "validation" / "benchmark" / "nmpc"
 
@@ -15,6 +16,6 @@ def built(folder: Path) -> Path:
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror", "-shared", "-fPIC"]
     flags += ["-ffp-contract=off", f"-I{HEADER.parent}"]
     subprocess.run(
-        ["cc", *flags, "-o", library, FOLDER / "nmpc.c", FOLDER / "model.c", "-lm"], check=True, timeout=60
+        ["cc", *flags, "-o", library, FOLDER / "nmpc.c", FOLDER / "model.c", "-lm"], check=True, timeout=HANG
     )
     return library

@@ -5,7 +5,7 @@ import pytest
 
 from cranectl import open_law
 from cranectl.model.dynamics import axis_masses, mass_matrix
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import integral
 from tests.conftest import ROOT

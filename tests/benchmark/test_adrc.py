@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
-from cranectl.controllers.observer import correct, make_observer
-from cranectl.reference import load_scenario
+from cranectl.controllers.observer import EXPECTED, advance, correct, make_observer
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.arrays import Array
 from tests.benchmark.linear_loop import GRAVITY, PERIOD, loop_matrix
 from tests.conftest import ROOT
-from validation.benchmark.adrc import ADRC, BEGUN, MEMORY, go_on
+from validation.benchmark.adrc import ADRC, MEMORY
 
 LAW = f"{ROOT / 'validation' / 'benchmark' / 'adrc.py'}:ADRC"
 LENGTH = 0.7
@@ -25,10 +25,10 @@ def test_the_error_of_an_observer_has_three_equal_poles() -> None:
     chain = [1, 6, 11]  # of the second: position, velocity, disturbance
 
     def advanced(error: Array) -> Array:
-        memory = np.zeros(MEMORY)
+        memory = np.zeros(EXPECTED.size)
         memory[chain] = error
         correct(observer, 1, 0.0, memory)
-        go_on(observer, 1, 0.0, memory)
+        advance(memory, 1, 0.0, PERIOD)
         return memory[chain]
 
     matrix = np.array([advanced(each) for each in np.eye(3)]).T
@@ -36,10 +36,10 @@ def test_the_error_of_an_observer_has_three_equal_poles() -> None:
 
 
 def test_as_observers_get_fast_the_load_has_four_poles_and_its_height_two() -> None:
-    poles = np.linalg.eigvals(loop_matrix(ADRC, LENGTH, BEGUN, BEGUN, observer=60.0))
+    poles = np.linalg.eigvals(loop_matrix(ADRC, LENGTH, MEMORY.begun, MEMORY.begun, observer=60.0))
     slow = np.sort_complex(np.log(poles) / PERIOD)[-10:]
     np.testing.assert_allclose(np.poly(slow), np.poly([-POLE] * 10), rtol=0.3)
-    assert np.abs(np.linalg.eigvals(loop_matrix(ADRC, LENGTH, BEGUN, BEGUN))).max() < 1.0
+    assert np.abs(np.linalg.eigvals(loop_matrix(ADRC, LENGTH, MEMORY.begun, MEMORY.begun))).max() < 1.0
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])

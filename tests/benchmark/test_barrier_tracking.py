@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import energy_above_rest, integral, rope_directions
 from tests.conftest import ROOT

@@ -4,7 +4,7 @@ import pytest
 
 from cranectl import open_law
 from cranectl.metrics import run_metrics
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
 

@@ -9,11 +9,11 @@ from scipy.linalg import expm, solve_continuous_are
 
 from cranectl import open_law
 from cranectl.design.linear_systems import hinf_norm
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 from tests.conftest import ROOT
-from validation.benchmark.lmi_regions import LMI_REGIONS, NEAR, PUSH, SEEN, A, B, gains
+from validation.benchmark.lmi_regions import BACK_OFF, LMI_REGIONS, PUSH, SEEN, A, B, gains
 
 LAW = f"{ROOT / 'validation' / 'benchmark' / 'lmi_regions.py'}:LMI_REGIONS"
 DEFAULT = tuple(float(each.default) for each in LMI_REGIONS.parameters[:4])
@@ -31,15 +31,15 @@ def test_poles_lie_in_the_region_and_the_norm_is_bounded(
     k, gamma = gains(*region, effort)
     closed = A - B @ k[np.newaxis]
     poles = np.linalg.eigvals(closed)
-    assert poles.real.max() <= -decay + NEAR
-    assert np.abs(poles).max() <= radius + NEAR
-    assert (-poles.real / np.abs(poles)).min() >= damping - NEAR
+    assert poles.real.max() < -decay
+    assert np.abs(poles).max() < radius
+    assert (-poles.real / np.abs(poles)).min() > damping
     seen = SEEN - np.array([[0.0], [effort]]) @ k[np.newaxis]
-    assert hinf_norm(control.ss(closed, PUSH, seen, np.zeros((2, 1)))) <= gamma * (1.0 + 1e-6)
+    assert hinf_norm(control.ss(closed, PUSH, seen, np.zeros((2, 1)))) < gamma
 
 
 @pytest.mark.parametrize("effort", [0.3, 1.0, 3.0])
-def test_without_a_region_the_norm_is_the_least_that_state_feedback_has(effort: float) -> None:
+def test_without_a_region_the_bound_is_near_the_least_norm_of_state_feedback(effort: float) -> None:
     """By the Riccati equation of that problem, which has a stabilising solution above the least norm only."""
 
     def solvable(gamma: float) -> bool:
@@ -51,15 +51,15 @@ def test_without_a_region_the_norm_is_the_least_that_state_feedback_has(effort: 
         return bool(np.linalg.eigvalsh(cost).min() > -1e-9)
 
     _, gamma = gains(*NO_REGION, effort)
-    assert solvable(1.01 * gamma)
-    assert not solvable(0.99 * gamma)
+    assert solvable(1.01 * gamma / BACK_OFF)
+    assert not solvable(0.99 * gamma / BACK_OFF)
 
 
 def test_a_region_that_holds_nothing_is_told() -> None:
     with pytest.raises(InputError, match="without a solution"):
         gains(2.0, 1.5, 0.5, 1.0)
-    with pytest.raises(InputError, match="in units of"):
-        gains(1.0, 1.05, 0.6, 1.0)  # near a fourfold pole of which X knows little
+    with pytest.raises(InputError, match="without"):
+        gains(1.0, 1.0, 0.6, 1.0)  # a point
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])

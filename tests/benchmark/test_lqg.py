@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
@@ -22,7 +22,7 @@ from tests.benchmark.linear_loop import (
 )
 from tests.conftest import ROOT
 from tests.controllers.laws import known
-from validation.benchmark.lqg import BEGUN, FLAT, LQG, kalman, prepare, regulator, step
+from validation.benchmark.lqg import LQG, MEMORY, kalman, prepare, regulator, step
 
 LAW = f"{ROOT / 'validation' / 'benchmark' / 'lqg.py'}:LQG"
 
@@ -55,7 +55,7 @@ def test_the_poles_of_the_loop_are_those_of_regulator_and_filter(length: float) 
         filtered(np.diag([1.0, 1.0], 1), np.eye(3)[:1], beat * rope_filter[:, np.newaxis], beat),
     ]
     wanted = np.concatenate([*axis, *axis, *rope])
-    found = np.linalg.eigvals(loop_matrix(LQG, length, BEGUN, FLAT))
+    found = np.linalg.eigvals(loop_matrix(LQG, length, MEMORY.begun, MEMORY.flat))
     # The filter predicts by a method of order 2.
     assert relative_distances(found, wanted).max() < 1e-4
     assert np.abs(wanted).max() < 1.0
@@ -76,7 +76,7 @@ def test_near_rest_the_crane_moves_as_this_loop_says(plant: str) -> None:
     run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
     deviation = np.zeros(25)
     deviation[0] = deviation[10] = offset
-    matrix, state = loop_matrix(LQG, 0.7, BEGUN, FLAT), run.block("state")
+    matrix, state = loop_matrix(LQG, 0.7, MEMORY.begun, MEMORY.flat), run.block("state")
     for k in (300, 1000, 2500):
         expected = np.linalg.matrix_power(matrix, k) @ deviation
         assert state[k, 0] - 1.0 == pytest.approx(expected[0], abs=2e-3 * offset)

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from cranectl import open_law
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit

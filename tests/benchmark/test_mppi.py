@@ -4,25 +4,10 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ROOT
-from validation.benchmark.mppi import (
-    EFFORT,
-    GRAVITY,
-    KNOTS,
-    NOISE,
-    NUMBERS,
-    PERIOD,
-    RATE,
-    SEED,
-    STEPS,
-    TEMPERATURE,
-    cost,
-    normal,
-    plan,
-    uniform,
-)
+from validation.benchmark.mppi import GIVEN, KNOTS, MEMORY, STEPS, cost, normal, plan, uniform
 
 LAW = f"{ROOT / 'validation' / 'benchmark' / 'mppi.py'}:MPPI"
 
@@ -37,7 +22,7 @@ def test_random_numbers_are_those_of_park_and_miller() -> None:
     memory = np.array([1.0])
     for _ in range(10_000):
         uniform(memory)
-    assert memory[SEED] == 1043618065.0
+    assert memory[MEMORY.seed] == 1043618065.0
     drawn = np.array([normal(memory) for _ in range(40_000)])
     moments = [np.mean(drawn**k) for k in (1, 2, 3, 4)]
     np.testing.assert_allclose(moments, [0.0, 1.0, 0.0, 3.0], atol=0.1)
@@ -45,9 +30,10 @@ def test_random_numbers_are_those_of_park_and_miller() -> None:
 
 def test_the_average_is_the_one_that_a_quadratic_cost_has() -> None:
     """Normal weights times normal paths: precision 1/s² + H/T, H the cost's second derivative."""
-    parameters = np.zeros(NUMBERS)
-    values = {PERIOD: 0.02, GRAVITY: 9.81, NOISE: 0.1, TEMPERATURE: 0.02, RATE: 0.3, EFFORT: 0.1}
-    parameters[list(values)] = list(values.values())
+    noise, gravity, temperature = 0.1, 9.81, 0.02
+    parameters = GIVEN.array(
+        period=0.02, gravity=gravity, noise=noise, temperature=temperature, rate=0.3, effort=0.1
+    )
     lengths = np.column_stack([np.linspace(1.2, 0.6, STEPS), np.full(STEPS, -0.6)])
     start, push = np.array([0.1, -0.2, 0.05, 0.3]), 0.5
     planned = np.linspace(-1.0, 1.0, KNOTS)
@@ -58,10 +44,8 @@ def test_the_average_is_the_one_that_a_quadratic_cost_has() -> None:
     one, zero = np.eye(KNOTS), s(np.zeros(KNOTS))
     slope = np.array([0.5 * (s(row) - s(-row)) for row in one])
     curve = np.array([[s(a + b) - s(a) - s(b) + zero for a in one] for b in one])
-    precision = (parameters[NOISE] * parameters[GRAVITY]) ** -2 * one
-    wanted = np.linalg.solve(
-        precision + curve / parameters[TEMPERATURE], precision @ planned - slope / parameters[TEMPERATURE]
-    )
+    precision = (noise * gravity) ** -2 * one
+    wanted = np.linalg.solve(precision + curve / temperature, precision @ planned - slope / temperature)
     found, memory = planned.copy(), np.array([1.0])
     plan(parameters, lengths, start, push, found, memory, 100_000)
     assert np.abs(wanted - planned).max() > 0.4, "it is another plan"

@@ -6,7 +6,7 @@ import pytest
 from cranectl import open_law
 from cranectl.campaign.benchmark.information import information
 from cranectl.campaign.benchmark.variables import variables_of
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.benchmark.nmpc import FOLDER, built
 
@@ -58,8 +58,9 @@ def test_a_harbour_crane_arrives(library: str) -> None:
     assert np.linalg.norm(run.block("error")[-1, :3]) < harbour.metrics.settling_tolerance
 
 
-def test_it_is_told_masses_and_drives_and_uses_neither(library: str) -> None:
-    told = information(open_law(library), load_scenario("fixed-position"), "velocity")
+def test_it_declares_to_read_gravity_alone(library: str) -> None:
+    """And it gets no other number of the rig: see `test_a_library_gets_what_it_declares_to_read`."""
+    told = information(open_law(library))
     assert (told["rig"], told["preview"]) == (["gravity"], 1000)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
-from cranectl.reference import load_scenario
+from cranectl.controllers.observer import EXPECTED
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.arrays import Array
 from tests.benchmark.linear_loop import (
@@ -18,7 +19,7 @@ from tests.benchmark.linear_loop import (
     relative_distances,
 )
 from tests.conftest import ROOT
-from validation.benchmark.sliding_mode import BEGUN, DESIRED, SLIDING_MODE_OBSERVER
+from validation.benchmark.sliding_mode import MEMORY, SLIDING_MODE_OBSERVER
 
 LAW = f"{ROOT / 'validation' / 'benchmark' / 'sliding_mode.py'}:SLIDING_MODE_OBSERVER"
 LENGTH = 0.7
@@ -57,7 +58,7 @@ def test_the_poles_of_the_loop_are_those_of_law_and_observer() -> None:
     observer = [filtered(each, np.eye(2)[:1], GAIN, PERIOD) for each in [drive] * 3 + [pendulum] * 2]
     np.testing.assert_allclose(observer[0], DECAY, rtol=1e-6)
     wanted = np.concatenate([axis, axis, rope, *observer])
-    found = np.linalg.eigvals(loop_matrix(SLIDING_MODE_OBSERVER, LENGTH, BEGUN, DESIRED - 5))
+    found = np.linalg.eigvals(loop_matrix(SLIDING_MODE_OBSERVER, LENGTH, MEMORY.begun, EXPECTED.disturbance))
     assert relative_distances(found, wanted).max() < 1e-2  # poles that are one come out as several
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.jit import jit
 from tests.conftest import ROOT

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
 from validation.benchmark.two_degree_of_freedom import BACK_OFF, TWO_DOF, controller, model

@@ -22,17 +22,18 @@ from cranectl.metrics import run_metrics
 from cranectl.status import RunStatus
 from tests.campaign.conftest import SMALL
 from tests.campaign.results import parts_of
+from tests.pace import HANG
 
 Refused = Callable[..., str]
 pytestmark = pytest.mark.usefixtures("in_directory_with_campaign")
 ANNOUNCED = """\
-import sys, time
+import sys
 from cranectl.campaign.results import Store
 write = Store.write
 def announced(self, batch, rows):
     write(self, batch, rows)
     print("written", flush=True)
-    time.sleep(0.2)
+    sys.stdin.readline()  # until it is ended
 Store.write = announced
 from cranectl.cli.main import main
 sys.exit(main(["campaign", "run", "small.toml", "--out", "cut"]))
@@ -44,19 +45,22 @@ def test_a_run_cut_short_is_resumed_to_the_same_table(
     finished: Path, sent: signal.Signals, refused: Refused
 ) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-c", ANNOUNCED], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", ANNOUNCED],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "written\n"
     resume = ["run", "small.toml", "--out", "cut", "--resume"]
     assert "another process is writing cut" in refused(*resume)
     process.send_signal(sent)
-    out, error = process.communicate(timeout=60)
+    out, error = process.communicate(timeout=HANG)
     assert "Traceback" not in error
     assert process.returncode == (-sent if sent == signal.SIGKILL else 130)
-    assert ("of 320 runs are kept; go on with the same command and --resume" in out) == (
-        sent != signal.SIGKILL
-    )
+    again = "of 320 runs are kept; go on with: cranectl campaign run small.toml --out cut --resume"
+    assert (again in out) == (sent != signal.SIGKILL)
     before = len(read_results("cut", unfinished=True))
     assert 0 < before < 320
     assert "is not finished" in refused("report", "cut")

@@ -12,9 +12,9 @@ from pyarrow import parquet
 
 from cranectl.campaign import campaign_names, load_campaign, sample_values
 from cranectl.campaign.definition import batches_of
-from cranectl.campaign.manifest import Origin, campaign_of, differences, manifest_of, origins_of
+from cranectl.campaign.manifest import SoftwareOrigin, campaign_of, differences, manifest_of, origins_of
 from cranectl.campaign.results import MANIFEST_FILE, PARTS, REPLAYS, open_store, read_results
-from cranectl.campaign.table import DamageError, part_name, read_part, row_columns
+from cranectl.campaign.table import ResultDamageError, part_name, read_part, row_columns
 from cranectl.plants.registry import plant_entry
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
@@ -135,13 +135,13 @@ def test_truncated_and_foreign_parts_are_found(one_part: Path, tmp_path: Path) -
     whole, path = one_part.read_bytes(), tmp_path / one_part.name
     for size in (0, 3, 100, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:size])
-        with pytest.raises(DamageError):
+        with pytest.raises(ResultDamageError):
             read_part(path, CAMPAIGN, ORIGINS, batch)
     path.write_bytes(whole)
     assert read_part(path, CAMPAIGN, ORIGINS, batch)[0].num_rows == 16
-    with pytest.raises(DamageError, match="another campaign"):
-        read_part(path, CAMPAIGN, [Origin("other", {})], batch)
-    with pytest.raises(DamageError, match="it holds the batch mujoco lqr 0"):
+    with pytest.raises(ResultDamageError, match="another campaign"):
+        read_part(path, CAMPAIGN, [SoftwareOrigin("other", {})], batch)
+    with pytest.raises(ResultDamageError, match="it holds the batch mujoco lqr 0"):
         read_part(path, CAMPAIGN, ORIGINS, batches_of(CAMPAIGN)[1])
 
 
@@ -159,7 +159,7 @@ def test_a_flipped_bit_is_found_or_does_no_harm(one_part: Path, tmp_path: Path) 
         path.write_bytes(changed)
         try:
             assert read_part(path, CAMPAIGN, ORIGINS, batch)[0].equals(expected)
-        except DamageError:
+        except ResultDamageError:
             found += 1
     assert found > 0.75 * len(places)
 

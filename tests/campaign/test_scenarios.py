@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign import campaign_names, load_campaign, sample_values, sampled_scenario
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import Friction
 from cranectl.support.errors import InputError

@@ -10,7 +10,7 @@ from cranectl.campaign import Campaign, sample_values
 from cranectl.campaign.evaluation import pair_of
 from cranectl.campaign.sampling import saltelli_blocks
 from cranectl.campaign.sensitivity import (
-    LEAST,
+    MIN_BASE_POINTS,
     Correlations,
     correlations,
     independent_rows,
@@ -84,7 +84,7 @@ def test_sobol_indices_without_some_runs_or_any_answer(designed: Campaign) -> No
     assert sobol_indices(designed, np.ones(designed.runs)) is None
     few = np.full(designed.runs, NAN)
     assert sobol_indices(designed, few) is None
-    few[: 5 * LEAST] = ishigami(designed)[: 5 * LEAST]
+    few[: 5 * MIN_BASE_POINTS] = ishigami(designed)[: 5 * MIN_BASE_POINTS]
     assert sobol_indices(designed, few) is not None
     few[0] = NAN
     assert sobol_indices(designed, few) is None

@@ -9,8 +9,8 @@ import pytest
 from cranectl.campaign import Campaign
 from cranectl.campaign.definition import PERIOD, PHYSICAL, Batch, numbers_of
 from cranectl.campaign.table import METRIC_COLUMNS
+from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.reference import load_scenario
 from cranectl.scenario.effects import ALL_EFFECTS
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, fixed, run_batch, uniform
@@ -100,20 +100,19 @@ def expected(plant: str, drive: str) -> Iterator[str]:
     """What must be refused, by hand."""
     without_forces, ideal = plant == "analytic" or drive == "ideal", drive == "ideal"
     patterns = {
-        "rig.*_mass": without_forces and drive != "force",
         "rig.*_time_constant": drive != "velocity",
         "effects.sensing.observer_bandwidth": True,
         "effects.limits.*": ideal,
         "effects.limits.velocity.*": drive != "velocity",
         "effects.limits.acceleration.*": drive != "velocity",
         "effects.limits.force.*": without_forces,
+        "effects.installation.dead_zone.*": drive != "velocity",
         "effects.friction.coulomb.*": without_forces,
         "effects.friction.viscous.*": without_forces,
         **{f"effects.{effect}.*": plant == "analytic" for effect in OF_OTHERS},
     }
     for name in names():
-        refused = any(holds and fnmatchcase(name, pattern) for pattern, holds in patterns.items())
-        if refused and name != "rig.load_mass":
+        if any(holds and fnmatchcase(name, pattern) for pattern, holds in patterns.items()):
             yield name
 
 

@@ -1,21 +1,30 @@
 """Campaigns are run as single runs are: the same bits, in any order."""
 
+import errno
+import os
+import signal
 import threading
+import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from cranectl.campaign import Campaign, sample_values, sampled_scenario
+from cranectl.campaign.child_worker import Children, ChildWorker
 from cranectl.campaign.definition import Batch, nominal_scenario
 from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
 from cranectl.campaign.worker import Prepared, StoppedError, Worker
 from cranectl.campaign.workers import run_batches
+from cranectl.loaders.opening import open_law
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import Run, plan_run, simulate_run
+from cranectl.support.environment import MachineError
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fixed, run_batch, uniform
 from tests.conftest import PLANTS
+from tests.pace import HANG
 
 SHORT = ["duration=0.25", "disturbances.0.start=0.05", "disturbances.0.end=0.2", "disturbances.1.start=0.1"]
 OFFSET = uniform(-0.02, 0.02)
@@ -215,3 +224,93 @@ def test_every_metric_has_its_columns(both: Campaign) -> None:
     assert values["max_abs_angle_rad_beta"] == metrics.max_abs_angle_rad[1]
     assert values["outside_first_s_bridge"] is None
     assert values["outside_time_s_bridge"] == 0.0
+
+
+def _failing(what: type[Exception], times: int, *given: Any) -> Any:
+    """`plan_run` of a machine that fails so many times."""
+    left = [times]
+
+    def planned(*arguments: Any) -> Any:
+        left[0] -= 1
+        if left[0] >= 0:
+            raise what(*given)
+        return plan_run(*arguments)
+
+    return planned
+
+
+FAILURES: list[tuple[Any, ...]] = [
+    (MemoryError,),
+    (OSError, errno.ENOSPC, "No space left on device"),
+    (OSError, errno.EMFILE, "Too many open files"),
+]
+
+
+@pytest.mark.parametrize("failure", FAILURES)
+def test_what_the_machine_keeps_from_running_is_run_again_and_is_no_row(
+    failure: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = short({"rig.load_mass": MASS}, runs=2, plants=["analytic"], controllers=["lqr"])
+    batch, prepared = Batch("analytic", "lqr", 0, 2), Prepared(made)
+    wanted = Worker(prepared).run_batch(batch)
+    what, *given = failure
+    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(what, 2, *given))
+    assert Worker(prepared).run_batch(batch) == wanted
+    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(what, 9, *given))
+    with pytest.raises(MachineError, match=f"the machine failed: {what.__name__}.*in sample 0 with lqr"):
+        Worker(prepared).run_batch(batch)
+
+
+def test_what_fails_by_itself_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = short({"rig.load_mass": MASS}, runs=1, plants=["analytic"], controllers=["lqr"])
+    batch, prepared = Batch("analytic", "lqr", 0, 1), Prepared(made)
+    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(OSError, 9, errno.ENOENT, "no file"))
+    (row,) = Worker(prepared).run_batch(batch)
+    assert (row["status"], "no file" in str(row["reason"])) == ("failed", True)
+
+
+LAW = """
+import os, shutil
+import numpy as np
+from cranectl import Controller
+
+def prepare(nominal):
+    program = os.posix_spawn(shutil.which("sleep"), ["sleep", "600"], {})
+    with open("pid", "w") as file:
+        file.write(str(program))
+    return np.zeros(1), np.zeros(1)
+
+def step(parameters, measured, reference, memory, command):
+    return 0
+
+STARTS = Controller("starts", "starts a program", step, prepare)
+"""
+
+
+def test_what_a_worker_has_started_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a program that reads nothing more would stay for ever."""
+    monkeypatch.chdir(tmp_path)
+    Path("law.py").write_text(LAW)
+    made = short({"rig.load_mass": MASS}, controllers=[open_law("law.py:STARTS")], plants=["analytic"])
+    with Children() as children:
+        prepared = Prepared(made)
+        own = int(Path("pid").read_text())
+        os.kill(own, signal.SIGKILL)  # of this process, which has prepared it too
+        os.waitpid(own, 0)
+        worker = ChildWorker(prepared, children, HANG)
+        worker.run_batch(Batch("analytic", "starts", 0, 1))
+        worker.close()
+        started = int(Path("pid").read_text())
+        assert started != own
+    deadline = time.monotonic() + HANG
+    while is_running(started) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not is_running(started)
+
+
+def is_running(number: int) -> bool:
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    return True

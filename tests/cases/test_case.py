@@ -5,15 +5,16 @@ from pathlib import Path
 import pytest
 
 from cranectl.cases.case import make_case, run_case
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import runner
 from tests.conftest import PLANTS
 
 
+@pytest.mark.parametrize("controller", ["lqr", "lqr-integral"])
 def test_a_law_is_prepared_once_for_all_plants(
-    short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    controller: str, short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     prepared, prepare = [], runner.addressed_law
 
@@ -22,7 +23,7 @@ def test_a_law_is_prepared_once_for_all_plants(
         return prepared[-1]
 
     monkeypatch.setattr(runner, "addressed_law", counted)
-    result = run_case(make_case(short, controller="lqr-integral", log=tmp_path / "a.mcap"))
+    result = run_case(make_case(short, controller=controller, log=tmp_path / "a.mcap"))
     assert [run.plant for run in result.runs] == list(PLANTS)
     assert result.passed
     assert len(prepared) == 1

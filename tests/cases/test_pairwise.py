@@ -7,7 +7,7 @@ import pytest
 from cranectl.cases.case import make_case
 from cranectl.cases.pairwise import convergence, energy_drift
 from cranectl.cli.main import main
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 
 PLANTS = ["--plants", "analytic,elastic,mujoco"]
 
@@ -34,13 +34,10 @@ def test_all_pairs_are_told_with_the_worst_of_their_cases(told: dict[str, object
         if reference == "mujoco":
             assert pair["load_m"] == worst
             assert pair["scenario"] == "near-slack"
-    # Two derivations that share nothing but the rig leave rounding; the engine's RK4 leaves 1e-11.
+    # Two derivations that share nothing but the rig leave rounding; the engine's RK4 leaves 1e-11 to 1e-8.
     assert pairs["force", "analytic", "elastic"]["load_m"] < 1e-13
-    assert (
-        pairs["velocity", "elastic", "mujoco"]["load_m"]
-        < 1e-8
-        < pairs["velocity", "analytic", "elastic"]["load_m"]
-    )
+    assert pairs["velocity", "analytic", "elastic"]["load_m"] < 1e-11
+    assert pairs["velocity", "elastic", "mujoco"]["load_m"] < 1e-8
     assert 'id="pairs"' in told["page"]
 
 

@@ -1,5 +1,6 @@
 """Many cases at once: the same results as one by one, and an honest end when told to stop or one dies."""
 
+import contextlib
 import dataclasses
 import os
 import pickle
@@ -14,9 +15,11 @@ import pytest
 from cranectl.cases.case import Case, CaseResult, Failure, check_logs_differ, make_case
 from cranectl.cases.workers import run_cases
 from cranectl.log import read_log
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
+from tests.pace import HANG
+from tests.traps import set_traps
 
 SHORT = ["duration=0.4", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
 
@@ -89,7 +92,7 @@ def test_errors_survive_the_way_between_processes() -> None:
         assert (error.found, error.allowed, error.remedy) == ("a", "b", "c")
 
 
-VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=25", "--jobs", "2"]
+VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=15", "--jobs", "2"]
 
 
 def descendants(pid: int) -> list[tuple[int, int]]:
@@ -106,7 +109,7 @@ def children(pid: int) -> list[int]:
     return [child for child, _ in descendants(pid)]
 
 
-def wait_until(condition, timeout: float = 60.0) -> None:
+def wait_until(condition, timeout: float = HANG) -> None:
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, "gave up waiting"
@@ -122,10 +125,9 @@ def validating(directory: Path) -> subprocess.Popen[str]:
 
 
 def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
-    """The same, once its workers simulate."""
+    """The same, once one of its twelve cases has ended and others are simulated."""
     process, logs = validating(directory), directory / "logs" / "fixed-position"
-    wait_until(logs.is_dir)
-    time.sleep(0.5)
+    wait_until(lambda: any(logs.glob("*.mcap")))
     return process, logs
 
 
@@ -139,7 +141,7 @@ def test_a_signal_ends_all_workers_and_closes_their_logs(
     process, logs = started(tmp_path)
     workers = children(process.pid)
     (os.killpg if to_group else os.kill)(process.pid, sent)
-    out, error = process.communicate(timeout=60)
+    out, error = process.communicate(timeout=HANG)
     assert process.returncode == 130, error
     assert "Traceback" not in error
     assert "interrupted" in out
@@ -159,18 +161,35 @@ def test_an_interrupt_in_the_first_seconds(tmp_path: Path, generation: int) -> N
     process = validating(tmp_path)
     wait_until(lambda: any(age == generation for _, age in descendants(process.pid)))
     os.killpg(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=60)
+    _, error = process.communicate(timeout=HANG)
     assert process.returncode == 130, error
     assert "Traceback" not in error
     assert not list(tmp_path.rglob("*.part"))
 
 
-def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:
-    process, _ = started(tmp_path)
+def kill_a_worker(process: subprocess.Popen[str]) -> None:
     # The server that forks workers is the oldest child with children; workers are its children.
     workers = [pid for pid in children(process.pid) if not children(pid) and _is_worker(pid)]
-    os.kill(workers[-1], signal.SIGKILL)
-    out, error = process.communicate(timeout=120)
+    if workers:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(workers[-1], signal.SIGKILL)
+
+
+def test_what_a_worker_that_dies_was_at_is_run_again(tmp_path: Path) -> None:
+    process, _ = started(tmp_path)
+    kill_a_worker(process)
+    out, error = process.communicate(timeout=HANG)
+    assert process.returncode == 0, error
+    assert "died" not in out
+    assert "validation passed" in out
+
+
+def test_workers_that_die_again_and_again_are_reported(tmp_path: Path) -> None:
+    process, _ = started(tmp_path)
+    while process.poll() is None:
+        kill_a_worker(process)
+        time.sleep(0.02)
+    out, error = process.communicate(timeout=HANG)
     assert process.returncode == 70, error
     assert "Traceback" not in error
     assert "its worker process died" in out
@@ -179,7 +198,10 @@ def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:
 
 def _is_worker(pid: int) -> bool:
     """The resource tracker has no thread that watches the parent; workers have."""
-    return len(list(Path(f"/proc/{pid}/task").iterdir())) > 1
+    try:
+        return len(list(Path(f"/proc/{pid}/task").iterdir())) > 1
+    except OSError:  # it has just ended
+        return False
 
 
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
@@ -187,5 +209,14 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     workers = children(process.pid)
     assert workers
     process.kill()
-    process.communicate(timeout=60)
+    process.communicate(timeout=HANG)
     wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
+
+
+def test_a_module_of_the_working_directory_is_not_run_in_workers(tmp_path: Path) -> None:
+    sprung = set_traps(tmp_path)
+    command = [str(Path(sys.executable).parent / "cranectl"), "validate", "fixed-position", "--jobs", "2"]
+    short = ["--controller", "lqr", *(f"--set={each}" for each in SHORT)]
+    done = subprocess.run([*command, *short], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert sprung.read_text() == ""
+    assert done.returncode == 0, done.stderr

@@ -140,10 +140,18 @@ def test_the_merged_log_has_the_rate_of_its_logs_not_of_the_scenario(short: Scen
 
 def test_different_scenarios_merge_only_when_told_to(capsys: pytest.CaptureFixture[str]) -> None:
     run("analytic.mcap", "--plant", "analytic")
-    run("mujoco.mcap", "--plant", "mujoco", "--set", "rig.load_mass=2", "--set", "disturbances.0.magnitude=2")
+    run(
+        "mujoco.mcap",
+        "--plant",
+        "mujoco",
+        "--set",
+        "rig.bridge_mass=7",
+        "--set",
+        "disturbances.0.magnitude=2",
+    )
     pair = ("mujoco.mcap", "analytic.mcap")
     error = bad_input(capsys, *pair, "--merge", "both.mcap")
-    assert "rig.load_mass: 1.0 and 2.0" in error
+    assert "rig.bridge_mass: 6.0 and 7.0" in error
     assert "disturbances.0.magnitude: " in error
     assert "--despite-differences" in error
     assert main(["compare", *pair, "--merge", "both.mcap", "--despite-differences"]) == 0
@@ -153,7 +161,16 @@ def test_different_scenarios_merge_only_when_told_to(capsys: pytest.CaptureFixtu
         for name in ("table", "reference", "time_ns"):
             assert getattr(found, name).tobytes() == getattr(single, name).tobytes()
         assert found.model == single.model
-    assert merged["mujoco"].scenario.rig.load_mass == 1.0, "as --despite-differences warns"
+    assert merged["mujoco"].scenario.rig.bridge_mass == 6.0, "as --despite-differences warns"
+
+
+def test_runs_of_other_loads_do_not_merge(capsys: pytest.CaptureFixture[str]) -> None:
+    """One log names one mass, and a reader would refuse the rope that pulls at another."""
+    run("analytic.mcap", "--plant", "analytic")
+    run("mujoco.mcap", "--plant", "mujoco", "--set", "rig.load_mass=2")
+    error = bad_input(capsys, "analytic.mcap", "mujoco.mcap", "--merge", "m.mcap", "--despite-differences")
+    assert "different loads [kg], 1.0 and 2.0" in error
+    assert not Path("m.mcap").exists()
 
 
 def test_logs_of_other_versions_merge_only_when_told_to(
@@ -179,7 +196,7 @@ def test_logs_that_cannot_be_merged(capsys: pytest.CaptureFixture[str]) -> None:
     one = "analytic.mcap"
     for other, out, expected in (
         (one, "new.mcap", "both logs hold the run of analytic"),
-        ("both.mcap", "new.mcap", "both.mcap holds the runs of both plants"),
+        ("both.mcap", "new.mcap", "both.mcap holds the runs of 3 plants"),
         ("velocity.mcap", "new.mcap", "different drives, ideal and velocity"),
         ("absent.mcap", "new.mcap", "cannot read absent.mcap"),
         ("mujoco.mcap", "./mujoco.mcap", "the same command reads it"),

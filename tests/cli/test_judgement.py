@@ -1,15 +1,16 @@
-"""One judgement in every command: of other rigs none without --predict, of a log that of its run."""
+"""One judgement in every command, also of rigs that are not shipped; of a log that of its run."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from cranectl.analysis.budget.predicted_limits import predicted_limits
 from cranectl.cli.main import main
-from cranectl.compare.agreement import Limits
-from cranectl.design import design_controller
-from cranectl.reference import load_scenario
+from cranectl.compare.agreement import LAGGING_MODEL, LAGS, AgreementLimits, agreement_limits
+from cranectl.log import write_log
+from cranectl.planning import load_scenario
+from cranectl.simulate import simulate_run
 from tests.cli.arguments import STOP
 from tests.log.test_log import messages_of
 
@@ -31,45 +32,38 @@ def judged(*arguments: str, code: int = 0) -> dict[str, object]:
     return agreement
 
 
-def test_a_rig_of_ones_own_is_not_judged_by_the_limits_of_another(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments in (["run", *OWN], ["compare", LOG], ["info", LOG]):
-        result = judged(*arguments)
-        assert (result["passed"], result["limit_m"], result["limit_rad"]) == (None, None, None), arguments
-        out = capsys.readouterr().out
-        assert "not judged" in out
-        assert "--predict" in out
-        assert "FAILED" not in out
-    assert main(["validate", *OWN, "--drive", "both", "--jobs", "1", "--json", "result.json"]) == 0
-    out = capsys.readouterr().out
-    assert "yes (ideal)" in out
-    assert "validation passed (1 of 2 pairs not judged)" in out
-    data = json.loads(Path("result.json").read_text())
-    assert data["passed"] is True
-    assert [agreement["passed"] for agreement in data["agreements"]] == [True, None]
-    ((_, verdict),) = messages_of(Path(LOG), "/diff/verdict")
-    assert verdict.verdict == "not judged"
-    assert "no limit: how far the analytic plant" in verdict.load
-
-
-def test_with_predict_it_is_judged_by_its_own_bound() -> None:
-    scenario = load_scenario("fast-diagonal", overrides=OVERRIDES)
-    limits = predicted_limits(scenario, design_controller("lqr", scenario.design))
-    assert isinstance(limits, Limits)
+def test_a_rig_of_ones_own_is_judged_as_a_shipped_one() -> None:
+    limits = agreement_limits("velocity")
     for arguments in (["run", *OWN], ["validate", *OWN, "--jobs", "1"], ["compare", LOG], ["info", LOG]):
-        result = judged(*arguments, "--predict")
+        result = judged(*arguments)
         assert result["passed"] is True, arguments
         assert (result["limit_m"], result["limit_rad"]) == (limits.load_m, limits.angle_rad)
-        assert result["limits"] == limits.source
     ((_, verdict),) = messages_of(Path(LOG), "/diff/verdict")
     assert verdict.verdict == "passed"
-    assert verdict.load.endswith(f"limit {limits.load_m:g} m, {limits.source}")
+    assert verdict.load.endswith(f"limit {limits.load_m:g} m")
 
 
-def test_a_predicted_bound_can_be_exceeded(monkeypatch: pytest.MonkeyPatch) -> None:
-    narrow = Limits(1e-12, 1e-12, 0.0, "", "mine")
-    monkeypatch.setattr("cranectl.analysis.budget.predicted_limits.predicted_limits", lambda *_: narrow)
-    for command in (["run", *OWN], ["validate", *OWN, "--jobs", "1"], ["compare", LOG]):
-        assert judged(*command, "--predict", code=1)["passed"] is False
+def test_a_log_of_drives_that_did_not_feel_the_load_is_read_and_not_judged(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Earlier versions described the analytic plant so, and every command says which drives it had."""
+    scenario = load_scenario("fast-diagonal", overrides=OVERRIDES)
+    analytic, engine = (simulate_run(scenario, plant=p, drive="velocity") for p in ("analytic", "mujoco"))
+    write_log(Path("old.mcap"), [replace(analytic, model=LAGGING_MODEL), engine])
+    for command in ("compare", "info"):
+        result = judged(command, "old.mcap")
+        assert (result["passed"], result["limits"]) == (None, LAGS.reason)
+        out = " ".join(capsys.readouterr().out.split())
+        assert "not judged" in out
+        assert "lags that do not feel the load" in out
+
+
+@pytest.mark.parametrize("command", ["run", "validate", "compare", "info", "report"])
+def test_predict_says_what_replaced_it(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "fast-diagonal", "--predict"]) == 2
+    error = capsys.readouterr().err
+    assert "judged by the same limits with every scenario and rig" in " ".join(error.split())
+    assert "leave it out" in error
 
 
 def test_compare_ends_with_the_code_of_the_run_that_wrote_the_log(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,15 +72,11 @@ def test_compare_ends_with_the_code_of_the_run_that_wrote_the_log(monkeypatch: p
     assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 0
     with monkeypatch.context() as patched:
         patched.setattr(
-            "cranectl.compare.agreement.agreement_limits", lambda *_, **__: Limits(1e-16, 1e-16, 0.0, "")
+            "cranectl.compare.agreement.agreement_limits",
+            lambda *_, **__: AgreementLimits(1e-16, 1e-16, 0.0, ""),
         )
         assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 1
     assert main(["run", *ideal, *STOP]) == 3
     assert judged("compare", "a.mcap", code=1)["passed"] is True, "they stop alike, but should not stop"
     assert main(["run", "slack-rope", "--drive", "velocity", "--out", "b.mcap"]) == 3
     assert judged("compare", "b.mcap")["passed"] is True, "they stop as they should"
-
-
-def test_predict_is_refused_where_nothing_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["compare", "a.mcap", "b.mcap", "--predict"]) == 2
-    assert "one log of both plants" in capsys.readouterr().err

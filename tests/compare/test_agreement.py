@@ -1,4 +1,4 @@
-"""Of which scenarios and plants limits are known; plants that differ because of their steps, or otherwise."""
+"""How far plants may differ; plants that differ because of their steps, or otherwise."""
 
 import json
 from dataclasses import replace
@@ -6,35 +6,30 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.analysis.budget.predicted_limits import predicted_limits
 from cranectl.cli.main import main
 from cranectl.compare.agreement import (
     ENCODERS,
-    NOT_SHIPPED,
-    OTHER_PAIR,
+    LAGS,
     SMOOTHED,
-    Limits,
+    AgreementLimits,
     NoLimits,
     agreement_limits,
     judge,
     judge_steps,
     limits_for,
     pair_limits,
-    shipped_name,
     with_finer_steps,
 )
-from cranectl.design import design_controller
+from cranectl.planning import load_scenario
 from cranectl.plants import registry
-from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.documents import read_toml
 from cranectl.support.resources import TOLERANCE_FILE
-from tests.conftest import ALL_SCENARIOS
 
 LIMITS = agreement_limits("ideal")
-BLIND, FEELING = ("analytic", "mujoco"), ("elastic", "mujoco")
+PAIR, RIGHT = ("analytic", "mujoco"), ("elastic", "mujoco")
 LONG = ["duration=4.0", "control.period=0.02", "control.physics_step=0.02"]
 
 
@@ -44,100 +39,67 @@ def test_limits_come_with_reasons() -> None:
         assert len(table["reason"]) > 50
 
 
-@pytest.mark.parametrize("name", ALL_SCENARIOS)
-def test_shipped_scenarios_are_known_by_what_moves_the_plants(name: str) -> None:
-    scenario = load_scenario(name)
-    renamed = scenario.model_copy(update={"name": "mine", "title": "my own", "controller": "lqr"})
-    for shipped in (scenario, renamed, load_scenario(name, overrides=["log.every=1"])):
-        assert shipped_name(shipped) == name
-        found = limits_for(shipped, design_controller("lqr"), "velocity", ("analytic", *FEELING))
-        assert found == {BLIND: agreement_limits("velocity", name), FEELING: LIMITS}
-
-
+@pytest.mark.parametrize("drive", ["ideal", "velocity", "force"])
 @pytest.mark.parametrize(
     "override",
-    [
-        "rig.load_mass=1.001", "rig.winch_time_constant=0.021", "rig.gravity=9.82", "duration=24.0",
-        "control.lag_compensation=false", "control.physics_step=0.0005", "design.input_weight=0.11",
-        "disturbances.0.magnitude=0.9", "initial.load_offset=[0.01,0,0]",
-        "reference.start=[1.0,0.77,-0.71]", "effects.delay.seconds=0.01", "workspace.on_exit='stop'",
-    ],
-)  # fmt: skip
-def test_whatever_may_move_a_plant_makes_another_scenario(override: str) -> None:
+    ["duration=23.0", "rig.load_mass=1.5", "rig.winch_time_constant=0.03", "control.physics_step=0.0005"],
+)
+def test_limits_are_the_same_for_every_scenario_rig_and_pair(override: str, drive: str) -> None:
     scenario = load_scenario("fixed-position", overrides=[override])
-    design = design_controller("lqr", scenario.design)
-    assert shipped_name(scenario) is None
-    for drive, pair in (("ideal", BLIND), ("velocity", FEELING)):
-        assert pair_limits(scenario, design, drive, pair) == LIMITS, "numerics are the same for any"
-    assert pair_limits(scenario, design, "velocity", BLIND) is NOT_SHIPPED
-    own = Limits(1.0, 2.0, 3.0, "", "mine")
-    assert pair_limits(scenario, design, "velocity", BLIND, predict=lambda *_: own) is own
+    for pair in (PAIR, RIGHT):
+        limits = pair_limits(scenario, drive, pair)
+        assert isinstance(limits, AgreementLimits)
+        assert (limits.load_m, limits.angle_rad, limits.end_s) == (1e-7, 1e-7, 0.0)
 
 
-def test_plants_of_which_nothing_is_known_are_not_judged_with_velocity_drives(
+def test_a_plant_with_drives_that_do_not_feel_the_load_is_not_judged_with_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Beside others, which are; ideal drives are the same everywhere."""
-    monkeypatch.setitem(registry.PLANTS, "heavy", replace(registry.PLANTS["analytic"], name="heavy"))
+    blind = replace(registry.PLANTS["analytic"], name="blind", label="blind", servos=False)
+    monkeypatch.setitem(registry.PLANTS, "blind", blind)
     scenario = load_scenario("slack-rope")
-    design = design_controller("lqr", scenario.design)
-    assert pair_limits(scenario, design, "ideal", ("heavy", "mujoco")) == LIMITS
-    found = limits_for(
-        scenario, design, "velocity", ("analytic", "heavy", "mujoco"), predict=predicted_limits
-    )
-    assert found == {BLIND: agreement_limits("velocity"), ("heavy", "mujoco"): OTHER_PAIR}
-    runs = [simulate_run(scenario, plant=plant, drive="velocity", design=design) for plant in BLIND]
-    heavy = replace(runs[0], plant="heavy")
-    for agreement in (judge(heavy, runs[1], limits=OTHER_PAIR), judge(heavy, runs[1])):
-        assert (agreement.passed, agreement.limit_m, agreement.limits) == (None, None, OTHER_PAIR.reason)
-    assert judge(*runs, limits=found[BLIND]).passed
+    assert pair_limits(scenario, "ideal", ("blind", "mujoco")) == LIMITS
+    limits = limits_for(scenario, "velocity", ("analytic", "blind", "mujoco"))
+    assert limits[PAIR] == agreement_limits("velocity")
+    unknown = limits["blind", "mujoco"]
+    assert isinstance(unknown, NoLimits)
+    assert unknown.reason == "velocity drives of the blind plant do not feel the load, as those of others do"
+    runs = [simulate_run(scenario, plant=plant, drive="velocity", controller="lqr") for plant in PAIR]
+    other = replace(runs[0], plant="blind")
+    for agreement in (judge(other, runs[1], limits=unknown), judge(other, runs[1])):
+        assert (agreement.passed, agreement.limit_m, agreement.limits) == (None, None, unknown.reason)
+    assert judge(*runs).passed
+
+
+def test_logs_of_drives_that_did_not_feel_the_load_are_not_judged() -> None:
+    """The description of the plant, which a log holds, tells which drives it had."""
+    scenario = load_scenario("slack-rope")
+    for drive, expected in (("velocity", None), ("ideal", True)):
+        runs = [simulate_run(scenario, plant=plant, drive=drive, controller="lqr") for plant in PAIR]
+        earlier = replace(runs[0], model="cranectl.model.dynamics, fixed-step DOP853")
+        agreement = judge(earlier, runs[1])
+        assert agreement.passed is expected
+        assert (agreement.limits == LAGS.reason) == (expected is None)
+        assert judge(*runs).passed
 
 
 def test_effects_leave_what_their_schemes_do() -> None:
     """The largest of them, longer on a longer rig; not a limit of its own for what leaves nothing."""
     mixed = load_scenario("ship-to-shore", overrides=["effects.rope={}", "effects.friction={}"])
-    design = design_controller("lqr", mixed.design)
-    found = pair_limits(mixed, design, "velocity", FEELING)
-    assert isinstance(found, Limits)
+    found = pair_limits(mixed, "velocity", RIGHT)
+    assert isinstance(found, AgreementLimits)
     assert found.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
     assert found.angle_rad == 1.2e-4
     for effects, why in (("{sensing={}, rope={}}", ENCODERS), ("{friction={}}", SMOOTHED)):
         scenario = load_scenario("fixed-position", overrides=[f"effects={effects}"])
-        assert pair_limits(scenario, design, "force", BLIND) is why
+        assert pair_limits(scenario, "force", PAIR) is why
     framed = load_scenario("fixed-position", overrides=["effects.frame={}", "effects.delay={}"])
-    assert pair_limits(framed, design, "force", FEELING) == agreement_limits("force")
-
-
-def short(name: str, *overrides: str) -> Scenario:
-    return load_scenario(name, overrides=["disturbances=[]", *overrides])
-
-
-@pytest.mark.parametrize(
-    ("scenario", "why"),
-    [
-        (short("fast-diagonal", "effects.delay.seconds=0.01"), "other effects"),
-        (short("slack-rope"), "slack-rope"),
-        (short("off-reference", "rig.trolley_range=[0.0,0.9]", "initial.load_offset=[0,0.3,0]"), "workspace"),
-        (
-            short(
-                "fast-diagonal",
-                "duration=4.0",
-                "rig.load_mass=10.0",
-                "rig.bridge_mass=0.5",
-                "rig.trolley_mass=0.1",
-            ),
-            "too large",
-        ),
-    ],
-)
-def test_where_no_bound_is_known_there_is_none(scenario: Scenario, why: str) -> None:
-    found = predicted_limits(scenario, design_controller("lqr", scenario.design))
-    assert isinstance(found, NoLimits)
-    assert why in found.reason
+    assert pair_limits(framed, "force", RIGHT) == agreement_limits("force")
 
 
 def pair(scenario: Scenario) -> list[Run]:
-    return [simulate_run(scenario, plant=plant, controller="lqr") for plant in BLIND]
+    return [simulate_run(scenario, plant=plant, controller="lqr") for plant in PAIR]
 
 
 @pytest.fixture(scope="module")

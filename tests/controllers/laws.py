@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
-from cranectl.controllers.registry import REGISTERED, register_controller
+from cranectl.controllers.open_controllers import OPEN
+from cranectl.controllers.registry import register_controller
 from cranectl.signals import Signal
 
 GIVEN = 12 + 3 * 15 + 1  # measured, three rows of the reference, steps so far
@@ -85,4 +86,4 @@ def known(controller: Controller) -> Iterator[str]:
     try:
         yield controller.name
     finally:
-        del REGISTERED[controller.name]
+        del OPEN.registered[controller.name]

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from cranectl.model.dynamics import axis_masses, forced_accelerations
+from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant
-from cranectl.reference import build_trajectory, load_scenario
+from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, loops, simulate_run
 from cranectl.status import RunStatus
@@ -89,10 +90,14 @@ def test_a_slower_law_is_called_now_and_then_and_its_command_held() -> None:
 
 
 def test_velocities_become_what_the_drives_make_of_them() -> None:
-    """w as set-point; an ideal drive gets the acceleration of a drive with the nominal lag, (w - x')/T."""
+    """w as set-point; an ideal drive gets the acceleration of a drive with the nominal lag, (w - x')/T.
+
+    The servos feel nothing of a load so light.
+    """
     distances = []
+    light = ["rig.load_mass=0.001", *(f"rig.{axis}_mass=1e6" for axis in ("bridge", "trolley", "winch"))]
     for period in (0.001, 0.0005):
-        scenario = path(f"control.period={period}", f"control.physics_step={period}")
+        scenario = path(f"control.period={period}", f"control.physics_step={period}", *light)
         ideal, velocity = (run_of(FOLLOWING, scenario, drive=drive) for drive in ("ideal", "velocity"))
         for run in (ideal, velocity):
             setpoints = run.block("input")[:, 3:]
@@ -150,6 +155,17 @@ def test_a_step_that_cannot_be_compiled_is_told_with_its_line() -> None:
     assert f"{Path(__file__).name}:{slip.__code__.co_firstlineno + 1}" in told.value.remedy
 
 
+def mix(_parameters, measured, _reference, _memory, command):  # type: ignore[no-untyped-def]
+    command[0] = np.dot(measured, "a")
+    return 0
+
+
+def test_what_numba_announces_of_a_step_is_told_to_its_end() -> None:
+    with pytest.raises(InputError, match=r"found for signature: dot\(float64") as told:
+        run_of(replace(FOLLOWING, step=mix), path())
+    assert f"{Path(__file__).name}:{mix.__code__.co_firstlineno + 1}" in told.value.remedy
+
+
 @pytest.mark.parametrize(
     "scenario",
     [path(), path(*SENSED, "effects.limits.acceleration=[0.1,0.1,0.1]", f"effects.limits.force={[1e9] * 3}")],
@@ -165,15 +181,17 @@ def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: S
 
 
 def test_one_loop_serves_every_law() -> None:
-    """No law makes the loop compile again: it has one signature for them all, and one for the flat family.
+    """No controller makes the loop compile again: it has one signature for them all.
 
-    Force drives and passive forces make another plant, whatever the law.
+    Drives that push, forces that the loop makes for them, and passive forces make another, whatever the law.
     """
     loop = loops._compiled(AnalyticPlant.name, AnalyticPlant.kernels)
     for controller in (noting(), noting(every=3, measures="encoders"), giving_up(1), FOLLOWING, PUSHING):
         run_of(controller, path("duration=6.001"))
-    parts = ("Tracker(", "SignalPath(", "ForceDrives(", "PassiveForces(")
-    kinds = {tuple(part in str(signature) for part in parts) for signature in loop.signatures}  # type: ignore[attr-defined]
+    for name in ("lqr", "pole-placement+hinf", "pid"):
+        simulate_run(path("duration=6.001"), controller=name, plant="analytic")
+    parts = ("SignalPath(", "AxisMasses(", "PassiveForces(")
+    kinds = {tuple(str(signature).count(part) for part in parts) for signature in loop.signatures}  # type: ignore[attr-defined]
     assert len(loop.signatures) == len(kinds)  # type: ignore[attr-defined]
 
 

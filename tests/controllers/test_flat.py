@@ -1,5 +1,6 @@
 """The sampled kernel."""
 
+import ctypes
 from dataclasses import replace
 
 import numpy as np
@@ -7,11 +8,14 @@ import pytest
 from scipy.signal import cont2discrete
 
 from cranectl import signals
+from cranectl.controllers.controller import ROPE_SLACK, ROPE_TAUT, Nominal
 from cranectl.controllers.flat import (
-    ROBUSTIFIER,
+    FLAT_CONTROLLERS,
+    LEAST_TENSION,
+    MEMORY,
     Tracker,
+    begin,
     control_step,
-    initial_memory,
     make_tracker,
     robustify,
 )
@@ -19,15 +23,22 @@ from cranectl.design import Design, Robustifier, design_controller
 from cranectl.design.records import closed_loop_matrix
 from cranectl.model.flatness import flat_output, linearising_input, states_and_inputs
 from cranectl.scenario import DesignSettings
+from cranectl.scenario.rig import RigParameters
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.conftest import random_states
 
 G, PERIOD = 9.81, 0.001
+DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
 def tracker_of(design: Design) -> Tracker:
     return make_tracker(design, period=PERIOD, gravity=G)
+
+
+def memory_of(design: Design, zeta: float = 0.3, zeta_dot: float = -0.2) -> np.ndarray:
+    """Memory of a tracker that has begun, with its robustifiers at rest."""
+    return np.array([zeta, zeta_dot, 1.0, 0.0, *np.zeros(3 * design.robustifier.sampled_order)])
 
 
 def robust_design() -> Design:
@@ -52,7 +63,7 @@ def test_control_law_is_the_sum_it_should_be() -> None:
     design = design_controller("pole-placement")
     for state in random_states(100):
         reference = rng.normal(size=15)
-        memory = np.array([0.3, -0.2])
+        memory = memory_of(design)
         status, row = step(design, state, reference, memory.copy())
         assert status == RunStatus.RUNNING
         flat = np.zeros(15)
@@ -68,13 +79,13 @@ def test_control_law_is_the_sum_it_should_be() -> None:
 def test_memory_advances_by_one_held_period() -> None:
     design = design_controller("lqr")
     state, reference = random_states(1)[0], np.arange(15) * 0.01
-    memory = np.array([0.3, -0.2])
+    memory = memory_of(design)
     before = memory.copy()
     _, row = step(design, state, reference, memory)
     v_z = row[signals.VIRTUAL_INPUT_COLUMN + 2]
     assert memory[1] == pytest.approx(before[1] + PERIOD * v_z, rel=1e-14)
     assert memory[0] == pytest.approx(before[0] + PERIOD * before[1] + 0.5 * PERIOD**2 * v_z, rel=1e-14)
-    assert row[signals.CONTROLLER_COLUMN :].tolist() == before.tolist()
+    assert row[signals.CONTROLLER_COLUMN :].tolist() == before[:2].tolist()
 
 
 def test_on_its_reference_the_tracker_commands_the_feed_forward() -> None:
@@ -83,7 +94,9 @@ def test_on_its_reference_the_tracker_commands_the_feed_forward() -> None:
     for _ in range(50):
         flat = np.concatenate([[1.0, 0.7, -0.6], 0.3 * rng.normal(size=12)])
         states, inputs = states_and_inputs(flat[np.newaxis], G)
-        memory = initial_memory(tracker_of(design), flat)
+        memory = memory_of(design)
+        memory[MEMORY.begun] = 0.0
+        begin(flat, memory)
         _, row = step(design, states[0], flat, memory)
         assert row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3] == pytest.approx(inputs[0], abs=1e-10)
         assert row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 12] == pytest.approx(np.zeros(12), abs=1e-12)
@@ -95,14 +108,14 @@ def test_robustifier_is_the_sampled_system_it_stands_for() -> None:
     tracker, r = tracker_of(design), design.robustifier
     n = r.order
     a, b, *_ = cont2discrete((r.a, r.b[:, np.newaxis], r.c[np.newaxis], np.array([[r.d]])), PERIOD)
-    memory = np.zeros(ROBUSTIFIER + 3 * n)
+    memory = np.zeros(MEMORY.robustifier + 3 * n)
     x = np.zeros((3, n))
     for errors in np.random.default_rng(4).normal(size=(200, 3)):
         for axis in range(3):
             expected = r.c @ x[axis] + r.d * errors[axis]
             assert robustify(tracker, axis, errors[axis], memory) == pytest.approx(expected, rel=1e-11)
             x[axis] = a @ x[axis] + b[:, 0] * errors[axis]
-    assert memory[ROBUSTIFIER:] == pytest.approx(x.ravel(), rel=1e-11)
+    assert memory[MEMORY.robustifier :] == pytest.approx(x.ravel(), rel=1e-11)
 
 
 def test_a_design_too_fast_for_its_sampling_is_refused() -> None:
@@ -115,10 +128,11 @@ def test_a_design_too_fast_for_its_sampling_is_refused() -> None:
 def test_robustifier_adds_to_v_and_its_states_are_recorded() -> None:
     design, plain = robust_design(), design_controller("lqr")
     state, reference = random_states(1)[0], np.arange(15) * 0.01
-    memory = np.concatenate([[0.3, -0.2], np.arange(12.0)])
-    states = memory[ROBUSTIFIER:].copy()
+    memory = memory_of(design)
+    memory[MEMORY.robustifier :] = np.arange(12.0)
+    states = memory[MEMORY.robustifier :].copy()
     _, row = step(design, state, reference, memory)
-    _, base = step(plain, state, reference, np.array([0.3, -0.2]))
+    _, base = step(plain, state, reference, memory_of(plain))
     first = signals.VIRTUAL_INPUT_COLUMN
     v_bar = row[first + 3 : first + 6]
     r = design.robustifier
@@ -150,9 +164,82 @@ def test_singular_states_are_refused_and_nothing_is_written(
 ) -> None:
     state = random_states(1)[0]
     state[index] = value
-    memory = np.array([zeta, 0.0])
+    design = design_controller("lqr")
+    memory = memory_of(design, zeta, 0.0)
     before = memory.copy()
-    code, row = step(design_controller("lqr"), state, np.zeros(15), memory)
+    code, row = step(design, state, np.zeros(15), memory)
     assert RunStatus(code) == status
     assert np.isnan(row).all()
     assert np.array_equal(memory, before, equal_nan=True)
+
+
+class Stepped:
+    """The step of a design as the loop calls it, with its memory."""
+
+    def __init__(self, design: Design) -> None:
+        nominal = Nominal(RigParameters(), "ideal", PERIOD, np.zeros((1, 15)), np.zeros(10), {}, design)
+        self.parameters, self.memory = FLAT_CONTROLLERS["lqr"].prepare(nominal)
+        self.width = signals.BASE_WIDTH + 3 * design.robustifier.sampled_order
+        self.command = np.zeros(3)
+
+    def __call__(self, state: np.ndarray, reference: np.ndarray) -> int:
+        """One sample; returns the status."""
+        step = FLAT_CONTROLLERS["lqr"].step
+        arrays = (self.parameters, np.append(state, [0.0, 0.0]), reference, self.memory, self.command)
+        return step(*(each.ctypes.data_as(DOUBLES) for each in arrays))
+
+    @property
+    def row(self) -> np.ndarray:
+        """The row of the record that its memory ends with."""
+        return self.memory[-self.width :]
+
+
+@pytest.mark.parametrize("design", [design_controller("lqr"), robust_design()], ids=["plain", "robust"])
+def test_the_step_by_address_is_the_kernel_from_the_start_of_its_reference(design: Design) -> None:
+    rng, stepped = np.random.default_rng(5), Stepped(design)
+    memory = memory_of(design)
+    memory[MEMORY.begun] = 0.0
+    for state in random_states(5):
+        reference = 0.1 * rng.normal(size=15)
+        begin(reference, memory)
+        status, row = step(design, state, reference, memory)
+        assert stepped(state, reference) == status == RunStatus.RUNNING
+        assert np.array_equal(stepped.command, row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3])
+        recorded = slice(signals.FLAT_OUTPUT_COLUMN, None)
+        assert np.array_equal(stepped.row[recorded], row[recorded])
+        assert np.array_equal(stepped.memory[: len(memory)], memory)
+
+
+def test_while_the_rope_is_slack_the_step_waits_and_then_goes_on() -> None:
+    stepped, state, reference = Stepped(robust_design()), random_states(1)[0], np.arange(15) * 0.01
+    states = slice(MEMORY.robustifier, -stepped.width)
+    assert stepped(state, reference) == RunStatus.RUNNING
+    before, command = stepped.memory[states].copy(), stepped.command.copy()
+    stepped.memory[MEMORY.slack] = ROPE_SLACK
+    assert stepped(state, reference) == RunStatus.RUNNING
+    assert before.any()
+    assert np.array_equal(stepped.memory[states], before)
+    assert np.array_equal(stepped.command, command)
+    first = signals.FLAT_OUTPUT_COLUMN
+    assert stepped.row[first + 6 : first + 9].tolist() == [0.0, 0.0, -G], "the load falls freely"
+    assert not stepped.row[first + 12 : first + 15].any()
+    assert not stepped.row[signals.VIRTUAL_INPUT_COLUMN : signals.VIRTUAL_INPUT_COLUMN + 6].any()
+    stepped.memory[MEMORY.slack] = ROPE_TAUT
+    assert stepped(state, reference) == RunStatus.RUNNING
+    assert not np.array_equal(stepped.memory[states], before)
+
+
+def test_only_a_run_that_recovers_has_the_extension_kept_from_a_slack_rope() -> None:
+    state, falling = random_states(1)[0], np.zeros(15)
+    falling[8] = -2.0 * G
+    stops, recovers = Stepped(design_controller("lqr")), Stepped(design_controller("lqr"))
+    recovers.memory[MEMORY.slack] = ROPE_TAUT
+    assert stops(state, falling) == RunStatus.SLACK_ROPE
+    assert recovers(state, falling) == RunStatus.RUNNING
+    assert recovers.row[signals.CONTROLLER_COLUMN + MEMORY.zeta] == (LEAST_TENSION - 1.0) * G
+
+
+def test_a_command_that_is_no_number_ends_the_run_as_such() -> None:
+    stepped, reference = Stepped(design_controller("lqr")), np.zeros(15)
+    reference[12] = np.inf
+    assert stepped(random_states(1)[0], reference) == RunStatus.NON_FINITE

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from cranectl.compare.agreement import judge
 from cranectl.controllers.registry import controller_design
 from cranectl.model.flatness import flat_output
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, linearised_law, plan_scenario, simulate_run
 from cranectl.support.errors import InputError
@@ -21,7 +21,9 @@ SAMPLES = [100, 500, 1000, 1900]
 
 
 def hanging(*overrides: str) -> Scenario:
-    """The load hangs at rest."""
+    """The load hangs at rest, and is so light that no drive feels it: then the law is exact."""
+    heavy = [f"rig.{axis}_mass=1e6" for axis in ("bridge", "trolley", "winch")]
+    overrides = ("rig.load_mass=0.001", *heavy, *overrides)
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-LENGTH}]", "reference.segments=[]"]
     poles = [f"controller.{NAME}.pole_{k}={pole}" for k, pole in enumerate(POLES, 1)]
     return load_scenario("fixed-position", overrides=["duration=2.0", *rest, *poles, *overrides])
@@ -85,7 +87,7 @@ def test_a_wrong_lag_or_a_delay_is_a_wrong_gain(believed: float, delay: float) -
 
 
 def test_servos_that_feel_the_load_are_given_away_on_every_plant_alike() -> None:
-    """As docs/explanation/controllers.md tells; where the analytic lag is blind to the load, nothing is."""
+    """As docs/explanation/controllers.md tells."""
     scenario = load_scenario("fast-diagonal", overrides=["disturbances=[]"])
 
     def run(plant: str, controller: str) -> Run:
@@ -94,10 +96,10 @@ def test_servos_that_feel_the_load_are_given_away_on_every_plant_alike() -> None
     def largest(of: Run) -> float:
         return float(np.linalg.norm(of.block("error")[:, :3], axis=1).max())
 
-    elastic, engine = run("elastic", NAME), run("mujoco", NAME)
-    assert judge(elastic, engine).passed
+    engine = run("mujoco", NAME)
+    for plant in ("analytic", "elastic"):
+        assert judge(run(plant, NAME), engine).passed
     assert largest(engine) > 20.0 * largest(run("mujoco", "pole-placement"))
-    assert largest(run("analytic", NAME)) < largest(run("analytic", "pole-placement"))
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from cranectl.controllers.controller import Nominal
-from cranectl.controllers.flat import control_step, initial_memory, make_tracker
+from cranectl.controllers.flat import MEMORY, begin, control_step, make_tracker
 from cranectl.controllers.flat_velocity import lead_times, linear_gain, set_points
-from cranectl.controllers.lqr_integral import GAIN, STATES, feedback, matrices
+from cranectl.controllers.lqr_integral import GIVEN, STATES, feedback, matrices
 from cranectl.controllers.pid import VIBRATION, impulses
 from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller
@@ -90,7 +90,7 @@ def test_the_gain_is_optimal() -> None:
 def test_feedback_is_gain_times_deviation_between_two_lengths(joint: int, angle: int) -> None:
     rng = np.random.default_rng(4)
     gains, measured, desired = rng.normal(size=(3, STATES)), rng.normal(size=12), rng.normal(size=10)
-    parameters = np.concatenate([np.zeros(GAIN), gains.ravel()])
+    parameters = GIVEN.array(gain=gains)
     deviation = np.append((measured[:10] - desired)[[joint, joint + 1, angle, angle + 1]], 0.3)
     for row, share in ((0, 0.0), (0, 0.25), (1, 1.0)):
         gain = (1.0 - share) * gains[row] + share * gains[row + 1]
@@ -102,10 +102,17 @@ FLAT = make_tracker(design_controller("pole-placement"), period=0.001, gravity=9
 LEAD = np.array([0.02, 0.03, 0.05])
 
 
+def begun(reference: np.ndarray) -> np.ndarray:
+    """Memory of the tracker at the start on `reference`."""
+    memory = np.zeros(MEMORY.robustifier)
+    begin(reference, memory)
+    return memory
+
+
 def accelerations(measured: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """(w - x') / T of the drives, under the flat law."""
     command, row = np.zeros(3), np.zeros(BASE_WIDTH)
-    set_points(FLAT, LEAD, measured, reference, initial_memory(FLAT, reference), row, command)
+    set_points(FLAT, LEAD, measured, reference, begun(reference), row, command)
     return (command - measured[1:6:2]) / LEAD
 
 
@@ -113,13 +120,13 @@ def test_set_points_of_measured_velocity_bring_about_what_the_tracker_asks() -> 
     reference = np.append([1.0, 0.8, -0.7], 0.3 * np.random.default_rng(6).normal(size=12))
     for state in random_states(20):
         row = np.zeros(BASE_WIDTH)
-        control_step(FLAT, state, reference, initial_memory(FLAT, reference), row)
+        control_step(FLAT, state, reference, begun(reference), row)
         found = accelerations(np.append(state, [0.0, 0.0]), reference)
         assert found == pytest.approx(row[INPUT_COLUMN : INPUT_COLUMN + 3], rel=1e-10, abs=1e-10)
 
 
 def test_a_tracker_that_asks_for_a_slack_rope_says_so() -> None:
-    reference, extension, row = np.zeros(15), np.array([-10.0, 0.0]), np.zeros(BASE_WIDTH)
+    reference, extension, row = np.zeros(15), np.array([-10.0, 0.0, 1.0, 0.0]), np.zeros(BASE_WIDTH)
     measured = np.append(random_states(1)[0], [0.0, 0.0])
     assert set_points(FLAT, LEAD, measured, reference, extension, row, np.zeros(3)) == RunStatus.SLACK_ROPE
 

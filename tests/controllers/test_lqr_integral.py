@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from cranectl.controllers.lqr_integral import LQR_INTEGRAL
 from cranectl.controllers.registry import controller_design
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import linearised_law, simulate_run
 from cranectl.support.errors import InputError

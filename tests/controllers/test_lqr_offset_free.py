@@ -7,15 +7,12 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.controllers.lqr_offset_free import (
-    BEGUN,
-    ELLIPSOID,
-    ESTIMATE,
-    LEANING,
+    GIVEN,
     LEVEL,
     LEVELS,
     LQR_OFFSET_FREE,
+    MEMORY,
     STATES,
-    WIDTH,
     A,
     B,
     feedback,
@@ -24,7 +21,7 @@ from cranectl.controllers.lqr_offset_free import (
     prepare,
 )
 from cranectl.controllers.registry import controller_design
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.signals import BRIDGE_RATE
 from cranectl.simulate import linearised_law, simulate_run
 from cranectl.support.arrays import Array
@@ -48,7 +45,9 @@ def test_the_poles_of_the_loop_are_those_of_regulator_observer_and_rope(length: 
     nominal = nominal_at(LQR_OFFSET_FREE, length)
     observer_pole, rope_pole = frequencies(nominal)
     regulated = np.linalg.eigvals(A - B @ levels(nominal)[-1:, :STATES]) * np.sqrt(GRAVITY / length)
-    found = np.log(np.linalg.eigvals(loop_matrix(LQR_OFFSET_FREE, length, BEGUN, LEANING))) / PERIOD
+    found = (
+        np.log(np.linalg.eigvals(loop_matrix(LQR_OFFSET_FREE, length, MEMORY.begun, MEMORY.leaning))) / PERIOD
+    )
     wanted = np.array([*regulated, *regulated, *[-observer_pole] * 6, *[-rope_pole] * 2])
     assert polynomial_error(found, wanted) < 0.04  # of what the period does to them
     assert found.real.max() < -1.0
@@ -69,7 +68,7 @@ def test_what_it_asks_for_stays_within_the_limit_on_the_whole_ellipsoid() -> Non
     """Levels are nested; u_max is met on the boundary; K x changes without steps; P never grows."""
     nominal = nominal_at(LQR_OFFSET_FREE, 0.8)
     parameters, table = prepare(nominal)[0], levels(nominal)
-    ellipsoids = table[:, ELLIPSOID:].reshape(LEVELS, STATES, STATES)
+    ellipsoids = table[:, LEVEL.ellipsoid :].reshape(LEVELS, STATES, STATES)
     for small, large in itertools.pairwise(ellipsoids):
         assert np.linalg.eigvalsh(large - small).min() > 0.0
     random = np.random.default_rng(1)
@@ -86,7 +85,7 @@ def test_what_it_asks_for_stays_within_the_limit_on_the_whole_ellipsoid() -> Non
     direction = np.array([0.3, -0.2, 0.5, 0.1])
     values = np.array([feedback(parameters, k * direction, 0.1) for k in np.geomspace(1e-3, 3.0, 4000)])
     assert np.abs(np.diff(values)).max() < 2e-3
-    assert len(parameters) == LEVEL + LEVELS * WIDTH
+    assert len(parameters) == GIVEN.levels + LEVELS * LEVEL.size
 
 
 @pytest.mark.parametrize(
@@ -189,4 +188,4 @@ def test_an_estimate_begins_with_the_load_as_it_is_measured() -> None:
     offset = ["initial.load_offset=[0.05, -0.02, 0.0]", "disturbances=[]", "duration=0.01"]
     run = simulate_run(load_scenario("fixed-position", overrides=offset), plant="analytic", controller=LAW)
     assert np.abs(run.block("controller")).max() < 1e-6
-    assert ESTIMATE == 0
+    assert MEMORY.estimate == 0

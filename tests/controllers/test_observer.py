@@ -5,10 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cranectl.controllers.observer import (
-    DISTURBANCE,
-    MEMORY,
-    POSITION,
-    VELOCITY,
+    EXPECTED,
     Observer,
     correct,
     initial_estimate,
@@ -29,7 +26,7 @@ def observer() -> Observer:
 def follow(observer: Observer, positions: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
     """Estimates (N, 15) after each measurement of the five joints (N, 5)."""
     memory = initial_estimate(np.column_stack([positions[0], np.zeros(5)]).ravel())
-    found = np.empty((len(positions), MEMORY))
+    found = np.empty((len(positions), EXPECTED.size))
     for k, row in enumerate(positions):
         for joint in range(5):
             correct(observer, joint, row[joint], memory)
@@ -63,7 +60,7 @@ def test_a_measurement_corrects_its_own_joint_by_the_gains(observer: Observer) -
     before = memory.copy()
     correct(observer, 2, 3.7, memory)
     gains = [observer.position_gain, observer.velocity_gain, observer.disturbance_gain]
-    places = [POSITION + 2, VELOCITY + 2, DISTURBANCE + 2]
+    places = [EXPECTED.position + 2, EXPECTED.velocity + 2, EXPECTED.disturbance + 2]
     assert_allclose((memory - before)[places], 0.7 * np.array(gains), rtol=1e-12)
     assert np.count_nonzero(memory - before) == 3
 
@@ -74,8 +71,8 @@ def test_constant_acceleration_is_found_without_error(observer: Observer) -> Non
     commanded, unknown = 0.7, -1.3
     positions = bridge(0.5 * (commanded + unknown) * time**2)
     found = follow(observer, positions, np.tile([commanded, 0.0, 0.0], (len(time), 1)))
-    assert_allclose(found[-1, VELOCITY], (commanded + unknown) * time[-1], atol=1e-9)
-    assert_allclose(found[-1, DISTURBANCE], unknown, atol=1e-7)
+    assert_allclose(found[-1, EXPECTED.velocity], (commanded + unknown) * time[-1], atol=1e-9)
+    assert_allclose(found[-1, EXPECTED.disturbance], unknown, atol=1e-7)
     assert_allclose(found[-1, [1, 2, 3]], [0.0, 0.7, 0.0], atol=1e-12)
 
 
@@ -84,12 +81,12 @@ def test_a_step_of_the_disturbance_stays_within_its_bounds(observer: Observer) -
     time, step = PERIOD * np.arange(600), 2.0
     positions = bridge(0.5 * step * time**2)
     found = follow(observer, positions, np.zeros((len(time), 3)))
-    velocity = np.abs(found[:, VELOCITY] - step * time).max()
-    position = np.abs(found[:, POSITION] - positions[:, 0]).max()
+    velocity = np.abs(found[:, EXPECTED.velocity] - step * time).max()
+    position = np.abs(found[:, EXPECTED.position] - positions[:, 0]).max()
     assert 0.9 < velocity / (0.84 * step / BANDWIDTH) <= 1.0
     assert 0.8 < position / (0.27 * step / BANDWIDTH**2) <= 1.0
     late = time > 12.0 / BANDWIDTH
-    assert np.abs(found[late, VELOCITY] - step * time[late]).max() < 0.05 * step / BANDWIDTH
+    assert np.abs(found[late, EXPECTED.velocity] - step * time[late]).max() < 0.05 * step / BANDWIDTH
 
 
 def test_noise_reaches_the_velocity_with_the_variance_of_theory(observer: Observer) -> None:
@@ -101,7 +98,9 @@ def test_noise_reaches_the_velocity_with_the_variance_of_theory(observer: Observ
     found = follow(observer, bridge(noise), np.zeros((len(noise), 3)))[2000:]
     gain = np.array([observer.position_gain, observer.velocity_gain, observer.disturbance_gain])
     variance = solve_discrete_lyapunov(error_dynamics(observer), deviation**2 * np.outer(gain, gain))
-    measured = [found[:, place].std() for place in (POSITION, VELOCITY, DISTURBANCE)]
+    measured = [
+        found[:, place].std() for place in (EXPECTED.position, EXPECTED.velocity, EXPECTED.disturbance)
+    ]
     assert_allclose(measured, np.sqrt(np.diag(variance)), rtol=0.1)
 
 
@@ -113,8 +112,8 @@ def test_a_free_pendulum_is_followed_by_its_equations(observer: Observer) -> Non
     rows[:, 3] = amplitude * np.cos(frequency * time)
     found = follow(observer, rows, np.zeros((len(time), 3)))[500:]
     rate = -amplitude * frequency * np.sin(frequency * time[500:])
-    assert np.abs(found[:, VELOCITY + 3] - rate).max() < 1e-3 * amplitude * frequency
-    assert np.abs(found[:, DISTURBANCE + 3]).max() < 2e-3 * amplitude * frequency**2
+    assert np.abs(found[:, EXPECTED.velocity + 3] - rate).max() < 1e-3 * amplitude * frequency
+    assert np.abs(found[:, EXPECTED.disturbance + 3]).max() < 2e-3 * amplitude * frequency**2
 
 
 def test_what_moves_the_trolley_is_not_taken_for_a_disturbance_of_the_angles(observer: Observer) -> None:
@@ -131,6 +130,6 @@ def test_what_moves_the_trolley_is_not_taken_for_a_disturbance_of_the_angles(obs
         left = memory.copy()
         predict(observer, commanded, memory)
         plant.advance(commanded + unknown, np.zeros(2), np.zeros(6), load)
-    assert_allclose(left[DISTURBANCE : DISTURBANCE + 3], unknown, atol=1e-5)
-    assert_allclose(left[DISTURBANCE + 3 :], 0.0, atol=1e-3)
-    assert_allclose(left[VELOCITY:DISTURBANCE], state[1::2], atol=3e-5)
+    assert_allclose(left[EXPECTED.disturbance : EXPECTED.disturbance + 3], unknown, atol=1e-5)
+    assert_allclose(left[EXPECTED.disturbance + 3 :], 0.0, atol=1e-3)
+    assert_allclose(left[EXPECTED.velocity : EXPECTED.disturbance], state[1::2], atol=3e-5)

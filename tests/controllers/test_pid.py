@@ -5,7 +5,7 @@ import pytest
 
 from cranectl.controllers.pid import impulses
 from cranectl.metrics import run_metrics
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl.controllers.registry import controller_design
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 
 HARBOUR = 40.0 / 1.4  # longest rope over the laboratory's

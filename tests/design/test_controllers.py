@@ -1,6 +1,7 @@
 """State feedback: the thesis's gains, achieved poles, margins checked another way."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,10 @@ from scipy.linalg import solve_continuous_lyapunov
 from cranectl.design import CONTROLLERS, Design, Robustifier, design_controller
 from cranectl.scenario import DesignSettings
 from cranectl.scenario.settings import parse_settings
+from cranectl.support.consistency import InconsistentError
 from cranectl.support.errors import InputError
+
+pytestmark = pytest.mark.processor
 
 CHAIN_A, CHAIN_B = np.diag(np.ones(3), 1), np.eye(4)[:, 3]
 
@@ -160,17 +164,13 @@ def test_settings_reach_the_robustifiers() -> None:
 @pytest.mark.parametrize(
     ("name", "settings", "found"),
     [
-        (
-            "lqr+loop-shaping",
-            {"loop_shaping": {"proportional": 1e-6, "integral": 1e-6}},
-            "pole at 0 that cannot",
-        ),
+        ("pole-placement+loop-shaping", {"poles": (-1e3, -1e3, -1e3, -1e3)}, "pole at 0 that cannot"),
         (
             "lqr+hinf",
-            {"hinf": {"bandwidth": 1000.0, "offset": 1e-6, "control_weight": 1e-9}},
-            "no S/KS controller",
+            {"hinf": {"bandwidth": 1e-3, "offset": 1e-6, "control_weight": 1e3, "peak": 1.1}},
+            "two computations of its gamma differ",
         ),
-        ("pole-placement+hinf", {"poles": (-1e3, -1e3, -1e3, -1e3)}, "no S/KS controller"),
+        ("pole-placement+hinf", {"poles": (-1e3, -1e3, -1e3, -1e3)}, "no modal form"),
     ],
 )
 def test_settings_that_cannot_be_met_say_why(name: str, settings: dict, found: str) -> None:
@@ -203,3 +203,23 @@ def test_static_gain_and_fastest_mode_of_a_robustifier() -> None:
     assert lags.fastest_mode == pytest.approx((-10.0, 3.0))
     assert design_controller("lqr").robustifier.static_gain == 0.0
     assert design_controller("lqr+loop-shaping").robustifier.static_gain == np.inf
+
+
+def test_a_norm_below_the_smallest_is_never_printed() -> None:
+    design = design_controller("lqr+hinf")
+    assert design.gamma is not None
+    with pytest.raises(InconsistentError, match=r"gamma, the smallest is 0\.359"):
+        replace(design, gamma_achieved=0.99 * design.gamma)
+
+
+@pytest.mark.parametrize("name", ["lqr", "lqr+hinf", "lqr+loop-shaping"])
+def test_the_modal_form_of_a_robustifier_is_computed_at_most_once(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its condition is judged in `linear_systems.real_modal_form` only."""
+    judged = []
+    monkeypatch.setattr(np.linalg, "cond", lambda vectors: judged.append(len(vectors)) or 1.0)
+    settings = DesignSettings(input_weight=0.93)  # which no other test designs with
+    monkeypatch.setattr("cranectl.design.controllers.kept", lambda _folder, _key, compute: compute())
+    order = design_controller(name, settings).robustifier.order
+    assert judged == ([order] if order else [])

@@ -4,10 +4,13 @@ import control
 import numpy as np
 import pytest
 
+from cranectl.design import design_controller
 from cranectl.design.linear_systems import inner_loop
 from cranectl.design.mixed_sensitivity import generalised_plant, hinf_robustifier, mixed_sensitivity
 from cranectl.scenario import HinfSettings
 from cranectl.support.errors import InputError
+
+pytestmark = pytest.mark.processor
 
 GAINS = {"pole-placement": (39.0625, 62.5, 37.5, 10.0), "lqr": (100.0, 86.716, 37.548, 9.225)}
 OMEGA = np.concatenate([[0.0], np.logspace(-4, 7, 20_001)])
@@ -22,7 +25,7 @@ def lag(gain: float, pole: float) -> control.StateSpace:
 def test_norm_of_the_thesis_data_by_an_independent_sweep(name: str, gamma: float) -> None:
     settings = HinfSettings()
     plant = inner_loop(np.array(GAINS[name]))
-    k, gamma_opt, achieved = hinf_robustifier(np.array(GAINS[name]), settings)
+    k, _, gamma_opt, achieved = hinf_robustifier(np.array(GAINS[name]), settings)
     assert gamma_opt == pytest.approx(gamma, abs=0.002)
     assert control.feedback(plant, k).poles().real.max() < 0.0
     s = 1j * OMEGA
@@ -48,13 +51,65 @@ def test_the_optimal_controller_has_a_stiff_pole_and_backing_off_tames_it() -> N
 def test_designed_for_a_given_gamma(name: str, gamma: float) -> None:
     """The printed norms; the same as backing off by their ratio to the smallest."""
     gain = np.array(GAINS[name])
-    k, smallest, achieved = hinf_robustifier(gain, HinfSettings(gamma=gamma))
+    k, _, smallest, achieved = hinf_robustifier(gain, HinfSettings(gamma=gamma))
     assert smallest < achieved <= gamma * (1.0 + 1e-6)
-    other, _, _ = hinf_robustifier(gain, HinfSettings(back_off=gamma / smallest))
+    just_below = (1.0 - 1e-9) * gamma / smallest  # what back_off gives is rounded up to five digits
+    other = hinf_robustifier(gain, HinfSettings(back_off=just_below)).system
     s = 1j * np.logspace(-2, 3, 50)
     assert k(s) == pytest.approx(other(s), rel=1e-6)
     with pytest.raises(InputError, match=r"gamma of at least 0\.36|gamma of at least 0\.35"):
         hinf_robustifier(gain, HinfSettings(gamma=0.3))
+
+
+@pytest.mark.parametrize(
+    ("control_weight", "smallest"),
+    [(1e-4, 0.359308), (1e-5, 0.283707), (1e-6, 0.243614), (1e-7, 0.222640), (1e-9, 0.206081)],
+)
+def test_the_smallest_gamma_at_small_control_weights(control_weight: float, smallest: float) -> None:
+    """The values come from a Riccati equation in 60 digits; the limit for no weight is 1/M = 0.2."""
+    gain = design_controller("lqr").gain
+    settings = HinfSettings(control_weight=control_weight)
+    k, _, found, achieved = hinf_robustifier(gain, settings)
+    assert found == pytest.approx(smallest, rel=1e-5)
+    assert found <= achieved <= settings.back_off * found * (1 + 1e-4)
+    s = 1j * OMEGA
+    sensitivity = 1.0 / (1.0 + inner_loop(gain)(s) * k(s))
+    weight = (s / settings.peak + settings.bandwidth) / (s + settings.bandwidth * settings.offset)
+    swept = np.hypot(np.abs(weight * sensitivity), control_weight * np.abs(k(s) * sensitivity)).max()
+    assert swept == pytest.approx(achieved, rel=1e-4)
+
+
+ENDS = [
+    {key: end}
+    for key, ends in {
+        "peak": (1.001, 1e3),
+        "offset": (1e-6, 1.0),
+        "bandwidth": (1e-3, 1e3),
+        "control_weight": (1e-9, 1e3),
+    }.items()
+    for end in ends
+]
+
+
+@pytest.mark.parametrize("end", [*ENDS, {"bandwidth": 1e3, "offset": 1e-6, "control_weight": 1e-9}])
+def test_weights_at_the_ends_of_their_ranges(end: dict[str, float]) -> None:
+    """No gamma lies below 1/M, which S = 1 has at high frequencies, or above 1/A, which no control gives."""
+    settings = HinfSettings.model_validate(end)
+    k, _, smallest, achieved = hinf_robustifier(np.array(GAINS["lqr"]), settings)
+    assert 1.0 / settings.peak <= smallest <= 1.0 / settings.offset * (1 + 1e-8)
+    assert smallest <= achieved <= settings.back_off * smallest * (1 + 1e-4)
+    assert control.feedback(inner_loop(np.array(GAINS["lqr"])), k).poles().real.max() < 0.0
+
+
+def test_a_gamma_that_rounding_makes_uncertain_is_refused() -> None:
+    settings = HinfSettings(peak=1.1, offset=1e-6, bandwidth=1e-3, control_weight=1e3)
+    with pytest.raises(InputError, match="two computations of its gamma differ") as caught:
+        hinf_robustifier(np.array(GAINS["lqr"]), settings)
+    assert "nearer to their defaults" in caught.value.remedy
+    _, _, smallest, achieved = hinf_robustifier(
+        np.array(GAINS["lqr"]), settings.model_copy(update={"bandwidth": 1.0})
+    )
+    assert smallest <= achieved
 
 
 def test_several_inputs_and_outputs() -> None:

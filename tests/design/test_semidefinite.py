@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from cranectl.design.semidefinite import minimise
+from cranectl.design.semidefinite import Inequalities, analytic_centre, minimise
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+
+pytestmark = pytest.mark.processor
 
 
 @pytest.mark.parametrize("rows", [1, 2, 5])
@@ -36,3 +38,18 @@ def test_what_has_no_solution_is_told() -> None:
     a = np.array([[0.1, 1.0], [0.0, -1.0]])
     with pytest.raises(InputError, match="without a solution: PrimalInfeasible"):
         minimise(lambda _: 0.0, lambda p: [a @ p + p @ a.T + np.eye(2), -p], 2)
+
+
+def test_the_centre_between_two_matrices() -> None:
+    """The product det(X) det(M - X) is largest at X = M/2; that of (y - a)(b - y) in the middle."""
+    matrix = np.array([[2.0, -0.5, 0.3], [-0.5, 1.0, 0.2], [0.3, 0.2, 3.0]])
+    x, y = analytic_centre(lambda x, y: [-x, x - matrix, y - 7.0, 3.0 - y], 3, (1, 1))
+    np.testing.assert_allclose(x, 0.5 * matrix, rtol=1e-13)
+    np.testing.assert_allclose(y, 5.0, rtol=1e-13)
+
+
+@pytest.mark.parametrize("inequalities", [lambda x: [-x], lambda x: [x - 1.0, 1.0 - x]])
+def test_a_set_without_a_centre_is_refused(inequalities: Inequalities) -> None:
+    """A half line has none, nor has a point."""
+    with pytest.raises(InputError, match="without"):
+        analytic_centre(inequalities, (1, 1))

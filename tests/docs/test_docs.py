@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.controllers import registry
-from cranectl.controllers.doors.opening import close_laws
+from cranectl.controllers.open_controllers import OPEN
+from cranectl.loaders.opening import close_laws
 from tests.conftest import ROOT
-from tests.controllers.fmu_files import fmu
+from tests.loaders.fmu_files import fmu
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 WITHOUT_CODE = {"mutations.md", "performance.md", "errata.md", "thesis.md", "reliability.md"}  # results
@@ -27,11 +27,11 @@ def blocks(page: Path) -> list[tuple[str, str]]:
 @pytest.fixture
 def forgotten() -> Iterator[None]:
     """What a page registers is not known to later tests."""
-    before = dict(registry.REGISTERED)
+    before = dict(OPEN.registered)
     yield
     close_laws()
-    registry.REGISTERED.clear()
-    registry.REGISTERED.update(before)
+    OPEN.registered.clear()
+    OPEN.registered.update(before)
 
 
 def test_there_are_pages_and_blocks() -> None:

@@ -44,4 +44,4 @@ def test_its_own_tests_pass_and_leave_nothing(example: Path, tmp_path: Path) -> 
 def test_what_is_begun_by_new_passes_its_tests() -> None:
     for kind in ENDINGS:
         assert main(["new", kind, f"own-{kind}", "--in", kind]) == 0
-    assert "11 passed" in run_pytest(Path(), *ENDINGS)
+    assert "13 passed" in run_pytest(Path(), *ENDINGS)

@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 
 from cranectl.compare.agreement import agreement_limits
 from cranectl.compare.runs import compare_runs
+from cranectl.planning import load_scenario
 from cranectl.plants.drake.plant import DrakePlant
 from cranectl.plants.plant import DRIVES
-from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS
@@ -43,7 +43,7 @@ def test_motions_in_minimum_time(case: str) -> None:
 def test_random_cranes(seed: int) -> None:
     """Of any masses, lags, slopes, frames and viscous friction, started beside the path and disturbed."""
     rng = np.random.default_rng(seed)
-    controller, drive = str(rng.choice(ALL_CONTROLLERS)), str(rng.choice(DRIVES))
+    controller, drive = str(rng.choice(ALL_CONTROLLERS)), str(rng.choice([*DRIVES]))
     share = np.exp(rng.uniform(-0.7, 0.7, 4))
     pulses = [
         f"{{joint='{joint}', start={start}, end={start + 1}, magnitude={rng.uniform(-1.0, 1.0)}}}"

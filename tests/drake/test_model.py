@@ -3,16 +3,20 @@
 import mujoco
 import numpy as np
 import pytest
+from pydrake.math import RollPitchYaw, RotationMatrix
 from pydrake.multibody.tree import MultibodyForces
 
 from cranectl.plants.drake.model import JOINTS, LOAD, build_crane
 from cranectl.plants.drake.plant import DrakePlant
+from cranectl.plants.elastic.crane import SPIN
 from cranectl.plants.mujoco.effects import FRAME
 from cranectl.plants.mujoco.model import model_spec
+from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario.effects import EffectSettings, Frame, Friction, Installation, Wind
+from cranectl.scenario.effects import Body, EffectSettings, Frame, Friction, Installation, Wind
 from cranectl.scenario.rig import RigParameters
 from tests.conftest import random_states, split
+from tests.plants.elastic.test_accelerations import engine_rates, place, random_state
 
 RIG = RigParameters(
     bridge_mass=7.0, trolley_mass=3.0, winch_mass=0.3, load_mass=1.7, winch_time_constant=0.03
@@ -101,6 +105,36 @@ def test_accelerations_and_tension_with_all_drives_in_air(drive: Drive, effects:
         assert load[3:6] == pytest.approx(engine.data.sensor("load_velocity").data, abs=1e-12)
         pull = engine.data.sensor("rope_force").data[2]
         assert load[6] == pytest.approx(pull, rel=1e-10, abs=1e-9)
+
+
+@pytest.mark.parametrize("hook_mass", [0.02, 1.7])
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_body_turned_anyhow_under_a_hook_of_any_mass(drive: Drive, hook_mass: float) -> None:
+    body = Body(hook_offset=0.2, inertia=0.03, swing_damping=0.1, hook_mass=hook_mass)
+    effects = EffectSettings(body=body, installation=TILTED, wind=Wind(drag_area=0.4))
+    random, load = np.random.default_rng(3), np.zeros(7)
+    engine = MujocoPlant(RIG, drive=drive, step=1e-3, substeps=1, effects=effects)
+    plant = DrakePlant(RIG, drive=drive, step=1e-3, substeps=1, effects=effects)
+    swing, joint = engine.model.joint("swing"), plant.crane.GetJointByName("swing")
+    turned, turning = joint.position_start(), plant.crane.num_positions() + joint.velocity_start()
+    for _ in range(50):
+        state = random_state(random, effects)
+        place(engine, state, random)
+        rate = engine.data.qvel[swing.dofadr[0] :][:3]
+        rotation = engine.data.body("hook").xmat.reshape(3, 3).T @ engine.data.body("load").xmat.reshape(3, 3)
+        plant.reset(state[:10])
+        plant.state[turned : turned + 3] = RollPitchYaw(RotationMatrix(rotation)).vector()
+        plant.state[turning : turning + 3] = rotation @ rate
+        command, disturbance, air = random.normal(size=3), random.normal(size=2), random.normal(size=6)
+        expected = engine_rates(engine, state, command, disturbance, air)
+        plant.hold(command, disturbance, air)
+        plant.observe_load(load)
+        rates = plant.rates(plant.state)[plant.crane.num_positions() + plant.velocities]
+        assert _relative(rates, expected[1:10:2]) < 1e-10
+        spin = plant.load.EvalSpatialAccelerationInWorld(plant.context).rotational()
+        assert _relative(spin, expected[SPIN : SPIN + 3]) < 1e-10
+        sensed = engine.data.sensordata[engine.rig.load_sensors]
+        assert load == pytest.approx(sensed, rel=1e-9, abs=1e-9)
 
 
 def _relative(found: np.ndarray, true: np.ndarray) -> float:

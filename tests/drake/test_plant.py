@@ -5,11 +5,11 @@ import pytest
 
 from cranectl.plants.drake.plant import DrakePlant
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario.effects import EffectSettings, Frame
+from cranectl.scenario.effects import Body, EffectSettings, Frame
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
-from tests.plants.test_books import NUMBERS, Manner, misses
+from tests.plants.test_books import HOOK, NUMBERS, Manner, misses
 
 
 def test_a_load_at_the_pivot_has_no_numbers_and_ends_no_process() -> None:
@@ -49,7 +49,8 @@ def test_periods_are_as_long_as_said(substeps: int) -> None:
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_nothing_is_missing_in_the_books(drive: Drive) -> None:
+@pytest.mark.parametrize("body", [None, NUMBERS.body, HOOK.body], ids=["point", "body", "hook"])
+def test_nothing_is_missing_in_the_books(body: Body | None, drive: Drive) -> None:
     """Of energy and momentum, with all that this crane can show."""
-    shown = NUMBERS.only("frame", "wind", "friction", "installation")
+    shown = NUMBERS.only("frame", "wind", "friction", "installation").model_copy(update={"body": body})
     assert misses("drake", shown, drive, Manner(seconds=0.2)).max() < 1e-10

@@ -24,10 +24,11 @@ from tests.pace import within
 
 SEED = os.environ.get("FUZZ_SEED")  # of `make fuzz`; without it the same few cases are tried each time
 FACTOR = 10  # times more cases then
+FEW = 3  # times more of those that take a process each
 FORESEEN = exit_codes.MEANINGS.keys() - {exit_codes.UNFORESEEN}
 SECONDS = 10.0  # of the processor, for a command
-SLOWEST = 5.0  # times longer that a slow machine may take
-PATIENCE = 100.0  # the first time, when it may have to compile or import something
+SLOWEST = 20.0  # times longer that a slow machine may take
+PATIENCE = 1000.0  # the first time, when it may have to compile or import something
 LONGEST = 20_000  # [characters] of a message
 UNFIT = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2028\u2029\ud800-\udfff]")
 OUTPUTS = {"--json", "--out", "--report", "--plot", "--merge", "--record"}
@@ -36,10 +37,10 @@ KINDS = (b"\x89M", b"\x89P", b"{\n", b"<!", b"<?")  # how files begin that a com
 T = TypeVar("T")
 
 
-def fuzzed(count: int, **strategies: Any) -> Callable[[Any], Any]:
+def fuzzed(count: int, *, factor: int = FACTOR, **strategies: Any) -> Callable[[Any], Any]:
     """Try a test with `count` cases, always the same; many more, and others, in `make fuzz`."""
     chosen = settings(
-        max_examples=count * FACTOR if SEED else count,
+        max_examples=count * factor if SEED else count,
         deadline=None,
         derandomize=SEED is None,
         database=DirectoryBasedExampleDatabase(".hypothesis/fuzz") if SEED else None,

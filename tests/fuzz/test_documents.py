@@ -15,7 +15,7 @@ from pyarrow import parquet
 
 from cranectl.campaign import load_campaign
 from cranectl.compare.golden import load_tolerances
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate.plan import Plan, plan_scenario
 from cranectl.support import resources

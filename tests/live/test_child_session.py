@@ -6,14 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.controllers.doors.opening import close_laws, open_law
 from cranectl.controllers.registry import controller_design
 from cranectl.live.child_session import ChildSession
 from cranectl.live.session import Session
-from cranectl.reference import load_scenario
+from cranectl.loaders.opening import close_laws, open_law
+from cranectl.planning import load_scenario
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.controllers.law_files import LAW, built
+from tests.loaders.law_files import LAW, built
+from tests.pace import HANG
 
 SCENARIO = load_scenario("fast-diagonal")
 PLANTS = ("analytic", "mujoco")
@@ -48,9 +49,10 @@ def test_it_goes_as_a_session_does(tmp_path: Path, capfd: pytest.CaptureFixture[
                 assert np.array_equal(run.table, other.table)
         assert (here.now_ns, here.origin_ns, here.moving) == (there.now_ns, there.origin_ns, there.moving)
     assert there._child is not None
-    process, connection = there._child
-    connection.close()  # as where the parent has ended
-    process.join(10.0)
+    there._child.connection.close()  # as where the parent has ended
+    process = there._child._process
+    assert process is not None
+    process.join(HANG)
     assert process.exitcode == 0
     assert "Traceback" not in capfd.readouterr().err
 
@@ -58,29 +60,31 @@ def test_it_goes_as_a_session_does(tmp_path: Path, capfd: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("broken", "said"),
     [
-        ("if (m[3] > 300.0) *(volatile int *)0 = 1;", "ended its process with SIGSEGV"),
-        ("while (m[3] > 300.0) u[0] = 0.5 * (u[0] + m[3]);", "took more than 1 s for a block"),
+        ("if (m[3] > 600.0) *(volatile int *)0 = 1;", "ended its process with SIGSEGV"),
+        ("while (m[3] > 600.0) u[0] = 0.5 * (u[0] + m[3]);", "took more than 1 s for a block"),
     ],
 )
 def test_a_law_that_fails_stops_the_plants_until_the_next_start(
     broken: str, said: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     design = controller_design(open_law(str(built(tmp_path, broken=broken))), SCENARIO)
-    session = ChildSession(SCENARIO, design, plants=PLANTS, patience=1.0)
+    session = ChildSession(SCENARIO, design, plants=PLANTS)
     session.prepare()
-    assert all(len(run.time_ns) == 250 for run in session.advance(250))
+    assert all(len(run.time_ns) == 550 for run in session.advance(550))
+    session._patience = 1.0
     for _ in range(2):
         for run in session.advance(100):
             assert run.status == RunStatus.CONTROLLER_FAILED
             assert len(run.time_ns) == 0
-            assert run.end_ns == session.now_ns == 250 * SCENARIO.period_ns
+            assert run.end_ns == session.now_ns == 550 * SCENARIO.period_ns
     assert not session.moving
     assert capfd.readouterr().err.count(said) == 1
+    session._patience = HANG
     session.reset()
     assert session.moving
     again = session.advance(10)
-    assert [run.time_ns[0] for run in again] == [250 * SCENARIO.period_ns] * 2
-    assert session.origin_ns == 250 * SCENARIO.period_ns
+    assert [run.time_ns[0] for run in again] == [550 * SCENARIO.period_ns] * 2
+    assert session.origin_ns == 550 * SCENARIO.period_ns
 
 
 def test_it_is_driven_as_a_session_is() -> None:

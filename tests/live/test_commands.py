@@ -10,7 +10,7 @@ import pytest
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls, Pulse, Reset, Say, Use
 from cranectl.live.wishes import LOST, RELEASED, Go, Wish, Wishes
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from tests.controllers.laws import FOLLOWING, known
 from tests.pace import within
@@ -222,6 +222,8 @@ def test_a_wish_counts_until_the_next_or_until_none_comes(controls: Controls) ->
         (b"[1, 2, 3]", "linear = None"),
         (twist("0.1"), "linear.x = '0.1'"),
         (twist(True), "linear.x = True"),
+        (twist(2**1023 - 1), "linear.x = 89884656743115"),
+        (twist(2**1024 - 1), "the message is not valid JSON"),
         (b"\xff\x00", "the message is not valid JSON"),
         (b"[" * 100_000, "the message nests"),
     ],
@@ -243,6 +245,9 @@ def test_a_point_outside_is_refused(controls: Controls) -> None:
     controls.go(b'{"x": 1.0, "y": 1.0, "z": -1.39}')
     (refusal,) = controls.commands()
     assert "z = -1.39; allowed: a number from -1.3404 to -0.1; choose another z" in refusal.message
+    controls.go(b'{"x": 1.0, "y": 1.0, "z": %d}' % (2**1024 - 1))
+    (refusal,) = controls.commands()
+    assert "driving by hand refused" in refusal.message
 
 
 def test_while_driven_no_law_takes_over_that_must_look_ahead(controls: Controls) -> None:

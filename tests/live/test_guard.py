@@ -1,11 +1,17 @@
 """Who may connect to a live session: programs, and web pages of Foxglove, of this machine or allowed."""
 
+import contextlib
+import logging
 import socket
+import threading
+from collections.abc import Iterator
 
 import pytest
 
-from cranectl.live.guard import checked_origin, hidden_host, refusal
+from cranectl.live import guard
+from cranectl.live.guard import Guard, checked_origin, hidden_host, refusal
 from cranectl.support.errors import InputError
+from tests.pace import HANG
 
 
 def request(**headers: str) -> bytes:
@@ -83,3 +89,73 @@ def test_the_hidden_address_differs_each_time_and_can_be_had() -> None:
     for host in hosts:
         with socket.socket() as probe:
             probe.bind((host, 0))
+
+
+ASKED = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+
+
+@contextlib.contextmanager
+def guarded() -> Iterator[tuple[socket.socket, Guard]]:
+    """Listen as the server that hides behind a guard."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(HANG)
+        behind = Guard(("127.0.0.1", 0), server.getsockname())
+        try:
+            yield server, behind
+        finally:
+            behind.stop()
+
+
+def test_a_viewer_that_takes_nothing_is_disconnected(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It neither reads nor goes; what it held is free again."""
+    monkeypatch.setattr(guard, "STALLED", 1)
+    before = threading.active_count()
+    with guarded() as (server, behind):
+        with socket.create_connection(("127.0.0.1", behind.port)) as viewer:
+            viewer.sendall(ASKED)
+            inside, _ = server.accept()
+            monkeypatch.setattr(guard, "REQUEST_TIMEOUT", 1.0)  # what was sent has come
+            inside.settimeout(HANG)
+            with inside, pytest.raises(ConnectionError):
+                inside.sendall(bytes(1 << 26))
+            for thread in threading.enumerate():
+                if thread.name.endswith("(process_request_thread)"):
+                    thread.join(HANG)
+        (said,) = [record.getMessage() for record in caplog.records]
+        assert said == "a viewer that took nothing for 1 s was disconnected"
+    assert threading.active_count() <= before + 1
+
+
+def test_more_viewers_than_there_is_room_for_are_turned_away(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(guard, "VIEWERS", 2)
+    with guarded() as (server, behind), contextlib.ExitStack() as stack:
+        address = ("127.0.0.1", behind.port)
+
+        def come() -> socket.socket:
+            viewer = stack.enter_context(socket.create_connection(address, HANG))
+            viewer.sendall(ASKED)
+            return viewer
+
+        def meet() -> socket.socket:
+            return stack.enter_context(server.accept()[0])
+
+        one = come()
+        insides = [meet()]
+        come()
+        insides.append(meet())
+        assert come().recv(100).startswith(b"HTTP/1.1 503 ")
+        assert [record.levelno for record in caplog.records] == [logging.WARNING]
+        one.close()
+        for inside in insides[:1]:
+            inside.close()
+        while True:  # until the guard has noticed
+            viewer = stack.enter_context(socket.create_connection(address, HANG))
+            viewer.sendall(ASKED)
+            server.settimeout(0.2)
+            with contextlib.suppress(TimeoutError):
+                meet()
+                break

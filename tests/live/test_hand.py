@@ -8,12 +8,12 @@ import pytest
 from cranectl.controllers.registry import controller_design
 from cranectl.live.hand import Hand
 from cranectl.live.session import Session
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.scenario.driven import MOST_CHANGES
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.documents import MAX_BYTES, toml_text
+from cranectl.support.documents import MAX_DOCUMENT_BYTES, toml_text
 from cranectl.support.errors import InputError
 from tests.controllers.laws import FOLLOWING, known
 
@@ -164,5 +164,5 @@ def test_too_many_wishes_end_the_drive_at_rest() -> None:
         hand.ask(MOST_CHANGES, (0.0, 0.2, 0.0, 0.0))
     assert np.array_equal(hand.rows(np.arange(20_000, 35_000))[-1, 3:] < 1e-12, np.full(12, True))
     text = toml_text(hand.scenario(35_000, "lqr").model_dump(exclude_unset=True))
-    assert len(text) < MAX_BYTES
+    assert len(text) < MAX_DOCUMENT_BYTES
     assert len(hand.scenario(35_000, "lqr").reference.segments[-1].wishes) <= MOST_CHANGES

@@ -6,8 +6,8 @@ import pytest
 from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller, with_gain
 from cranectl.live.session import Session
+from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
-from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.log import read_log, write_log
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 
 

@@ -18,7 +18,7 @@ from cranectl.log.consistency import Clock, check_design, check_run, check_runs
 from cranectl.log.header import LogHeader, parse_header
 from cranectl.log.writer import file_attachments, file_metadata, write_logged
 from cranectl.mcap_columns.records import DamageError
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import DesignSettings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -249,7 +249,7 @@ def test_numbers_of_a_header_are_whole_and_bounded(text: str, place: tuple[str, 
         check_run(completed(), found.clock)
         assert outcome.samples == len(completed().time_ns) or name == "samples"
     except (LogError, DamageError):
-        assert text != str(header()[0].get(record, {}).get(name))
+        assert text != header()[0].get(record, {}).get(name)
 
 
 # The design.
@@ -283,3 +283,33 @@ def test_every_design_has_the_poles_of_its_gains(controller: str, changes: dict[
     design = design_controller(controller, DesignSettings(**changes))
     check_design(design)
     check_design(Design.from_json(json.loads(json.dumps(design.to_json()))))
+
+
+@functools.cache
+def swinging(*effects: str) -> Run:
+    scenario = load_scenario("fixed-position", overrides=["duration=3", *(effects or ["disturbances=[]"])])
+    return simulate_run(scenario, plant="mujoco").every(EVERY)
+
+
+@pytest.mark.parametrize("mass", [0.02, 0.4, 1.6, 50.0])
+def test_a_load_of_another_mass_than_the_rope_carries_is_refused(mass: float) -> None:
+    run = swinging()
+    rig = run.scenario.rig.model_copy(update={"load_mass": mass})
+    forged = replace(run, scenario=run.scenario.model_copy(update={"rig": rig}))
+    assert f"lifts 9.81 N, the load of its scenario needs {9.81 * mass:.3g} N" in refused(forged)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        ("effects.rope={mass=2.0}", "disturbances=[]"),
+        ("effects.wind={}", "effects.body={}", "disturbances=[]"),
+        ("effects.body={hook_mass=1.5}", "disturbances=[]"),
+        ("effects.rope={on_slack='recover'}", "disturbances=[{force=[0, 0, 30], start=1, end=1.2}]"),
+        ("disturbances=[{force=[0, 0, 4], start=0}]",),
+        ("disturbances=[{force=[0, 0, -30], start=0.5, end=2.5}]",),
+        ("disturbances=[{joint='beta', start=0, magnitude=8}]",),
+    ],
+)
+def test_whatever_pulls_at_the_load_is_heeded(effects: tuple[str, ...]) -> None:
+    check_runs([swinging(*effects)], EVERY)

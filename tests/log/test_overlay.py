@@ -10,7 +10,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
 from cranectl.log.overlay import Layer, check_labels, labels_of, read_layers, write_overlay
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -18,13 +18,14 @@ from cranectl.cli.log import recover_log_command
 from cranectl.log import describe_log, read_log, recover_log, schema, topics, write_log
 from cranectl.log.writer import CHUNK_SIZE
 from cranectl.mcap_columns.records import MAGIC
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
 from tests.conftest import PAIR
 from tests.log.corruption import every_message, places, put_together, take_apart
 from tests.log.viewer import messages_of
+from tests.pace import HANG
 
 CHUNK = 6  # opcode
 
@@ -356,7 +357,7 @@ def kill(log: Path, directory: Path, cases: Iterable[str]) -> list[tuple[Path, P
     """
     cases = list(cases)
     command = [sys.executable, "-c", WRITE, str(log), *cases]
-    done = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False, timeout=300)
+    done = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False, timeout=HANG)
     assert done.returncode == 0, done.stderr
     ends = [line.split() for line in done.stdout.splitlines()]
     places = [
@@ -426,7 +427,7 @@ def test_a_disk_that_goes_full_leaves_what_can_be_recovered(log: Path, tmp_path:
     size = whole.stat().st_size
     sizes = [0, 1, 100, 11_000, size // 2, size - 3000, size - 100, size - 30, size - 9, size - 8, size - 1]
     command = [sys.executable, "-c", FULL, str(log), *map(str, [*sizes, size])]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANG)
     said = done.stdout.splitlines()
     assert len(said) == len(sizes) + 1, done.stderr
     assert all(line.startswith("cannot write full.mcap") for line in said[:-1])

@@ -14,9 +14,9 @@ from cranectl.analysis.levels import NAMES
 from cranectl.log import read_log, write_log
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.scene import GHOST
+from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.geometry import rig_solids
 from cranectl.plants.registry import PLANTS
-from cranectl.reference import load_scenario
 from cranectl.report.viewer_layouts import layout_json
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters

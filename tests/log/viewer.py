@@ -16,8 +16,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from cranectl.mcap_columns.rows import decode_table
+from tests.pace import HANG
 
-TIMEOUT = 30.0  # [s] for anything to arrive
 PATIENCE = 3.0  # [s] until topics are subscribed to again
 
 
@@ -49,7 +49,7 @@ class Viewer:
 
     def until(self, happened: Callable[[], object]) -> None:
         """Receive until `happened()`."""
-        end = time.monotonic() + TIMEOUT
+        end = time.monotonic() + HANG
         again = time.monotonic() + PATIENCE
         while not happened():
             assert time.monotonic() < end, "it never happened"
@@ -69,7 +69,7 @@ class Viewer:
     def until_closed(self) -> None:
         try:
             while True:
-                self._take(self._socket.recv(TIMEOUT))
+                self._take(self._socket.recv(HANG))
         except ConnectionClosed:
             pass
 

@@ -8,7 +8,7 @@ import pytest
 from cranectl.cases.case import RunSummary
 from cranectl.metrics import run_metrics
 from cranectl.metrics.clearance import clearance
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.report.run.tables import metrics_table
 from cranectl.simulate import simulate_run
 

@@ -26,7 +26,7 @@ from cranectl.metrics import (
 )
 from cranectl.metrics.setup import FLAG_COLUMN
 from cranectl.model.dynamics import kinetic_energy, potential_energy, rope_direction
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.report.run.page import log_page
 from cranectl.report.run.tables import metrics_table, run_table
 from cranectl.report.table import Cell
@@ -185,7 +185,7 @@ def fed(run: Run, ends: list[int]) -> bytes:
         n = last - first
         record[:n], stages[:n] = run.table[first:last, :width], run.table[first:last, width:]
         rows = slice(first, last)
-        accumulate(setup, accumulator, run.time_ns[rows], record[:n], run.reference[rows], stages[:n])
+        accumulate(setup, accumulator, (run.time_ns[rows], record[:n], run.reference[rows], stages[:n]))
     assert finish(setup, accumulator, run.status, run.end_ns) == run_metrics(run)
     return accumulator.total.tobytes()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.design import design_controller
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import PLANTS, ROOT
 

@@ -39,7 +39,11 @@ def whole_state(plant: Plant) -> Array:
         return plant.state.copy()
     if isinstance(plant, MujocoPlant):
         _add_hidden(plant, state)
-    elif plant.name == "drake" and plant.effects.frame:
+    elif plant.name == "drake" and plant.effects.body:
+        plant.rates(plant.state)
+        state[BODY : BODY + 3] = -plant.load.EvalPoseInWorld(plant.context).rotation().matrix()[:, 2]
+        state[SPIN : SPIN + 3] = plant.load.EvalSpatialVelocityInWorld(plant.context).rotational()
+    if plant.name == "drake" and plant.effects.frame:
         joints = [plant.crane.GetJointByName(name) for name in ("frame_x", "frame_y")]
         positions = plant.crane.num_positions()
         state[RAILS::2] = [plant.state[joint.position_start()] for joint in joints]
@@ -116,6 +120,9 @@ def books(
         torque -= friction.pivot_viscous * turning + friction.pivot_coulomb * np.sign(turning)
         power += _dot(torque, turning)
     if body:
+        end, end_speed = pivot + distance * n, pivot_speed + apart * n + distance * turn
+        energy += body.hook_mass * (0.5 * _dot(end_speed, end_speed) - end @ gravity)
+        momentum, force = momentum + body.hook_mass * end_speed, force + body.hook_mass * gravity
         slip = hook - spin
         energy += 0.5 * body.inertia * _dot(spin, spin)
         power -= body.swing_damping * _dot(slip, slip)
@@ -157,7 +164,8 @@ def books(
     bridge_at = np.column_stack([axes[:, 0] + rails[:, 0], rails[:, 1]])
     trolley_at = axes[:, :2] + rails
     energy -= (rig.bridge_mass * bridge_at + rig.trolley_mass * trolley_at) @ gravity[:2]
-    given = commands if drive == "force" else rig.velocity_gains * (commands - rates) - [0.0, 0.0, rig.weight]
+    held = [0.0, 0.0, rig.hanging_mass(effects) * rig.gravity]
+    given = commands if drive == "force" else rig.velocity_gains * (commands - rates) - held
     if friction:
         given = given - np.array(friction.viscous) * rates - np.array(friction.coulomb) * np.sign(rates)
     power += _dot(given, rates)

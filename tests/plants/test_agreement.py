@@ -10,10 +10,10 @@ import pytest
 from cranectl.compare.agreement import agreement_limits, judge
 from cranectl.compare.runs import compare_runs
 from cranectl.model import dynamics
+from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.mujoco.model import JOINTS, model_spec, state_addresses
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.reference import load_scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -117,10 +117,13 @@ EFFECTS = {
     ),
     "all": NUMBERS.only("rope", "body", "frame", "wind", "friction", "installation"),
 }
+HOOK = EffectSettings(body=NUMBERS.body.model_copy(update={"hook_mass": 0.5}))
+EFFECTS["hook"] = HOOK
+EFFECTS["all with hook"] = EFFECTS["all"].model_copy(update={"body": HOOK.body})
 EXACT = {  # where what is missing is the order of the scheme at most, which is 4 and more
     "analytic": ("none", "installation", "joint rubs", "wind"),
-    "elastic": ("none", "body", "rope", "heavy rope", "all"),
-    "mujoco": ("none", "installation", "friction", "frame", "wind", "rope", "heavy rope"),
+    "elastic": ("none", "body", "rope", "heavy rope", "all", "hook", "all with hook"),
+    "mujoco": ("none", "installation", "friction", "frame", "wind", "rope", "heavy rope", "hook"),
 }
 
 

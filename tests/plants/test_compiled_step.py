@@ -44,12 +44,12 @@ def test_a_step_without_effects_counts_no_references() -> None:
 
 def test_references_are_seen_where_they_are_counted() -> None:
     def chosen(rig, first):
-        array = rig.drive_gain
+        array = rig[0]
         if first > 0.0:
-            array = rig.drive_damping
+            array = rig[1]
         return array
 
-    assert reference_counts(chosen, rig(NO_EFFECTS), 1.0) > 0
+    assert reference_counts(chosen, (np.zeros(3), np.ones(3)), 1.0) > 0
 
 
 def test_a_rig_without_passive_forces_has_none() -> None:

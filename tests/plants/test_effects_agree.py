@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cranectl.compare.runs import compare_runs
+from cranectl.planning import load_scenario
 from cranectl.plants.surroundings import air_velocity
-from cranectl.reference import load_scenario
 from cranectl.scenario.effects import Wind
 from cranectl.simulate import Run, simulate_run
 

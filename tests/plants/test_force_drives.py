@@ -8,12 +8,12 @@ from cranectl.compare.agreement import agreement_limits, judge
 from cranectl.compare.runs import compare_runs
 from cranectl.log import read_log, write_log
 from cranectl.model import dynamics
-from cranectl.plants.analytic import AnalyticPlant, acceleration_command, derivative, observe_load
+from cranectl.planning import load_scenario
+from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
+from cranectl.plants.capabilities import check_effects
 from cranectl.plants.mujoco.disturbed_step import push_load
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.registry import check_effects
 from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
-from cranectl.reference import load_scenario
 from cranectl.scenario.effects import (
     NO_LIMIT,
     DriveLimits,
@@ -44,7 +44,7 @@ def test_plants_accelerate_alike_under_forces_and_a_disturbance() -> None:
         engine.data.ctrl[engine.rig.drives] = command
         push_load(engine.rig, disturbance)
         mujoco.mj_forward(engine.model, engine.data)
-        given = acceleration_command(analytic.rig.forces, analytic.rig, state, command, disturbance, STILL)
+        given = drive_accelerations(analytic.rig.drives, analytic.rig, state, command, disturbance, STILL)
         derivative(analytic.rig, state, given, disturbance, STILL, rate)
         observe_load(analytic.rig, state, given, STILL, load)
         scale = np.abs(rate).max()
@@ -75,7 +75,7 @@ def test_drives_feel_air_joint_and_slope_as_generalised_forces() -> None:
         along_rails = np.diag(mass - RIG.load_mass * jacobian.T @ jacobian)[:2] * gravity[:2]
         force = np.array([*(command[:2] + along_rails), command[2], *torque]) + jacobian.T @ on_load
         expected = np.linalg.solve(mass, force - dynamics.coriolis_matrix(q, qd, RIG) @ qd)
-        given = acceleration_command(plant.rig.forces, plant.rig, state, command, disturbance, wind)
+        given = drive_accelerations(plant.rig.drives, plant.rig, state, command, disturbance, wind)
         derivative(plant.rig, state, given, disturbance, wind, rate)
         assert rate[1::2] == pytest.approx(expected, rel=1e-10, abs=1e-10)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cranectl.model.dynamics import axis_masses, drive_forces
+from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.surroundings import gravity_in_rig
-from cranectl.reference import load_scenario
 from cranectl.scenario.effects import EffectSettings, Installation
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError

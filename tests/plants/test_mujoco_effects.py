@@ -192,19 +192,21 @@ def test_a_stiffer_frame_comes_nearer_to_a_rigid_one(drive: str) -> None:
 def double_pendulum(body: Body, length: float) -> tuple[np.ndarray, np.ndarray]:
     """Small-oscillation frequencies [rad/s] and modes (columns: rope angle, body angle against the vertical).
 
-    A massless rope of length l - d over a body with its centre of mass d below the hook.
+    A massless rope of length l - d, a hook, and a body with its centre of mass d below it.
     """
     m, d, rope = RIG.load_mass, body.hook_offset, length - body.hook_offset
-    mass = np.array([[m * rope**2, m * rope * d], [m * rope * d, m * d**2 + body.inertia]])
-    stiffness = np.diag([m * RIG.gravity * rope, m * RIG.gravity * d])
+    both = m + body.hook_mass
+    mass = np.array([[both * rope**2, m * rope * d], [m * rope * d, m * d**2 + body.inertia]])
+    stiffness = np.diag([both * RIG.gravity * rope, m * RIG.gravity * d])
     squares, modes = eigh(stiffness, mass)
     return np.sqrt(squares), modes
 
 
 @pytest.mark.parametrize("mode", range(2))
 @pytest.mark.parametrize("axis", range(2))
-def test_each_mode_of_the_double_pendulum_returns_after_its_period(axis: int, mode: int) -> None:
-    body = Body(hook_offset=0.1, inertia=2e-3, swing_damping=0.0)
+@pytest.mark.parametrize("hook", [0.0, 0.6])
+def test_each_mode_of_the_double_pendulum_returns_after_its_period(hook: float, axis: int, mode: int) -> None:
+    body = Body(hook_offset=0.1, inertia=2e-3, swing_damping=0.0, hook_mass=hook)
     frequencies, modes = double_pendulum(body, HANGING[4])
     rope, load = 1e-4 * modes[:, mode] / np.abs(modes[:, mode]).max()
     start = HANGING.copy()

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from cranectl.plants.capabilities import check_effects
 from cranectl.plants.mujoco.model import JOINTS, drive_addresses, model_spec
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.mujoco.stability import fastest_rate
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import check_effects
 from cranectl.plants.stability import LARGEST
 from cranectl.scenario.effects import (
     NO_EFFECTS,
@@ -152,7 +152,7 @@ def test_the_driven_joints_and_drives_keep_their_names_under_all_effects() -> No
 
 
 def test_a_closed_loop_runs_through_with_all_effects() -> None:
-    from cranectl.reference import load_scenario
+    from cranectl.planning import load_scenario
     from cranectl.simulate import simulate_run
 
     tables = [f"effects.{name}={{}}" for name in (*PHYSICAL, "wind")]

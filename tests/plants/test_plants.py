@@ -8,12 +8,12 @@ from scipy.integrate import solve_ivp
 from cranectl.model import dynamics
 from cranectl.plants.analytic import (
     AnalyticPlant,
-    acceleration_command,
     derivative,
     drive_accelerations,
     observe_load,
 )
 from cranectl.plants.mujoco.disturbed_step import apply_disturbance
+from cranectl.plants.mujoco.effects import ACTUATORS
 from cranectl.plants.mujoco.model import (
     DRIVEN_JOINTS,
     compiled_model,
@@ -21,9 +21,8 @@ from cranectl.plants.mujoco.model import (
     rate_addresses,
     state_addresses,
 )
-from cranectl.plants.mujoco.model import DRIVES as DRIVES_OF_AXES
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import DRIVES, Plant
+from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.plants.registry import plant_entry
 from cranectl.plants.surroundings import STICTION_RATE
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Wind
@@ -87,14 +86,17 @@ def test_a_crane_at_rest_stays_at_rest(name: str, drive: str) -> None:
 
 
 def test_drives_of_the_analytic_plant_are_exactly_what_they_say() -> None:
-    """Ideal: the command; velocity: (set-point - velocity) / time constant, axis by axis."""
+    """Ideal: the command. Velocity: the forces of servos, of which the winch's holds the nominal weight."""
     rig = RigParameters(bridge_time_constant=0.01, trolley_time_constant=0.02, winch_time_constant=0.04)
-    state, command = np.arange(1.0, 11.0), np.array([0.7, -0.4, 0.9])
-    ideal = AnalyticPlant(rig, drive="ideal", step=1e-3, substeps=1)
-    assert np.array(drive_accelerations(ideal.rig, state, command)) == pytest.approx(command, rel=1e-14)
-    velocity = AnalyticPlant(rig, drive="velocity", step=1e-3, substeps=1)
-    expected = (command - state[1:6:2]) / rig.time_constants
-    assert np.array(drive_accelerations(velocity.rig, state, command)) == pytest.approx(expected, rel=1e-14)
+    state, command = 0.1 * np.arange(1.0, 11.0), np.array([0.7, -0.4, 0.9])
+
+    def accelerations(drive: Drive, command: np.ndarray) -> tuple[float, ...]:
+        known = AnalyticPlant(rig, drive=drive, step=1e-3, substeps=1).rig
+        return drive_accelerations(known.drives, known, state, command, np.array([0.3, -0.2]), STILL)
+
+    assert accelerations("ideal", command) == tuple(command)
+    force = rig.driven_masses / rig.time_constants * (command - state[1:6:2]) - [0.0, 0.0, rig.weight]
+    assert accelerations("velocity", command) == pytest.approx(accelerations("force", force), rel=1e-12)
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -103,9 +105,9 @@ def test_derivative_of_the_analytic_plant_is_made_of_its_parts(drive: str) -> No
     rng = np.random.default_rng(5)
     for state in random_states(50):
         command, disturbance = rng.normal(size=3), rng.normal(size=2)
-        given = acceleration_command(plant.rig.forces, plant.rig, state, command, disturbance, STILL)
+        given = drive_accelerations(plant.rig.drives, plant.rig, state, command, disturbance, STILL)
         derivative(plant.rig, state, given, disturbance, STILL, rate)
-        accelerations = np.array(drive_accelerations(plant.rig, state, given))
+        accelerations = np.array(given)
         cardan = dynamics.angular_accelerations(*state[4:], *accelerations[:2], RIG.gravity)
         assert rate[0::2].tolist() == state[1::2].tolist()
         assert rate[1:6:2].tolist() == accelerations.tolist()
@@ -154,7 +156,7 @@ def test_ideal_drives_accelerate_what_they_carry_besides_their_own_inertia() -> 
     rig = RIG.model_copy(update={"bridge_mass": 4000.0, "trolley_mass": 300.0, "load_mass": 20.0})
     model = compiled_model(rig, "ideal", 1e-3)
     armature = [model.joint(name).armature[0] for name in DRIVEN_JOINTS]
-    gear = [model.actuator(name).gear[0] for name in DRIVES_OF_AXES]
+    gear = [model.actuator(name).gear[0] for name in ACTUATORS]
     assert armature == pytest.approx([4320e12] * 3, rel=1e-15)
     assert np.subtract(gear, armature) == pytest.approx([4300.0, 300.0, 0.0], abs=0.5)
 

@@ -6,16 +6,16 @@ from dataclasses import replace
 import pytest
 
 from cranectl.cli.main import main
+from cranectl.planning import load_scenario
 from cranectl.plants import registry
+from cranectl.plants.capabilities import check_effects
 from cranectl.plants.registry import (
     PLANTS,
-    check_effects,
     in_order,
     plant_entry,
     reference_plant,
     register_plant,
 )
-from cranectl.reference import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.colours import LIGHT, VIEWER
 from cranectl.support.errors import InputError
@@ -65,7 +65,6 @@ def test_a_plant_without_batches_runs_no_campaign(capsys: pytest.CaptureFixture[
     ("effects", "found", "allowed"),
     [
         ("rope={}", "[effects.rope] on the Drake plant", "the elastic or MuJoCo plant"),
-        ("body={}", "[effects.body] on the Drake plant", "the elastic or MuJoCo plant"),
         ("limits={}", "effects.limits.force on the Drake plant", "MuJoCo plant with velocity"),
         ("friction={}", "effects.friction.coulomb on the Drake plant", "MuJoCo plant with velocity"),
         (
@@ -104,7 +103,7 @@ def test_the_order_is_the_registrys_and_the_reference_mujoco_or_the_last(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     third = replace(PLANTS["analytic"], name="third")
-    monkeypatch.setattr(registry, "PLANTS", {**PLANTS, "third": third})
+    monkeypatch.setattr(registry, "PLANTS", registry.Plants(*PLANTS.values(), third))
     assert in_order(["third", "mujoco", "third", "analytic"]) == ("analytic", "mujoco", "third")
     assert reference_plant(["third", "mujoco"]) == "mujoco"
     assert reference_plant(["third", "analytic"]) == "third"

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,9 +17,12 @@ from cranectl.compare.agreement import against_reference
 from cranectl.live.increments import Increments
 from cranectl.live.session import Session
 from cranectl.log import describe_log
-from cranectl.plants.registry import PLANTS, default_plants
+from cranectl.log.overlay import read_layers
+from cranectl.plants.registry import PLANTS, PlantEntry, default_plants, in_order, plants_to_run
 from cranectl.render.caption import readings
 from cranectl.render.timeline import timeline_of
+from cranectl.support.colours import VIEWER
+from cranectl.support.errors import InputError
 from cranectl.support.provenance import fingerprint
 from cranectl.support.units import quantity
 from tests.packages import install, run_all_beside
@@ -43,7 +47,7 @@ class HeavyPlant(AnalyticPlant):
 
 HEAVY = cranectl.PlantEntry(
     name="heavy",
-    label="heavy",
+    label="tons of bricks",
     colour="series-4",
     where="heavy_plant:HeavyPlant",
     batch=3,
@@ -131,7 +135,7 @@ def test_pictures_and_pages_show_all(log: Path) -> None:
     runs = cranectl.read_log(log)
     timeline = timeline_of(runs)
     assert [(track.label, track.ghost) for track in timeline.tracks] == [
-        ("analytic", True), ("elastic", True), ("MuJoCo", False), ("heavy", True),
+        ("analytic", True), ("elastic", True), ("MuJoCo", False), ("tons of bricks", True),
     ]  # fmt: skip
     farthest = max(
         float(np.linalg.norm(a.load_position[-1] - b.load_position[-1]))
@@ -189,6 +193,68 @@ def test_an_unknown_plant_is_answered_with_the_known_ones(
     for option in ("--plants", "--plant"):
         assert main([*command, option, "hevy"]) == 2
         assert ", heavy\nremedy:  did you mean 'heavy'?" in capsys.readouterr().err
+
+
+def test_its_log_is_read_where_its_package_is_not_installed(log: Path, tmp_path: Path) -> None:
+    """With label and colour; only running it needs the package."""
+    shutil.copy(log, tmp_path / "three.mcap")
+    told = run_all_beside(
+        tmp_path,
+        "info three.mcap",
+        "report three.mcap --out three.html",
+        "log export three.mcap --signals heavy.state.alpha --out three.csv",
+        "log layout comparison three.json --log three.mcap",
+        "log layout single one.json --log three.mcap --plants heavy",
+        "log overlay three.mcap --plants mujoco,heavy --label light,heavier --out both.mcap",
+        "log overlay three.mcap --plants all --out all.mcap",
+        "render three.mcap three.png --time 1",
+    )
+    assert "heavy        completed at 3 s" in told
+    page = (tmp_path / "three.html").read_text()
+    assert ">tons of bricks<" in page
+    assert "three, heavy: mujoco minus heavy" in page
+    layout = (tmp_path / "three.json").read_text()
+    assert "tons of bricks status" in layout
+    assert VIEWER["series-5"] not in layout
+    assert VIEWER["series-4"] in layout
+    assert [*read_layers(tmp_path / "both.mcap")] == ["light", "heavier"]
+    assert "heavy" in (tmp_path / "one.json").read_text()
+    table = np.genfromtxt(tmp_path / "three.csv", delimiter=",", names=True)
+    _, alpha = cranectl.read_signal(log, "heavy/state.alpha")
+    np.testing.assert_array_equal(table["heavystatealpha"], alpha)
+    told = run_all_beside(tmp_path, "compare three.mcap", code=1)
+    assert "heavy" in told
+    (tmp_path / "cut.mcap").write_bytes(log.read_bytes()[: log.stat().st_size * 2 // 3])
+    run_all_beside(tmp_path, "log recover cut.mcap --out whole.mcap", "info whole.mcap")
+    for command in (
+        "log overlay three.mcap --plants hevy",
+        "log layout single a.json --log three.mcap --plants hevy",
+    ):
+        assert "unknown plant 'hevy'" in run_all_beside(tmp_path, command, code=2)
+    told = run_all_beside(tmp_path, "run fixed-position --plants heavy", code=2)
+    assert "unknown plant 'heavy'" in told
+
+
+def test_a_plant_known_from_a_log_only_cannot_be_run() -> None:
+    """What is known is not blamed, and a name that a log of old has without a label is enough."""
+    PLANTS.remember(PlantEntry("absent", "absent", "series-4", "", batch=0))
+    try:
+        assert "absent" not in list(PLANTS)
+        assert in_order(["absent", "analytic"]) == ("analytic", "absent")
+        with pytest.raises(InputError, match="the absent plant, which no installed package brings"):
+            plants_to_run(["absent"])
+        PLANTS.remember(PlantEntry("mujoco", "forged", "series-4", "", batch=0))
+        assert PLANTS["mujoco"].label == "MuJoCo"
+    finally:
+        PLANTS.forget()
+
+
+@pytest.mark.parametrize("wrong", [{"colour": "red"}, {"label": ""}, {"label": "a\nb"}, {"label": "a" * 41}])
+def test_a_plant_that_cannot_be_shown_is_refused_at_once(wrong: dict[str, str]) -> None:
+    with pytest.raises(InputError, match="of the plant mine"):
+        PlantEntry(
+            **{"name": "mine", "label": "mine", "colour": "series-4", "where": "a:B", "batch": 0, **wrong}
+        )
 
 
 def test_a_log_cut_short_is_recovered_with_all(log: Path) -> None:

@@ -1,12 +1,13 @@
-"""Level 3: the rig's velocity drives on both plants; different physics on purpose, by a known amount."""
+"""The rig's velocity drives: servos that feel the load, the same on all plants."""
 
 import numpy as np
 import pytest
 
-from cranectl.compare.agreement import agreement_limits, judge
-from cranectl.compare.runs import compare_runs
+from cranectl.compare.agreement import judge
 from cranectl.metrics import run_metrics
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
+from cranectl.plants.registry import plant_entry
+from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PAIR, PLANTS, STILL, closed_loop
@@ -19,18 +20,27 @@ def undisturbed(scenario: str, plant: str, *overrides: str, controller: str = "l
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
 @pytest.mark.parametrize("scenario", ALL_SCENARIOS)
-def test_level_3_closed_loop(scenario: str, controller: str) -> None:
+def test_plants_agree_in_closed_loop(scenario: str, controller: str) -> None:
     runs = [closed_loop(scenario, controller, plant, "velocity") for plant in PAIR]
     assert all(run.status.label == load_scenario(scenario).expected for run in runs)
     assert judge(*runs).passed
 
 
-def test_the_limits_of_level_3_are_not_idle() -> None:
-    """The largest difference is within a factor of three of its limit: a wrong lag or weight would show."""
-    limits = agreement_limits("velocity")
-    comparison = compare_runs(*(closed_loop("near-slack", "lqr+hinf", plant, "velocity") for plant in PAIR))
-    assert comparison.max_load_error_m > limits.load_m / 3.0
-    assert comparison.max_angle_error_rad > limits.angle_rad / 3.0
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["rig.load_mass=4.0"],
+        ["rig.bridge_mass=0.5", "rig.trolley_mass=0.2", "rig.winch_mass=0.1", "rig.load_mass=5.0"],
+        ["rig.bridge_time_constant=0.2", "rig.trolley_time_constant=0.005", "rig.winch_time_constant=0.1"],
+        ["effects.wind={}", "effects.installation={tilt=[0.01,-0.02]}"],
+        ["effects.friction={coulomb=[0,0,0],viscous=[0,0,0],pivot_coulomb=0,pivot_viscous=1e-3}"],
+        ["control.lag_compensation=false"],
+    ],
+)
+def test_they_agree_whatever_the_rig(overrides: list[str]) -> None:
+    scenario = load_scenario("fixed-position", overrides=["duration=16.0", *overrides])
+    runs = [simulate_run(scenario, plant=plant, drive="velocity", controller="lqr") for plant in PAIR]
+    assert judge(*runs).passed
 
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
@@ -68,39 +78,17 @@ def test_lag_compensation_brings_tracking_near_to_ideal_drives(plant: str) -> No
     assert errors[0] < 0.2 * errors[1]
 
 
-@pytest.mark.parametrize(
-    "overrides",
-    [
-        ["rig.load_mass=0.25"],
-        [
-            "rig.bridge_time_constant=0.005",
-            "rig.trolley_time_constant=0.005",
-            "rig.winch_time_constant=0.005",
-        ],
-    ],
-)
-def test_difference_of_the_plants_is_linear_in_load_mass_and_lag(overrides: list[str]) -> None:
-    """A quarter of either, a quarter of the difference: it is the load's reaction on the servos."""
-    whole = compare_runs(*(closed_loop("settled-trajectory", "lqr", plant, "velocity") for plant in PAIR))
-    loaded = load_scenario("settled-trajectory", overrides=overrides)
-    runs = [simulate_run(loaded, plant=plant, drive="velocity", controller="lqr") for plant in PAIR]
-    quarter = compare_runs(*runs)
-    assert quarter.max_load_error_m / whole.max_load_error_m == pytest.approx(0.25, abs=0.03)
-    assert quarter.max_angle_error_rad / whole.max_angle_error_rad == pytest.approx(0.25, abs=0.05)
-
-
-def test_the_servo_yields_to_the_load_by_force_over_gain() -> None:
+@pytest.mark.parametrize("name", PLANTS)
+def test_the_servo_yields_to_the_load_by_force_over_gain(name: str) -> None:
     """A load held 0.2 rad aside pulls on the trolley with S sin(alpha): the servo creeps by that over kv.
 
-    Checked against the engine at the instant at which its own lag has settled.
+    Looked at when its own lag has settled.
     """
-    from cranectl.plants.mujoco.plant import MujocoPlant
-    from cranectl.scenario.rig import RigParameters
-
     rig = RigParameters(
         trolley_mass=250.0, bridge_mass=600.0, winch_mass=400.0, load_mass=10.0, trolley_time_constant=0.002
     )
-    plant, state, load = MujocoPlant(rig, drive="velocity", step=1e-4, substeps=1), np.zeros(10), np.zeros(7)
+    plant = plant_entry(name).load()(rig, drive="velocity", step=1e-4, substeps=1)  # type: ignore[call-arg]
+    state, load = np.zeros(10), np.zeros(7)
     plant.reset(np.array([1.0, 0, 0.7, 0, 1.0, 0, 0.2, 0, 0, 0]))
     for _ in range(200):
         plant.advance(np.zeros(3), np.zeros(2), STILL, load)

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.reference.time_laws import progress
 from cranectl.scenario import Scenario
 

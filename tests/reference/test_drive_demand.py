@@ -16,7 +16,7 @@ LAG = 0.2  # [s]; large, to be seen
 
 def peaks(lag: float) -> tuple[float, float]:
     """Of velocity and acceleration of the winch's set-point w = v + tau u."""
-    z = through_points(np.array(TIMES), np.array([[0.0, 0.0, z] for z in HEIGHTS]))
+    z, _ = through_points(np.array(TIMES), np.array([[0.0, 0.0, z] for z in HEIGHTS]))
     _, velocity, acceleration, jerk = (
         z.derivative(order)(np.linspace(0.0, TIMES[-1], 3401))[:, 2] for order in range(4)
     )

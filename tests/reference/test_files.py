@@ -99,6 +99,7 @@ WRONG = {
     "time stands": (spoiled(7, 0, 0.12), {}, "time does not increase: sample 7 is at 0.12 s", "sort"),
     "not a number": (spoiled(7, 2, np.nan), {}, "sample 8 is no number", "leave these rows out"),
     "infinite": (spoiled(7, 2, np.inf), {}, "sample 8 is no number", "leave these rows out"),
+    "far away": (spoiled(7, 2, 1e300), {}, "sample 8 is at", "correct the units"),
     "gap": (lambda rows: np.delete(rows, slice(100, 106), axis=0), {}, "a gap of 0.14 s after 1.98", "fill"),
     "spike": (spoiled(70, 3, -0.5), {}, "a jump at 1.4 s: sample 71 lies", "leave such samples out"),
     "few": (lambda rows: rows[::10], {}, "41 samples", "waypoints"),
@@ -118,7 +119,7 @@ WRONG = {
     "odd unit": (same, {"units.length": "inch"}, "units.length = 'inch'", ""),
     "no column": (same, {"columns.z": "ZZ"}, "unknown column 'ZZ'", "mean 'Z'?"),
     "no file": (same, {"file": "tech.csv"}, "cannot read", "name such a file"),
-    "timed twice": (same, AT_ONCE, "a segment of kind 'waypoints' takes its times from", ""),
+    "timed twice": (same, AT_ONCE, "a segment with 2 of times, speed and columns.speed", "give one of them"),
 }
 
 
@@ -148,13 +149,14 @@ def test_what_noise_leaves_open_counts(tmp_path: Path) -> None:
     ("content", "found"),
     [
         (b"", "is empty"),
-        (b"\xff\xfe\x00\x01", "cannot read"),
+        (b"\xff\xfe\x00\x01", "is text in UTF-16"),
         (b"PAR1 and no more", "cannot read"),
-        (b"\x89MCAP0\r\n and no more", "is truncated"),
-        (b"t,X,Y,Z\n1,2\n", "cannot read"),
-        (b"t,X,X,Z\n1,2,3,4\n", "unknown column 'Y'"),
-        (b"t,X,Y,Z\nnow,2,3,4\n", "column 't' holds string"),
-        (b"t,X,Y,Z\n", "column 't' holds null"),
+        (b"\x89MCAP0\r\n and no more than this", "is an MCAP file, but not of cranectl (truncated)"),
+        (b"t,X,Y,Z\n1,2\n", "line 2 has 2 cells, the line of names has 4: 1,2"),
+        (b"t,X,W,Z\n1,2,3,4\n", "unknown column 'Y'"),
+        (b"t,X,Y,Y,Z\n1,2,3,4,5\n", "2 columns are called 'Y'"),
+        (b"t,X,Y,Z\nnow,2,3,4\n", "column 't' holds the text 'now', in row 1"),
+        (b"t,X,Y,Z\n", "column 't' holds no values"),
     ],
 )
 def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes, found: str) -> None:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from cranectl.reference.fitting import BLOCK, FOLDS, NEAR, Recorded, through_points
+from cranectl.reference.fitting import FOLDS, LEFT_OUT_SAMPLES, NEAR, Recorded, through_points
+from cranectl.reference.normal_equations import DesignMatrix
 from cranectl.reference.time_laws import progress, spline
 
 NOISE = 1e-3  # [m]
@@ -31,7 +32,7 @@ def test_a_spline_passes_through_all_points_and_rests_at_both_ends() -> None:
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(0.3, 1.5, 40))
     points = rng.uniform(-1.0, 1.0, (40, 3))
-    curve = through_points(time, points)
+    curve, _ = through_points(time, points)
     assert curve(time) == pytest.approx(points, abs=1e-12)
     assert (curve.c[:5] == points[0]).all()
     assert (curve.c[-5:] == points[-1]).all()
@@ -40,7 +41,7 @@ def test_a_spline_passes_through_all_points_and_rests_at_both_ends() -> None:
 
 def test_through_two_points_it_is_the_law_of_degree_9() -> None:
     time = np.linspace(0.0, 10.0, 101)
-    curve = through_points(np.array([0.0, 10.0]), line(np.array([0.0, 10.0]))[0])
+    curve, _ = through_points(np.array([0.0, 10.0]), line(np.array([0.0, 10.0]))[0])
     assert curve(time) == pytest.approx(line(time)[0], abs=1e-13)
 
 
@@ -49,7 +50,7 @@ def test_what_is_left_out_is_foretold_as_dense_least_squares_does() -> None:
     curve = spline(np.linspace(0.0, 10.0, spans + 1), np.eye(spans + NEAR), NEAR)
     basis = curve(recorded.time)
     tied = np.column_stack([basis[:, :5].sum(axis=1), basis[:, 5:-5], basis[:, -5:].sum(axis=1)])
-    fold = np.arange(len(tied)) // BLOCK % FOLDS
+    fold = np.arange(len(tied)) // LEFT_OUT_SAMPLES % FOLDS
     for k, found in enumerate(recorded.left_out(spans)):
         inside = fold != k
         coefficients = np.linalg.lstsq(tied[inside], recorded.points[inside])[0]
@@ -92,3 +93,31 @@ def test_the_same_samples_give_the_same_bits() -> None:
     first, second = (taught(5).fitted(8, np.zeros(3)) for _ in range(2))
     assert (first.curve.c == second.curve.c).all()
     assert first.snap(first.curve.t) == second.snap(second.curve.t)
+
+
+def test_sums_over_samples_are_those_of_dense_algebra() -> None:
+    recorded, spans = taught(1), 9
+    breaks = np.linspace(0.0, 10.0, spans + 1)
+    basis = spline(breaks, np.eye(spans + NEAR), NEAR)(recorded.time)
+    tied = np.column_stack([basis[:, :5].sum(axis=1), basis[:, 5:-5], basis[:, -5:].sum(axis=1)])
+    rng = np.random.default_rng(2)
+    group = rng.integers(0, 3, len(tied))
+    signs = rng.choice([-1.0, 1.0], (3, 4))
+    whole = DesignMatrix.of(recorded.time, breaks)
+    for matrix, dense in ((whole, tied), (whole.without_first(), tied[:, 1:])):
+        columns = dense.shape[1]
+        coefficients = rng.normal(size=(3, columns, 3))
+        expected = np.einsum("ij,ijk->ik", dense, coefficients[group])
+        assert matrix.at(group, coefficients) == pytest.approx(expected, abs=1e-13)
+        for k in range(3):
+            own = dense[group == k]
+            bands = matrix.banded(group, 3)[k]
+            for above in range(NEAR + 1):
+                found = bands[NEAR - above, above:]
+                assert found == pytest.approx(np.diagonal(own.T @ own, above), abs=1e-11)
+            side = own.T @ recorded.points[group == k]
+            assert matrix.times(group, 3, recorded.points)[k] == pytest.approx(side, abs=1e-11)
+        drawn = matrix.signed_times(group, signs, recorded.points)
+        for draw in range(4):
+            expected = dense.T @ (signs[group, draw, np.newaxis] * recorded.points)
+            assert drawn[:, :, draw] == pytest.approx(expected, abs=1e-11)

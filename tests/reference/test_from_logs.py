@@ -13,6 +13,7 @@ import pytest
 from cranectl.analysis.levels import replace_effects
 from cranectl.campaign.definition import sampled_scenario
 from cranectl.cli.main import main
+from cranectl.export import export_table, exporters, write_table
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
@@ -154,3 +155,16 @@ def test_info_tells_where_the_reference_is_from(
     assert "segment 0: samples from teach.csv (SHA-256" in told
     assert f"held here): 101 samples, {spline.fit.spans} spans; samples left out are" in told
     assert START.tolist() == list(spline.coefficients[0])
+
+
+def test_an_exported_table_says_its_units_itself(tmp_path: Path) -> None:
+    """The metadata of a Parquet export take the place of `units`."""
+    write_csv(tmp_path / "teach.csv", motion())
+    taken = scenario_of(tmp_path, SAMPLES)
+    run = simulate_run(taken, plant="analytic", controller="lqr")
+    write_table(export_table({"analytic": run}), tmp_path / "run.parquet", exporters()["parquet"])
+    columns = ", ".join(f"{axis} = 'reference.load_{axis}'" for axis in "xyz")
+    again = scenario_of(tmp_path, f"kind = 'samples'\nfile = 'run.parquet'\ncolumns = {{{columns}}}")
+    at = np.linspace(0.0, 8.0, 81)
+    told, first = (build_trajectory(each.reference).sample(at)[:, :3] for each in (again, taken))
+    assert told == pytest.approx(first, abs=1e-6)

@@ -1,13 +1,19 @@
 """Plans kept between processes: bit for bit what was planned, and never what was not."""
 
+import pickle
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from cranectl.reference import load_scenario
-from cranectl.reference.planning import plan
-from cranectl.scenario import Segment
+from cranectl.log import read_log, write_log
+from cranectl.log.events import events
+from cranectl.planning import load_scenario, plan, review
+from cranectl.planning.review import reviews
+from cranectl.scenario import Scenario, Segment
+from cranectl.scenario.held_files import files_in, put_files, with_files
+from cranectl.scenario.settings import parse_settings
+from cranectl.simulate import simulate_run
 from cranectl.support import kept
 
 MOVES = [
@@ -25,11 +31,15 @@ def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
 
 
-def planned(move: str, *overrides: str) -> tuple[Segment, ...]:
+def scenario(move: str, *overrides: str) -> Scenario:
     """As a process that begins has it."""
     plan._PLANNED.clear()
     told = ["disturbances=[]", "reference.start=[0.5,0.5,-0.7]", f"reference.segments=[{move}]", *overrides]
-    return load_scenario("fixed-position", overrides=told).reference.segments
+    return load_scenario("fixed-position", overrides=told)
+
+
+def planned(move: str, *overrides: str) -> tuple[Segment, ...]:
+    return scenario(move, *overrides).reference.segments
 
 
 def plan_never(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,7 +64,7 @@ def test_what_decides_otherwise_is_planned_again(monkeypatch: pytest.MonkeyPatch
     plan_never(monkeypatch)
     planned(MOVES[2])
     planned(MOVES[2], "log.every=2")
-    for override in ("planning.share=0.5", "rig.load_mass=2.0", 'planning.solver="ipopt"'):
+    for override in ("planning.share=0.5", "rig.load_mass=2.0", "planning.refinement=2"):
         with pytest.raises(AssertionError, match="planned again"):
             planned(MOVES[2], override)
     monkeypatch.setattr(plan, "version", lambda _: "another")
@@ -69,3 +79,27 @@ def test_what_is_damaged_is_planned_again(tmp_path: Path) -> None:
     file.write_bytes(whole.replace(b'"duration":', b'"duration":1', 1))
     assert planned(MOVES[2]) == first
     assert file.read_bytes() == whole, "and healed"
+
+
+def test_a_log_says_what_was_proven_and_proves_nothing_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = scenario(f"{MOVES[0]},{MOVES[2]},{MOVES[1]}", "duration=20.0")
+    claims = [review.in_short for review in reviews(asked)]
+    assert len(claims) == 2, "the shortest duration of a given law is no motion in minimum time"
+    assert all("proven on" in claim for claim in claims)
+
+    def proven(*_: Any, **__: Any) -> None:
+        raise AssertionError("proven again")
+
+    for name in ("prove", "_review"):
+        monkeypatch.setattr(review, name, proven)
+    kept_plan = scenario(f"{MOVES[0]},{MOVES[2]},{MOVES[1]}", "duration=20.0")
+    run = simulate_run(pickle.loads(pickle.dumps(kept_plan)), plant="analytic", controller="lqr")
+    told = [event.message for event in events(run)]
+    assert told[1:4] == [f"reference: {each}" for each in (claims[0], "arc", claims[1])]
+    log = write_log(tmp_path / "run.mcap", [run])
+    assert [event.message for event in events(read_log(log)["analytic"])] == told
+    put_files(tmp_path, kept_plan)
+    again = parse_settings(Scenario, kept_plan.model_dump(), "again")
+    assert with_files(again, files_in(tmp_path)) == kept_plan != again

@@ -1,16 +1,22 @@
 """Curves through way points that are driven in minimum time: what they are, and what is refused."""
 
+from collections.abc import Callable
+from typing import Any
+
+import mpmath
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from cranectl.reference import load_scenario
-from cranectl.reference.fitting import path_through
-from cranectl.reference.planning.given_path import chain_of
-from cranectl.reference.planning.series import from_derivatives
+from cranectl.planning import load_scenario
+from cranectl.reference.fitting import path_through, through_points
+from cranectl.reference.given_path import chain_of
+from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import spline
 from cranectl.scenario.segments import Spline
 from cranectl.support.errors import InputError
+
+pytestmark = pytest.mark.processor
 
 MINIMUM = "time_law='minimum-time'"
 
@@ -20,7 +26,8 @@ def test_a_path_passes_its_points_and_moves_at_its_ends(count: int) -> None:
     random = np.random.default_rng(count)
     parameter = np.cumsum(random.uniform(0.5, 1.5, count)) - 0.3
     points = random.uniform(-1.0, 1.0, (count, 3))
-    curve = path_through(parameter, points)
+    curve, error = path_through(parameter, points)
+    assert error < 1e-11
     assert curve(parameter) == pytest.approx(points, abs=1e-12)
     assert np.array_equal(curve.c[[0, -1]], points[[0, -1]])
     assert np.unique(curve.t) == pytest.approx(parameter)
@@ -59,12 +66,12 @@ RESTS = [MOVES[0], *MOVES[:7]]
 @pytest.mark.parametrize(
     ("changed", "found"),
     [
-        ({"coefficients": RESTS}, "it rests there, and its path has no direction"),
-        ({"coefficients": RESTS[::-1]}, "it rests there, and its path has no direction"),
-        ({"coefficients": MOVES[:6], "degree": 5}, "its fifth derivative jumps"),
-        ({"coefficients": MOVES, "lasts": 3.0}, "give both or none"),
-        ({"coefficients": MOVES, "time_law": "degree-9"}, "give both or none"),
-        ({"coefficients": RESTS, "time_law": None, "lasts": 3.0}, "give both or none"),
+        ({"coefficients": RESTS}, "it rests there; allowed: a path that rests nowhere"),
+        ({"coefficients": RESTS[::-1]}, "it rests there; allowed: a path that rests nowhere"),
+        ({"coefficients": MOVES[:6], "degree": 5}, "one whose fifth derivative does not jump"),
+        ({"coefficients": MOVES, "lasts": 3.0}, "a spline with lasts alone"),
+        ({"coefficients": MOVES, "time_law": "degree-9"}, "a spline with a time law alone"),
+        ({"coefficients": RESTS, "time_law": None, "lasts": 3.0}, "a spline with lasts alone"),
     ],
 )
 def test_splines_that_are_no_path_are_told(changed: dict[str, object], found: str) -> None:
@@ -91,3 +98,46 @@ def test_way_points_that_cannot_be_are_told(segment: str, found: str) -> None:
     with pytest.raises(InputError) as told:
         load_scenario("fixed-position", overrides=["reference.start=[0.5, 0.5, -0.7]", asked])
     assert found in str(told.value)
+
+
+@pytest.mark.parametrize("interpolate", [through_points, path_through])
+@pytest.mark.parametrize(("first_step", "most"), [(1.0, 1e-12), (0.1, 1e-8), (0.03, 1e-6), (0.01, 1e-3)])
+def test_the_error_of_coefficients_is_bounded(
+    interpolate: Callable[..., Any], first_step: float, most: float
+) -> None:
+    """Against the same equations in 60 digits. A short first step makes them ill-conditioned."""
+    time = np.cumsum([0.0, first_step, *[1.0] * 9])
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (len(time), 3))
+    points[1] = points[0] + 0.3 * first_step
+    curve, error = interpolate(time, points)
+    orders = range(1, 5) if curve.k == 9 else range(4, 7)
+    conditions = [(time[0], order) for order in orders] + [(time[-1], order) for order in orders]
+    rows = [*((t, 0) for t in time), *conditions]
+    with mpmath.workdps(60):
+        knots = [mpmath.mpf(float(t)) for t in curve.t]
+        matrix = mpmath.matrix([basis_row(knots, curve.k, mpmath.mpf(float(t)), order) for t, order in rows])
+        sides = [mpmath.matrix([*points[:, axis].tolist(), *[0.0] * len(conditions)]) for axis in range(3)]
+        exact = np.array([[float(c) for c in mpmath.lu_solve(matrix, side)] for side in sides]).T
+    assert np.abs(curve.c - exact).max() < error < most
+
+
+def basis_row(knots: list[Any], degree: int, t: Any, order: int) -> list[Any]:
+    """Derivatives of this order of all B-splines at t, by Cox and de Boor."""
+    last = max(k for k in range(len(knots) - 1) if knots[k] < knots[k + 1] and (knots[k] <= t))
+    values = [mpmath.mpf(k == last) for k in range(len(knots) - 1)]
+    for p in range(1, degree + 1):
+        rate = p > degree - order
+
+        def part(k: int, p: int, rate: bool, low: bool) -> Any:
+            span = knots[k + p] - knots[k]
+            if not span:
+                return mpmath.mpf(0)
+            if rate:
+                return (p if low else -p) / span
+            return ((t - knots[k]) if low else (knots[k + p] - t)) / span
+
+        values = [
+            part(k, p, rate, True) * values[k] + part(k + 1, p, rate, False) * values[k + 1]
+            for k in range(len(values) - 1)
+        ]
+    return values

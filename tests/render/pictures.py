@@ -7,7 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
 from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN

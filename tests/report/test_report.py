@@ -14,7 +14,7 @@ from cranectl.cli.main import main
 from cranectl.log import read_log, write_log
 from cranectl.render.opengl import no_opengl
 from cranectl.report.page import Figure, Page, Section, render
-from cranectl.report.run.figures import FAMILIES, Curve, Family, largest_difference
+from cranectl.report.run.figures import FAMILIES, Family, RunCurve, largest_difference
 from cranectl.report.run.page import agreement, caption, log_page
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
@@ -82,8 +82,8 @@ def read_page(html: str) -> Reader:
     return reader
 
 
-def curves(runs: dict[str, Run]) -> list[Curve]:
-    return [Curve("lqr", "series-1", run, wide=plant == "analytic") for plant, run in runs.items()]
+def curves(runs: dict[str, Run]) -> list[RunCurve]:
+    return [RunCurve("lqr", "series-1", run, wide=plant == "analytic") for plant, run in runs.items()]
 
 
 @pytest.fixture
@@ -91,7 +91,7 @@ def runs(short: Scenario) -> dict[str, Run]:
     return {plant: simulate_run(short, plant=plant, controller="lqr") for plant in ("analytic", "mujoco")}
 
 
-def family_svg(family: Family, curves: list[Curve]) -> str:
+def family_svg(family: Family, curves: list[RunCurve]) -> str:
     return Figure.drawn(family.title, "", family.draw, family, curves).svg
 
 
@@ -133,7 +133,7 @@ def test_the_difference_that_a_figure_states_is_that_of_its_curves(name: str, ru
         assert largest_difference(family, run, moved) == pytest.approx(expected)
     apart = agreement(family, [(run, run), (run, replace(run, table=2.0 * run.table))], "apart by")
     assert re.fullmatch(r"apart by [\d.]+\D*", apart.replace("\N{NO-BREAK SPACE}", " ")), apart
-    assert family.unit in apart
+    assert family.panels[0].unit in apart
 
 
 def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) -> None:
@@ -205,19 +205,15 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     for text in (
         "ideal/run",
         "velocity/run",
-        "analytic: velocity/run minus ideal/run",
+        "analytic, mujoco: velocity/run minus ideal/run",  # at rest: both differ by rounding only
         "limit, ideal drives",
-        "not judged",
+        "limit, velocity drives",
     ):
         assert text in two.text
-    assert "limit, velocity" not in two.text, "the scenario is not the shipped one"
+    assert "not judged" not in two.text
     first = Path("two.html").read_bytes()
     assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html"]) == 0
     assert Path("two.html").read_bytes() == first
-    assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html", "--predict"]) == 0
-    predicted = read_page(Path("two.html").read_text()).text
-    assert "limit, velocity/run" in predicted
-    assert "not judged" not in predicted
 
 
 def test_report_of_one_plant_whose_run_stopped(

@@ -11,12 +11,12 @@ import pytest
 from rich.console import Console
 
 from cranectl.analysis.advice import IMPROVEMENTS, Advice, Assessment, advise
-from cranectl.analysis.budget.error_budget import Budget, Entry
+from cranectl.analysis.budget.error_budget import Budget, BudgetLevel
 from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 from cranectl.cli.output import FILE_WIDTH, screen_table
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.report.rig.page import deviation_dots
 from cranectl.report.rig.tables import (
     budget_table,
@@ -112,9 +112,9 @@ def steps() -> list[LevelResult]:
 def budget() -> Budget:
     """The first bound holds, the second does not, the third is none, and its run stopped."""
     entries = (
-        Entry("sampled", LARGE, 4e-3, LARGE, "completed"),
-        Entry("engine", SMALL, 1e-6, SMALL, "completed"),
-        Entry("servos", SMALL, math.inf, Size(0.0, 0.0, 0.0), "slack-rope"),
+        BudgetLevel("sampled", LARGE, 4e-3, LARGE, "completed"),
+        BudgetLevel("engine", SMALL, 1e-6, SMALL, "completed"),
+        BudgetLevel("servos", SMALL, math.inf, Size(0.0, 0.0, 0.0), "slack-rope"),
     )
     return Budget("any", "lqr", entries, LARGE, SMALL)
 

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.plants.mujoco.model import DRIVEN_JOINTS, DRIVES, model_spec
+from cranectl.plants.mujoco.model import ACTUATORS, DRIVEN_JOINTS, model_spec
+from cranectl.scenario.effects import Body, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support import resources
 
@@ -25,6 +26,11 @@ def test_file_and_parameters_agree(filed: mujoco.MjModel) -> None:
     assert filed.opt.timestep == 0.001
 
 
+def test_on_the_rope_hang_the_load_and_the_hook_of_a_body() -> None:
+    assert RigParameters(load_mass=2.0).hanging_mass(EffectSettings()) == 2.0
+    assert RigParameters(load_mass=2.0).hanging_mass(EffectSettings(body=Body(hook_mass=0.5))) == 2.5
+
+
 def test_every_parameter_reaches_the_model() -> None:
     rig = RigParameters(
         gravity=9.7, bridge_range=(0.1, 1.9), trolley_range=(0.1, 1.4), rope_range=(0.2, 1.2),
@@ -38,8 +44,8 @@ def test_every_parameter_reaches_the_model() -> None:
     assert [model.joint(j).range.tolist() for j in DRIVEN_JOINTS] == [[0.1, 1.9], [0.1, 1.4], [0.2, 1.2]]
     assert model.joint("rope_length").armature[0] == 0.5
     gains = np.array([10.0 / 0.03, 3.0 / 0.04, 2.5 / 0.05])
-    assert [model.actuator(d).gainprm[0] for d in DRIVES] == pytest.approx(gains)
-    assert [model.actuator(d).biasprm[2] for d in DRIVES] == pytest.approx(-gains)
+    assert [model.actuator(d).gainprm[0] for d in ACTUATORS] == pytest.approx(gains)
+    assert [model.actuator(d).biasprm[2] for d in ACTUATORS] == pytest.approx(-gains)
     assert model.actuator("winch_drive").biasprm[0] == pytest.approx(-2.0 * 9.7)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import scenario_names
 from cranectl.support.errors import InputError
 from tests.conftest import ALL_SCENARIOS

@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.reference import load_scenario
-from cranectl.scenario import load_rig, rig_names
+from cranectl.controllers.registry import WHERE, load_controller
+from cranectl.planning import load_scenario
+from cranectl.scenario import default_scenario, load_rig, rig_names
 from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.similarity import LONGEST_ROPES, length_scale
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 
@@ -67,20 +69,6 @@ def test_a_larger_crane_moves_as_the_laboratory_s_slower(tmp_path: Path) -> None
         assert runs[1].tension == pytest.approx(MASS * runs[0].tension, rel=1e-7)
 
 
-def test_every_power_is_of_something_that_there_is() -> None:
-    from cranectl.scenario.design import DesignSettings
-    from cranectl.scenario.planning import PlanningSettings
-    from cranectl.scenario.scenario import MetricSettings
-    from cranectl.scenario.similarity import POWERS
-    from cranectl.support.documents import leaves
-
-    usual = RigParameters().model_dump(mode="json")
-    usual |= {"design": DesignSettings().model_dump(mode="json"), "metrics": MetricSettings().model_dump()}
-    usual |= {"planning": PlanningSettings().model_dump(mode="json")}
-    names = {name for name, _ in leaves(usual)}
-    assert all(power in names or f"{power}.0" in names for power in POWERS)
-
-
 def test_the_rig_of_the_laboratory_is_the_default() -> None:
     assert load_rig("lab-rig") == RigParameters()
     assert {"lab-rig", "bridge-crane", "harbour-crane"} <= set(rig_names())
@@ -101,6 +89,8 @@ def test_shipped_cranes_hold_their_load_with_what_they_have(name: str) -> None:
         (["rig.load_mass=20000"], "rig.load_mass = 20000 kg"),
         (["rig.load_mass=5", "effects.limits={}"], "lets the winch pull 30 N"),
         (["rig.load_mass=6", "effects.rope.stiffness=100.0"], "stretches by 59"),
+        (["effects.body.hook_mass=3", "effects.limits={}"], "the load and hook weigh 39.24 N"),
+        (["effects.body.hook_mass=5", "effects.rope.stiffness=100.0"], "the load and hook's 58.86 N"),
     ],
 )
 def test_numbers_of_another_size_are_refused(overrides: list[str], found: str) -> None:
@@ -124,3 +114,39 @@ def test_effects_take_the_numbers_of_their_rig() -> None:
     assert (effects.rope.stiffness, effects.rope.damping_ratio) == (1.5e8, 0.3)
     assert effects.frame == load_rig("harbour-crane").effects.frame
     assert effects.wind is None
+
+
+@pytest.mark.parametrize("mass", [1e-3, 1.0, 5.1e4, 1e6])
+@pytest.mark.parametrize("longest", [0.05, 1.4, 1000.0])
+def test_no_size_is_refused_for_a_number_that_nobody_gave(
+    tmp_path: Path, mass: float, longest: float
+) -> None:
+    """At both ends of what a rig may give, and above 50 t, where the frame's mass was beyond its bound."""
+    path = tmp_path / "crane.toml"
+    path.write_text(f"load_mass = {mass}\nrope_range = [{longest / 28.0}, {longest}]\n")
+    scenario = default_scenario(rig=path, overrides=EFFECTS)
+    assert scenario.rig.rated_load == mass
+    frame = scenario.effects.frame
+    assert frame is not None
+    assert frame.mass == pytest.approx(20.0 * mass, rel=5e-3)
+    assert scenario.rig.bridge_mass == pytest.approx(6.0 * mass, rel=5e-3)
+
+
+@pytest.mark.parametrize("longest", [0.049, 1001.0])
+def test_a_rope_to_which_nothing_can_be_scaled_is_named(tmp_path: Path, longest: float) -> None:
+    (tmp_path / "crane.toml").write_text(f"rope_range = [0.01, {longest}]\n")
+    with pytest.raises(InputError) as told:
+        load_rig(tmp_path / "crane.toml")
+    assert told.value.found == f"rig.rope_range ends at {longest:g} m"
+    assert "0.05 to 1000 m" in told.value.allowed
+    (tmp_path / "crane.toml").write_text(f"rope_range = [0.01, {np.clip(longest, 0.05, 1000.0)}]\n")
+    assert load_rig(tmp_path / "crane.toml")
+
+
+@pytest.mark.parametrize("longest", LONGEST_ROPES)
+def test_every_default_of_a_controller_is_allowed_on_the_smallest_and_the_largest_rig(longest: float) -> None:
+    length = length_scale(longest)
+    for name in WHERE:
+        for parameter in load_controller(name).parameters:
+            sized = parameter.sized(parameter.default, length)
+            assert parameter.checked(sized, name) == sized

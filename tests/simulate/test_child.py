@@ -1,12 +1,23 @@
 """A run whose law is in a child process."""
 
+import os
 import signal
 import subprocess
 import sys
 import time
+from multiprocessing.connection import Connection
 from pathlib import Path
 
+import click
+import pytest
+
+from cranectl.cli.laws import patience_option
 from cranectl.log import read_log
+from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
+from cranectl.support.children import spawn_child
+from cranectl.support.step_failure import report_failure
+from tests.pace import HANG
+from tests.traps import set_traps
 
 
 def test_an_interrupt_ends_a_run_with_a_law_in_order(tmp_path: Path) -> None:
@@ -14,9 +25,9 @@ def test_an_interrupt_ends_a_run_with_a_law_in_order(tmp_path: Path) -> None:
         "import time\n"
         "def slow(parameters, measured, reference, memory, command):\n"
         "    memory[0] += 1.0\n"
-        "    if memory[0] == 1500.0:\n"
+        "    if memory[0] == 1900.0:\n"
         "        open('under_way', 'w').close()\n"
-        "    if memory[0] >= 1500.0:\n"
+        "    if memory[0] >= 1000.0:\n"  # from the end of the first block on, for the parent to take it
         "        time.sleep(0.001)\n"
         "    return 0\n"
     )
@@ -37,9 +48,46 @@ def test_an_interrupt_ends_a_run_with_a_law_in_order(tmp_path: Path) -> None:
     while not (tmp_path / "under_way").exists() and process.poll() is None:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    out, error = process.communicate(timeout=60)
+    out, error = process.communicate(timeout=HANG)
     assert process.returncode == 130, error
     assert "interrupted" in out
     (found,) = read_log(tmp_path / "run.mcap").values()
     assert found.status.label == "interrupted"
     assert len(found.time_ns) == 251  # of the first block every fourth, and the last
+
+
+def tell_path(connection: Connection) -> None:
+    connection.send((os.environ.get("PYTHONSAFEPATH"), sys.path))
+
+
+def test_a_module_of_the_working_directory_is_not_run_in_a_new_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It finds what this process finds, and a script that it starts finds the modules beside it."""
+    sprung = set_traps(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    child = spawn_child(tell_path)
+    safe, path = child.receive(HANG)
+    child.end()
+    assert sprung.read_text() == ""
+    assert (safe, path) == (None, sys.path)
+    assert "PYTHONSAFEPATH" not in os.environ
+
+
+def test_what_a_controller_raises_cannot_act_on_a_terminal(capfd: pytest.CaptureFixture[str]) -> None:
+    def advance(_: int) -> tuple[int, int, int]:
+        raise ValueError("a\x1b[2Jb\nc")
+
+    list(blocks_in_child(advance, 1, "law\x07", 60.0))
+    report_failure("law\x07", ValueError("a\x1b[2Jb\nc"))
+    said = capfd.readouterr().err
+    assert said.count("ValueError: a\\x1b[2Jb\\nc") == 2
+    assert said.isascii()
+    assert all(line.isprintable() for line in said.splitlines())
+
+
+def test_the_command_line_waits_as_long_as_the_library() -> None:
+    command = click.command()(patience_option(lambda patience: patience))
+    (option,) = command.params
+    assert option.default == BLOCK_TIMEOUT

@@ -9,8 +9,8 @@ import pytest
 
 from cranectl import signals
 from cranectl.controllers.registry import controller_names
+from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
-from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, make_plant, simulate_run
 from cranectl.simulate import runner as runner_module
@@ -157,7 +157,7 @@ def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStat
     row[signals.TENSION_COLUMN] = tension
     none = np.zeros((0, 2))
     inputs = LoopInputs(
-        tracker=None, law=None, actuation=None,  # type: ignore[arg-type]
+        law=None, actuation=None,  # type: ignore[arg-type]
         reference=none, disturbance=none, wind=none, workspace=np.zeros((3, 2)), stop_outside=False,
         command_column=signals.INPUT_COLUMN, recover=False, slack=np.zeros(1),
     )  # fmt: skip
@@ -240,7 +240,7 @@ def test_a_second_process_compiles_nothing() -> None:
     script = """
 import numba
 import numba.core.event as event
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 compiled = []
 class Count(event.Listener):
     def on_start(self, event): compiled.append(event.data["dispatcher"])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import plan_scenario
 from cranectl.support.errors import InputError
@@ -63,7 +63,7 @@ def test_a_start_outside_the_workspace_is_refused(offset: str, found: str) -> No
 def test_reference_that_leaves_the_workspace_is_refused_with_place_and_time() -> None:
     error = refused([2.3, 0.77, -0.7], 5.0)
     assert "bridge_position = 2.3 m at" in error.found
-    assert error.allowed == "0 to 2 m"
+    assert error.allowed == "rig.bridge_range, from 0 to 2 m"
     assert "trolley_position" in refused([1.0, -0.2, -0.7], 5.0).found
     assert "rope_length = 1.5 m" in refused([1.0, 0.77, -1.5], 5.0).found
 
@@ -86,7 +86,7 @@ def test_reference_beyond_the_drives_speed_is_refused_where_they_have_limits() -
     fast = ([0.2, 0.77, -0.7], 1.5)
     plan_scenario(scenario(*fast))
     error = refused(*fast, "effects.limits={}")
-    assert "bridge_position can: 1.05 m/s at 0.307 s" in error.found
+    assert "the bridge can: 1.05 m/s at 0.307 s" in error.found
     assert error.allowed == "up to effects.limits.velocity = 1 m/s"
     plan_scenario(scenario(*fast, "effects.limits.velocity=[1.1,1.0,0.6]"))
 

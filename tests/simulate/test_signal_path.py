@@ -6,11 +6,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cranectl.live.session import Session
 from cranectl.log import read_log, write_log
+from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
-from cranectl.reference import load_scenario
 from cranectl.scenario import Scenario
+from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
 from cranectl.simulate import Run, simulate_run
-from cranectl.simulate.actuation import forces_at_rest
+from cranectl.simulate.actuation import forces_at_rest, make_actuation
+from cranectl.simulate.signal_path import act, make_signal_path
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.conftest import PLANTS
@@ -97,6 +99,26 @@ def test_a_set_point_that_was_cut_off_does_not_run_away() -> None:
     wanted, command = held.block("input")[-1, 3:], held.block("command")[-1, :3]
     assert held.block("command")[:, 3:].any()
     assert_array_equal(wanted, command)
+
+
+@pytest.mark.parametrize(("beyond", "acts"), [(1e-15, False), (1e-6, True)])
+def test_a_limit_that_a_set_point_exceeds_by_rounding_does_not_act(beyond: float, acts: bool) -> None:
+    """Whether a controller that keeps to a limit exceeds it by 1e-16 differs between processors."""
+    scenario = load_scenario(
+        "fixed-position", overrides=["effects.limits.velocity=[0.2,0.2,0.2]", "effects.sensing={}"]
+    )
+    start = np.zeros(10)
+    start[[1, 3, 4]] = 0.2, 0.2, 0.7
+    path = make_signal_path(scenario, start, drive="velocity", samples=1)
+    assert path is not None
+    actuation = make_actuation(scenario, start, "velocity")
+    row, commanded = np.zeros(BASE_WIDTH), np.zeros(6)
+    row[INPUT_COLUMN : INPUT_COLUMN + 3] = 7.0  # what the controller asks for, and the observer is told
+    act(path, actuation, np.array([0.2 + beyond, 0.2, 0.0]), row, commanded)
+    assert_array_equal(commanded, [0.2, 0.2, 0.0, float(acts), 0.0, 0.0])
+    assert (path.told[0] != 7.0) == acts
+    assert path.told[1] == 7.0
+    assert actuation.velocity[0] == pytest.approx(0.2 - beyond, abs=1e-16)
 
 
 def test_encoders_say_whole_steps() -> None:

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cranectl.controllers.flat import LEAST_TENSION
 from cranectl.log.events import events
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.simulate.actuation import BRAKING
 from cranectl.status import RunStatus

@@ -1,5 +1,6 @@
 """TOML and JSON from outside: whatever it holds, it is read within a second or refused in words."""
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -7,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario import scenario_names
 from cranectl.support.documents import (
-    MAX_BYTES,
+    MAX_BITS,
     MAX_DEPTH,
+    MAX_DOCUMENT_BYTES,
     assign,
     differences,
     leaves,
@@ -25,6 +27,7 @@ from cranectl.support.documents import (
     toml_value,
 )
 from cranectl.support.errors import InputError
+from cranectl.support.formats import format_of
 from tests.pace import within
 
 SECOND = 1.0  # [s] of the processor for a MiB, more on a slow machine
@@ -72,6 +75,14 @@ def test_what_is_not_deep_is_read() -> None:
     assert toml_value("a." * 100, "--set") == "a." * 100
 
 
+def test_every_whole_number_that_is_allowed_becomes_a_float() -> None:
+    assert math.isfinite(float(parse_toml(f"x = {2**MAX_BITS - 1}", "f.toml")["x"]))
+    with pytest.raises(InputError, match="hundreds of digits"):
+        parse_toml(f"x = {2**MAX_BITS}", "f.toml")
+    with pytest.raises(InputError, match=r"rig\.load_mass"):
+        load_scenario("fixed-position", overrides=[f"rig.load_mass={2**MAX_BITS - 1}"])
+
+
 @pytest.mark.parametrize("number", ["9" * 5000, "-" + "9" * 5000, "0x" + "f" * 5000])
 def test_numbers_of_thousands_of_digits_are_no_traceback(number: str) -> None:
     found = in_time(lambda: load_scenario("fixed-position", overrides=[f"duration={number}"]))
@@ -111,7 +122,7 @@ def test_a_mebibyte_takes_at_most_a_second(text: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("read", [read_toml, read_json])
 def test_files_that_are_none(read: Callable[[Path], Any], tmp_path: Path) -> None:
-    (tmp_path / "large").write_bytes(b"#" * (MAX_BYTES + 1))
+    (tmp_path / "large").write_bytes(b"#" * (MAX_DOCUMENT_BYTES + 1))
     (tmp_path / "latin").write_bytes(b"x = '\xff'")
     for name, what in (
         ("large", "larger"),
@@ -214,4 +225,53 @@ def test_tables_become_toml_and_come_back() -> None:
 def test_scenarios_become_toml_and_come_back(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name)
     (tmp_path / "a.toml").write_text(toml_text(scenario.model_dump(exclude_unset=True)))
-    assert load_scenario(tmp_path / "a.toml") == scenario
+    assert load_scenario(tmp_path / "a.toml").model_dump() == scenario.model_dump()
+
+
+def test_a_byte_order_mark_is_no_part_of_a_document(tmp_path: Path) -> None:
+    """As Windows editors write it."""
+    path = tmp_path / "marked"
+    path.write_text('name = "base"\n', encoding="utf-8-sig")
+    assert read_toml(path) == {"name": "base"}
+    assert parse_toml("\ufeffa = 1", "law.toml") == {"a": 1}
+    path.write_text('{"a": 1}', encoding="utf-8-sig")
+    assert read_json(path) == {"a": 1}
+    assert parse_json(path.read_bytes(), "bytes") == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    ("content", "kind"),
+    [
+        (b"<mujoco model='crane'/>", "an MJCF model of MuJoCo"),
+        (b"\xef\xbb\xbf<?xml version='1.0'?>\n<!-- a\ncrane -->\n<mujoco/>", "an MJCF model of MuJoCo"),
+        (b"<robot name='crane'/>", "a URDF model"),
+        (b"<!DOCTYPE html><html></html>", "an HTML page"),
+        (b"<?xml version='1.0'?><other/>", "XML"),
+        (b'{"name": "base"}', "JSON"),
+        (b"PK\x03\x04\x14\x00\xff", "a zip archive, such as an Excel workbook or an FMU"),
+        (b"\x89MCAP0\r\n", "an MCAP log"),
+        (b"\x7fELF\xff" + bytes(MAX_DOCUMENT_BYTES), "a compiled library or program"),
+        ("name = 'base'".encode("utf-16"), "text in UTF-16"),
+    ],
+)
+def test_another_kind_of_file_is_called_by_its_name(tmp_path: Path, content: bytes, kind: str) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_bytes(content)
+    for attempt in (lambda: load_scenario(path), lambda: load_scenario("fixed-position", rig=path)):
+        with pytest.raises(InputError) as error:
+            attempt()
+        assert error.value.found == f"{path} is {kind}, not TOML"
+
+
+@pytest.mark.parametrize("part", [b"<??>", b"<!---->", b"<?", b"<!--", b" ", b"<!doctype>", b"<"])
+def test_what_a_file_is_takes_no_time_to_tell(part: bytes) -> None:
+    start = time.process_time()
+    assert format_of(part * 2**15) == ""
+    assert within(time.process_time() - start, SECOND)
+
+
+def test_what_only_looks_like_another_kind_is_told_where_it_errs() -> None:
+    with pytest.raises(InputError, match="is not valid JSON: "):
+        parse_json('{"a": 1,}', "a.json")
+    with pytest.raises(InputError, match=r"is not valid TOML: .*line 2"):
+        parse_toml("a = 1\nb c\n", "a.toml")

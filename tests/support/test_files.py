@@ -27,6 +27,7 @@ from cranectl.support.files import (
     write_text,
     writing,
 )
+from tests.pace import HANG
 
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:
@@ -78,7 +79,7 @@ def test_a_missing_directory_is_made_when_checked(tmp_path: Path) -> None:
 def test_threads_that_write_one_file_have_a_part_each(tmp_path: Path) -> None:
     """All hold theirs at once, and each in turn puts a whole file in place."""
     path, writers = tmp_path / "a.txt", 8
-    ready, parts = threading.Barrier(writers, timeout=10.0), list[Path]()
+    ready, parts = threading.Barrier(writers, timeout=HANG), list[Path]()
     seen = list[str]()
 
     def write(text: str) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from cranectl.cli.main import cli, main
 from cranectl.support.interrupts import SIGNALS, heed_interrupts, interrupt, interrupts_wait
+from tests.pace import HANG
 
 ROOT = Path(__file__).parents[2]
 
@@ -79,7 +80,7 @@ def test_an_interrupt_counts_while_the_command_is_loaded(
         assert process.stdout is not None
         assert process.stdout.readline() == "loading\n"
         process.send_signal(number)
-        _, error = process.communicate(timeout=30)
+        _, error = process.communicate(timeout=HANG)
     assert (process.returncode, error) == (130, "cranectl: interrupted\n")
 
 

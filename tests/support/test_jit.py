@@ -1,21 +1,25 @@
 """The cache of compiled code."""
 
 import os
+import stat
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
 
-from cranectl.support import jit
+from cranectl.support import jit, kernel_cache
 
 
 @pytest.fixture(autouse=True)
 def fresh_cache_directory() -> object:
-    jit.cache_directory.cache_clear()
+    kernel_cache.cache_directory.cache_clear()
     yield
-    jit.cache_directory.cache_clear()
+    kernel_cache.cache_directory.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -68,15 +72,91 @@ def test_kernels_depend_on_every_module_that_they_call() -> None:
 
 def test_chosen_directory_wins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert jit.cache_directory() == tmp_path
+    directory = kernel_cache.cache_directory()
+    assert directory.parent == tmp_path
+    assert stat.S_IMODE(directory.stat().st_mode) == stat.S_IRWXU, "nobody else may put code there"
+
+
+def test_a_directory_that_others_could_write_is_closed_to_them(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    directory = kernel_cache.cache_directory()
+    directory.chmod(0o777)
+    kernel_cache.cache_directory.cache_clear()
+    assert kernel_cache.cache_directory() == directory
+    assert stat.S_IMODE(directory.stat().st_mode) == stat.S_IRWXU
+
+
+def test_code_of_another_user_is_never_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is seen is what another user would have made: this process passes for somebody else."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    here = os.geteuid()
+    (tmp_path / f"cranectl-{here + 1}").mkdir()
+    file = jit._CheckedFile(str(tmp_path), "kernel", "sources")
+    file.save("signature", "code")
+    assert file.load("signature") == "code"
+    monkeypatch.setattr(os, "geteuid", lambda: here + 1)
+    assert file.load("signature") is None
+    assert tmp_path not in kernel_cache.cache_directory().parents
+    assert f"cranectl-{here + 1} (it belongs to another user)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("named", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME"])
+def test_compiled_code_does_not_follow_the_working_directory(
+    named: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(named, "here")
+    monkeypatch.chdir(tmp_path)
+    assert all(place.is_absolute() for place in kernel_cache._candidates())
+
+
+def test_threads_that_define_compiled_code_at_once_keep_it_in_one_place(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """One begins, the other begins, the first ends, the other ends: Numba's own setting plays no part."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    begun, both, ended = threading.Event(), threading.Event(), threading.Event()
+    places = []
+
+    def stops(at: Callable[[], object]) -> Callable[..., None]:
+        def profile(frame: FrameType, event: str, _: object) -> None:
+            if event == "call" and frame.f_code.co_name == "njit":
+                at()
+
+        return profile
+
+    def define(at: Callable[[], object]) -> None:
+        def third(x):
+            return x / 3
+
+        sys.setprofile(stops(at))
+        compiled: Any = jit.jit(third)
+        sys.setprofile(None)
+        places.append(Path(compiled._cache.cache_path))
+
+    first = threading.Thread(target=define, args=[lambda: (begun.set(), both.wait())])
+    second = threading.Thread(target=define, args=[lambda: (both.set(), ended.wait())])
+    first.start()
+    begun.wait()
+    second.start()
+    first.join()
+    ended.set()
+    second.join()
+    assert len(places) == 2
+    assert all(kernel_cache.cache_directory() in place.parents for place in places)
 
 
 NOWHERE = """
 import subprocess, sys, tempfile
-import cranectl.support.jit as jit
-jit.cache_directory()
-jit.cache_directory()
-script = "import cranectl.support.jit as jit; print(jit.cache_directory())"
+import cranectl.support.kernel_cache as kernel_cache
+kernel_cache.cache_directory()
+kernel_cache.cache_directory()
+script = "import cranectl.support.kernel_cache as kernel_cache; print(kernel_cache.cache_directory())"
 print(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True))
 """
 
@@ -95,9 +175,10 @@ def test_no_place_for_the_cache_is_said_once_and_leaves_nothing(tmp_path: Path) 
     (line,) = done.stderr.splitlines()
     assert str(tmp_path / "file") in line
     assert "NUMBA_CACHE_DIR names" in line
-    assert str(tmp_path / "temporary" / "cranectl-") in done.stdout, "a child shares the place"
+    (above,) = (tmp_path / "temporary").iterdir()
+    assert str(above / "kernels-") in done.stdout, "a child shares the place"
     assert "cannot be kept" not in done.stdout, "and says nothing of it"
-    assert not list((tmp_path / "temporary").iterdir())
+    assert not list(above.iterdir())
 
 
 def test_compiled_functions_leave_numbas_own_setting_alone() -> None:
@@ -153,7 +234,8 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
 
 
 def compiled_in_a_process(cache: Path, limit: str = "") -> int:
-    environment = {"NUMBA_CACHE_DIR": str(cache), "PATH": os.defpath}
+    # Python itself would leave half a file of bytecode where files are limited.
+    environment = {"NUMBA_CACHE_DIR": str(cache), "PATH": os.defpath, "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-c", RUN.replace("{limit}", limit)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0, done.stderr

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from cranectl.support.units import plain, quantity, scaled
+from cranectl.support.units import difference_in, difference_text, plain, quantity, scaled
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,8 @@ from cranectl.support.units import plain, quantity, scaled
         (-0.0, "m", "0.00 m"),
         (math.nan, "m", "nan m"),
         (-math.inf, "N", "-inf N"),
+        (0.5, "mm", "0.500 mm"),
+        (12e-3, "kN", "0.0120 kN"),
     ],
 )
 def test_a_value_is_told_with_the_prefix_of_its_unit(value: float, unit: str, expected: str) -> None:
@@ -52,3 +54,19 @@ def test_a_column_has_the_unit_of_its_largest_value() -> None:
     assert scaled("m", 0.4) == (1e3, "mm")
     assert scaled("m", 40.0) == (1.0, "m")
     assert scaled("m", 0.0) == (1.0, "m")
+
+
+@pytest.mark.parametrize(
+    ("value", "text", "with_unit"),
+    [
+        (2.24e-3, "2.2e-03", "2.24 mm"),
+        (2.5e-9, "2.5e-09", "2.50 nm"),
+        (9.9e-10, "< 1e-09", "< 1 nm"),
+        (1.7e-12, "< 1e-09", "< 1 nm"),
+        (0.0, "< 1e-09", "< 1 nm"),
+        (math.nan, "nan", "nan m"),
+    ],
+)
+def test_digits_of_rounding_are_not_shown(value: float, text: str, with_unit: str) -> None:
+    """They change with the processor."""
+    assert (difference_text(value), difference_in(value, "m")) == (text, with_unit)

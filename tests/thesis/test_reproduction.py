@@ -21,7 +21,7 @@ from cranectl import design
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.cli.main import main
 from cranectl.design import Design, design_controller
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.report.page import render
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run

@@ -26,11 +26,11 @@ from math import sqrt
 import numpy as np
 from numba import carray
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.controllers.common import AXIS_MASSES, state_on_path
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots, per_axis
 from cranectl.model.dynamics import axis_masses, rope_direction, rope_direction_rate, specific_rope_force
-from cranectl.model.flatness import state_and_input
 from cranectl.signals import (
-    ACCELERATION,
     ALPHA,
     ALPHA_RATE,
     BETA,
@@ -44,39 +44,45 @@ from cranectl.signals import (
     Y,
     Z,
 )
+from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
 LOAD = 3  # among the masses: bridge and trolley, trolley, winch, load
-# Places of parameters and memory.
-PERIOD, GRAVITY, FORGETS, SWAYS, ROPE_POLE, GAIN, ADAPTATION = 0, 1, 2, 3, 4, 5, 8
-MASS, SURFACE, DESIRED, INPUT, WANTED, MEMORY = 0, 4, 7, 17, 20, 23
+GIVEN = Slots(period=1, gravity=1, forgets=1, sways=1, rope_pole=1, gain=3, adaptation=4)
+MEMORY = Slots(mass=4, surface=3, desired=10, inputs=3, wanted=3)
 
 
 @jit
 def follow(parameters, measured, held, joint, angle):
-    """(s, q_r'') of a horizontal axis whose rope swings by the state's `angle`."""
+    """Return (s, q_r'') of a horizontal axis whose rope swings by the state's `angle`."""
     length, rate = measured[ROPE], 0.5 * measured[ROPE_RATE] / measured[ROPE]
-    pole = sqrt(parameters[GRAVITY] / (3.0 * length))
-    forgets, sways = parameters[FORGETS] * pole, parameters[SWAYS] * pole * length
-    e, e_rate = measured[joint] - held[DESIRED + joint], measured[joint + 1] - held[DESIRED + joint + 1]
-    b, b_rate = measured[angle] - held[DESIRED + angle], measured[angle + 1] - held[DESIRED + angle + 1]
-    wanted = held[INPUT + joint // 2] - forgets * (e_rate - rate * e) + sways * (b_rate + rate * b)
+    pole = sqrt(parameters[GIVEN.gravity] / (3.0 * length))
+    forgets, sways = parameters[GIVEN.forgets] * pole, parameters[GIVEN.sways] * pole * length
+    e, e_rate = (
+        measured[joint] - held[MEMORY.desired + joint],
+        measured[joint + 1] - held[MEMORY.desired + joint + 1],
+    )
+    b, b_rate = (
+        measured[angle] - held[MEMORY.desired + angle],
+        measured[angle + 1] - held[MEMORY.desired + angle + 1],
+    )
+    wanted = held[MEMORY.inputs + joint // 2] - forgets * (e_rate - rate * e) + sways * (b_rate + rate * b)
     return e_rate + forgets * e - sways * b, wanted
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, forces out."""
-    held = carray(memory, (MEMORY,))
-    gravity = parameters[GRAVITY]
-    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
-        return 2
-    state_and_input(reference, gravity, held[DESIRED:INPUT], held[INPUT:WANTED])
-    s, wanted = held[SURFACE:DESIRED], held[WANTED:MEMORY]
+    """Take one sample; see `controller`. State and path in, forces out."""
+    held = carray(memory, (MEMORY.size,))
+    mass, s, wanted = held[: MEMORY.surface], held[MEMORY.surface : MEMORY.desired], held[MEMORY.wanted :]
+    gravity = parameters[GIVEN.gravity]
+    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.wanted]
+    if not state_on_path(reference, gravity, desired, inputs):
+        return RunStatus.SLACK_ROPE
     s[X], wanted[X] = follow(parameters, measured, held, BRIDGE, BETA)
     s[Y], wanted[Y] = follow(parameters, measured, held, TROLLEY, ALPHA)
-    rate = measured[ROPE_RATE] - held[DESIRED + ROPE_RATE]
-    s[Z] = rate + parameters[ROPE_POLE] * (measured[ROPE] - held[DESIRED + ROPE])
-    wanted[Z] = held[INPUT + Z] - parameters[ROPE_POLE] * rate
+    rate = measured[ROPE_RATE] - desired[ROPE_RATE]
+    s[Z] = rate + parameters[GIVEN.rope_pole] * (measured[ROPE] - desired[ROPE])
+    wanted[Z] = inputs[Z] - parameters[GIVEN.rope_pole] * rate
     alpha, alpha_rate, beta, beta_rate = (
         measured[ALPHA],
         measured[ALPHA_RATE],
@@ -91,24 +97,31 @@ def step(parameters, measured, reference, memory, command):
     along, turning = n[0] * s[X] + n[1] * s[Y] + s[Z], turn[0] * s[X] + turn[1] * s[Y]
     # The masses first: sampled as well, V falls.
     for axis in range(3):
-        held[axis] -= parameters[PERIOD] * parameters[ADAPTATION + axis] * wanted[axis] * s[axis]
-    held[LOAD] -= parameters[PERIOD] * parameters[ADAPTATION + LOAD] * along * (pull - turning)
+        mass[axis] -= parameters[GIVEN.period] * parameters[GIVEN.adaptation + axis] * wanted[axis] * s[axis]
+    mass[LOAD] -= parameters[GIVEN.period] * parameters[GIVEN.adaptation + LOAD] * along * (pull - turning)
     for axis in range(3):
         direction, change = (1.0, 0.0) if axis == Z else (n[axis], turn[axis])
         reaction = direction * (pull - 0.5 * turning) - 0.5 * change * along
-        command[axis] = held[axis] * wanted[axis] + held[LOAD] * reaction - parameters[GAIN + axis] * s[axis]
+        command[axis] = (
+            mass[axis] * wanted[axis] + mass[LOAD] * reaction - parameters[GIVEN.gain + axis] * s[axis]
+        )
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory, which begins with the masses as they are believed."""
+    """Return parameters and memory, which begins with the masses as they are believed."""
     rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace, believed = np.sqrt(rig.gravity / length), np.array(axis_masses(rig)[:4])
-    gain = given["gain"] * pace * rig.driven_masses
-    adaptation = given["adaptation"] * believed / (rig.gravity * length)
-    surface = [given["position"], given["sway"], given["rope_pole"] * pace]
-    head = [nominal.period, rig.gravity, *surface]
-    return np.array([*head, *gain, *adaptation]), np.concatenate([believed, np.zeros(MEMORY - SURFACE)])
+    parameters = GIVEN.array(
+        period=nominal.period,
+        gravity=rig.gravity,
+        forgets=given["position"],
+        sways=given["sway"],
+        rope_pole=given["rope_pole"] * pace,
+        gain=given["gain"] * pace * rig.driven_masses,
+        adaptation=given["adaptation"] * believed / (rig.gravity * length),
+    )
+    return parameters, MEMORY.array(mass=believed)
 
 
 ADAPTIVE = Controller(
@@ -116,6 +129,7 @@ ADAPTIVE = Controller(
     title="Slotine-Li adaptive law on the drives' rows, with sway in its surface",
     step=step,
     prepare=prepare,
+    reads=(*AXIS_MASSES, "driven_masses"),
     command="force",
     parameters=(
         Parameter("position", 1.0 / 3.0, "1", "lambda over p", 0.0, 100.0, search=(0.1, 1.0)),
@@ -140,21 +154,13 @@ ADAPTIVE = Controller(
             search=(0.1, 10.0),
         ),
     ),
-    logged=(
-        *(
-            Logged(MASS + k, Signal(f"{name}_mass", f"M_{k + 1}", "kg", f"as it is learnt, {what}"))
-            for k, (name, what) in enumerate(
-                (
-                    ("bridge", "bridge and trolley"),
-                    ("trolley", "trolley"),
-                    ("winch", "winch"),
-                    ("load", "load"),
-                )
-            )
-        ),
-        *(
-            Logged(SURFACE + k, Signal(f"surface_{axis}", f"s_{axis}", "m/s", f"of the drive, {axis}"))
-            for k, axis in ((X, "x"), (Y, "y"), (Z, "l"))
-        ),
+    logged=MEMORY.logged(
+        mass=[
+            Signal("bridge_mass", "M_1", "kg", "as it is learnt, bridge and trolley"),
+            Signal("trolley_mass", "M_2", "kg", "as it is learnt, trolley"),
+            Signal("winch_mass", "M_3", "kg", "as it is learnt, winch"),
+            Signal("load_mass", "M_4", "kg", "as it is learnt, load"),
+        ],
+        surface=per_axis("surface", "s", "m/s", "of the drive", "xyl"),
     ),
 )

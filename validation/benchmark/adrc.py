@@ -23,27 +23,19 @@ nothing; where f changes fast, as on a fast path, it is late.
 
 from math import sqrt
 
-import numpy as np
 from numba import carray
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.controllers.observer import (
-    DISTURBANCE,
-    JOINTS,
-    POSITION,
-    VELOCITY,
-    Observer,
-    correct,
-    make_observer,
-)
+from cranectl.controllers.common import saturate
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.observer import EXPECTED, JOINTS, Observer, advance, correct, make_observer
+from cranectl.controllers.slots import Slots, per_axis
 from cranectl.model.dynamics import rope_direction
-from cranectl.signals import ACCELERATION, JERK, ROPE, SNAP, Signal, X, Y, Z
-from cranectl.signals import VELOCITY as RATE
+from cranectl.signals import ACCELERATION, JERK, ROPE, SNAP, VELOCITY, Signal, X, Z
 from cranectl.support.jit import jit
 
-# Places of parameters and memory; chains: load x, y, z, then alpha, beta, as the observer's joints.
-BANDWIDTH, OBSERVER, LIMIT, MEMORY = 0, 1, 6, 3 * JOINTS + 1
-BEGUN = 3 * JOINTS
+# Chains: load x, y, z, then alpha, beta, as the observer's joints.
+GIVEN = Slots(bandwidth=1, observer=len(Observer._fields), limit=3)
+MEMORY = Slots(chains=EXPECTED.size, begun=1)
 
 
 @jit
@@ -57,65 +49,51 @@ def read_chains(observer, measured, estimate, begun):
         elif chain == 2:
             position = measured[2] * direction[2]
         if not begun:
-            estimate[POSITION + chain] = position
+            estimate[EXPECTED.position + chain] = position
         correct(observer, chain, position, estimate)
 
 
-@jit
-def go_on(observer, chain, known, estimate):
-    """Expect the next sample of a chain, `known` [1/s²] being its acceleration but for the disturbance."""
-    period, velocity = observer.period, estimate[VELOCITY + chain]
-    acceleration = known + estimate[DISTURBANCE + chain]
-    estimate[POSITION + chain] += period * (velocity + 0.5 * period * acceleration)
-    estimate[VELOCITY + chain] = velocity + period * acceleration
-
-
-@jit
-def cut(value, limit):
-    """The nearest to `value` within +-`limit`."""
-    return min(max(value, -limit), limit)
-
-
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. Encoders and path in, accelerations out."""
-    estimate = carray(memory, (MEMORY,))
-    w, given = parameters[BANDWIDTH], parameters
-    observer = Observer(
-        given[OBSERVER], given[OBSERVER + 1], given[OBSERVER + 2], given[OBSERVER + 3], given[OBSERVER + 4]
-    )
-    read_chains(observer, measured, estimate, estimate[BEGUN] == 1.0)
-    estimate[BEGUN] = 1.0
-    gravity, length = observer.gravity, measured[2]
+    """Take one sample; see `controller`. Encoders and path in, accelerations out."""
+    estimate, w = carray(memory, (MEMORY.size,)), parameters[GIVEN.bandwidth]
+    given, at = parameters, GIVEN.observer
+    observer = Observer(given[at], given[at + 1], given[at + 2], given[at + 3], given[at + 4])
+    read_chains(observer, measured, estimate, estimate[MEMORY.begun] == 1.0)
+    estimate[MEMORY.begun] = 1.0
+    gravity, period, length = observer.gravity, observer.period, measured[2]
     for axis in range(2):
         angle = 4 if axis == X else 3
-        load = reference[axis] - estimate[POSITION + axis]
-        rate = reference[RATE + axis] - estimate[VELOCITY + axis]
-        pulled = -gravity * estimate[POSITION + angle]
-        acceleration = reference[ACCELERATION + axis] - pulled - estimate[DISTURBANCE + axis]
-        jerk = reference[JERK + axis] + gravity * estimate[VELOCITY + angle]
+        load = reference[axis] - estimate[EXPECTED.position + axis]
+        rate = reference[VELOCITY + axis] - estimate[EXPECTED.velocity + axis]
+        pulled = -gravity * estimate[EXPECTED.position + angle]
+        acceleration = reference[ACCELERATION + axis] - pulled - estimate[EXPECTED.disturbance + axis]
+        jerk = reference[JERK + axis] + gravity * estimate[EXPECTED.velocity + angle]
         v = reference[SNAP + axis] + w * (4.0 * jerk + w * (6.0 * acceleration + w * (4.0 * rate + w * load)))
-        wanted = length * (estimate[DISTURBANCE + angle] + v / gravity)
-        command[axis] = cut(wanted, parameters[LIMIT + axis])
+        wanted = length * (estimate[EXPECTED.disturbance + angle] + v / gravity)
+        command[axis] = saturate(wanted, parameters[GIVEN.limit + axis])
         # Over the period the rope pulls as it does in its middle.
-        go_on(observer, axis, pulled - 0.5 * observer.period * gravity * estimate[VELOCITY + angle], estimate)
-        go_on(observer, angle, -command[axis] / length, estimate)
-    lifted = reference[ACCELERATION + Z] + 2.0 * w * (reference[RATE + Z] - estimate[VELOCITY + Z])
-    lifted += w * w * (reference[Z] - estimate[POSITION + Z])
-    command[Z] = cut(estimate[DISTURBANCE + Z] - lifted, parameters[LIMIT + Z])
-    go_on(observer, Z, -command[Z], estimate)
+        pulled -= 0.5 * period * gravity * estimate[EXPECTED.velocity + angle]
+        advance(estimate, axis, pulled, period)
+        advance(estimate, angle, -command[axis] / length, period)
+    lifted = reference[ACCELERATION + Z] + 2.0 * w * (
+        reference[VELOCITY + Z] - estimate[EXPECTED.velocity + Z]
+    )
+    lifted += w * w * (reference[Z] - estimate[EXPECTED.position + Z])
+    command[Z] = saturate(estimate[EXPECTED.disturbance + Z] - lifted, parameters[GIVEN.limit + Z])
+    advance(estimate, Z, -command[Z], period)
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory; the load's rates are the path's."""
+    """Return parameters and memory; the load's rates are the path's."""
     pole = sqrt(nominal.rig.gravity / nominal.state[ROPE])
     bandwidth = float(nominal.parameters["bandwidth"]) * pole
     fast = float(nominal.parameters["observer"]) * bandwidth
     observer = make_observer(fast, period=nominal.period, gravity=nominal.rig.gravity)
-    memory = np.zeros(MEMORY)
-    memory[VELOCITY : VELOCITY + 3] = nominal.reference[0, RATE : RATE + 3]
-    memory[VELOCITY + 3 : DISTURBANCE] = nominal.state[[7, 9]]
-    return np.array([bandwidth, *observer, *nominal.rig.effects.limits.acceleration]), memory
+    limits = nominal.rig.effects.limits.acceleration
+    rates = [*nominal.reference[0, VELOCITY : VELOCITY + 3], *nominal.state[[7, 9]]]
+    parameters = GIVEN.array(bandwidth=bandwidth, observer=observer, limit=limits)
+    return parameters, MEMORY.array(chains=EXPECTED.array(velocity=rates))
 
 
 ADRC = Controller(
@@ -123,19 +101,17 @@ ADRC = Controller(
     title="active disturbance rejection: extended state observers of load and angles on encoders",
     step=step,
     prepare=prepare,
+    reads=("gravity", "limits"),
     measures="encoders",
     parameters=(
         Parameter("bandwidth", 0.7, "1", "c, w_c over sqrt(g/l)", 0.01, 100.0, search=(0.2, 2.0)),
         Parameter("observer", 10.0, "1", "o, w_o over w_c", 0.1, 1e3, search=(3.0, 40.0)),
     ),
-    logged=tuple(
-        Logged(DISTURBANCE + chain, Signal(f"disturbance_{name}", f"f_{name}", unit, f"on the {said}"))
-        for chain, name, unit, said in (
-            (X, "x", "m/s²", "load, x"),
-            (Y, "y", "m/s²", "load, y"),
-            (Z, "z", "m/s²", "load, z"),
-            (3, "alpha", "rad/s²", "angle alpha"),
-            (4, "beta", "rad/s²", "angle beta"),
+    logged=EXPECTED.logged(
+        disturbance=(
+            *per_axis("disturbance", "f", "m/s²", "on the load", "xyz"),
+            Signal("disturbance_alpha", "f_alpha", "rad/s²", "on the angle alpha"),
+            Signal("disturbance_beta", "f_beta", "rad/s²", "on the angle beta"),
         )
     ),
 )

@@ -27,62 +27,73 @@ from math import tanh
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.controllers.common import AXIS_MASSES, MASSES, masses_at
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots, per_axis
 from cranectl.model.dynamics import axis_masses, rope_direction, rope_direction_rate
-from cranectl.signals import ACCELERATION, ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE, VELOCITY, Signal, X, Y, Z
+from cranectl.signals import ACCELERATION, ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE, VELOCITY, X, Y, Z
 from cranectl.support.jit import jit
 
-# Places of parameters, the first five as in `AxisMasses`, and of memory.
-LOAD_MASS, GRAVITY, SHARE, BOUND, SOFT, STIFFNESS, DAMPING, FRICTION = 3, 4, 5, 6, 7, 8, 11, 14
-ERROR, MEMORY = 0, 3
+GIVEN = Slots(masses=MASSES, share=1, bound=1, soft=1, stiffness=3, damping=3, friction=3)
+MEMORY = Slots(error=3)
 
 
 @jit
 def barrier_force(stiffness, bound, error):
-    """-2 L Z² e / (Z² - e²)² for 2 L = stiffness Z² [N]."""
+    """Return -2 L Z² e / (Z² - e²)² for 2 L = stiffness Z² [N]."""
     room = 1.0 - (error / bound) ** 2
     return -stiffness * error / room**2
 
 
 @jit
 def feedback(parameters, axis, error, rate):
-    """All but F_d of an axis [N]."""
-    stiffness = parameters[STIFFNESS + axis]
-    held = barrier_force(parameters[SHARE] * stiffness, parameters[BOUND], error)
-    damped = parameters[DAMPING + axis] * rate + parameters[FRICTION + axis] * tanh(rate / parameters[SOFT])
+    """Return all but F_d of an axis [N]."""
+    stiffness = parameters[GIVEN.stiffness + axis]
+    held = barrier_force(parameters[GIVEN.share] * stiffness, parameters[GIVEN.bound], error)
+    damped = parameters[GIVEN.damping + axis] * rate + parameters[GIVEN.friction + axis] * tanh(
+        rate / parameters[GIVEN.soft]
+    )
     return held - stiffness * error - damped
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, forces out."""
-    load = parameters[LOAD_MASS]
+    """Take one sample; see `controller`. State and path in, forces out."""
+    masses = masses_at(parameters, GIVEN.masses)
+    load = masses.load
     n = rope_direction(measured[ALPHA], measured[BETA])
     n_rate = rope_direction_rate(measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE])
     u_x, u_y, u_l = reference[ACCELERATION], reference[ACCELERATION + Y], -reference[ACCELERATION + Z]
     pay_out = -reference[VELOCITY + Z]
     along = n[0] * u_x + n[1] * u_y + u_l  # n has length 1, and n' is normal to it
-    asked_x = (parameters[X] + load) * u_x + load * (u_l * n[0] + pay_out * n_rate[0])
-    asked_y = (parameters[Y] + load) * u_y + load * (u_l * n[1] + pay_out * n_rate[1])
-    asked_l = parameters[Z] * u_l + load * (along - parameters[GRAVITY])
+    asked_x = (masses.bridge + load) * u_x + load * (u_l * n[0] + pay_out * n_rate[0])
+    asked_y = (masses.trolley + load) * u_y + load * (u_l * n[1] + pay_out * n_rate[1])
+    asked_l = masses.winch * u_l + load * (along - masses.gravity)
     for axis in range(3):
         asked = asked_x if axis == X else asked_y if axis == Y else asked_l
         sign = -1.0 if axis == Z else 1.0
         error = measured[2 * axis] - sign * reference[axis]
         rate = measured[2 * axis + 1] - sign * reference[VELOCITY + axis]
         command[axis] = asked + feedback(parameters, axis, error, rate)
-        memory[ERROR + axis] = error
+        memory[MEMORY.error + axis] = error
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory."""
+    """Return parameters and memory."""
     rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace, inertia = np.sqrt(rig.gravity / length), rig.driven_masses
     stiffness = inertia * (given["frequency"] * pace) ** 2
     damping = inertia * 2.0 * given["damping"] * given["frequency"] * pace
-    shape = [given["barrier"], given["bound"] * length, 0.01 * pace * length]
-    friction = given["friction"] * rig.gravity * inertia
-    return np.array([*axis_masses(rig), *shape, *stiffness, *damping, *friction]), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        masses=axis_masses(rig),
+        share=given["barrier"],
+        bound=given["bound"] * length,
+        soft=0.01 * pace * length,
+        stiffness=stiffness,
+        damping=damping,
+        friction=given["friction"] * rig.gravity * inertia,
+    )
+    return parameters, MEMORY.array()
 
 
 BARRIER_TRACKING = Controller(
@@ -90,6 +101,7 @@ BARRIER_TRACKING = Controller(
     title="drives on the load's path as springs and dampers, with a barrier at a largest error",
     step=step,
     prepare=prepare,
+    reads=(*AXIS_MASSES, "driven_masses"),
     command="force",
     parameters=(
         Parameter(
@@ -106,8 +118,5 @@ BARRIER_TRACKING = Controller(
         Parameter("barrier", 0.3, "1", "2 L/Z² over k_p", 0.0, 100.0, search=(0.03, 3.0)),
         Parameter("friction", 0.002, "1", "f, over the weight of what moves", 0.0, 1.0, search=(2e-4, 2e-2)),
     ),
-    logged=tuple(
-        Logged(ERROR + k, Signal(f"drive_error_{axis}", f"e_{axis}", "m", f"of the drive, {axis}"))
-        for k, axis in ((X, "x"), (Y, "y"), (Z, "l"))
-    ),
+    logged=MEMORY.logged(error=per_axis("drive_error", "e", "m", "of the drive", "xyl")),
 )

@@ -25,62 +25,60 @@ import numpy as np
 from numba import carray
 from scipy.linalg import solve_continuous_lyapunov
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.controllers.common import saturate
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots, per_axis
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
 WEIGHTS = (0.1, 0.1, 1.0, 1.0)  # W
 LEAST_STEP = 0.1  # |y_0|, in rope lengths: a load that is pushed at its target is near it
 
-# Places of parameters and memory.
-GRAVITY, FREQUENCY, STRENGTH, SHARPNESS, LIMIT, GAIN, COSTATE = 0, 1, 2, 3, 4, 7, 11
-TARGET, STEP, RHO, BEGUN, MEMORY = 0, 2, 4, 6, 7
+GIVEN = Slots(gravity=1, frequency=1, strength=1, sharpness=1, limit=3, gain=4, costate=4)
+MEMORY = Slots(target=2, step=2, rho=2, begun=1)
 
 
 @jit
 def damping(strength, sharpness, share):
-    """Rho at a distance from the target, as a share of the first one."""
+    """Return rho at a distance from the target, as a share of the first one."""
     return -strength * abs(exp(-sharpness * abs(share)) - exp(-sharpness))
 
 
-@jit
-def cut(value, limit):
-    """The nearest to `value` within +-`limit`."""
-    return min(max(value, -limit), limit)
-
-
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and set-point in, accelerations out."""
-    held = carray(memory, (MEMORY,))
-    gravity, length = parameters[GRAVITY], measured[ROPE]
+    """Take one sample; see `controller`. State and set-point in, accelerations out."""
+    held = carray(memory, (MEMORY.size,))
+    gravity, length = parameters[GIVEN.gravity], measured[ROPE]
     if length <= 0.0:
-        return 2
+        return RunStatus.SLACK_ROPE
     pole = sqrt(gravity / length)
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         drive = (measured[joint] - reference[axis]) / length
         load = drive + measured[angle]
-        if held[BEGUN] == 0.0 or held[TARGET + axis] != reference[axis]:
-            held[TARGET + axis] = reference[axis]
-            held[STEP + axis] = max(abs(load), LEAST_STEP)
-        rho = damping(parameters[STRENGTH], parameters[SHARPNESS], load / held[STEP + axis])
+        if held[MEMORY.begun] == 0.0 or held[MEMORY.target + axis] != reference[axis]:
+            held[MEMORY.target + axis] = reference[axis]
+            held[MEMORY.step + axis] = max(abs(load), LEAST_STEP)
+        rho = damping(
+            parameters[GIVEN.strength], parameters[GIVEN.sharpness], load / held[MEMORY.step + axis]
+        )
         wanted = 0.0
         for i in range(4):
             value = drive if i == 0 else measured[angle] if i == 2 else measured[angle + 1] / pole
             if i == 1:
                 value = measured[joint + 1] / (pole * length)
-            wanted += (parameters[GAIN + i] + rho * parameters[COSTATE + i]) * value
-        held[RHO + axis] = rho
-        command[axis] = cut(gravity * wanted, parameters[LIMIT + axis])
-    held[BEGUN] = 1.0
-    rope = parameters[FREQUENCY] * pole
+            wanted += (parameters[GIVEN.gain + i] + rho * parameters[GIVEN.costate + i]) * value
+        held[MEMORY.rho + axis] = rho
+        command[axis] = saturate(gravity * wanted, parameters[GIVEN.limit + axis])
+    held[MEMORY.begun] = 1.0
+    rope = parameters[GIVEN.frequency] * pole
     lifted = -rope * rope * (length + reference[Z]) - 2.0 * rope * measured[ROPE + 1]
-    command[Z] = cut(lifted, parameters[LIMIT + Z])
+    command[Z] = saturate(lifted, parameters[GIVEN.limit + Z])
     return 0
 
 
 def linear_part(frequency, ratio):
-    """A + B F, B, F (4,), P; lengths in l, times in sqrt(l/g), accelerations in g."""
+    """Return A + B F, B, F (4,), P; lengths in l, times in sqrt(l/g), accelerations in g."""
     a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
     b = np.array([0.0, 1.0, 0.0, -1.0])
     pair = [1.0, 2.0 * ratio * frequency, frequency**2]
@@ -91,13 +89,20 @@ def linear_part(frequency, ratio):
 
 
 def prepare(nominal):
-    """Parameters and memory."""
+    """Return parameters and memory."""
     names = ("frequency", "ratio", "strength", "sharpness")
     frequency, ratio, strength, sharpness = (float(nominal.parameters[name]) for name in names)
     _, b, gain, cost = linear_part(frequency, ratio)
-    limits = nominal.rig.effects.limits.acceleration
-    head = [nominal.rig.gravity, frequency, strength, sharpness, *limits]
-    return np.array([*head, *gain, *(b @ cost)]), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        gravity=nominal.rig.gravity,
+        frequency=frequency,
+        strength=strength,
+        sharpness=sharpness,
+        limit=nominal.rig.effects.limits.acceleration,
+        gain=gain,
+        costate=b @ cost,
+    )
+    return parameters, MEMORY.array()
 
 
 CNF = Controller(
@@ -105,6 +110,7 @@ CNF = Controller(
     title="composite nonlinear feedback: little damping far from the set-point, much near it",
     step=step,
     prepare=prepare,
+    reads=("gravity", "limits"),
     follows="set-point",
     parameters=(
         Parameter("frequency", 0.4, "1", "w of the slow pair, over sqrt(g/l)", 0.01, 10.0, search=(0.1, 1.0)),
@@ -114,8 +120,5 @@ CNF = Controller(
             "sharpness", 2.0, "1", "a, how near the target damping begins", 0.0, 1e3, search=(0.5, 10.0)
         ),
     ),
-    logged=tuple(
-        Logged(RHO + k, Signal(f"rho_{axis}", f"rho_{axis}", "1", f"gain of the nonlinear part, {axis}"))
-        for k, axis in ((X, "x"), (Y, "y"))
-    ),
+    logged=MEMORY.logged(rho=per_axis("rho", "rho", "1", "gain of the nonlinear part")),
 )

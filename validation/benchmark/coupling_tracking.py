@@ -16,38 +16,41 @@ paper, where nothing pushes.
 
 from math import cos, sin
 
-import numpy as np
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots, per_axis
+from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, X, Z
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Signal, X, Y, Z
-
-# Places of parameters and memory.
-PERIOD, COUPLING, DAMPING, STIFFNESS = range(4)
-INTEGRAL, ERROR, BEGUN, MEMORY = 0, 2, 4, 5
+GIVEN = Slots(period=1, coupling=1, damping=1, stiffness=1)
+MEMORY = Slots(integral=2, error=2, begun=1)
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, accelerations out."""
-    coupling, damping, stiffness = parameters[COUPLING], parameters[DAMPING], parameters[STIFFNESS]
+    """Take one sample; see `controller`. State and path in, accelerations out."""
+    coupling, damping, stiffness = (
+        parameters[GIVEN.coupling],
+        parameters[GIVEN.damping],
+        parameters[GIVEN.stiffness],
+    )
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
-        if memory[BEGUN] == 0.0:
-            memory[INTEGRAL + axis] = measured[joint] - reference[axis]
+        if memory[MEMORY.begun] == 0.0:
+            memory[MEMORY.integral + axis] = measured[joint] - reference[axis]
         error = measured[joint + 1] - reference[VELOCITY + axis] - coupling * sin(measured[angle])
-        command[axis] = reference[ACCELERATION + axis] - damping * error - stiffness * memory[INTEGRAL + axis]
+        command[axis] = (
+            reference[ACCELERATION + axis] - damping * error - stiffness * memory[MEMORY.integral + axis]
+        )
         command[axis] += coupling * measured[angle + 1] * cos(measured[angle])
-        memory[INTEGRAL + axis] += parameters[PERIOD] * error
-        memory[ERROR + axis] = error
-    memory[BEGUN] = 1.0
+        memory[MEMORY.integral + axis] += parameters[GIVEN.period] * error
+        memory[MEMORY.error + axis] = error
+    memory[MEMORY.begun] = 1.0
     command[Z] = -reference[ACCELERATION + Z] - damping * (measured[ROPE + 1] + reference[VELOCITY + Z])
     command[Z] -= stiffness * (measured[ROPE] + reference[Z])
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory."""
-    given = [float(nominal.parameters[name]) for name in ("coupling", "damping", "stiffness")]
-    return np.array([nominal.period, *given]), np.zeros(MEMORY)
+    """Return parameters and memory."""
+    return GIVEN.array(period=nominal.period, **nominal.parameters), MEMORY.array()
 
 
 COUPLING_TRACKING = Controller(
@@ -55,6 +58,7 @@ COUPLING_TRACKING = Controller(
     title="PID on the drives' rates less a part of the rope's lean, load's path as feed-forward",
     step=step,
     prepare=prepare,
+    reads=(),
     parameters=(
         Parameter(
             "coupling",
@@ -71,8 +75,5 @@ COUPLING_TRACKING = Controller(
             "stiffness", 4.0, "1/s²", "k_p on its integral", 0.0, 1e6, search=(0.4, 40.0), length_power=-1.0
         ),
     ),
-    logged=tuple(
-        Logged(ERROR + k, Signal(f"coupled_error_{axis}", f"zeta_{axis}", "m/s", f"zeta, {axis}"))
-        for k, axis in ((X, "x"), (Y, "y"))
-    ),
+    logged=MEMORY.logged(error=per_axis("coupled_error", "zeta", "m/s", "zeta")),
 )

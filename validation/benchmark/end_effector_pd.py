@@ -21,47 +21,46 @@ A standing push that leans the rope leaves e = (k + S/k_p) n with S the tension.
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.model.dynamics import (
-    AxisMasses,
-    axis_masses,
-    rope_direction,
-    rope_direction_rate,
-    winch_force,
-)
-from cranectl.signals import ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE, ROPE_RATE, Signal, X, Y, Z
+from cranectl.controllers.common import AXIS_MASSES, MASSES, masses_at, winch_servo
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots, per_axis
+from cranectl.model.dynamics import axis_masses, rope_direction, rope_direction_rate
+from cranectl.signals import ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE, Y
 
-# Places of parameters, the first five as in `AxisMasses`, and of memory.
-STIFFNESS, DAMPING, LEAD, HOIST = 5, 7, 9, 11
-COUPLED, MEMORY = 0, 2
+GIVEN = Slots(masses=MASSES, stiffness=2, damping=2, lead=2, hoist=1)
+MEMORY = Slots(error=2)
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and set-point in, forces out."""
-    masses = AxisMasses(parameters[0], parameters[1], parameters[2], parameters[3], parameters[4])
+    """Take one sample; see `controller`. State and set-point in, forces out."""
     n = rope_direction(measured[ALPHA], measured[BETA])
     n_rate = rope_direction_rate(measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE])
     for axis in range(2):
-        lead = parameters[LEAD + axis]
+        lead = parameters[GIVEN.lead + axis]
         error = measured[2 * axis] - reference[axis] - lead * n[axis]
         rate = measured[2 * axis + 1] - lead * n_rate[axis]
-        command[axis] = -parameters[STIFFNESS + axis] * error - parameters[DAMPING + axis] * rate
-        memory[COUPLED + axis] = error
-    pole = parameters[HOIST]
-    u_l = -pole * (pole * (measured[ROPE] + reference[Z]) + 2.0 * measured[ROPE_RATE])
-    command[Z] = winch_force(masses, measured, command[X], command[Y], u_l)
+        command[axis] = -parameters[GIVEN.stiffness + axis] * error - parameters[GIVEN.damping + axis] * rate
+        memory[MEMORY.error + axis] = error
+    masses = masses_at(parameters, GIVEN.masses)
+    winch_servo(masses, parameters[GIVEN.hoist], measured, reference, command)
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory."""
+    """Return parameters and memory."""
     masses, length, given = axis_masses(nominal.rig), nominal.state[ROPE], nominal.parameters
     pace = np.sqrt(masses.gravity / length)
     moved = np.array([masses.bridge, masses.trolley]) + masses.load
     stiffness = moved * (given["frequency"] * pace) ** 2
     damping = moved * 2.0 * given["damping"] * given["frequency"] * pace
-    lead = given["lead"] * length * moved[Y] / moved
-    return np.array([*masses, *stiffness, *damping, *lead, given["hoist"] * pace]), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        masses=masses,
+        stiffness=stiffness,
+        damping=damping,
+        lead=given["lead"] * length * moved[Y] / moved,
+        hoist=given["hoist"] * pace,
+    )
+    return parameters, MEMORY.array()
 
 
 END_EFFECTOR_PD = Controller(
@@ -69,6 +68,7 @@ END_EFFECTOR_PD = Controller(
     title="spring and damper on the drives, less a part of the load's lead",
     step=step,
     prepare=prepare,
+    reads=AXIS_MASSES,
     command="force",
     follows="set-point",
     parameters=(
@@ -79,8 +79,5 @@ END_EFFECTOR_PD = Controller(
         Parameter("lead", 2.0, "1", "k of the trolley, in rope lengths", 0.0, 100.0, search=(0.2, 10.0)),
         Parameter("hoist", 0.7, "1", "pole of the winch's servo, over √(g/l)", 0.0, 100.0, search=(0.2, 5.0)),
     ),
-    logged=tuple(
-        Logged(COUPLED + k, Signal(f"coupled_error_{axis}", f"xi_{axis}", "m", f"e - k n, {axis}"))
-        for k, axis in ((X, "x"), (Y, "y"))
-    ),
+    logged=MEMORY.logged(error=per_axis("coupled_error", "xi", "m", "e - k n")),
 )

@@ -22,7 +22,9 @@ rope leaves K_p e = -s (w + W).
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
+from cranectl.controllers.common import AXIS_MASSES, MASSES, masses_at
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots
 from cranectl.model.dynamics import (
     AxisMasses,
     axis_masses,
@@ -45,14 +47,13 @@ from cranectl.signals import (
 )
 from cranectl.support.jit import jit
 
-# Places of parameters, the first five as in `AxisMasses`, and of memory.
-LOAD_MASS, GRAVITY, COUPLING, EXPONENT, INERTIA, STIFFNESS, DAMPING = 3, 4, 5, 6, 7, 10, 13
-ENERGY, MEMORY = 0, 1
+GIVEN = Slots(masses=MASSES, coupling=1, exponent=1, inertia=3, stiffness=3, damping=3)
+MEMORY = Slots(energy=1)
 
 
 @jit
 def energy(masses, state):
-    """Kinetic energy, and the potential energy above that of a rope hanging plumb [J]."""
+    """Return the kinetic energy, and the potential energy above that of a rope hanging plumb [J]."""
     n = rope_direction(state[ALPHA], state[BETA])
     n_rate = rope_direction_rate(state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE])
     bridge, trolley, winch = state[BRIDGE_RATE], state[TROLLEY_RATE], state[ROPE_RATE]
@@ -66,51 +67,56 @@ def energy(masses, state):
 
 @jit
 def spring(parameters, measured, reference, axis):
-    """-K_p e - K_d v of an axis [N]."""
+    """Return -K_p e - K_d v of an axis [N]."""
     target = -reference[Z] if axis == Z else reference[axis]
-    pull = parameters[STIFFNESS + axis] * (measured[2 * axis] - target)
-    return -pull - parameters[DAMPING + axis] * measured[2 * axis + 1]
+    pull = parameters[GIVEN.stiffness + axis] * (measured[2 * axis] - target)
+    return -pull - parameters[GIVEN.damping + axis] * measured[2 * axis + 1]
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and set-point in, forces out."""
-    load, gravity = parameters[LOAD_MASS], parameters[GRAVITY]
-    masses = AxisMasses(parameters[0], parameters[1], parameters[2], load, gravity)
-    memory[ENERGY] = energy(masses, measured)
-    s = parameters[COUPLING] * memory[ENERGY] ** parameters[EXPONENT]
+    """Take one sample; see `controller`. State and set-point in, forces out."""
+    masses = masses_at(parameters, GIVEN.masses)
+    memory[MEMORY.energy] = energy(masses, measured)
+    s = parameters[GIVEN.coupling] * memory[MEMORY.energy] ** parameters[GIVEN.exponent]
     felt = AxisMasses(
-        s * masses.bridge + parameters[INERTIA],
-        s * masses.trolley + parameters[INERTIA + 1],
-        s * masses.winch + parameters[INERTIA + 2],
-        s * load,
-        gravity,
+        s * masses.bridge + parameters[GIVEN.inertia],
+        s * masses.trolley + parameters[GIVEN.inertia + 1],
+        s * masses.winch + parameters[GIVEN.inertia + 2],
+        s * masses.load,
+        masses.gravity,
     )
     x, y = spring(parameters, measured, reference, 0), spring(parameters, measured, reference, 1)
-    rope = spring(parameters, measured, reference, 2) - s * load * gravity
+    rope = spring(parameters, measured, reference, 2) - s * masses.load * masses.gravity
     u_x, u_y, u_l = forced_accelerations(felt, measured, x, y, rope)
     command[0], command[1], command[2] = drive_forces(masses, measured, u_x, u_y, u_l)
     return 0
 
 
 def prepared(nominal, exponent):
-    """Parameters and memory for s = k_E E^exponent."""
+    """Return parameters and memory for s = k_E E^exponent."""
     rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace = given["frequency"] * np.sqrt(rig.gravity / length)
     coupling = given["coupling"] / (rig.weight * length) ** exponent
-    inertia = rig.driven_masses
-    stiffness, damping = pace**2 * inertia, 2.0 * given["damping"] * pace * inertia
-    head = [*axis_masses(rig), coupling, exponent]
-    return np.concatenate([head, inertia, stiffness, damping]), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        masses=axis_masses(rig),
+        coupling=coupling,
+        exponent=exponent,
+        inertia=rig.driven_masses,
+        stiffness=pace**2 * rig.driven_masses,
+        damping=2.0 * given["damping"] * pace * rig.driven_masses,
+    )
+    return parameters, MEMORY.array()
 
 
 def law(name, title, exponent, coupling):
-    """One of the two laws."""
+    """Return one of the two controllers."""
     unit = "k_E m g l" if exponent else "k_E"
     return Controller(
         name=name,
         title=title,
         step=step,
         prepare=lambda nominal: prepared(nominal, exponent),
+        reads=(*AXIS_MASSES, "driven_masses", "weight"),
         command="force",
         follows="set-point",
         parameters=(
@@ -122,7 +128,9 @@ def law(name, title, exponent, coupling):
                 "coupling", coupling, "1", unit, 0.0, 1e3, search=(0.1 * coupling, 10.0 * coupling)
             ),
         ),
-        logged=(Logged(ENERGY, Signal("energy", "E", "J", "of the crane, none at rest with a plumb rope")),),
+        logged=MEMORY.logged(
+            energy=[Signal("energy", "E", "J", "of the crane, none at rest with a plumb rope")]
+        ),
     )  # fmt: skip
 
 

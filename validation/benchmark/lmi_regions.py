@@ -9,12 +9,14 @@ the flat map gives for the path, u_d its input, w a push as angular acceleration
 
     e'' = u    b'' = -b - u + w    z = (e + b, rho u)    u = -k x, x = (e, e', b, b')
 
-and k = -Y X⁻¹ minimises gamma over symmetric X > 0, with M = A X + B Y, s the sine and c the cosine of the
-sector's half angle, under
+and k = -Y X⁻¹ with symmetric X > 0, M = A X + B Y, s the sine and c the cosine of the sector's half angle:
 
     [M + M' , B_w, (C X + D Y)'; ., -gamma, 0; ., ., -gamma] < 0    the norm from w to z is below gamma
     M + M' + 2 decay X < 0    [-radius X, M; M', -radius X] < 0     poles left of -decay, within the disk
     [s (M + M'), c (M - M'); c (M' - M), s (M + M')] < 0            damping ratios above c
+
+The least gamma leaves k open in flat directions. So gamma is 1.01 times the least, and X, Y are the analytic
+centre of what that allows, which is unique.
 
 One k serves every rope: u = u_d - (w² k_1 e + w k_2 e' + g k_3 b + (g/w) k_4 b'), w² = g/l. The rope's length
 has a double pole. Assumes: full state, constant or slow rope; masses are not used. Certain: the method; the
@@ -23,24 +25,24 @@ gamma is a bound. There is no integral: a push that leans the rope by b leaves t
 """
 
 from functools import lru_cache
-from math import sqrt
+from math import ceil, floor, log10, sqrt
 
 import numpy as np
 from numba import carray
 
+from cranectl.controllers.common import rope_acceleration, state_on_path
 from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots
 from cranectl.design.discretisation import check_sampled, zero_order_hold
-from cranectl.design.linear_systems import poles_text
-from cranectl.design.semidefinite import minimise
-from cranectl.model.flatness import state_and_input
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
-from cranectl.support.errors import InputError
+from cranectl.design.semidefinite import analytic_centre, minimise
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.status import RunStatus
 
-# Places of parameters and memory.
-GRAVITY, ROPE_POLE, GAIN, NUMBERS = 0, 1, 2, 6
-DESIRED, INPUT, MEMORY = 0, 10, 13
+GIVEN = Slots(gravity=1, rope_pole=1, gain=4)
+MEMORY = Slots(desired=10, inputs=3)
 
-NEAR = 1e-4  # outside of the region a pole may lie: inequalities hold to some eight digits, poles to fewer
+BACK_OFF = 1.01  # of the least gamma
+DIGITS = 4  # to which that is rounded up, so that k does not depend on the rounding in the least gamma
 
 # The crane of unit length under unit gravity.
 A = np.array([[0.0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]])
@@ -50,13 +52,12 @@ SEEN = np.array([[1.0, 0, 1, 0], [0, 0, 0, 0]])
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, accelerations out."""
-    held, k = carray(memory, (MEMORY,)), carray(parameters, (NUMBERS,))[GAIN:]
-    desired, inputs = held[DESIRED:INPUT], held[INPUT:MEMORY]
-    gravity = parameters[GRAVITY]
-    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
-        return 2
-    state_and_input(reference, gravity, desired, inputs)
+    """Take one sample; see `controller`. State and path in, accelerations out."""
+    held, k = carray(memory, (MEMORY.size,)), carray(parameters, (GIVEN.size,))[GIVEN.gain :]
+    desired, inputs = held[: MEMORY.inputs], held[MEMORY.inputs :]
+    gravity = parameters[GIVEN.gravity]
+    if not state_on_path(reference, gravity, desired, inputs):
+        return RunStatus.SLACK_ROPE
     w = sqrt(gravity / measured[ROPE])
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
@@ -64,15 +65,13 @@ def step(parameters, measured, reference, memory, command):
         command[axis] -= w * k[1] * (measured[joint + 1] - desired[joint + 1])
         command[axis] -= gravity * k[2] * (measured[angle] - desired[angle])
         command[axis] -= gravity / w * k[3] * (measured[angle + 1] - desired[angle + 1])
-    pole = w * parameters[ROPE_POLE]
-    command[Z] = inputs[Z] - pole * pole * (measured[ROPE] - desired[ROPE])
-    command[Z] -= 2.0 * pole * (measured[ROPE + 1] - desired[ROPE + 1])
+    command[Z] = rope_acceleration(w * parameters[GIVEN.rope_pole], measured, desired, inputs[Z])
     return 0
 
 
 @lru_cache
 def gains(decay, radius, damping, effort):
-    """(k, gamma): k (4,) and the bound of its norm; raises InputError where no k has its poles there."""
+    """Return k (4,) and the bound of its norm; raise InputError if no k has its poles in the region."""
     sine = sqrt(1.0 - damping * damping)
     weight = np.array([[0.0], [effort]])
 
@@ -90,32 +89,27 @@ def gains(decay, radius, damping, effort):
         sector = np.block([[sine * both, turn], [turn.T, sine * both]])
         return [norm, both + 2.0 * decay * x, disk, sector, 1e-6 * np.eye(4) - x]
 
-    gamma, x, y = minimise(lambda gamma, *_: gamma[0, 0], inequalities, (1, 1), 4, (1, 4))
-    k = -np.linalg.solve(x, y[0])
-    poles = np.linalg.eigvals(A - B @ k[np.newaxis])
-    ratios = -poles.real / np.abs(poles)
-    if (
-        poles.real.max() > -decay + NEAR
-        or np.abs(poles).max() > radius + NEAR
-        or ratios.min() < damping - NEAR
-    ):
-        raise InputError(
-            f"lmi-regions with the poles {poles_text(A - B @ k[np.newaxis])} in units of sqrt(g/l)",
-            allowed=f"real parts below {-decay:g}, moduli below {radius:g}, damping ratios above {damping:g}",
-            remedy="widen the region in [controller.lmi-regions]: all inequalities share one X",
-        )
-    return k, float(gamma[0, 0])
+    least, _, _ = minimise(lambda gamma, *_: gamma[0, 0], inequalities, (1, 1), 4, (1, 4))
+    bound = rounded_up(BACK_OFF * float(least[0, 0]))
+    x, y = analytic_centre(lambda x, y: inequalities(np.array([[bound]]), x, y), 4, (1, 4))
+    return -np.linalg.solve(x, y[0]), bound
+
+
+def rounded_up(number):
+    """Round a positive number up to `DIGITS` digits."""
+    unit = 10.0 ** (floor(log10(number)) + 1 - DIGITS)
+    return ceil(number / unit) * unit
 
 
 def prepare(nominal):
-    """Parameters and memory."""
+    """Return parameters and memory."""
     names = ("decay", "radius", "damping", "effort")
     k, _ = gains(*(float(nominal.parameters[name]) for name in names))
     gravity = nominal.rig.gravity
     period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])  # the longest that any rope finds it
     phi, hold = zero_order_hold(A, B, period)
     check_sampled("lmi-regions", phi - hold @ k[np.newaxis], period, remedy="lower radius")
-    return np.array([gravity, float(nominal.parameters["rope_pole"]), *k]), np.zeros(MEMORY)
+    return GIVEN.array(gravity=gravity, rope_pole=nominal.parameters["rope_pole"], gain=k), MEMORY.array()
 
 
 LMI_REGIONS = Controller(
@@ -123,6 +117,7 @@ LMI_REGIONS = Controller(
     title="state feedback of least H-infinity norm, poles in an LMI region, flat path as feed-forward",
     step=step,
     prepare=prepare,
+    reads=("gravity", "rope_range"),
     parameters=(
         Parameter("decay", 0.5, "sqrt(g/l)", "least decay of a pole", 0.0, 10.0, search=(0.2, 1.5)),
         Parameter("radius", 3.0, "sqrt(g/l)", "largest modulus of a pole", 0.1, 1e3, search=(2.0, 10.0)),

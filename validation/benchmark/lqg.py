@@ -27,82 +27,87 @@ import numpy as np
 from numba import carray
 from scipy.linalg import solve_continuous_are
 
+from cranectl.controllers.common import saturate, state_on_path
 from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.controllers.observer import (
-    DISTURBANCE,
-    JOINTS,
-    POSITION,
-    VELOCITY,
-    Observer,
-    initial_estimate,
-    predict,
-)
+from cranectl.controllers.observer import EXPECTED, JOINTS, Observer, initial_estimate, predict
+from cranectl.controllers.slots import Slots
 from cranectl.design.discretisation import check_sampled, zero_order_hold
 from cranectl.model.dynamics import rope_direction_rate
-from cranectl.model.flatness import state_and_input
 from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Z
+from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-# Places of parameters and memory; states of an axis in the filter: x, x', d_x, b, b', d_b.
-PERIOD, GRAVITY, ROPE_GAIN, GAIN, ROPE_FILTER, FILTER, LIMIT = 0, 1, 2, 4, 8, 11, 23
-FLAT, DESIRED, INPUT, BEGUN, MEMORY = 15, 30, 40, 43, 44
+# States of an axis in the filter: x, x', d_x, b, b', d_b.
+GIVEN = Slots(period=1, gravity=1, rope_gain=2, gain=4, rope_filter=3, filter=12, limit=3)
+MEMORY = Slots(estimate=EXPECTED.size, flat=15, desired=10, inputs=3, begun=1)
 
 
 @jit
 def correct_all(parameters, measured, estimate):
     """Take the readings (5,) of all encoders into the estimate."""
-    length = estimate[POSITION + 2]
-    pole = sqrt(parameters[GRAVITY] / length)
+    length = estimate[EXPECTED.position + 2]
+    pole = sqrt(parameters[GIVEN.gravity] / length)
     rope = measured[2] - length
-    x, y = measured[0] - estimate[POSITION], measured[1] - estimate[POSITION + 1]
-    alpha, beta = measured[3] - estimate[POSITION + 3], measured[4] - estimate[POSITION + 4]
-    scale = parameters[PERIOD]
+    x, y = measured[0] - estimate[EXPECTED.position], measured[1] - estimate[EXPECTED.position + 1]
+    alpha, beta = measured[3] - estimate[EXPECTED.position + 3], measured[4] - estimate[EXPECTED.position + 4]
+    scale = parameters[GIVEN.period]
     for order in range(3):
         scale *= pole
         place = JOINTS * order  # position, velocity, disturbance
-        row, angle_row = FILTER + 2 * order, FILTER + 6 + 2 * order
+        row, angle_row = GIVEN.filter + 2 * order, GIVEN.filter + 6 + 2 * order
         to_drive, cross = parameters[row], length * parameters[row + 1]
         to_angle, back = parameters[angle_row + 1], parameters[angle_row] / length
         estimate[place] += scale * (to_drive * x + cross * beta)
         estimate[place + 1] += scale * (to_drive * y + cross * alpha)
-        estimate[place + 2] += scale * parameters[ROPE_FILTER + order] * rope
+        estimate[place + 2] += scale * parameters[GIVEN.rope_filter + order] * rope
         estimate[place + 3] += scale * (back * y + to_angle * alpha)
         estimate[place + 4] += scale * (back * x + to_angle * beta)
 
 
 @jit
 def feedback(parameters, estimate, desired, drive, angle):
-    """K (dx, dx', db, db') of one axis [m/s²]; `drive`, `angle`: places among the joints."""
-    length = estimate[POSITION + 2]
-    pole = sqrt(parameters[GRAVITY] / length)
-    total = parameters[GAIN] / length * (estimate[POSITION + drive] - desired[2 * drive])
-    total += parameters[GAIN + 1] / (pole * length) * (estimate[VELOCITY + drive] - desired[2 * drive + 1])
-    total += parameters[GAIN + 2] * (estimate[POSITION + angle] - desired[2 * angle])
-    total += parameters[GAIN + 3] / pole * (estimate[VELOCITY + angle] - desired[2 * angle + 1])
-    return parameters[GRAVITY] * total
+    """Return K (dx, dx', db, db') of one axis [m/s²]; `drive`, `angle`: places among the joints."""
+    length = estimate[EXPECTED.position + 2]
+    pole = sqrt(parameters[GIVEN.gravity] / length)
+    total = parameters[GIVEN.gain] / length * (estimate[EXPECTED.position + drive] - desired[2 * drive])
+    total += (
+        parameters[GIVEN.gain + 1]
+        / (pole * length)
+        * (estimate[EXPECTED.velocity + drive] - desired[2 * drive + 1])
+    )
+    total += parameters[GIVEN.gain + 2] * (estimate[EXPECTED.position + angle] - desired[2 * angle])
+    total += (
+        parameters[GIVEN.gain + 3] / pole * (estimate[EXPECTED.velocity + angle] - desired[2 * angle + 1])
+    )
+    return parameters[GIVEN.gravity] * total
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. Encoders and path in, accelerations out."""
-    held = carray(memory, (MEMORY,))
-    estimate, flat = held[:FLAT], held[FLAT:DESIRED]
-    desired, inputs = held[DESIRED:INPUT], held[INPUT:BEGUN]
-    gravity = parameters[GRAVITY]
-    if held[BEGUN] == 0.0:
+    """Take one sample; see `controller`. Encoders and path in, accelerations out."""
+    held = carray(memory, (MEMORY.size,))
+    estimate, flat = held[: MEMORY.flat], held[MEMORY.flat : MEMORY.desired]
+    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.begun]
+    gravity = parameters[GIVEN.gravity]
+    if held[MEMORY.begun] == 0.0:
         for joint in range(JOINTS):
-            estimate[POSITION + joint] = measured[joint]
-        held[BEGUN] = 1.0
+            estimate[EXPECTED.position + joint] = measured[joint]
+        held[MEMORY.begun] = 1.0
     correct_all(parameters, measured, estimate)
-    length, alpha, beta = estimate[POSITION + 2], estimate[POSITION + 3], estimate[POSITION + 4]
+    length, alpha, beta = (
+        estimate[EXPECTED.position + 2],
+        estimate[EXPECTED.position + 3],
+        estimate[EXPECTED.position + 4],
+    )
     for i in range(15):
         flat[i] = reference[i]
     # Accelerations of angles move the load as rates of angles do.
-    push = rope_direction_rate(alpha, estimate[DISTURBANCE + 3], beta, estimate[DISTURBANCE + 4])
+    push = rope_direction_rate(
+        alpha, estimate[EXPECTED.disturbance + 3], beta, estimate[EXPECTED.disturbance + 4]
+    )
     for axis in range(3):
         flat[ACCELERATION + axis] -= length * push[axis]
-    if flat[ACCELERATION + Z] + gravity <= 0.0 or flat[Z] >= 0.0 or length <= 0.0:
-        return 2
-    state_and_input(flat, gravity, desired, inputs)
+    if length <= 0.0 or not state_on_path(flat, gravity, desired, inputs):
+        return RunStatus.SLACK_ROPE
     # But the drives do follow the path itself: x_c'' = z'' - (p h)'', with the rope's slope p and drop h.
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
@@ -110,19 +115,23 @@ def step(parameters, measured, reference, memory, command):
         inputs[axis] += length * (push[axis] + slope * push[Z])
         inputs[axis] -= feedback(parameters, estimate, desired, joint // 2, angle // 2)
     inputs[Z] += length * push[Z] * desired[ROPE] / reference[Z]
-    rope = parameters[ROPE_GAIN] / length * (length - desired[ROPE])
-    rope += parameters[ROPE_GAIN + 1] / sqrt(gravity * length) * (estimate[VELOCITY + 2] - desired[ROPE + 1])
+    rope = parameters[GIVEN.rope_gain] / length * (length - desired[ROPE])
+    rope += (
+        parameters[GIVEN.rope_gain + 1]
+        / sqrt(gravity * length)
+        * (estimate[EXPECTED.velocity + 2] - desired[ROPE + 1])
+    )
     inputs[Z] -= gravity * rope
     for axis in range(3):
-        inputs[axis] -= estimate[DISTURBANCE + axis]
-        inputs[axis] = min(max(inputs[axis], -parameters[LIMIT + axis]), parameters[LIMIT + axis])
+        inputs[axis] -= estimate[EXPECTED.disturbance + axis]
+        inputs[axis] = saturate(inputs[axis], parameters[GIVEN.limit + axis])
         command[axis] = inputs[axis]
-    predict(Observer(0.0, 0.0, 0.0, parameters[PERIOD], gravity), inputs, estimate)
+    predict(Observer(0.0, 0.0, 0.0, parameters[GIVEN.period], gravity), inputs, estimate)
     return 0
 
 
 def regulator(error_weight, rate_weight):
-    """K (4,) of (x, x', b, b'), and K (2,) of the rope; lengths in l, times in sqrt(l/g)."""
+    """Return K (4,) of (x, x', b, b'), and K (2,) of the rope; lengths in l, times in sqrt(l/g)."""
     a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
     b = np.array([[0.0], [1.0], [0.0], [-1.0]])
     c = np.array([[1, 0, 1, 0], [0, 1, 0, 1]], float)
@@ -132,7 +141,7 @@ def regulator(error_weight, rate_weight):
 
 
 def kalman(drive_filter, sway_filter):
-    """A, C of (x, x', d_x, b, b', d_b), the filter's gain (6, 2), and (3,) of the rope; units as above."""
+    """Return A, C of (x, x', d_x, b, b', d_b), the filter's gain (6, 2), and (3,) of the rope, as above."""
     a = np.diag([1.0, 1.0, 0.0, 1.0, 1.0], 1)
     a[4, 2], a[4, 3] = -1.0, -1.0
     c = np.zeros((2, 6))
@@ -143,7 +152,7 @@ def kalman(drive_filter, sway_filter):
 
 
 def prepare(nominal):
-    """Parameters and memory; raises InputError where the filter would be unstable on the shortest rope."""
+    """Return parameters and memory; raise InputError for a filter that is unstable on the shortest rope."""
     names = ("error_weight", "rate_weight", "drive_filter", "sway_filter")
     error_weight, rate_weight, drive_filter, sway_filter = (float(nominal.parameters[name]) for name in names)
     gain, rope_gain = regulator(error_weight, rate_weight)
@@ -153,10 +162,16 @@ def prepare(nominal):
     held, _ = zero_order_hold(a, np.zeros((6, 1)), period)
     loop = (np.eye(6) - period * kalman_gain @ c) @ held
     check_sampled("lqg", loop, nominal.period, remedy="lower drive_filter, sway_filter")
-    memory = np.zeros(MEMORY)
-    memory[:FLAT] = initial_estimate(nominal.state)
-    head = [nominal.period, gravity, *rope_gain, *gain, *rope_filter]
-    return np.array([*head, *kalman_gain.ravel(), *nominal.rig.effects.limits.acceleration]), memory
+    parameters = GIVEN.array(
+        period=nominal.period,
+        gravity=gravity,
+        rope_gain=rope_gain,
+        gain=gain,
+        rope_filter=rope_filter,
+        filter=kalman_gain,
+        limit=nominal.rig.effects.limits.acceleration,
+    )
+    return parameters, MEMORY.array(estimate=initial_estimate(nominal.state))
 
 
 WEIGHT = (1e-6, 1e6)
@@ -167,6 +182,7 @@ LQG = Controller(
     title="LQR and Kalman filter on encoders, constant pushes estimated, flat path as feed-forward",
     step=step,
     prepare=prepare,
+    reads=("gravity", "limits", "rope_range"),
     measures="encoders",
     parameters=(
         Parameter("error_weight", 5.0, "1", "q_e on the load's error over l", *WEIGHT, search=(0.5, 50.0)),
@@ -176,7 +192,7 @@ LQG = Controller(
     ),
     logged=tuple(
         Logged(
-            DISTURBANCE + joint,
+            EXPECTED.disturbance + joint,
             Signal(f"push_{axis}", f"d_{axis}", "rad/s²", f"on the {angle}, as the filter has it"),
         )
         for joint, axis, angle in ((4, "x", "angle beta"), (3, "y", "angle alpha"))

@@ -23,27 +23,29 @@ import numpy as np
 from numba import carray
 from scipy.linalg import solve_continuous_lyapunov
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.model.flatness import state_and_input
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.controllers.common import rope_acceleration, state_on_path
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Z
+from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-# Places of parameters and memory; four numbers of an axis: drive, rate, angle, rate.
-PERIOD, GRAVITY, POLE, BOUND, LAYER, GAIN, COSTATE = 0, 1, 2, 3, 4, 5, 9
-MODEL, DESIRED, INPUT, ERROR, BEGUN, MEMORY = 0, 8, 18, 21, 29, 30
+# Four numbers of an axis: drive, rate, angle, rate.
+GIVEN = Slots(period=1, gravity=1, pole=1, bound=1, layer=1, gain=4, costate=4)
+MEMORY = Slots(model=8, desired=10, inputs=3, error=8, begun=1)
 
 
 @jit
 def scaled(row, deviation, place, length, pole):
-    """Row (4,) of parameters times the deviation (4,) at a place, in the units of the model."""
+    """Return a row (4,) of parameters times the deviation (4,) at a place, in the units of the model."""
     total = row[0] * deviation[place] / length + row[1] * deviation[place + 1] / (length * pole)
     return total + row[2] * deviation[place + 2] + row[3] * deviation[place + 3] / pole
 
 
 @jit
 def model_goes_on(parameters, model, place, length, acceleration):
-    """The model over a period under an acceleration [m/s²] that is held, to order 2."""
-    period, gravity = parameters[PERIOD], parameters[GRAVITY]
+    """Move the model on by a period under an acceleration [m/s²] that is held, to order 2."""
+    period, gravity = parameters[GIVEN.period], parameters[GIVEN.gravity]
     model[place] += period * (model[place + 1] + 0.5 * period * acceleration)
     model[place + 1] += period * acceleration
     middle = model[place + 2] + 0.5 * period * model[place + 3]
@@ -53,15 +55,15 @@ def model_goes_on(parameters, model, place, length, acceleration):
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, accelerations out."""
-    held = carray(memory, (MEMORY,))
-    model, desired, inputs, error = held[:DESIRED], held[DESIRED:INPUT], held[INPUT:ERROR], held[ERROR:BEGUN]
-    gravity, length = parameters[GRAVITY], measured[ROPE]
-    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
-        return 2
-    state_and_input(reference, gravity, desired, inputs)
-    given = carray(parameters, (COSTATE + 4,))
-    gain, costate = given[GAIN:COSTATE], given[COSTATE:]
+    """Take one sample; see `controller`. State and path in, accelerations out."""
+    held = carray(memory, (MEMORY.size,))
+    model, error = held[: MEMORY.desired], held[MEMORY.error : MEMORY.begun]
+    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.error]
+    gravity, length = parameters[GIVEN.gravity], measured[ROPE]
+    if not state_on_path(reference, gravity, desired, inputs):
+        return RunStatus.SLACK_ROPE
+    given = carray(parameters, (GIVEN.size,))
+    gain, costate = given[GIVEN.gain : GIVEN.costate], given[GIVEN.costate :]
     pole = sqrt(gravity / length)
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
@@ -69,24 +71,22 @@ def step(parameters, measured, reference, memory, command):
         for i in range(4):
             source = joint + i if i < 2 else angle + i - 2
             deviation = measured[source] - desired[source]
-            if held[BEGUN] == 0.0:
+            if held[MEMORY.begun] == 0.0:
                 model[place + i] = deviation
             error[place + i] = deviation - model[place + i]
         sigma = scaled(costate, error, place, length, pole)
         wanted = -gravity * scaled(gain, model, place, length, pole)
         given_back = scaled(gain, error, place, length, pole)
-        given_back += parameters[BOUND] * sigma / (abs(sigma) + parameters[LAYER])
+        given_back += parameters[GIVEN.bound] * sigma / (abs(sigma) + parameters[GIVEN.layer])
         command[axis] = inputs[axis] + wanted - gravity * given_back
         model_goes_on(parameters, model, place, length, wanted)
-    held[BEGUN] = 1.0
-    rope = parameters[POLE] * pole
-    command[Z] = inputs[Z] - rope * rope * (length - desired[ROPE])
-    command[Z] -= 2.0 * rope * (measured[ROPE + 1] - desired[ROPE + 1])
+    held[MEMORY.begun] = 1.0
+    command[Z] = rope_acceleration(parameters[GIVEN.pole] * pole, measured, desired, inputs[Z])
     return 0
 
 
 def model_and_cost(pole):
-    """A_m, B, K (4,), P; lengths in l, times in sqrt(l/g), accelerations in g."""
+    """Return A_m, B, K (4,), P; lengths in l, times in sqrt(l/g), accelerations in g."""
     a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
     b = np.array([0.0, 1.0, 0.0, -1.0])
     gain = np.array([pole**4, 4 * pole**3, 1 + pole**4 - 6 * pole**2, 4 * pole**3 - 4 * pole])
@@ -95,11 +95,19 @@ def model_and_cost(pole):
 
 
 def prepare(nominal):
-    """Parameters and memory."""
+    """Return parameters and memory."""
     pole, bound, layer = (float(nominal.parameters[name]) for name in ("pole", "bound", "layer"))
     _, b, gain, cost = model_and_cost(pole)
-    head = [nominal.period, nominal.rig.gravity, pole, bound, layer]
-    return np.array([*head, *gain, *(b @ cost)]), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        period=nominal.period,
+        gravity=nominal.rig.gravity,
+        pole=pole,
+        bound=bound,
+        layer=layer,
+        gain=gain,
+        costate=b @ cost,
+    )
+    return parameters, MEMORY.array()
 
 
 MODEL_REFERENCE = Controller(
@@ -107,23 +115,23 @@ MODEL_REFERENCE = Controller(
     title="state feedback held to its model by a bounded robust term, flat path as feed-forward",
     step=step,
     prepare=prepare,
+    reads=("gravity",),
     parameters=(
         Parameter("pole", 0.7, "1", "a, of all four poles, over sqrt(g/l)", 0.01, 100.0, search=(0.2, 2.0)),
         Parameter("bound", 0.05, "1", "rho, over g", 0.0, 100.0, search=(0.005, 0.5)),
         Parameter("layer", 0.05, "1", "delta", 1e-9, 1e3, search=(0.005, 0.5)),
     ),
-    logged=tuple(
-        Logged(
-            ERROR + 4 * axis + i,
-            Signal(f"model_error_{name}_{what}", f"e_{name}{i}", unit, f"to the model, {said}"),
-        )
-        for axis, name in ((X, "x"), (Y, "y"))
-        for i, (what, unit, said) in enumerate(
-            (
-                ("drive", "m", "drive"),
-                ("rate", "m/s", "its rate"),
-                ("angle", "rad", "angle"),
-                ("swing", "rad/s", "its rate"),
+    logged=MEMORY.logged(
+        error=(
+            Signal(f"model_error_{name}_{what}", f"e_{name}{i}", unit, f"to the model, {said}")
+            for name in "xy"
+            for i, (what, unit, said) in enumerate(
+                (
+                    ("drive", "m", "drive"),
+                    ("rate", "m/s", "its rate"),
+                    ("angle", "rad", "angle"),
+                    ("swing", "rad/s", "its rate"),
+                )
             )
         )
     ),

@@ -24,10 +24,10 @@ from math import cos, exp, log, pi, sqrt
 import numpy as np
 from numba import carray
 
+from cranectl.controllers.common import rope_acceleration, state_on_path
 from cranectl.controllers.controller import Controller, Parameter
-from cranectl.model.flatness import state_and_input
+from cranectl.controllers.slots import Slots
 from cranectl.signals import (
-    ACCELERATION,
     ALPHA,
     BETA,
     BRIDGE,
@@ -40,6 +40,7 @@ from cranectl.signals import (
     X,
     Z,
 )
+from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
 EVERY = 20  # control periods between two plans, and in a step of a plan
@@ -48,9 +49,8 @@ STEPS = 48
 KNOTS = 7
 PER_KNOT = STEPS // (KNOTS - 1)
 
-# Places of parameters and memory.
-PERIOD, GRAVITY, NOISE, TEMPERATURE, RATE, EFFORT, ROPE_POLE, NUMBERS = range(8)
-SEED, PLANNED, MEMORY = 0, 1, 1 + 2 * KNOTS
+GIVEN = Slots(period=1, gravity=1, noise=1, temperature=1, rate=1, effort=1, rope_pole=1)
+MEMORY = Slots(seed=1, planned=2 * KNOTS)
 ROW, TOLD, STATES = len(REFERENCE), len(MEASUREMENT), len(STATE)
 FIRST_SEED = 20170131.0
 
@@ -58,8 +58,8 @@ FIRST_SEED = 20170131.0
 @jit
 def uniform(memory):
     """Between 0 and 1; the products are whole numbers below 2^46, exact as doubles."""
-    memory[SEED] = (16807.0 * memory[SEED]) % 2147483647.0
-    return memory[SEED] / 2147483647.0
+    memory[MEMORY.seed] = (16807.0 * memory[MEMORY.seed]) % 2147483647.0
+    return memory[MEMORY.seed] / 2147483647.0
 
 
 @jit
@@ -80,7 +80,7 @@ def between(knots, k):
 @jit
 def cost(parameters, lengths, start, push, knots):
     """S of one path from `start`, (x, x', b, b'); `lengths` (STEPS, 2) are l and l'."""
-    period, gravity = parameters[PERIOD], parameters[GRAVITY]
+    period, gravity = parameters[GIVEN.period], parameters[GIVEN.gravity]
     x, x_rate, b, b_rate = start[0], start[1], start[2], start[3]
     total = 0.0
     for k in range(STEPS):
@@ -90,8 +90,8 @@ def cost(parameters, lengths, start, push, knots):
         b += period * b_rate
         x += period * x_rate
         error, error_rate = x + length * b, x_rate + length * b_rate + rate * b
-        total += (error / length) ** 2 + parameters[RATE] * error_rate**2 / (gravity * length)
-        total += parameters[EFFORT] * (v / gravity) ** 2
+        total += (error / length) ** 2 + parameters[GIVEN.rate] * error_rate**2 / (gravity * length)
+        total += parameters[GIVEN.effort] * (v / gravity) ** 2
     return total / STEPS
 
 
@@ -101,12 +101,12 @@ def plan(parameters, lengths, start, push, knots, memory, paths):
     tried, costs = np.empty((paths, KNOTS)), np.empty(paths)
     for i in range(paths):
         for j in range(KNOTS):
-            tried[i, j] = knots[j] + parameters[NOISE] * parameters[GRAVITY] * normal(memory)
+            tried[i, j] = knots[j] + parameters[GIVEN.noise] * parameters[GIVEN.gravity] * normal(memory)
         costs[i] = cost(parameters, lengths, start, push, tried[i])
     least, total = costs.min(), 0.0
     knots[:] = 0.0
     for i in range(paths):
-        weight = exp((least - costs[i]) / parameters[TEMPERATURE])
+        weight = exp((least - costs[i]) / parameters[GIVEN.temperature])
         total += weight
         for j in range(KNOTS):
             knots[j] += weight * tried[i, j]
@@ -115,41 +115,36 @@ def plan(parameters, lengths, start, push, knots, memory, paths):
 
 
 def step(parameters, measured, reference, memory, command):
-    """One plan; see `controller`. State and path in, accelerations out."""
-    held, rows = carray(memory, (MEMORY,)), carray(reference, ((1 + EVERY * STEPS) * ROW,))
+    """Make one plan; see `controller`. State and path in, accelerations out."""
+    held, rows = carray(memory, (MEMORY.size,)), carray(reference, ((1 + EVERY * STEPS) * ROW,))
     told = carray(measured, (TOLD,))
     desired, inputs, later = np.empty(STATES), np.empty(3), np.empty(3)
     lengths, start = np.empty((STEPS, 2)), np.empty(4)
-    gravity = parameters[GRAVITY]
+    gravity = parameters[GIVEN.gravity]
     for k in range(STEPS, -1, -1):
         row = rows[EVERY * k * ROW : (EVERY * k + 1) * ROW]
-        if row[ACCELERATION + Z] + gravity <= 0.0 or row[Z] >= 0.0:
-            return 2
-        state_and_input(row, gravity, desired, inputs if k == 0 else later)
+        if not state_on_path(row, gravity, desired, inputs if k == 0 else later):
+            return RunStatus.SLACK_ROPE
         if k > 0:
             lengths[k - 1, 0], lengths[k - 1, 1] = desired[ROPE], desired[ROPE_RATE]
     for axis in range(2):
         joint, angle, push = (BRIDGE, BETA, 11) if axis == X else (TROLLEY, ALPHA, 10)
         start[:2] = told[joint : joint + 2] - desired[joint : joint + 2]
         start[2:] = told[angle : angle + 2] - desired[angle : angle + 2]
-        knots = held[PLANNED + KNOTS * axis : PLANNED + KNOTS * (axis + 1)]
+        knots = held[MEMORY.planned + KNOTS * axis : MEMORY.planned + KNOTS * (axis + 1)]
         plan(parameters, lengths, start, told[push], knots, held, PATHS)
         command[axis] = inputs[axis] + knots[0]
         for j in range(KNOTS):  # as the next plan begins, a step later
             knots[j] = between(knots, min(j * PER_KNOT + 1, STEPS))
-    pole = parameters[ROPE_POLE] * sqrt(gravity / told[ROPE])
-    command[Z] = inputs[Z] - pole * pole * (told[ROPE] - desired[ROPE])
-    command[Z] -= 2.0 * pole * (told[ROPE_RATE] - desired[ROPE_RATE])
+    pole = parameters[GIVEN.rope_pole] * sqrt(gravity / told[ROPE])
+    command[Z] = rope_acceleration(pole, told, desired, inputs[Z])
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory."""
-    names = ("noise", "temperature", "rate", "effort", "rope_pole")
-    memory = np.zeros(MEMORY)
-    memory[SEED] = FIRST_SEED
-    given = [float(nominal.parameters[name]) for name in names]
-    return np.array([nominal.period, nominal.rig.gravity, *given]), memory
+    """Return parameters and memory."""
+    parameters = GIVEN.array(period=nominal.period, gravity=nominal.rig.gravity, **nominal.parameters)
+    return parameters, MEMORY.array(seed=FIRST_SEED)
 
 
 MPPI = Controller(
@@ -157,6 +152,7 @@ MPPI = Controller(
     title="model predictive path integral control about the flat path",
     step=step,
     prepare=prepare,
+    reads=("gravity",),
     every=EVERY,
     preview=EVERY * STEPS,
     parameters=(

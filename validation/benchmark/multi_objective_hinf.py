@@ -28,12 +28,14 @@ import numpy as np
 from numba import carray
 from scipy.linalg import svd
 
+from cranectl.controllers.common import middle_depth, state_on_path
 from cranectl.controllers.controller import Controller, Parameter
-from cranectl.design.linear_systems import closed_loop_norm
+from cranectl.controllers.slots import Slots
+from cranectl.design.linear_systems import closed_loop_norm, slowed_and_sampled
 from cranectl.design.semidefinite import minimise
 from cranectl.model.dynamics import rope_direction
-from cranectl.model.flatness import state_and_input
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
 ORDER = 2  # of the controller
@@ -52,27 +54,27 @@ LOOPS = (
     (PUSH, 0.0, C, 0.0, 0.0),
 )
 
-# Places of parameters and memory; A, B, C, D of K as it is sampled.
-GRAVITY, ROPE_POLE, LAG, GAINS = 0, 1, 2, 5
-NUMBERS = GAINS + ORDER * ORDER + 2 * ORDER + 1
-DESIRED, INPUT, STATE, MEMORY = 0, 10, 13, 13 + 2 * ORDER
+# A, B, C, D of K as it is sampled.
+GIVEN = Slots(gravity=1, rope_pole=1, lag=3, a=ORDER * ORDER, b=ORDER, c=ORDER, d=1)
+MEMORY = Slots(desired=10, inputs=3, state=2 * ORDER)
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, set-points of velocity out."""
-    numbers, held = carray(parameters, (NUMBERS,)), carray(memory, (MEMORY,))
-    a = numbers[GAINS : GAINS + ORDER * ORDER].reshape((ORDER, ORDER))
-    b, c = numbers[NUMBERS - 2 * ORDER - 1 : NUMBERS - ORDER - 1], numbers[NUMBERS - ORDER - 1 : NUMBERS - 1]
-    desired, inputs = held[DESIRED:INPUT], held[INPUT:STATE]
-    if reference[ACCELERATION + Z] + numbers[GRAVITY] <= 0.0 or reference[Z] >= 0.0:
-        return 2
-    state_and_input(reference, numbers[GRAVITY], desired, inputs)
+    """Take one sample; see `controller`. State and path in, set-points of velocity out."""
+    numbers, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
+    a = numbers[GIVEN.a : GIVEN.b].reshape((ORDER, ORDER))
+    b, c = numbers[GIVEN.b : GIVEN.c], numbers[GIVEN.c : GIVEN.d]
+    desired, inputs = held[: MEMORY.inputs], held[MEMORY.inputs : MEMORY.state]
+    if not state_on_path(reference, numbers[GIVEN.gravity], desired, inputs):
+        return RunStatus.SLACK_ROPE
     direction = rope_direction(measured[ALPHA], measured[BETA])
     for axis in range(2):
         joint = BRIDGE if axis == X else TROLLEY
         error = reference[axis] - measured[joint] - measured[ROPE] * direction[axis]
-        state = held[STATE + ORDER * axis : STATE + ORDER * (axis + 1)]
-        command[axis] = desired[joint + 1] + numbers[LAG + axis] * inputs[axis] + numbers[NUMBERS - 1] * error
+        state = held[MEMORY.state + ORDER * axis :][:ORDER]
+        command[axis] = (
+            desired[joint + 1] + numbers[GIVEN.lag + axis] * inputs[axis] + numbers[GIVEN.d] * error
+        )
         following = np.empty(ORDER)
         for i in range(ORDER):
             command[axis] += c[i] * state[i]
@@ -80,13 +82,13 @@ def step(parameters, measured, reference, memory, command):
             for j in range(ORDER):
                 following[i] += a[i, j] * state[j]
         state[:] = following
-    command[Z] = desired[ROPE + 1] + numbers[LAG + Z] * inputs[Z]
-    command[Z] -= numbers[ROPE_POLE] * (measured[ROPE] - desired[ROPE])
+    command[Z] = desired[ROPE + 1] + numbers[GIVEN.lag + Z] * inputs[Z]
+    command[Z] -= numbers[GIVEN.rope_pole] * (measured[ROPE] - desired[ROPE])
     return 0
 
 
 def generalised_plants():
-    """Of each of the four norms: from (what enters, v) to (what leaves, e)."""
+    """Return the plant of each of the four norms: from (what enters, v) to (what leaves, e)."""
     return [
         control.ss(A, np.hstack([enters, B]), np.vstack([leaves, C]), [[past, driven], [direct, 0.0]])
         for enters, direct, leaves, past, driven in LOOPS
@@ -95,7 +97,7 @@ def generalised_plants():
 
 @lru_cache
 def controller(slowness, effort, swing):
-    """(K, gamma) in units of sqrt(g/l) and l; raises InputError where K misses its bounds."""
+    """Return (K, gamma) in units of sqrt(g/l) and l; raises InputError where K misses its bounds."""
     bounds, one = (1.0, slowness, effort, swing), np.eye(3)
 
     def inequalities(gamma, x, y, a, b, c):
@@ -134,7 +136,7 @@ def controller(slowness, effort, swing):
 
 
 def without_last(a, b, c):
-    """The system without its last state, which is at rest at once (singular perturbation)."""
+    """Return the system without its last state, which is at rest at once (singular perturbation)."""
     share = a[:-1, -1:] / a[-1, -1]
     into, at_rest = b[-1:], a[-1:, :-1]
     return control.ss(
@@ -146,16 +148,21 @@ def without_last(a, b, c):
 
 
 def prepare(nominal):
-    """Parameters and memory."""
+    """Return parameters and memory."""
     given = nominal.parameters
     k, _ = controller(*(float(given[name]) for name in ("slowness", "effort", "swing")))
-    depths = -nominal.reference[:, Z]
-    w = sqrt(nominal.rig.gravity / (0.5 * (depths.min() + depths.max())))
-    slowed = control.ss(w * k.A, w * k.B, w * k.C, w * k.D)
-    sampled = control.sample_system(slowed, nominal.period, "tustin")
-    matrices = [matrix.ravel() for matrix in (sampled.A, sampled.B, sampled.C, sampled.D)]
-    head = (nominal.rig.gravity, w * given["rope_pole"], *nominal.rig.time_constants)
-    return np.concatenate([head, *matrices]), np.zeros(MEMORY)
+    w = sqrt(nominal.rig.gravity / middle_depth(nominal.reference))
+    sampled = slowed_and_sampled(k, w, nominal.period)
+    parameters = GIVEN.array(
+        gravity=nominal.rig.gravity,
+        rope_pole=w * given["rope_pole"],
+        lag=nominal.rig.time_constants,
+        a=sampled.A,
+        b=sampled.B,
+        c=sampled.C,
+        d=sampled.D,
+    )
+    return parameters, MEMORY.array()
 
 
 MULTI_OBJECTIVE_HINF = Controller(
@@ -163,6 +170,7 @@ MULTI_OBJECTIVE_HINF = Controller(
     title="one controller of order 2 for four H-infinity bounds, flat path as feed-forward",
     step=step,
     prepare=prepare,
+    reads=("gravity", "path", "time_constants"),
     command="velocity",
     parameters=(
         Parameter("slowness", 4.0, "sqrt(l/g)", "bound of error by speed", 1e-2, 1e3, search=(1.0, 10.0)),

@@ -22,41 +22,35 @@ from math import sqrt
 import numpy as np
 from numba import carray
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.model.dynamics import AxisMasses, axis_masses, drive_forces
-from cranectl.model.flatness import state_and_input
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.controllers.common import AXIS_MASSES, MASSES, masses_at, state_on_path
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots, per_axis
+from cranectl.model.dynamics import axis_masses, drive_forces
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Y, Z
+from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
-# Places of parameters and memory.
-POSITION, SWING, SHARE, MASSES = range(4)
-DESIRED, INPUT, MEMORY = 0, 10, 13
+GIVEN = Slots(position=1, swing=1, share=1, masses=MASSES)
+MEMORY = Slots(desired=10, inputs=3)
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, forces out."""
-    held = carray(memory, (MEMORY,))
-    desired, inputs = held[DESIRED:INPUT], held[INPUT:MEMORY]
-    masses = AxisMasses(
-        parameters[MASSES],
-        parameters[MASSES + 1],
-        parameters[MASSES + 2],
-        parameters[MASSES + 3],
-        parameters[MASSES + 4],
-    )
+    """Take one sample; see `controller`. State and path in, forces out."""
+    held = carray(memory, (MEMORY.size,))
+    desired, inputs = held[: MEMORY.inputs], held[MEMORY.inputs :]
+    masses = masses_at(parameters, GIVEN.masses)
     gravity, length = masses.gravity, measured[ROPE]
-    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
-        return 2
-    state_and_input(reference, gravity, desired, inputs)
+    if not state_on_path(reference, gravity, desired, inputs):
+        return RunStatus.SLACK_ROPE
     pole = sqrt(gravity / length)
-    drive, swing = parameters[POSITION] * pole, parameters[SWING] * pole
+    drive, swing = parameters[GIVEN.position] * pole, parameters[GIVEN.swing] * pole
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         lean = measured[angle] - desired[angle]
         swings = length * (2.0 * swing * (measured[angle + 1] - desired[angle + 1]) + swing * swing * lean)
         inputs[axis] -= 2.0 * drive * (measured[joint + 1] - desired[joint + 1])
         inputs[axis] -= drive * drive * (measured[joint] - desired[joint])
-        inputs[axis] += parameters[SHARE] * (swings - gravity * lean)
+        inputs[axis] += parameters[GIVEN.share] * (swings - gravity * lean)
     inputs[Z] -= 2.0 * pole * (measured[ROPE + 1] - desired[ROPE + 1])
     inputs[Z] -= pole * pole * (length - desired[ROPE])
     forces = drive_forces(masses, measured, inputs[X], inputs[Y], inputs[Z])
@@ -66,7 +60,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def polynomial(position, swing, share):
-    """Of the loop of an axis, times in sqrt(l/g), highest power first."""
+    """Return the polynomial of the loop of an axis, times in sqrt(l/g), highest power first."""
     return np.array(
         [
             1.0,
@@ -79,7 +73,7 @@ def polynomial(position, swing, share):
 
 
 def prepare(nominal):
-    """Parameters and memory; raises InputError for three numbers that give an unstable loop."""
+    """Return parameters and memory; raise InputError for three numbers that give an unstable loop."""
     position, swing, share = (float(nominal.parameters[name]) for name in ("position", "swing", "share"))
     _, twice, square, _, _ = polynomial(position, swing, share)
     if 0.5 * twice * square <= position * (1.0 + 0.25 * twice**2):
@@ -88,7 +82,8 @@ def prepare(nominal):
             allowed="s h > a (1 + s²) with s = a + k c, h = 1 + a² + k (c² - 1)",
             remedy="lower position, or raise swing",
         )
-    return np.array([position, swing, share, *axis_masses(nominal.rig)]), np.zeros(MEMORY)
+    parameters = GIVEN.array(position=position, swing=swing, share=share, masses=axis_masses(nominal.rig))
+    return parameters, MEMORY.array()
 
 
 LINEARISATION = Controller(
@@ -96,6 +91,7 @@ LINEARISATION = Controller(
     title="forces that make the drives linear, with a share of what the swing asks, flat path ahead",
     step=step,
     prepare=prepare,
+    reads=AXIS_MASSES,
     command="force",
     parameters=(
         Parameter(
@@ -104,8 +100,5 @@ LINEARISATION = Controller(
         Parameter("swing", 1.8, "1", "c, poles of the swing over sqrt(g/l)", 1e-3, 100.0, search=(1.0, 4.0)),
         Parameter("share", 0.3, "1", "k of what the swing asks for", 1e-3, 100.0, search=(0.1, 1.0)),
     ),
-    logged=tuple(
-        Logged(INPUT + k, Signal(f"asked_{axis}", f"v_{axis}", "m/s²", f"acceleration asked for, {axis}"))
-        for k, axis in ((X, "x"), (Y, "y"), (Z, "l"))
-    ),
+    logged=MEMORY.logged(inputs=per_axis("asked", "v", "m/s²", "acceleration asked for", "xyl")),
 )

@@ -22,42 +22,50 @@ from math import tanh
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.model.dynamics import AxisMasses, axis_masses, winch_force
-from cranectl.signals import ALPHA_RATE, BETA_RATE, ROPE, ROPE_RATE, Signal, X, Y, Z
+from cranectl.controllers.common import AXIS_MASSES, MASSES, masses_at, winch_servo
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots, per_axis
+from cranectl.model.dynamics import axis_masses
+from cranectl.signals import ALPHA_RATE, BETA_RATE, ROPE, X
 
-# Places of parameters, the first five as in `AxisMasses`, and of memory; forces of two axes.
-PERIOD, LENGTH, PACE, CROSS, HOIST, SPRING, DAMPER, SWING, INTEGRAL = 5, 6, 7, 8, 9, 10, 12, 14, 16
-SUM, MEMORY = 0, 2
+GIVEN = Slots(
+    masses=MASSES, period=1, length=1, pace=1, cross=1, hoist=1, spring=2, damper=2, swing=2, integral=2
+)
+MEMORY = Slots(sum=2)
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and set-point in, forces out."""
-    masses = AxisMasses(parameters[0], parameters[1], parameters[2], parameters[3], parameters[4])
-    length, pace, cross = parameters[LENGTH], parameters[PACE], parameters[CROSS]
+    """Take one sample; see `controller`. State and set-point in, forces out."""
+    length, pace, cross = parameters[GIVEN.length], parameters[GIVEN.pace], parameters[GIVEN.cross]
     for axis in range(2):
         error = (measured[2 * axis] - reference[axis]) / length
         rate = measured[2 * axis + 1] / (pace * length)
         swing = tanh(measured[BETA_RATE if axis == X else ALPHA_RATE] / pace)
-        held = cross * (cross * error + memory[SUM + axis])
-        damper = parameters[DAMPER + axis] + parameters[SWING + axis] * swing * swing
-        command[axis] = -parameters[SPRING + axis] * tanh(error) - damper * tanh(rate)
-        command[axis] -= parameters[INTEGRAL + axis] * tanh(held)
-        memory[SUM + axis] += parameters[PERIOD] * pace * tanh(error)
-    pole = parameters[HOIST]
-    u_l = -pole * (pole * (measured[ROPE] + reference[Z]) + 2.0 * measured[ROPE_RATE])
-    command[Z] = winch_force(masses, measured, command[X], command[Y], u_l)
+        held = cross * (cross * error + memory[MEMORY.sum + axis])
+        damper = parameters[GIVEN.damper + axis] + parameters[GIVEN.swing + axis] * swing * swing
+        command[axis] = -parameters[GIVEN.spring + axis] * tanh(error) - damper * tanh(rate)
+        command[axis] -= parameters[GIVEN.integral + axis] * tanh(held)
+        memory[MEMORY.sum + axis] += parameters[GIVEN.period] * pace * tanh(error)
+    masses = masses_at(parameters, GIVEN.masses)
+    winch_servo(masses, parameters[GIVEN.hoist], measured, reference, command)
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory."""
+    """Return parameters and memory."""
     masses, length, given = axis_masses(nominal.rig), nominal.state[ROPE], nominal.parameters
     pace = np.sqrt(masses.gravity / length)
     weight = masses.gravity * (np.array([masses.bridge, masses.trolley]) + masses.load)
-    forces = [given[name] * weight for name in ("spring", "damper", "swing", "integral")]
-    head = [*masses, nominal.period, length, pace, given["cross"], given["hoist"] * pace]
-    return np.concatenate([head, *forces]), np.zeros(MEMORY)
+    parameters = GIVEN.array(
+        masses=masses,
+        period=nominal.period,
+        length=length,
+        pace=pace,
+        cross=given["cross"],
+        hoist=given["hoist"] * pace,
+        **{name: given[name] * weight for name in ("spring", "damper", "swing", "integral")},
+    )
+    return parameters, MEMORY.array()
 
 
 QUASI_PID = Controller(
@@ -65,6 +73,7 @@ QUASI_PID = Controller(
     title="PID of bounded force on the drives, damped more as the rope swings",
     step=step,
     prepare=prepare,
+    reads=AXIS_MASSES,
     command="force",
     follows="set-point",
     parameters=(
@@ -77,8 +86,5 @@ QUASI_PID = Controller(
         Parameter("cross", 0.1, "1", "c, error and its integral in o", 1e-3, 100.0, search=(0.02, 1.0)),
         Parameter("hoist", 0.7, "1", "pole of the winch's servo, over √(g/l)", 0.0, 100.0, search=(0.2, 5.0)),
     ),
-    logged=tuple(
-        Logged(SUM + k, Signal(f"error_integral_{axis}", f"eta_{axis}", "1", f"of tanh e, {axis}"))
-        for k, axis in ((X, "x"), (Y, "y"))
-    ),
+    logged=MEMORY.logged(sum=per_axis("error_integral", "eta", "1", "of tanh e")),
 )

@@ -20,84 +20,86 @@ b / lambda, 8 l b by default: neither surface nor observer integrates.
 
 from math import exp, sqrt
 
-import numpy as np
 from numba import carray
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.controllers.observer import (
-    JOINTS,
-    POSITION,
-    VELOCITY,
-    Observer,
-    correct,
-    initial_estimate,
-    predict,
-)
-from cranectl.model.flatness import state_and_input
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.controllers.common import saturate, state_on_path
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.observer import EXPECTED, JOINTS, Observer, correct, initial_estimate, predict
+from cranectl.controllers.slots import Slots, per_axis
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-# Places of parameters and memory.
-PERIOD, GRAVITY, POSITION_GAIN, VELOCITY_GAIN, SLOPE, SWAY_SLOPE, REACH, SWITCH, LAYER = range(9)
-DESIRED, INPUT, SURFACE, BEGUN, MEMORY = 15, 25, 28, 31, 32
+GIVEN = Slots(
+    period=1, gravity=1, position_gain=1, velocity_gain=1, slope=1, sway_slope=1, reach=1, switch=1, layer=1
+)
+MEMORY = Slots(estimate=EXPECTED.size, desired=10, inputs=3, surface=3, begun=1)
 
 
 @jit
 def pushed_back(parameters, surface, length):
-    """-W s - K sat(s/phi) [m/s²] at a rope length [m]."""
-    gravity = parameters[GRAVITY]
-    share = surface / (parameters[LAYER] * sqrt(gravity * length))
-    switched = parameters[SWITCH] * min(max(share, -1.0), 1.0)
-    return -parameters[REACH] * sqrt(gravity / length) * surface - gravity * switched
+    """Return -W s - K sat(s/phi) [m/s²] at a rope length [m]."""
+    gravity = parameters[GIVEN.gravity]
+    share = surface / (parameters[GIVEN.layer] * sqrt(gravity * length))
+    switched = parameters[GIVEN.switch] * saturate(share, 1.0)
+    return -parameters[GIVEN.reach] * sqrt(gravity / length) * surface - gravity * switched
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. Encoders and path in, accelerations out."""
-    held = carray(memory, (MEMORY,))
-    estimate, desired, inputs = held[:DESIRED], held[DESIRED:INPUT], held[INPUT:SURFACE]
-    gravity = parameters[GRAVITY]
+    """Take one sample; see `controller`. Encoders and path in, accelerations out."""
+    held = carray(memory, (MEMORY.size,))
+    estimate = held[: MEMORY.desired]
+    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.surface]
+    gravity = parameters[GIVEN.gravity]
     observer = Observer(
-        parameters[POSITION_GAIN], parameters[VELOCITY_GAIN], 0.0, parameters[PERIOD], gravity
+        parameters[GIVEN.position_gain],
+        parameters[GIVEN.velocity_gain],
+        0.0,
+        parameters[GIVEN.period],
+        gravity,
     )
     for joint in range(JOINTS):
-        if held[BEGUN] == 0.0:
-            estimate[POSITION + joint] = measured[joint]
+        if held[MEMORY.begun] == 0.0:
+            estimate[EXPECTED.position + joint] = measured[joint]
         correct(observer, joint, measured[joint], estimate)
-    held[BEGUN] = 1.0
-    length = estimate[POSITION + 2]
-    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0 or length <= 0.0:
-        return 2
-    state_and_input(reference, gravity, desired, inputs)
+    held[MEMORY.begun] = 1.0
+    length = estimate[EXPECTED.position + 2]
+    if length <= 0.0 or not state_on_path(reference, gravity, desired, inputs):
+        return RunStatus.SLACK_ROPE
     pole = sqrt(gravity / length)
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
-        error = estimate[POSITION + joint // 2] - desired[joint]
-        rate = estimate[VELOCITY + joint // 2] - desired[joint + 1]
-        swing = estimate[POSITION + angle // 2] - desired[angle]
-        swing_rate = estimate[VELOCITY + angle // 2] - desired[angle + 1]
-        forgets, sways = parameters[SLOPE] * pole, parameters[SWAY_SLOPE] * pole * length
-        held[SURFACE + axis] = rate + forgets * error - sways * swing
+        error = estimate[EXPECTED.position + joint // 2] - desired[joint]
+        rate = estimate[EXPECTED.velocity + joint // 2] - desired[joint + 1]
+        swing = estimate[EXPECTED.position + angle // 2] - desired[angle]
+        swing_rate = estimate[EXPECTED.velocity + angle // 2] - desired[angle + 1]
+        forgets, sways = parameters[GIVEN.slope] * pole, parameters[GIVEN.sway_slope] * pole * length
+        held[MEMORY.surface + axis] = rate + forgets * error - sways * swing
         inputs[axis] += sways * swing_rate - forgets * rate
-    rate = estimate[VELOCITY + 2] - desired[ROPE + 1]
-    held[SURFACE + Z] = rate + pole * (length - desired[ROPE])
+    rate = estimate[EXPECTED.velocity + 2] - desired[ROPE + 1]
+    held[MEMORY.surface + Z] = rate + pole * (length - desired[ROPE])
     inputs[Z] -= pole * rate
     for axis in range(3):
-        inputs[axis] += pushed_back(parameters, held[SURFACE + axis], length)
+        inputs[axis] += pushed_back(parameters, held[MEMORY.surface + axis], length)
         command[axis] = inputs[axis]
     predict(observer, inputs, estimate)
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory."""
-    names = ("slope", "sway_slope", "reach", "switch", "layer")
-    given = [float(nominal.parameters[name]) for name in names]
+    """Return parameters and memory."""
     gravity, period = nominal.rig.gravity, nominal.period
     bandwidth = float(nominal.parameters["observer"]) * sqrt(gravity / nominal.state[ROPE])
     decay = exp(-bandwidth * period)
-    memory = np.zeros(MEMORY)
-    memory[:DESIRED] = initial_estimate(nominal.state)
-    return np.array([period, gravity, 1.0 - decay**2, (1.0 - decay) ** 2 / period, *given]), memory
+    names = ("slope", "sway_slope", "reach", "switch", "layer")
+    parameters = GIVEN.array(
+        period=period,
+        gravity=gravity,
+        position_gain=1.0 - decay**2,
+        velocity_gain=(1.0 - decay) ** 2 / period,
+        **{name: nominal.parameters[name] for name in names},
+    )
+    return parameters, MEMORY.array(estimate=initial_estimate(nominal.state))
 
 
 SLIDING_MODE_OBSERVER = Controller(
@@ -105,6 +107,7 @@ SLIDING_MODE_OBSERVER = Controller(
     title="sliding mode with sway in its surface and a boundary layer, Luenberger observer on encoders",
     step=step,
     prepare=prepare,
+    reads=("gravity",),
     measures="encoders",
     parameters=(
         Parameter("slope", 0.19245, "1", "l_1, lambda over sqrt(g/l)", 0.0, 1e3, search=(0.05, 1.0)),
@@ -114,8 +117,5 @@ SLIDING_MODE_OBSERVER = Controller(
         Parameter("layer", 0.02, "1", "f, phi over sqrt(g l)", 1e-6, 1e3, search=(0.005, 0.2)),
         Parameter("observer", 10.0, "1", "o, over sqrt(g/l)", 0.1, 1e3, search=(3.0, 30.0)),
     ),
-    logged=tuple(
-        Logged(SURFACE + k, Signal(f"surface_{axis}", f"s_{axis}", "m/s", f"sliding surface, {axis}"))
-        for k, axis in ((X, "x"), (Y, "y"), (Z, "l"))
-    ),
+    logged=MEMORY.logged(surface=per_axis("surface", "s", "m/s", "sliding surface", "xyl")),
 )

@@ -18,44 +18,43 @@ the surface has no integral. Sampled with period T, s stays below k_1² T².
 
 from math import sqrt
 
-import numpy as np
 from numba import carray
 
-from cranectl.controllers.controller import Controller, Logged, Parameter
-from cranectl.model.flatness import state_and_input
-from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Y, Z
+from cranectl.controllers.common import state_on_path
+from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots, per_axis
+from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
+from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-# Places of parameters and memory.
-PERIOD, GRAVITY, ROOT, TWIST, ROPE_POLE = range(5)
-TWISTED, SURFACE, DESIRED, INPUT, MEMORY = 0, 3, 6, 16, 19
+GIVEN = Slots(period=1, gravity=1, root_gain=1, twist_gain=1, rope_pole=1)
+MEMORY = Slots(twisted=3, surface=3, desired=10, inputs=3)
 
 
 @jit
 def slopes(length, gravity):
-    """Lambda [1/s] and kappa [m/s] of the surface at a rope length [m]."""
+    """Return lambda [1/s] and kappa [m/s] of the surface at a rope length [m]."""
     pole = sqrt(gravity / (3.0 * length))
     return pole / 3.0, 8.0 * pole * length / 3.0
 
 
 @jit
 def twisted(parameters, memory, axis, surface):
-    """-k_1 |s|^(1/2) sgn(s) + w of an axis; w goes on."""
+    """Return -k_1 |s|^(1/2) sgn(s) + w of an axis; w goes on."""
     sign = 1.0 if surface > 0.0 else -1.0 if surface < 0.0 else 0.0
-    found = memory[TWISTED + axis] - parameters[ROOT] * sqrt(abs(surface)) * sign
-    memory[TWISTED + axis] -= parameters[PERIOD] * parameters[TWIST] * sign
-    memory[SURFACE + axis] = surface
+    found = memory[MEMORY.twisted + axis] - parameters[GIVEN.root_gain] * sqrt(abs(surface)) * sign
+    memory[MEMORY.twisted + axis] -= parameters[GIVEN.period] * parameters[GIVEN.twist_gain] * sign
+    memory[MEMORY.surface + axis] = surface
     return found
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, accelerations out."""
-    held = carray(memory, (MEMORY,))
-    desired, inputs = held[DESIRED:INPUT], held[INPUT:MEMORY]
-    gravity = parameters[GRAVITY]
-    if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
-        return 2
-    state_and_input(reference, gravity, desired, inputs)
+    """Take one sample; see `controller`. State and path in, accelerations out."""
+    held = carray(memory, (MEMORY.size,))
+    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs :]
+    gravity = parameters[GIVEN.gravity]
+    if not state_on_path(reference, gravity, desired, inputs):
+        return RunStatus.SLACK_ROPE
     forgets, sways = slopes(measured[ROPE], gravity)
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
@@ -65,15 +64,15 @@ def step(parameters, measured, reference, memory, command):
         command[axis] = inputs[axis] - forgets * rate + sways * (measured[angle + 1] - desired[angle + 1])
         command[axis] += twisted(parameters, held, axis, surface)
     rate = measured[ROPE + 1] - desired[ROPE + 1]
-    surface = rate + parameters[ROPE_POLE] * (measured[ROPE] - desired[ROPE])
-    command[Z] = inputs[Z] - parameters[ROPE_POLE] * rate + twisted(parameters, held, Z, surface)
+    surface = rate + parameters[GIVEN.rope_pole] * (measured[ROPE] - desired[ROPE])
+    command[Z] = inputs[Z] - parameters[GIVEN.rope_pole] * rate + twisted(parameters, held, Z, surface)
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory."""
-    given = [float(nominal.parameters[name]) for name in ("root_gain", "twist_gain", "rope_pole")]
-    return np.array([nominal.period, nominal.rig.gravity, *given]), np.zeros(MEMORY)
+    """Return parameters and memory."""
+    parameters = GIVEN.array(period=nominal.period, gravity=nominal.rig.gravity, **nominal.parameters)
+    return parameters, MEMORY.array()
 
 
 SUPER_TWISTING = Controller(
@@ -81,6 +80,7 @@ SUPER_TWISTING = Controller(
     title="super-twisting sliding mode with sway in its surface, flat path as feed-forward",
     step=step,
     prepare=prepare,
+    reads=("gravity",),
     parameters=(
         Parameter(
             "root_gain",
@@ -113,8 +113,5 @@ SUPER_TWISTING = Controller(
             length_power=-0.5,
         ),
     ),
-    logged=tuple(
-        Logged(SURFACE + k, Signal(f"surface_{axis}", f"s_{axis}", "m/s", f"sliding surface, {axis}"))
-        for k, axis in ((X, "x"), (Y, "y"), (Z, "l"))
-    ),
+    logged=MEMORY.logged(surface=per_axis("surface", "s", "m/s", "sliding surface", "xyl")),
 )

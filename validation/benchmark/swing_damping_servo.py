@@ -20,39 +20,38 @@ The rope has -p² and -2 p. Assumes: full state, slow hoisting; masses are not u
 A standing push that leans the rope by b leaves e = k_b b / k_p: there is no integral.
 """
 
-import numpy as np
-
 from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots
 from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, X, Z
 from cranectl.support.jit import jit
 
-GRAVITY, POLE = range(2)  # places of parameters
+GIVEN = Slots(gravity=1, pole=1)
 
 
 @jit
 def gains(length, gravity, pole):
-    """k_p [1/s²], k_d [1/s], k_b [m/s²], k_w [m/s] at a rope length [m]."""
+    """Return k_p [1/s²], k_d [1/s], k_b [m/s²], k_w [m/s] at a rope length [m]."""
     k_p, k_d = length * pole**4 / gravity, 4.0 * length * pole**3 / gravity
     return k_p, k_d, 6.0 * length * pole**2 - length * k_p - gravity, 4.0 * length * pole - length * k_d
 
 
 def step(parameters, measured, reference, memory, command):  # noqa: ARG001  (a law's)
-    """One sample; see `controller`. State and path in, accelerations out."""
-    k_p, k_d, k_b, k_w = gains(measured[ROPE], parameters[GRAVITY], parameters[POLE])
+    """Take one sample; see `controller`. State and path in, accelerations out."""
+    k_p, k_d, k_b, k_w = gains(measured[ROPE], parameters[GIVEN.gravity], parameters[GIVEN.pole])
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         command[axis] = reference[ACCELERATION + axis] - k_p * (measured[joint] - reference[axis])
         command[axis] -= k_d * (measured[joint + 1] - reference[VELOCITY + axis])
         command[axis] += k_b * measured[angle] + k_w * measured[angle + 1]
-    pole = parameters[POLE]
+    pole = parameters[GIVEN.pole]
     command[Z] = -reference[ACCELERATION + Z] - pole * pole * (measured[ROPE] + reference[Z])
     command[Z] -= 2.0 * pole * (measured[ROPE + 1] + reference[VELOCITY + Z])
     return 0
 
 
 def prepare(nominal):
-    """Parameters and memory."""
-    return np.array([nominal.rig.gravity, float(nominal.parameters["pole"])]), np.zeros(1)
+    """Return parameters and memory."""
+    return GIVEN.array(gravity=nominal.rig.gravity, **nominal.parameters), []
 
 
 SWING_DAMPING_SERVO = Controller(
@@ -60,6 +59,7 @@ SWING_DAMPING_SERVO = Controller(
     title="position servos with swing feedback, four equal poles at every rope length",
     step=step,
     prepare=prepare,
+    reads=("gravity",),
     parameters=(
         Parameter(
             "pole", 2.5, "1/s", "p, all poles are at -p", 0.0, 1e3, search=(0.8, 6.0), length_power=-0.5

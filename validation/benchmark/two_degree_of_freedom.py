@@ -24,35 +24,37 @@ import numpy as np
 from numba import carray
 from scipy.linalg import block_diag, solve_continuous_are
 
+from cranectl.controllers.common import middle_depth
 from cranectl.controllers.controller import Controller, Parameter
+from cranectl.controllers.slots import Slots
 from cranectl.design.hinf_synthesis import hinf_controller
+from cranectl.design.linear_systems import slowed_and_sampled
 from cranectl.model.dynamics import rope_direction
 from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, JERK, ROPE, TROLLEY, VELOCITY, X, Z
 
 BACK_OFF = 1.05  # from the smallest norm, where K has a pole that grows without bound
 ORDER = 6  # of K: the crane's and the model's states
 
-# Places of parameters and memory; A, B, C, D of K as it is sampled, D and columns of B for r_f and x.
-SPEED, ROPE_POLE, GAINS = 0, 1, 2
-NUMBERS = GAINS + ORDER * ORDER + 3 * ORDER + 2
-STATE, ORIGIN, BEGUN, MEMORY = 0, 2 * ORDER, 2 * ORDER + 2, 2 * ORDER + 3
+# A, B, C, D of K as it is sampled, D and columns of B for r_f and x.
+GIVEN = Slots(speed=1, rope_pole=1, a=ORDER * ORDER, b=2 * ORDER, c=ORDER, d=2)
+MEMORY = Slots(state=2 * ORDER, origin=2, begun=1)
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, set-points of velocity out."""
-    numbers, held = carray(parameters, (NUMBERS,)), carray(memory, (MEMORY,))
-    a = numbers[GAINS : GAINS + ORDER * ORDER].reshape((ORDER, ORDER))
-    b = numbers[GAINS + ORDER * ORDER : NUMBERS - ORDER - 2].reshape((ORDER, 2))
-    c, d = numbers[NUMBERS - ORDER - 2 : NUMBERS - 2], numbers[NUMBERS - 2 :]
-    speed, lean = numbers[SPEED], rope_direction(measured[ALPHA], measured[BETA])
+    """Take one sample; see `controller`. State and path in, set-points of velocity out."""
+    numbers, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
+    a = numbers[GIVEN.a : GIVEN.b].reshape((ORDER, ORDER))
+    b = numbers[GIVEN.b : GIVEN.c].reshape((ORDER, 2))
+    c, d = numbers[GIVEN.c : GIVEN.d], numbers[GIVEN.d :]
+    speed, lean = numbers[GIVEN.speed], rope_direction(measured[ALPHA], measured[BETA])
     for axis in range(2):
         joint = BRIDGE if axis == X else TROLLEY
-        if held[BEGUN] == 0.0:
-            held[ORIGIN + axis] = reference[axis]
-        asked = reference[axis] - held[ORIGIN + axis] + 3.0 * reference[VELOCITY + axis] / speed
+        if held[MEMORY.begun] == 0.0:
+            held[MEMORY.origin + axis] = reference[axis]
+        asked = reference[axis] - held[MEMORY.origin + axis] + 3.0 * reference[VELOCITY + axis] / speed
         asked += 3.0 * reference[ACCELERATION + axis] / speed**2 + reference[JERK + axis] / speed**3
-        load = measured[joint] + measured[ROPE] * lean[axis] - held[ORIGIN + axis]
-        state = held[STATE + ORDER * axis : STATE + ORDER * (axis + 1)]
+        load = measured[joint] + measured[ROPE] * lean[axis] - held[MEMORY.origin + axis]
+        state = held[MEMORY.state + ORDER * axis :][:ORDER]
         command[axis] = d[0] * asked + d[1] * load
         following = np.empty(ORDER)
         for i in range(ORDER):
@@ -61,8 +63,8 @@ def step(parameters, measured, reference, memory, command):
             for j in range(ORDER):
                 following[i] += a[i, j] * state[j]
         state[:] = following
-    held[BEGUN] = 1.0
-    command[Z] = -reference[VELOCITY + Z] - numbers[ROPE_POLE] * (measured[ROPE] + reference[Z])
+    held[MEMORY.begun] = 1.0
+    command[Z] = -reference[VELOCITY + Z] - numbers[GIVEN.rope_pole] * (measured[ROPE] + reference[Z])
     return 0
 
 
@@ -94,7 +96,7 @@ def generalised_plant(gain, speed, rho):
 
 @lru_cache
 def controller(gain, speed, rho):
-    """(K from (r, x) to the drive's velocity, its norm over the smallest), in units of sqrt(l/g) and l."""
+    """Return (K from (r, x) to the drive's velocity, its norm over the smallest), in sqrt(l/g) and l."""
     found = hinf_controller(
         generalised_plant(gain, speed, rho), 1, 2, name="two-degree-of-freedom", back_off=BACK_OFF
     )
@@ -104,15 +106,20 @@ def controller(gain, speed, rho):
 
 
 def prepare(nominal):
-    """Parameters and memory."""
+    """Return parameters and memory."""
     given = nominal.parameters
     k, _ = controller(*(float(given[name]) for name in ("gain", "speed", "rho")))
-    depths = -nominal.reference[:, Z]
-    w = sqrt(nominal.rig.gravity / (0.5 * (depths.min() + depths.max())))
-    slowed = control.ss(w * k.A, w * k.B, w * k.C, w * k.D)
-    sampled = control.sample_system(slowed, nominal.period, "tustin")
-    matrices = [matrix.ravel() for matrix in (sampled.A, sampled.B, sampled.C, sampled.D)]
-    return np.concatenate([[w * given["speed"], w * given["rope_pole"]], *matrices]), np.zeros(MEMORY)
+    w = sqrt(nominal.rig.gravity / middle_depth(nominal.reference))
+    sampled = slowed_and_sampled(k, w, nominal.period)
+    parameters = GIVEN.array(
+        speed=w * given["speed"],
+        rope_pole=w * given["rope_pole"],
+        a=sampled.A,
+        b=sampled.B,
+        c=sampled.C,
+        d=sampled.D,
+    )
+    return parameters, MEMORY.array()
 
 
 TWO_DOF = Controller(
@@ -120,6 +127,7 @@ TWO_DOF = Controller(
     title="H-infinity loop shaping with a prefilter that follows a model",
     step=step,
     prepare=prepare,
+    reads=("gravity", "path"),
     command="velocity",
     parameters=(
         Parameter("gain", 0.8, "sqrt(g/l)", "weight W_1 that shapes the loop", 1e-3, 1e3, search=(0.1, 3.0)),

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from cranectl.design import design_controller
 from cranectl.design.mixed_sensitivity import hinf_robustifier
 from cranectl.model.flatness import flat_output, slopes_from_angles
-from cranectl.reference import build_trajectory, load_scenario
+from cranectl.planning import load_scenario
+from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.support import resources
 from cranectl.support.jit import jit

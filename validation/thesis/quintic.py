@@ -14,7 +14,8 @@ import numpy as np
 
 from cranectl.design import design_controller
 from cranectl.design.linear_systems import inner_loop
-from cranectl.reference import build_trajectory, load_scenario
+from cranectl.planning import load_scenario
+from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cranectl.design import design_controller
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import resources

@@ -16,15 +16,7 @@ import numpy as np
 
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop
-from cranectl.controllers.observer import (
-    JOINTS,
-    POSITION,
-    VELOCITY,
-    Observer,
-    correct,
-    initial_estimate,
-    predict,
-)
+from cranectl.controllers.observer import EXPECTED, JOINTS, Observer, correct, initial_estimate, predict
 from cranectl.simulate.signal_path import Encoders, read_encoder
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
@@ -71,8 +63,8 @@ def observe_along(observer, encoders, states, commands, estimate, error):
         for joint in range(JOINTS):
             reading = read_encoder(encoders, k, joint, states[k, 2 * joint])
             correct(observer, joint, reading, estimate)
-            error[k, 2 * joint] = estimate[POSITION + joint] - states[k, 2 * joint]
-            error[k, 2 * joint + 1] = estimate[VELOCITY + joint] - states[k, 2 * joint + 1]
+            error[k, 2 * joint] = estimate[EXPECTED.position + joint] - states[k, 2 * joint]
+            error[k, 2 * joint + 1] = estimate[EXPECTED.velocity + joint] - states[k, 2 * joint + 1]
         if k < len(commands):
             predict(observer, commands[k], estimate)
 

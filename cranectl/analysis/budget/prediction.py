@@ -40,7 +40,7 @@ from cranectl.analysis.budget.propagation import (
     plant_errors,
     propagate,
 )
-from cranectl.analysis.budget.trajectory_loop import STRUCTURE, Nominal, TrajectoryLoop
+from cranectl.analysis.budget.trajectory_loop import STRUCTURE, LinearisedRun, TrajectoryLoop
 from cranectl.analysis.ladder import Size, size_of
 from cranectl.controllers.observer import Observer, make_observer
 from cranectl.controllers.registry import only_flat
@@ -52,12 +52,12 @@ LEVELS = (
     "sampled", "engine", "servos", "limits", "observer", "noise", "quantisation", "delay",
     *STRUCTURE, "friction",
 )  # fmt: skip
-ROUNDING = 2e-12  # [m], of runs of the engine with its huge inertias
+ENGINE_ROUNDING = 2e-12  # [m], of runs of the engine with its huge inertias
 REPETITIONS = 4
 REPEATED = ("limits", "observer", "delay")  # effects that depend on the motion
 SETTLED = 0.05  # last change of the repetition over the whole deviation
 HOLD_TAIL = 0.25  # next term of the hold's expansion over the one that repetition adds
-CONFIDENCE = 1e-6  # probability that noise exceeds its bound anywhere
+EXCEEDANCE_PROBABILITY = 1e-6  # probability that noise exceeds its bound anywhere
 PHASES = 5  # of the encoders' steps, over which quantisation is averaged
 
 
@@ -72,7 +72,7 @@ class Prediction:
     above: str = ""  # the lower level, if any, that is too large for a first order
 
 
-def predict_levels(nominal: Nominal) -> Iterator[Prediction]:
+def predict_levels(nominal: LinearisedRun) -> Iterator[Prediction]:
     """Every level's prediction, in the order of LEVELS; none of them is run for it.
 
     Above a level that is too large for a first order no bound is known either: the motion is not. The first
@@ -103,7 +103,7 @@ def predict_levels(nominal: Nominal) -> Iterator[Prediction]:
                 other += coarse * size_of(path.deviation.load).max
                 bound = _bound(size.max, _left(path, higher), other)
             else:
-                bound = ROUNDING
+                bound = ENGINE_ROUNDING
             yield Prediction(level, size, np.inf if lost else bound, load, above=lost)
             lost = lost or (level if bound == np.inf else "")
             path = higher
@@ -123,7 +123,7 @@ def _beside(prediction: Prediction, path: _Path, lost: str) -> Prediction:
     return replace(prediction, bound=np.inf if lost else prediction.bound + 2.0 * path.change, above=lost)
 
 
-def _find_path(nominal: Nominal, effects: tuple[str, ...], start: Deviation) -> _Path:
+def _find_path(nominal: LinearisedRun, effects: tuple[str, ...], start: Deviation) -> _Path:
     """The motion under `effects` with its higher orders; `start` is the first guess."""
     deviation, ports, change = _find_motion(nominal, effects, start)
     loop, delay = _loop(nominal, effects), _delay(nominal, effects)
@@ -132,7 +132,7 @@ def _find_path(nominal: Nominal, effects: tuple[str, ...], start: Deviation) -> 
 
 
 def _find_motion(
-    nominal: Nominal, effects: tuple[str, ...], start: Deviation
+    nominal: LinearisedRun, effects: tuple[str, ...], start: Deviation
 ) -> tuple[Deviation, Ports, float]:
     """The motion under `effects`, each taken on the motion itself, their signals, and the last change [m]."""
     loop, delay = _loop(nominal, effects), _delay(nominal, effects)
@@ -157,20 +157,20 @@ def _left(below: _Path, path: _Path) -> float:
     second, third = size_of(path.second - below.second).max, size_of(path.third - below.third).max
     whole = size_of(path.second).max
     settled = path.change <= SETTLED * size_of(path.deviation.load).max
-    if not settled or size_of(path.third).max > max(0.5 * whole, ROUNDING):
+    if not settled or size_of(path.third).max > max(0.5 * whole, ENGINE_ROUNDING):
         return np.inf
     return second + 2.0 * third
 
 
-def _loop(nominal: Nominal, effects: tuple[str, ...]) -> TrajectoryLoop:
+def _loop(nominal: LinearisedRun, effects: tuple[str, ...]) -> TrajectoryLoop:
     return nominal.driven(*effects) if "servos" in effects else nominal.loop
 
 
-def _delay(nominal: Nominal, effects: tuple[str, ...]) -> int:
+def _delay(nominal: LinearisedRun, effects: tuple[str, ...]) -> int:
     return round(nominal.effects.delay.seconds / nominal.loop.period) if "delay" in effects else 0
 
 
-def _join(nominal: Nominal, effects: tuple[str, ...], loop: TrajectoryLoop, on: Deviation) -> Ports:
+def _join(nominal: LinearisedRun, effects: tuple[str, ...], loop: TrajectoryLoop, on: Deviation) -> Ports:
     """All `effects` on the motion `on`: their signals together."""
     if "servos" not in effects:
         return integrator_error(nominal.run, loop)
@@ -189,10 +189,10 @@ def _join(nominal: Nominal, effects: tuple[str, ...], loop: TrajectoryLoop, on: 
 
 def _bound(estimate: float, left: float, other: float) -> float:
     """Of a deviation estimated to first order, what that leaves out, and twice any `other` doubt [m]."""
-    return float(estimate + left + 2.0 * other + ROUNDING)
+    return float(estimate + left + 2.0 * other + ENGINE_ROUNDING)
 
 
-def _predict_hold(nominal: Nominal) -> Prediction:
+def _predict_hold(nominal: LinearisedRun) -> Prediction:
     """The nominal run less the continuous-time ideal; the rest of the hold's expansion is left out too."""
     run, loop = nominal.run, nominal.loop
     ports = hold_error(run, loop)
@@ -210,7 +210,7 @@ def _predict_hold(nominal: Nominal) -> Prediction:
 
 
 def _bound_friction(
-    nominal: Nominal, effects: tuple[str, ...], below: _Path, higher: _Path, other: float
+    nominal: LinearisedRun, effects: tuple[str, ...], below: _Path, higher: _Path, other: float
 ) -> float:
     """Largest deviation by any course of friction within its limits.
 
@@ -242,7 +242,7 @@ def noisy(sensing: Sensing) -> Sensing:
     return sensing.model_copy(update={"position_resolution": (0.0, 0.0, 0.0), "angle_resolution": 0.0})
 
 
-def measured_error(nominal: Nominal, encoders: Encoders, on: Deviation) -> Array:
+def measured_error(nominal: LinearisedRun, encoders: Encoders, on: Deviation) -> Array:
     """Measured minus true joints (N, 10) with `encoders` and the observer on the motion `on`."""
     run = nominal.run
     states = run.block("state") + on.state[:, :10]
@@ -250,7 +250,7 @@ def measured_error(nominal: Nominal, encoders: Encoders, on: Deviation) -> Array
     return observed_error(_observer(nominal), encoders, states, commands)
 
 
-def _observer(nominal: Nominal) -> Observer:
+def _observer(nominal: LinearisedRun) -> Observer:
     return make_observer(
         nominal.effects.sensing.observer_bandwidth,
         period=nominal.loop.period,
@@ -258,7 +258,7 @@ def _observer(nominal: Nominal) -> Observer:
     )
 
 
-def predict_noise(nominal: Nominal) -> Prediction:
+def predict_noise(nominal: LinearisedRun) -> Prediction:
     """White noise through estimator and loop; its largest is that of the loop's independent values."""
     run, loop, sensing = nominal.run, nominal.driven(), nominal.effects.sensing
     deviations = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
@@ -271,16 +271,16 @@ def predict_noise(nominal: Nominal) -> Prediction:
         max=deviation * float(np.sqrt(2.0 * np.log(independent))),
         final=float(np.sqrt(power[-1])),
     )
-    bound = deviation * float(np.sqrt(2.0 * np.log(6.0 * samples / CONFIDENCE)))
+    bound = deviation * float(np.sqrt(2.0 * np.log(6.0 * samples / EXCEEDANCE_PROBABILITY)))
     return Prediction("noise", size, bound, np.zeros((samples, 3)))
 
 
-def predict_quantisation(nominal: Nominal, motion: Deviation) -> Prediction:
+def predict_quantisation(nominal: LinearisedRun, motion: Deviation) -> Prediction:
     """Steps along the predicted motion, averaged over where the steps of the drives' encoders lie.
 
     An error of at most half a step, of the spectrum that this motion gives it: nearly white when fast, a
     constant at rest. Where the drives come to rest is not known to a step; the angles rest where theirs count
-    from. The bound is the worst pattern of such errors.
+    from. Each size is a root mean square over those cases. The bound is the worst pattern of such errors.
     """
     run, loop, sensing = nominal.run, nominal.driven(), nominal.effects.sensing
     stepped, smooth = (make_encoders(s, len(run.time_ns)) for s in (sensing, noisy(sensing)))
@@ -295,8 +295,8 @@ def predict_quantisation(nominal: Nominal, motion: Deviation) -> Prediction:
         ports.measured[:] = measured_error(nominal, stepped, shifted) - without
         square = np.square(propagate(loop, ports).load).sum(axis=1)
         power += square / PHASES
-        largest += float(np.sqrt(square.max())) / PHASES
-    size = Size(float(np.sqrt(power.mean())), largest, float(np.sqrt(power[-1])))
+        largest += square.max() / PHASES
+    size = Size(float(np.sqrt(power.mean())), float(np.sqrt(largest)), float(np.sqrt(power[-1])))
     estimator = linear_estimator(_observer(nominal))
     amplitudes = np.tile(0.5 * stepped.resolution, (loop.samples - 1, 1))
     worst = worst_case(loop, amplitudes, ENCODER_INSTANTS, estimator=estimator).max(axis=0)

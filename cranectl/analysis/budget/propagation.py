@@ -16,7 +16,7 @@ from cranectl.simulate import Run, tracker_of
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-ROUNDS = 4  # in which axes that stick settle what each has to hold
+STICKING_ROUNDS = 4  # in which axes that stick settle what each has to hold
 
 
 class Ports(NamedTuple):
@@ -97,7 +97,7 @@ def add_friction(loop, friction, k, deviation, coulomb):
         coulomb[joint] = 0.0
         rate = friction.rates[k, joint] + deviation.state[k, 2 * joint + 1]
         add_input(loop, k, joint, -friction.viscous[k, joint] * rate, deviation)
-    for _ in range(ROUNDS):
+    for _ in range(STICKING_ROUNDS):
         for joint in range(5):
             rate = friction.rates[k + 1, joint] + deviation.state[k + 1, 2 * joint + 1]
             limit, before = friction.coulomb[k, joint], coulomb[joint]

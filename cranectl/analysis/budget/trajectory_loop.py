@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers.flat import Tracker
 from cranectl.controllers.registry import flat_design, only_flat
-from cranectl.design import Design
 from cranectl.design.discretisation import diagonal
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
+from cranectl.plants.capabilities import lacking
 from cranectl.plants.dop853 import STAGES
 from cranectl.plants.elastic.crane import (
     ElasticCrane,
@@ -36,9 +36,9 @@ from cranectl.plants.elastic.crane import (
     set_damping,
 )
 from cranectl.plants.elastic.step import advance_state
-from cranectl.plants.plant import Drive
+from cranectl.plants.registry import plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import NO_EFFECTS, EffectNumbers
+from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, EffectNumbers
 from cranectl.signals import ROPE
 from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run, tracker_of
 from cranectl.simulate.actuation import make_actuation
@@ -46,12 +46,17 @@ from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
 EXTENSION, ROBUSTIFIER = 3, 5  # places in X after the plant's states, which w follows
-DIFFERENCE = 1e-6  # half width of the central differences, SI units
-STRUCTURE = ("rope", "body", "wind", "frame")  # effects that change the equations of motion
-STRIDE = 4  # samples that share one linearisation of the crane as it is built; a rope moves little in them
+DIFFERENCE_STEP = 1e-6  # half width of the central differences, SI units
+# Effects that change the equations of motion of the crane as it is built.
+STRUCTURE = tuple(
+    name for name, kind in EFFECTS.items() if kind.is_structural and not lacking(plant_entry("elastic"), name)
+)
+LINEARISATION_STRIDE = (
+    4  # samples that share one linearisation of the crane as it is built; a rope moves little in them
+)
 
 
-class Plant(NamedTuple):
+class SteppedPlant(NamedTuple):
     """The crane as it is built, or without it the analytic plant."""
 
     rig: AnalyticRig
@@ -64,7 +69,7 @@ class Plant(NamedTuple):
 class TrajectoryLoop(NamedTuple):
     """N samples of a run, linearised; p states of the plant that move, n = p + 5 + 3 robustifier states."""
 
-    plant: Plant | None  # None for kernels, see `matrices`
+    plant: SteppedPlant | None  # None for kernels, see `matrices`
     kept: NDArray[np.intp]  # (p,) states of the plant that move
     states: Array  # (N, 10 or 22) nominal
     commands: Array  # (N - 1, 3) nominal: accelerations for ideal drives, else velocities
@@ -104,12 +109,13 @@ class TrajectoryLoop(NamedTuple):
 
 @jit
 def step_plant(plant, crane, state, command, disturbance, wind):
-    """One control period of `state` in place; `crane` is that of `plant`, distinguished at compile time."""
+    """Advance `state` by one control period; `crane` is that of `plant`, distinguished at compile time."""
+    drives = (command[0], command[1], command[2])  # as a run has them, so that its kernels serve here too
     if crane is None:
         for _ in range(plant.rig.substeps):
-            integrate(plant.rig, state, command, disturbance, wind, plant.stages, plant.stage_state)
+            integrate(plant.rig, state, drives, disturbance, wind, plant.stages, plant.stage_state)
     else:
-        advance_state(crane, state, command, disturbance, wind, plant.work)
+        advance_state(crane, state, drives, disturbance, wind, plant.work)
 
 
 @jit
@@ -123,15 +129,15 @@ def linearise_plant(plant, kept, states, commands, disturbances, winds, stride, 
         for c in range(p + 5):
             column = kept[c] if c < p else size + c - p
             middle = port[column]
-            port[column] = middle + DIFFERENCE
+            port[column] = middle + DIFFERENCE_STEP
             above[:] = port[:size]
             step_plant(plant, plant.crane, above, port[size : size + 3], port[size + 3 :], winds[k])
-            port[column] = middle - DIFFERENCE
+            port[column] = middle - DIFFERENCE_STEP
             below[:] = port[:size]
             step_plant(plant, plant.crane, below, port[size : size + 3], port[size + 3 :], winds[k])
             port[column] = middle
             for i in range(p):
-                slope = (above[kept[i]] - below[kept[i]]) / (2.0 * DIFFERENCE)
+                slope = (above[kept[i]] - below[kept[i]]) / (2.0 * DIFFERENCE_STEP)
                 if c < p:
                     by_state[m, i, c] = slope
                 elif c < p + 3:
@@ -152,24 +158,24 @@ def step_defect(plant, kept, states, commands, disturbances, winds, following, d
 
 
 def linearise_run(
-    run: Run, *, crane: ElasticCrane | None = None, winds: Array | None = None, drive: Drive = "ideal"
+    run: Run, *, crane: ElasticCrane | None = None, winds: Array | None = None
 ) -> TrajectoryLoop:
     """Linearise the loop along `run`, one of the analytic plant with ideal drives.
 
-    The loop's plant: `crane` in the air `winds` (N, 6), or the analytic one with `drive`.
+    The loop's plant: `crane` with velocity drives in the air `winds` (N, 6), or that of the run.
     """
     tracker, period = tracker_of(run.scenario, only_flat(run.design)), run.scenario.period_ns / NANOSECONDS
-    samples, velocity = len(run.time_ns), crane is not None or drive == "velocity"
+    samples, velocity = len(run.time_ns), crane is not None
     joints, inputs = np.ascontiguousarray(run.block("state")), run.block("input")
     commands = np.ascontiguousarray(inputs[:-1, 3:] if velocity else inputs[:-1, :3])
     disturbances = np.ascontiguousarray(run.block("disturbance")[:-1])
     states, kept, stride = joints, np.arange(10), 1
     if crane is not None:
         states, kept = hanging_states(crane, joints, run.tension), crane.places
-        stride = STRIDE
+        stride = LINEARISATION_STRIDE
     p, rows = len(kept), max(samples - 1, 0)
-    plant = Plant(
-        rig=analytic_rig(run, drive),
+    plant = SteppedPlant(
+        rig=analytic_rig(run),
         crane=crane,
         work=make_work(),
         stages=np.zeros((STAGES, 10)),
@@ -206,15 +212,15 @@ def _load_derivatives(
         return None, np.zeros((len(states), 3))
     load = np.zeros((len(states), 3, len(kept)))
     for column, place in enumerate(kept):
-        shift = DIFFERENCE * np.eye(states.shape[1])[place]
+        shift = DIFFERENCE_STEP * np.eye(states.shape[1])[place]
         change = load_positions(crane, states + shift) - load_positions(crane, states - shift)
-        load[:, :, column] = change / (2.0 * DIFFERENCE)
+        load[:, :, column] = change / (2.0 * DIFFERENCE_STEP)
     return load, load_positions(crane, states) - run.load_position
 
 
-def analytic_rig(run: Run, drive: Drive = "ideal") -> AnalyticRig:
-    """Constants of the analytic plant of a run."""
-    plant = make_plant("analytic", run.scenario, drive)
+def analytic_rig(run: Run) -> AnalyticRig:
+    """Return the constants of the analytic plant of a run with ideal drives."""
+    plant = make_plant("analytic", run.scenario, "ideal")
     assert isinstance(plant, AnalyticPlant)
     return plant.rig
 
@@ -230,22 +236,22 @@ def linearise_law(gravity, states, extensions, virtual, flat_by, input_by, input
         port[:10], port[10:12], port[12:] = states[k], extensions[k], virtual[k]
         for column in range(15):
             middle = port[column]
-            port[column] = middle + DIFFERENCE
+            port[column] = middle + DIFFERENCE_STEP
             flat_output(port[:10], port[10], port[11], gravity, above)
             high = linearising_input(port[:10], port[10], port[11], port[12], port[13], port[14], gravity)
-            port[column] = middle - DIFFERENCE
+            port[column] = middle - DIFFERENCE_STEP
             flat_output(port[:10], port[10], port[11], gravity, below)
             low = linearising_input(port[:10], port[10], port[11], port[12], port[13], port[14], gravity)
             port[column] = middle
             for i in range(3):
-                slope = (high[i] - low[i]) / (2.0 * DIFFERENCE)
+                slope = (high[i] - low[i]) / (2.0 * DIFFERENCE_STEP)
                 if column < 12:
                     input_by[k, i, column] = slope
                 else:
                     input_by_virtual[k, i, column - 12] = slope
             if column < 12:
                 for i in range(12):
-                    flat_by[k, i, column] = (above[i] - below[i]) / (2.0 * DIFFERENCE)
+                    flat_by[k, i, column] = (above[i] - below[i]) / (2.0 * DIFFERENCE_STEP)
 
 
 def law_rows(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array, Array]:
@@ -275,14 +281,14 @@ def law_rows(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array, Array]:
 def dense_robustifier(tracker: Tracker) -> tuple[Array, Array, Array]:
     """One axis's sampled robustifier as dense (A, b, c)."""
     return (
-        diagonal(tracker.state_matrix),
-        np.ascontiguousarray(tracker.input_matrix.ravel()),
-        np.ascontiguousarray(tracker.output_matrix.ravel()),
+        diagonal(tracker.state_matrix.reshape(-1, 2, 2)),
+        tracker.input_matrix,
+        tracker.output_matrix,
     )
 
 
 @dataclass(frozen=True)
-class Nominal:
+class LinearisedRun:
     """The nominal run, linearised."""
 
     run: Run
@@ -304,17 +310,8 @@ class Nominal:
         return self._driven[structure]
 
 
-def nominal_run(scenario: Scenario, controller: str | None = None) -> Nominal:
-    """Run and linearise the sampled ideal of `scenario`."""
+def nominal_run(scenario: Scenario, controller: str | None = None) -> LinearisedRun:
+    """Run and linearise the sampled ideal of `scenario`: the analytic plant, ideal drives and no effects."""
     design = flat_design(controller or scenario.controller.name, scenario)
-    return linearised(ideal_run(scenario, design), scenario)
-
-
-def ideal_run(scenario: Scenario, design: Design) -> Run:
-    """The sampled ideal: the analytic plant with ideal drives and no effects."""
-    return simulate_run(replace_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
-
-
-def linearised(ideal: Run, scenario: Scenario) -> Nominal:
-    """The ideal run of `scenario` with its loop and effects."""
-    return Nominal(ideal, linearise_run(ideal), assumed_effects(scenario))
+    run = simulate_run(replace_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
+    return LinearisedRun(run, linearise_run(run), assumed_effects(scenario))

@@ -29,16 +29,18 @@ from cranectl.analysis.certificate.nu_gap import (
 )
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.systems import RESOLUTION
-from cranectl.controllers.controller import LawDesign, LinearLaw
-from cranectl.controllers.registry import load_controller, only_flat
-from cranectl.design import Design
+from cranectl.controllers.controller import LinearLaw
+from cranectl.controllers.registry import controller_of, only_flat
+from cranectl.design import ControllerDesign
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import linearised_law, tracker_of
+from cranectl.support.consistency import check_ascending
 from cranectl.support.errors import InputError
 
 MOST_DELAY_SAMPLES = 300  # a point takes 2 s then, and no controller here bears half as much
+UNIT_ROUNDING = 1e-9  # of a distance or margin that lies between zero and one
 CAUTION = 2.0 * RESOLUTION  # gap and margin are each found to within the resolution of the grid
 
 # gap: nu-gap below b; by frequency: distance below margin at each frequency.
@@ -49,7 +51,7 @@ Grade = Literal["gap", "by frequency", "refused"]
 class NominalLoop:
     """What a controller's plants are compared with."""
 
-    design: Design | LawDesign
+    design: ControllerDesign
     opening: Opening
     graph: Graph  # of the design model
     margin: CoprimeMargin
@@ -63,7 +65,7 @@ class NominalLoop:
         self, scenario: Scenario, point: OperatingPoint, drive: Drive, plant: MujocoPlant | None = None
     ) -> LinearPlant:
         """The plant of `scenario`, or another, frozen at `point`, as this controller sees it."""
-        return linear_plant(scenario, point, drive, plant=plant, flat=isinstance(self.design, Design))
+        return linear_plant(scenario, point, drive, plant=plant, flat=self.design.axis_design is not None)
 
     def close(self, plant: LinearPlant) -> InnerLoop:
         """A linear plant under the design's state feedback."""
@@ -118,6 +120,14 @@ class PointVerdict:
     grade: Grade
     left: float  # of the margin: by the gap or, where that decides nothing, at the worst frequency
     closed_loop_radius: float  # largest modulus of the poles of the true linear loop
+
+    def __post_init__(self) -> None:
+        """Raise InconsistentError for margins and gaps that contradict each other, or the poles."""
+        for name, value in (("the margin", self.margin), ("the nu-gap", self.gap)):
+            check_ascending(("zero", 0.0), (name, value), ("one", 1.0), rounding=UNIT_ROUNDING)
+        check_ascending(("what is left of the margin", self.left), ("the margin", self.margin))
+        if self.certified:
+            check_ascending(("the largest pole of a certified loop", self.closed_loop_radius), ("one", 1.0))
 
     @property
     def certified(self) -> bool:
@@ -191,7 +201,7 @@ def worst_of(points: Sequence[PointVerdict]) -> PointVerdict:
 
 def make_nominal_loops(
     scenario: Scenario,
-    design: Design | LawDesign,
+    design: ControllerDesign,
     points: Sequence[OperatingPoint],
     opened_at: str | None = None,
 ) -> dict[float, NominalLoop]:
@@ -201,9 +211,9 @@ def make_nominal_loops(
     InputError for a law that has none, for points at which it says nothing, and as `make_nominal_loop`.
     """
     lengths = list(dict.fromkeys(point.rope_length for point in points))
-    if isinstance(design, Design):
+    if design.axis_design is not None:
         return dict.fromkeys(lengths, make_nominal_loop(scenario, design, opened_at))
-    law = load_controller(design.name)
+    law = controller_of(design)
     if law.linearise is None or (law.command, law.measures, law.every) != ("acceleration", "state", 1):
         raise InputError(
             f"'{design.name}' has no linear design of one axis, from state to acceleration once a period",
@@ -223,7 +233,7 @@ def make_nominal_loops(
 
 def make_nominal_loop(
     scenario: Scenario,
-    design: Design | LawDesign,
+    design: ControllerDesign,
     opened_at: str | None = None,
     linear: LinearLaw | None = None,
 ) -> NominalLoop:
@@ -264,7 +274,7 @@ def certify(
     `nominal_loops`: by rope length, see `make_nominal_loops`. Raises InputError for force drives, whose loop
     is not linearised.
     """
-    if drive == "force":
+    if DRIVES[drive].command == "force":
         raise InputError(
             "a certificate of force drives",
             allowed="ideal or velocity drives",

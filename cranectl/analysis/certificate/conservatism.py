@@ -12,7 +12,7 @@ from cranectl.analysis.certificate.certify import NominalLoop
 from cranectl.analysis.certificate.linear_plant import run_plant
 from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_radius
 from cranectl.analysis.certificate.operating_points import OperatingPoint
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario
 
 MOST_DELAY = 0.3  # [s]
@@ -22,7 +22,7 @@ LAG_STEP = 1e-3  # [s]
 
 
 @dataclass(frozen=True)
-class Limits:
+class LargestValues:
     """The largest values certified and survived at one point; None where not even the scenario's are.
 
     What is survived beyond the end of the search, `MOST_DELAY` or further `MOST_LAG`, counts as that.
@@ -40,7 +40,9 @@ class Limits:
         return {**fields.pop("point"), **fields}
 
 
-def find_limits(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint, drive: Drive) -> Limits:
+def find_limits(
+    nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint, drive: Drive
+) -> LargestValues:
     """Raise delay, then lag, at `point`; the other stays as in `scenario`."""
     plant = nominal_loop.plant(scenario, point, drive)
 
@@ -59,9 +61,9 @@ def find_limits(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingP
         return [certified, last_good(lambda k: stable(loop(k)), first, most)]
 
     delays = both(delayed, plant.delay, round(MOST_DELAY / nominal_loop.period))
-    lags = both(lagging, 0, round(MOST_LAG / LAG_STEP)) if drive == "velocity" else [None, None]
+    lags = both(lagging, 0, round(MOST_LAG / LAG_STEP)) if DRIVES[drive].is_servo else [None, None]
     slowest = float(scenario.rig.time_constants.max())
-    return Limits(
+    return LargestValues(
         point,
         *(None if k is None else round(k * nominal_loop.period, 9) for k in delays),
         *(None if k is None else round(slowest + k * LAG_STEP, 9) for k in lags),

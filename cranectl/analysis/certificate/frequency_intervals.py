@@ -17,14 +17,14 @@ from cranectl.support.arrays import Array
 
 NEAR_AXIS = 1e-6  # an eigenvalue counts as imaginary if its real part is below this part of its modulus
 OVERLAP = 1e-7  # of neighbouring intervals, in parts of the angle: what an eigenvalue may be wrong by
-SHORTEST = 1e-5  # intervals shorter than this part of the angle are given up
-LOWEST = 1e-12  # [rad/sample]
+MIN_INTERVAL = 1e-5  # intervals shorter than this part of the angle are given up
+MIN_ANGLE = 1e-12  # [rad/sample]
 GOOD_PART = 0.25  # of an interval that must be proven at once, unless it reaches the next grid point
 MOST_INTERVALS = 1000
 WINDOW = 32  # grid points that an interval is tried with first
 
 
-class Bounded(NamedTuple):
+class GridBounds(NamedTuple):
     """Upper bounds of the structured singular value on a grid."""
 
     angles: Array  # (k,) from 0 to pi [rad/sample]
@@ -33,7 +33,7 @@ class Bounded(NamedTuple):
     values: Array  # (k,)
 
 
-def first_gap(system: SampledSystem, bounds: Bounded, level: Callable[[Array], Array]) -> float | None:
+def first_gap(system: SampledSystem, bounds: GridBounds, level: Callable[[Array], Array]) -> float | None:
     """None if the structured singular value is proven below `level` at every frequency, else where it is not.
 
     `level`: of angles (k,), positive and nowhere increasing; `system`: stable.
@@ -52,7 +52,7 @@ def first_gap(system: SampledSystem, bounds: Bounded, level: Callable[[Array], A
             if end >= bounds.angles[first] or end - start >= GOOD_PART * (target - start):
                 break
             target = start + 0.5 * (target - start)
-            if target - start < max(SHORTEST * start, LOWEST):
+            if target - start < max(MIN_INTERVAL * start, MIN_ANGLE):
                 return target
         if end == np.pi:
             return None
@@ -107,7 +107,7 @@ def _crossings(continuous: SampledSystem, level: float) -> Array | None:
     return np.sort(2.0 * np.arctan(np.abs(eigenvalues.imag[imaginary])))
 
 
-def _longest_interval(bounds: Bounded, allowed: Array, first: int) -> tuple[int, Array]:
+def _longest_interval(bounds: GridBounds, allowed: Array, first: int) -> tuple[int, Array]:
     """(last grid point, scaling) such that from `first` to it all norms lie below what is allowed there.
 
     The last point is before `first` if there is none.
@@ -121,7 +121,7 @@ def _longest_interval(bounds: Bounded, allowed: Array, first: int) -> tuple[int,
     return best, scaling
 
 
-def _reach(bounds: Bounded, allowed: Array, first: int, scaling: Array) -> int:
+def _reach(bounds: GridBounds, allowed: Array, first: int, scaling: Array) -> int:
     """The last point up to which all norms with `scaling` lie below what is allowed at that point."""
     last, high, width = first - 1, 0.0, WINDOW
     while last + 1 < len(allowed):

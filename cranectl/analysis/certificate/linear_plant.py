@@ -20,11 +20,10 @@ import numpy as np
 
 from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint, equilibrium, step_at
 from cranectl.analysis.certificate.systems import SampledSystem, differences
-from cranectl.controllers.flat import ZETA, Tracker, inner_law
+from cranectl.controllers.flat import MEMORY, Tracker, inner_law
 from cranectl.controllers.observer import (
-    DISTURBANCE,
+    EXPECTED,
     JOINTS,
-    MEMORY,
     Observer,
     correct,
     initial_estimate,
@@ -36,41 +35,25 @@ from cranectl.model.dynamics import angular_accelerations
 from cranectl.model.flatness import flat_output
 from cranectl.plants.mujoco.linearisation import Anchor, change_since, coordinates, put
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario
-from cranectl.scenario.effects import EffectSettings
+from cranectl.scenario.effects import EFFECTS, EffectSettings
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY
 from cranectl.simulate import make_plant, tracker_of
 from cranectl.simulate.actuation import Actuation, actuate, make_actuation
 from cranectl.support.arrays import Array
 
-NONE = (0.0, 0.0, 0.0)
+
+def _names(effect: str, settings: Sequence[str]) -> list[str]:
+    return [f"{effect}.{setting}" if setting else effect for setting in settings]
 
 
-def plant_effects(effects: EffectSettings) -> EffectSettings:
-    """What of `effects` makes the MuJoCo plant another linear plant.
-
-    Rope, taut; body; frame; viscous friction; drag at the mean wind. Delay and the observer belong to the
-    computer, see `linear_plant`.
-    """
-    friction, wind = effects.friction, effects.wind
-    return EffectSettings(
-        rope=effects.rope,
-        body=effects.body,
-        frame=effects.frame,
-        friction=friction and friction.model_copy(update={"coulomb": NONE, "pivot_coulomb": 0.0}),
-        wind=wind and wind.model_copy(update={"gust": 0.0}),
-    )
-
-
-LINEAR = (
-    "delay", "rope", "body", "frame",
-    "sensing.observer_bandwidth", "friction.viscous", "friction.pivot_viscous", "wind.mean",
-)  # fmt: skip
-NOT_LINEAR = (
-    "limits", "sensing.position_resolution", "sensing.angle_resolution", "sensing.position_noise",
-    "sensing.angle_noise", "friction.coulomb", "friction.pivot_coulomb", "wind.gust", "installation",
-)  # fmt: skip
+# What enters, whole effects first, and what is left out.
+LINEAR = sorted(
+    (each for name, kind in EFFECTS.items() for each in _names(name, kind.linear)),
+    key=lambda name: "." in name,
+)
+NOT_LINEAR = [each for name, kind in EFFECTS.items() for each in _names(name, kind.nonlinear)]
 
 
 def present(effects: EffectSettings, names: Sequence[str]) -> list[str]:
@@ -124,7 +107,7 @@ def linear_plant(
 ) -> LinearPlant:
     """Linearise the MuJoCo plant of `scenario` with its tracker at `point`, or another `plant`.
 
-    Of the effects, those of `plant_effects`, delay and the observer are taken into account. Not `flat`:
+    Of the effects, their linear part, delay and the observer are taken into account. Not `flat`:
     without the linearising law, for any other.
     """
     plant = plant or run_plant(scenario, drive)
@@ -145,7 +128,8 @@ def linear_plant(
     at = np.concatenate([held.joints, memory, held.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
     law_matrix = differences(law, at, steps)
-    kept = [k for k in range(len(memory)) if drive == "velocity" or not SETPOINT <= k < ESTIMATE]
+    set_points = range(SETPOINT, ESTIMATE) if DRIVES[drive].command != "velocity" else ()
+    kept = [k for k in range(len(memory)) if k not in set_points]
     whole = _joined(crane_matrix, law_matrix, len(memory), kept)
     return LinearPlant(
         system=whole if flat else _horizontal(whole),
@@ -157,7 +141,7 @@ def linear_plant(
 
 def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
     """The MuJoCo plant of `scenario` with the linear part of its effects."""
-    effects = plant_effects(scenario.effects)
+    effects = scenario.effects.linear_part
     plant = make_plant("mujoco", scenario.model_copy(update={"effects": effects}), drive)
     assert isinstance(plant, MujocoPlant)
     return plant
@@ -197,7 +181,7 @@ def _without_unseen(matrix: Array) -> Array:
 
 def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> Array:
     memory = np.zeros(ESTIMATE)
-    memory[ZETA], memory[SETPOINT:ESTIMATE] = held.zeta, command
+    memory[MEMORY.zeta], memory[SETPOINT:ESTIMATE] = held.zeta, command
     if observer is None:
         return memory
     joints, estimate = held.joints, initial_estimate(held.joints)
@@ -205,7 +189,7 @@ def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> 
     fall = angular_accelerations(
         joints[ROPE], joints[ROPE_RATE], joints[ALPHA], 0.0, joints[BETA], 0.0, 0.0, 0.0, observer.gravity
     )  # fmt: skip
-    estimate[DISTURBANCE + 3 : DISTURBANCE + JOINTS] = -np.array(fall)
+    estimate[EXPECTED.disturbance + 3 : EXPECTED.disturbance + JOINTS] = -np.array(fall)
     return np.concatenate([memory, estimate])
 
 
@@ -216,8 +200,8 @@ def _law_function(
 
     Without a tracker v is what is commanded, and the joints (10) take the place of the flat state.
     """
-    size = ESTIMATE + (0 if observer is None else MEMORY)
-    first = 0 if drive == "ideal" else 3
+    size = ESTIMATE + (0 if observer is None else EXPECTED.size)
+    first = DRIVES[drive].column or 0
 
     def law(values: Array) -> Array:
         joints, memory, v = values[:10].copy(), values[10 : 10 + size].copy(), values[10 + size :]
@@ -230,7 +214,7 @@ def _law_function(
         if tracker is None:
             given[:3] = v
         else:
-            flat_output(joints, memory[ZETA], memory[ZETA + 1], tracker.gravity, flat)
+            flat_output(joints, memory[MEMORY.zeta], memory[MEMORY.zeta + 1], tracker.gravity, flat)
             inner_law(tracker, joints, memory, v, given[:3])
         actuate(actuation._replace(velocity=memory[SETPOINT:ESTIMATE]), given)
         if observer is not None:

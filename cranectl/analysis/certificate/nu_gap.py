@@ -23,9 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cranectl.analysis.certificate.systems import (
-    LOWEST,
+    GRID_START,
     Complex,
-    Samples,
+    GridSamples,
     sample,
     starting_grid,
 )
@@ -65,12 +65,12 @@ def nu_gap(first: Graph, second: Graph) -> NuGap:
     if (np.abs(np.abs(poles) - 1.0) < ON_CIRCLE).any():
         return NuGap(1.0, 0.0, None)
 
-    def compare(angles: Array) -> Samples:
+    def compare(angles: Array) -> GridSamples:
         z = np.exp(1j * angles)
         g_1, g_2 = first.response(z), second.response(z)
         q_1, q_2 = orthonormal(g_1), orthonormal(g_2)
         determinant = np.linalg.det(_hermitian(g_2) @ g_1)
-        return Samples(distance(q_1, q_2), np.stack([q_1, q_2], axis=1), determinant)
+        return GridSamples(distance(q_1, q_2), np.stack([q_1, q_2], axis=1), determinant)
 
     angles, samples, resolved = sample(starting_grid(poles), compare)
     turn = np.angle(samples.determinant[1:] * np.conj(samples.determinant[:-1])).sum()
@@ -119,14 +119,14 @@ def coprime_margin(plant: Graph, controller: Response, poles: Complex) -> Coprim
     no closer than at the lowest point of the grid. 0 where the grid cannot resolve the loop.
     """
 
-    def evaluate(angles: Array) -> Samples:
+    def evaluate(angles: Array) -> GridSamples:
         z = np.exp(1j * angles)
         across, graph = complement(controller(z)), orthonormal(plant.response(z))
         bases = np.stack([across, graph], axis=1)
-        return Samples(-sines(across, graph), bases, np.ones(len(z), dtype=complex))
+        return GridSamples(-sines(across, graph), bases, np.ones(len(z), dtype=complex))
 
     grid = starting_grid(np.concatenate([plant.poles, poles]))
-    angles, samples, resolved = sample(grid[grid >= LOWEST], evaluate)
+    angles, samples, resolved = sample(grid[grid >= GRID_START], evaluate)
     worst = int(samples.level.argmax())
     return CoprimeMargin(-float(samples.level[worst]) if resolved else 0.0, float(angles[worst]))
 
@@ -139,15 +139,15 @@ def largest_excess(other: Graph, plant: Graph, controller: Response, poles: Comp
     the grid cannot resolve it.
     """
 
-    def evaluate(angles: Array) -> Samples:
+    def evaluate(angles: Array) -> GridSamples:
         z = np.exp(1j * angles)
         far, near = orthonormal(other.response(z)), orthonormal(plant.response(z))
         across = complement(controller(z))
         bases = np.stack([far, near, near, across], axis=1)  # the plant's turning counts in both terms
-        return Samples(distance(far, near) - sines(across, near), bases, np.ones(len(z), dtype=complex))
+        return GridSamples(distance(far, near) - sines(across, near), bases, np.ones(len(z), dtype=complex))
 
     grid = starting_grid(np.concatenate([other.poles, plant.poles, poles]))
-    _, samples, resolved = sample(grid[grid >= LOWEST], evaluate)
+    _, samples, resolved = sample(grid[grid >= GRID_START], evaluate)
     return float(samples.level.max()) if resolved else 1.0
 
 

@@ -33,7 +33,7 @@ from cranectl.plants.mujoco.linearisation import (
     unbalanced,
 )
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support.arrays import Array
@@ -55,6 +55,9 @@ class OperatingPoint:
             "hanging" if self.tilt == (0.0, 0.0) else f"tilted by {self.tilt[0]:g}, {self.tilt[1]:g} rad/s²"
         )
         return f"rope {self.rope_length:g} m at {self.hoisting_speed:+g} m/s, {tilt}"
+
+
+MAX_OPERATING_VALUE = 1e4  # of tilts and hoisting speeds; of what a scenario may ask the largest
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,15 @@ def grid_of(
     tilts: Sequence[tuple[float, float]],
     hoisting_speeds: Sequence[float],
 ) -> list[OperatingPoint]:
-    """Every combination; raises InputError for ropes out of the rig's range."""
+    """Every combination; raises InputError for ropes out of the rig's range and for numbers out of reach."""
+    given = [("a tilt of", each, "rad/s²") for tilt in tilts for each in tilt]
+    for name, value, unit in (*given, *(("a hoisting speed of", each, "m/s") for each in hoisting_speeds)):
+        if not abs(value) <= MAX_OPERATING_VALUE:  # or no number
+            raise InputError(
+                f"{name} {value:g} {unit}",
+                allowed=f"{-MAX_OPERATING_VALUE:g} to {MAX_OPERATING_VALUE:g} {unit}",
+                remedy="choose a smaller tilt or hoisting speed",
+            )
     low, high = scenario.rig.rope_range
     for length in rope_lengths:
         if not low <= length <= high:
@@ -127,9 +138,9 @@ def _too_strong(point: OperatingPoint, gravity: float) -> InputError:
 
 STEP = 1e-5  # of the differences, in each signal's unit
 OF_STRETCH = 0.1  # and at most this part of the rope's stretch, so that it stays taut
-ENOUGH = 1e-9  # of the load's weight [N, N m]
+REST_FORCE_TOLERANCE = 1e-9  # of the load's weight [N, N m]
 SINGULAR = 1e-10  # of the largest singular value, below which a coordinate has no effect
-ITERATIONS = 30
+REST_ITERATIONS = 30
 
 
 def equilibrium(
@@ -140,7 +151,7 @@ def equilibrium(
     Raises InputError where no such state is found.
     """
     start, free = _starting_guess(plant, point, gravity), free_coordinates(plant)
-    commands = 0 if drive == "ideal" else 3  # ideal drives rest by themselves
+    commands = 0 if DRIVES[drive].at_rest == "nothing" else 3
 
     def split(unknown: Array) -> tuple[Anchor, Array]:
         turn, command = np.zeros(plant.model.nv), np.zeros(3)
@@ -151,8 +162,8 @@ def equilibrium(
         force = unbalanced(plant, *split(unknown), np.array(point.tilt), air)
         return force if commands else force[free]
 
-    unknown, enough = np.zeros(commands + len(free)), ENOUGH * plant.rig.load_mass * gravity
-    for _ in range(ITERATIONS):
+    unknown, enough = np.zeros(commands + len(free)), REST_FORCE_TOLERANCE * plant.rig.load_mass * gravity
+    for _ in range(REST_ITERATIONS):
         left = residual(unknown)
         if np.abs(left).max() < enough:
             break

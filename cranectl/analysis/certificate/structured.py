@@ -25,17 +25,17 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.analysis.certificate.frequency_intervals import Bounded, first_gap
+from cranectl.analysis.certificate.frequency_intervals import GridBounds, first_gap
 from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_matrix, on_each_axis, parts
-from cranectl.analysis.certificate.systems import LOWEST, Complex, SampledSystem, starting_grid
+from cranectl.analysis.certificate.systems import GRID_START, Complex, SampledSystem, starting_grid
 from cranectl.support.arrays import Array
 
 RADIUS = 4.0  # of the logarithms searched, about the scaling that balances rows and columns
-ENOUGH = 1e-4  # of the bound, by which it may exceed the least
-ITERATIONS = 150
+BOUND_TOLERANCE = 1e-4  # of the bound, by which it may exceed the least
+SCALING_ITERATIONS = 150
 BALANCING = 10
-FARTHEST = 7.0  # of the logarithms that balance: without a coupling to balance they would run away
-TINY = 1e-300
+MAX_LOG_SCALING = 7.0  # of the logarithms that balance: without a coupling to balance they would run away
+MIN_DIVISOR = 1e-300
 
 
 def structured_values(matrices: Complex) -> tuple[Array, Array]:
@@ -48,20 +48,20 @@ def structured_values(matrices: Complex) -> tuple[Array, Array]:
     shape = np.broadcast_to(RADIUS**2 * np.eye(m - 1), (k, m - 1, m - 1)).copy()
     best_place, best = place.copy(), np.full(k, np.inf)
     active = np.arange(k)
-    for _ in range(ITERATIONS):
+    for _ in range(SCALING_ITERATIONS):
         value, slope = _norm_and_slope(matrices[active], place[active])
         better = value < best[active]
         best[active[better]], best_place[active[better]] = value[better], place[active[better]]
         reach = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", slope, shape[active], slope), 0.0))
         # No point of the ellipsoid is lower than this one by more than the reach.
-        left = value - reach < best[active] * (1.0 - ENOUGH)
+        left = value - reach < best[active] * (1.0 - BOUND_TOLERANCE)
         active, value, slope, reach = active[left], value[left], slope[left], reach[left]
         if len(active) == 0:
             break
         depth = np.minimum((value - best[active]) / reach, 0.99)
         half = _half_ellipsoid(place[active, 1:], shape[active], slope, reach, depth)
         place[active, 1:], shape[active] = half
-    return np.maximum(best, TINY), np.exp(best_place)
+    return np.maximum(best, MIN_DIVISOR), np.exp(best_place)
 
 
 def _norm_and_slope(matrices: Complex, place: Array) -> tuple[Array, Array]:
@@ -99,17 +99,17 @@ def _balanced(matrices: Complex) -> Array:
             weight = np.exp(2.0 * (place[:, i, None] - place))
             row = (size[:, i, :] * weight).sum(axis=1)
             column = (size[:, :, i] / weight).sum(axis=1)
-            ratio = (column + TINY) / (row + TINY)
+            ratio = (column + MIN_DIVISOR) / (row + MIN_DIVISOR)
             place[:, i] += 0.25 * np.log(np.clip(ratio, 1e-4, 1e4))
-    return np.clip(place - place[:, :1], -FARTHEST, FARTHEST)
+    return np.clip(place - place[:, :1], -MAX_LOG_SCALING, MAX_LOG_SCALING)
 
 
 SPREADS = (0.0, 0.1, 0.2, 0.3, 0.5)  # of the drives' gains
-POINTS = 700  # of the grid besides the poles; 2.5 % apart, which costs a smooth peak 1e-4 of its height
+GRID_POINTS = 700  # of the grid besides the poles; 2.5 % apart, which costs a smooth peak 1e-4 of its height
 GUARD = 1.01  # by which a proven bound lies above the highest point of the grid
 ATTEMPTS = 4  # of a proof, each on a finer grid
 MORE = 24  # points that make it finer
-LONGEST = 1e5  # [samples], a delay that stands for any
+ANY_DELAY = 1e5  # [samples], a delay that stands for any
 LEAST_CHANGE = 1e-6
 
 
@@ -150,7 +150,7 @@ def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -
     poles = loop.poles()
     if np.abs(poles).max() >= 1.0:
         return DriveMargins(0.0, tuple((spread, 0.0) for spread in SPREADS))
-    grid = np.union1d(starting_grid(poles), np.geomspace(LOWEST, np.pi, POINTS))
+    grid = np.union1d(starting_grid(poles), np.geomspace(GRID_START, np.pi, GRID_POINTS))
     shifted = loop._replace(d=loop.d + 0.5 * np.eye(len(loop.d)))
     bounds = bounded(loop, grid)
     return DriveMargins(
@@ -170,14 +170,14 @@ def drive_loop(inner: InnerLoop, robustifier: SampledSystem) -> SampledSystem:
     return SampledSystem(a, b, c, system.d[drives, drives])
 
 
-def bounded(system: SampledSystem, angles: Array) -> Bounded:
+def bounded(system: SampledSystem, angles: Array) -> GridBounds:
     """Upper bounds of mu for independent complex factors of each channel, at `angles` (k,)."""
     response = system.response(np.exp(1j * angles))
     values, scalings = structured_values(response)
-    return Bounded(angles, response, scalings, values)
+    return GridBounds(angles, response, scalings, values)
 
 
-def _disk_margin(shifted: SampledSystem, bounds: Bounded) -> float:
+def _disk_margin(shifted: SampledSystem, bounds: GridBounds) -> float:
     """1/max mu(T' + I/2), less what the proof needs; 0 where none is found."""
     for _ in range(ATTEMPTS):
         level = GUARD * float(bounds.values.max())
@@ -188,7 +188,7 @@ def _disk_margin(shifted: SampledSystem, bounds: Bounded) -> float:
     return 0.0
 
 
-def _safe_delay(loop: SampledSystem, bounds: Bounded, spread: float) -> float:
+def _safe_delay(loop: SampledSystem, bounds: GridBounds, spread: float) -> float:
     """Largest proven delay [samples] with |g exp(-j angle delay) - 1| mu below 1, all |g - 1| <= spread."""
     for _ in range(ATTEMPTS):
         delay = _delay_on_grid(1.0 / (GUARD * bounds.values), bounds.angles, spread)
@@ -205,7 +205,7 @@ def _delay_on_grid(tolerated: Array, angles: Array, spread: float) -> float:
     """Largest delay [samples], up to `LONGEST`, with which no change exceeds `tolerated` at the `angles`."""
     if (tolerated <= spread).any():
         return 0.0
-    longest = LONGEST
+    longest = ANY_DELAY
     for gain in (1.0 - spread, 1.0, 1.0 + spread):
         limited = (tolerated < 1.0 + gain) & (angles > 0.0)
         if gain > 0.0 and limited.any():
@@ -222,10 +222,10 @@ def _tolerated(angles: Array, delay: float, spread: float) -> Array:
     return level
 
 
-def _finer(system: SampledSystem, bounds: Bounded, angle: float) -> Bounded:
+def _finer(system: SampledSystem, bounds: GridBounds, angle: float) -> GridBounds:
     """With more points about `angle`."""
     place = int(np.searchsorted(bounds.angles, angle))
     low, high = bounds.angles[max(place - 2, 0)], bounds.angles[min(place + 1, len(bounds.angles) - 1)]
     more = bounded(system, np.setdiff1d(np.linspace(low, high, MORE), bounds.angles))
     order = np.argsort(np.append(bounds.angles, more.angles), kind="stable")
-    return Bounded(*(np.concatenate(pair)[order] for pair in zip(bounds, more, strict=True)))
+    return GridBounds(*(np.concatenate(pair)[order] for pair in zip(bounds, more, strict=True)))

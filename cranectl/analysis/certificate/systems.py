@@ -86,8 +86,8 @@ def differences(function: Callable[[Array], Array], at: Array, steps: Array) -> 
     return np.column_stack(columns)
 
 
-LOWEST = 1e-7  # [rad/sample]; 1e-4 rad/s at 1 ms
-PER_DECADE = 12
+GRID_START = 1e-7  # [rad/sample]; 1e-4 rad/s at 1 ms
+GRID_PER_DECADE = 12
 AROUND_POLE = np.array([-4.0, -2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0, 4.0])  # in distances from the circle
 LARGEST_TURN = 0.3  # sine of the angle by which a graph may turn from point to point
 RESOLUTION = 5e-3  # how far a maximum may lie above the highest point of the grid
@@ -96,7 +96,7 @@ MAX_POINTS = 20_000
 POLISH = 7  # points put into the intervals beside the extremum, twice
 
 
-class Samples(NamedTuple):
+class GridSamples(NamedTuple):
     """What is evaluated along the grid."""
 
     level: Array  # (k,), a sum of distances of graphs, some of them negative, whose maximum is wanted
@@ -106,7 +106,7 @@ class Samples(NamedTuple):
 
 def starting_grid(poles: Complex) -> Array:
     """Angles from 0 to pi: both ends, a logarithmic grid, and each pole's angle with its neighbourhood."""
-    logarithmic = np.geomspace(LOWEST, np.pi, int(PER_DECADE * np.log10(np.pi / LOWEST)))
+    logarithmic = np.geomspace(GRID_START, np.pi, int(GRID_PER_DECADE * np.log10(np.pi / GRID_START)))
     modulus, angle = np.abs(poles), np.abs(np.angle(poles))
     sharp = (modulus > 0.5) & (modulus < 2.0)
     near = angle[sharp, None] + np.abs(1.0 - modulus[sharp, None]) * AROUND_POLE
@@ -114,11 +114,11 @@ def starting_grid(poles: Complex) -> Array:
     return _distinct(grid[(grid >= 0.0) & (grid <= np.pi)])
 
 
-def sample(grid: Array, evaluate: Callable[[Array], Samples]) -> tuple[Array, Samples, bool]:
+def sample(grid: Array, evaluate: Callable[[Array], GridSamples]) -> tuple[Array, GridSamples, bool]:
     """Evaluate on `grid`, refined where needed and around the maximum of `level`; whether it is resolved."""
     angles, samples = grid, evaluate(grid)
     while True:
-        coarse = _too_coarse(samples) & (np.diff(angles) > 1e-12 * np.maximum(angles[1:], LOWEST))
+        coarse = _too_coarse(samples) & (np.diff(angles) > 1e-12 * np.maximum(angles[1:], GRID_START))
         if not coarse.any() or len(angles) > MAX_POINTS:
             break
         between = 0.5 * (angles[:-1] + angles[1:])[coarse]
@@ -131,7 +131,7 @@ def sample(grid: Array, evaluate: Callable[[Array], Samples]) -> tuple[Array, Sa
     return angles, samples, not _too_coarse(samples).any()
 
 
-def _too_coarse(samples: Samples) -> NDArray[np.bool_]:
+def _too_coarse(samples: GridSamples) -> NDArray[np.bool_]:
     overlap = np.conj(np.swapaxes(samples.bases[:-1], 2, 3)) @ samples.bases[1:]
     cosine = np.minimum(np.linalg.norm(overlap, -2, axis=(2, 3)), 1.0)
     turn = np.sqrt(1.0 - cosine**2)
@@ -145,15 +145,15 @@ def _too_coarse(samples: Samples) -> NDArray[np.bool_]:
     return coarse
 
 
-def _merged(angles: Array, samples: Samples, more: Array, new: Samples) -> tuple[Array, Samples]:
+def _merged(angles: Array, samples: GridSamples, more: Array, new: GridSamples) -> tuple[Array, GridSamples]:
     order = np.argsort(np.concatenate([angles, more]), kind="stable")
     merged = (np.concatenate(pair)[order] for pair in zip(samples, new, strict=True))
-    return np.concatenate([angles, more])[order], Samples(*merged)
+    return np.concatenate([angles, more])[order], GridSamples(*merged)
 
 
 def _distinct(grid: Array) -> Array:
     """Sorted, without points that differ by rounding only."""
     grid = np.unique(grid)
-    new = np.diff(grid) > 1e-12 * np.maximum(grid[1:], LOWEST)
+    new = np.diff(grid) > 1e-12 * np.maximum(grid[1:], GRID_START)
     distinct: Array = grid[np.concatenate([[True], new])]
     return distinct

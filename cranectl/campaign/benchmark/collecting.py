@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from cranectl.campaign.benchmark.information import information
-from cranectl.campaign.benchmark.pieces import DIVISIONS, Piece, campaign_of, crane_length, pieces_of
+from cranectl.campaign.benchmark.pieces import DIVISIONS, Trial, campaign_of, crane_length, pieces_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import BenchmarkTable, runs_of
 from cranectl.campaign.benchmark.tuned import tuned_facts, tuned_settings
@@ -19,7 +19,7 @@ from cranectl.support.errors import InputError
 ANY = FLAT_FAMILY[0]  # law, where it does not matter which
 
 
-def pieces_there(benchmark: Benchmark, directory: Path, laws: Sequence[str]) -> list[Piece]:
+def pieces_there(benchmark: Benchmark, directory: Path, laws: Sequence[str]) -> list[Trial]:
     """The pieces of `laws` that were begun below `directory`, of all divisions."""
     pieces = (piece for division in DIVISIONS for piece in pieces_of(benchmark, laws, division=division))
     return [piece for piece in pieces if (directory / piece.place / MANIFEST_FILE).exists()]
@@ -30,7 +30,8 @@ def collected(
     file: Path,
     rules: str,
     directory: Path,
-    begun: Iterable[Piece],
+    *,
+    begun: Iterable[Trial],
     tuned: Path,
     advance: Callable[[float], None],
 ) -> BenchmarkTable:
@@ -49,13 +50,13 @@ def collected(
         if results.missing:
             continue
         _check_same(results, wanted_of(piece._replace(law=ANY)), piece.law)
-        pieces[piece] = runs_of(results)
+        pieces[piece] = runs_of(results.column, results.campaign.settings.limits.given)
         for origin in results.origins:
             software = {name: told for name, told in origin.versions.items() if not name.startswith("law ")}
             made_by[tuple(software.items())] = software
         nominal[piece.scenario] = results.campaign.nominal
         if piece.division == "tuned":
-            numbers = tuned_settings(tuned, rules, piece.law, lengths[piece.scenario])
+            numbers = tuned_settings(tuned, rules, piece.law, lengths[piece.scenario], str(file))
             wanted = (*benchmark.set, *benchmark.scenarios[piece.scenario].set, *numbers)
             _check_numbers(results.campaign.settings.set, wanted, results.directory, tuned)
     if not pieces:
@@ -64,22 +65,21 @@ def collected(
             allowed="a directory that 'cranectl benchmark run' has written",
             remedy="check the place, or run the benchmark",
         )
-    there = {piece.law: nominal[piece.scenario] for piece in pieces}
     about = {
         "rules": rules,
         "seed": benchmark.seed,
         "made_by": list(made_by.values()),
         "durations": {name: each.duration for name, each in nominal.items()},
-        "laws": {law: information(law, known, benchmark.drive) for law, known in there.items()},
+        "laws": {piece.law: information(piece.law) for piece in pieces},
         "tuned": {
-            law: tuned_facts(tuned, rules, law)
+            law: tuned_facts(tuned, rules, law, str(file))
             for law in dict.fromkeys(piece.law for piece in pieces if piece.division == "tuned")
         },
     }
     return BenchmarkTable(about, pieces)
 
 
-def _manifest(benchmark: Benchmark, directory: Path, piece: Piece) -> Table:
+def _manifest(benchmark: Benchmark, directory: Path, piece: Trial) -> Table:
     """Of the campaign of `piece` before anything is tuned."""
     return manifest_of(campaign_of(benchmark, directory, piece))
 
@@ -91,6 +91,7 @@ def _check_same(results: Results, wanted: Table, law: str) -> None:
     """
     found = results.manifest
     alike = {
+        **found,
         "campaign": found["campaign"] | {own: wanted["campaign"][own] for own in ("controllers", "runs")},
         "scenario": found["scenario"] | {own: wanted["scenario"][own] for own in ("controller", "design")},
         "runs": wanted["runs"],

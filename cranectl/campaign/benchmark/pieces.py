@@ -4,6 +4,7 @@ Sample k is the same crane in every piece of a scenario and set, whatever law or
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -12,7 +13,6 @@ from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import stated_campaign
 from cranectl.campaign.settings import parse_campaign
 from cranectl.controllers.registry import checked_controller, load_controller
-from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.metrics.limits import limits_of
 from cranectl.scenario.load import read_scenario
 from cranectl.scenario.similarity import size_of
@@ -24,7 +24,7 @@ Division = Literal["published", "tuned"]  # its defaults, or what tuning has fou
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # as they are shown
 
 
-class Piece(NamedTuple):
+class Trial(NamedTuple):
     """A campaign of one law."""
 
     division: Division
@@ -41,7 +41,7 @@ class Piece(NamedTuple):
 
 def follows(law: str) -> str:
     """What a law follows, "path" or "set-point"; raises InputError for an unknown one."""
-    return "path" if checked_controller(law) in FLAT_FAMILY else load_controller(law).follows
+    return load_controller(checked_controller(law)).follows
 
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
@@ -78,7 +78,7 @@ def pieces_of(
     scenarios: Sequence[str] = (),
     *,
     division: Division = "published",
-) -> list[Piece]:
+) -> list[Trial]:
     """All pieces of `laws`, names of controllers; of `sets` and `scenarios` only, where any are named.
 
     By set, scenario and plant, so that what all laws have in common comes together.
@@ -92,22 +92,20 @@ def pieces_of(
     return [piece for piece in pieces if not scenarios or piece.scenario in scenarios]
 
 
-def _pieces(benchmark: Benchmark, name: str, laws: Sequence[str], division: Division) -> Iterator[Piece]:
+def _pieces(benchmark: Benchmark, name: str, laws: Sequence[str], division: Division) -> Iterator[Trial]:
     cranes = sets_of(benchmark)[name]
     judged = name in benchmark.sets
-    for scenario, measured in benchmark.scenarios.items():
-        if cranes.scenarios and scenario not in cranes.scenarios:
-            continue
-        for plant in (benchmark.plant, benchmark.second_plant) if judged else (benchmark.plant,):
-            for law in laws:
-                if follows(law) in measured.suits:
-                    yield Piece(division, plant, name, scenario, law)
+    plants = (benchmark.plant, benchmark.second_plant) if judged else (benchmark.plant,)
+    scenarios = [each for each in benchmark.scenarios if not cranes.scenarios or each in cranes.scenarios]
+    for scenario, plant, law in product(scenarios, plants, laws):
+        if follows(law) in benchmark.scenarios[scenario].suits:
+            yield Trial(division, plant, name, scenario, law)
 
 
 def campaign_of(
     benchmark: Benchmark,
     directory: Path,
-    piece: Piece,
+    piece: Trial,
     *,
     most: int | None = None,
     tuned: Callable[[str, float], Sequence[str]] = lambda _law, _length: (),

@@ -7,13 +7,14 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
-from cranectl.campaign.benchmark.pieces import Piece
+from cranectl.campaign.benchmark.pieces import Trial
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.load import check_values
 from cranectl.campaign.manifest import manifest_of
-from cranectl.campaign.results import MANIFEST_FILE, Results, open_store, read_results
+from cranectl.campaign.results import MANIFEST_FILE, Results, Store, open_store, read_results
 from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.worker import Prepared, Stop, StoppedError
+from cranectl.support.environment import MachineError
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance_differences
 
@@ -24,14 +25,14 @@ Engine = Callable[[Campaign, Sequence[Batch], Stop], Generator[tuple[Batch, list
 class Ended(NamedTuple):
     """A piece that is whole."""
 
-    piece: Piece
+    piece: Trial
     not_run: str = ""  # why its law could not be run at all, "" where it could
     quarantined: tuple[str, ...] = ()  # what was damaged and has been run again, a phrase each
 
 
 def run_pieces(
-    pieces: Sequence[Piece],
-    campaign_of: Callable[[Piece], Campaign],
+    pieces: Sequence[Trial],
+    campaign_of: Callable[[Trial], Campaign],
     directory: Path,
     engine: Engine,
     *,
@@ -45,7 +46,13 @@ def run_pieces(
     """
     left = threading.Event()
 
-    def run(piece: Piece) -> Ended:
+    def write_missing(campaign: Campaign, store: Store) -> None:
+        if store.missing:
+            with closing(engine(campaign, store.missing, left.is_set)) as finished:
+                for batch, rows in finished:
+                    store.write(batch, rows)
+
+    def run(piece: Trial) -> Ended:
         if left.is_set():
             raise StoppedError
         campaign = campaign_of(piece)
@@ -56,10 +63,9 @@ def run_pieces(
         check_values(campaign)
         try:
             with open_store(campaign, place, resume=True, despite_differences=despite_differences) as store:
-                if store.missing:
-                    with closing(engine(campaign, store.missing, left.is_set)) as finished:
-                        for batch, rows in finished:
-                            store.write(batch, rows)
+                write_missing(campaign, store)
+        except MachineError:  # no result: the piece is run again the next time
+            raise
         except InputError:
             if refused := _refusal(campaign):
                 return Ended(piece, refused)

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.support.arrays import Array, Mask
+from cranectl.support.consistency import check_ascending
 
-RESAMPLES = 2000  # of the bootstrap
+SCORE_RESAMPLES = 2000  # of the bootstrap
 LEVEL = 0.95
-FEWEST = 6  # values of which even the range is an interval of the median at that level
+MIN_INTERVAL_VALUES = 6  # values of which even the range is an interval of the median at that level
 ACCEPTED = 0.05  # share of failures at the robustness radius
 
 
@@ -32,10 +33,11 @@ def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDiffer
     if not difference.size:
         return PairedDifference(0, *[float("nan")] * 4)
     generator = np.random.Generator(np.random.Philox(seed))
-    drawn = generator.integers(difference.size, size=(RESAMPLES, difference.size))
+    drawn = generator.integers(difference.size, size=(SCORE_RESAMPLES, difference.size))
     tails = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
     low, high = np.percentile(np.median(difference[drawn], axis=1), tails)
     effect = float(np.sign(difference).mean())
+    check_ascending(("the interval's low end", float(low)), ("its high end", float(high)))
     return PairedDifference(difference.size, float(np.median(difference)), float(low), float(high), effect)
 
 

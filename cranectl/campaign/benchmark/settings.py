@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from cranectl.plants.plant import Drive
-from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.scenario.settings import RuleError, Settings, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import Table, read_toml
 
@@ -104,24 +104,48 @@ class Benchmark(Settings):
         named.update(name for cranes in self.sets.values() for name in cranes.scenarios)
         unknown = named - self.scenarios.keys()
         if unknown:
-            raise ValueError(f"{', '.join(sorted(unknown))}: no scenario of this benchmark")
+            raise RuleError(
+                f"{', '.join(sorted(unknown))}: no scenario of this benchmark",
+                allowed=", ".join(self.scenarios),
+                remedy="name one of these, or add it to [scenarios]",
+            )
         return self
 
     @model_validator(mode="after")
     def _judges_as_it_says(self) -> "Benchmark":
         spreads = self.radius.spreads
         if any(b <= a for a, b in itertools.pairwise(spreads)):
-            raise ValueError(f"radius.spreads must increase, they are {', '.join(f'{s:g}' for s in spreads)}")
+            raise RuleError(
+                f"radius.spreads = {list(spreads)}",
+                allowed="radius.spreads must increase",
+                remedy="give them in increasing order, each once",
+            )
         if self.plant == self.second_plant:
-            raise ValueError(f"plant and second_plant must differ, both are {self.plant}")
+            raise RuleError(
+                f"plant = second_plant = '{self.plant}'",
+                allowed="plant and second_plant must differ",
+                remedy="name another second_plant",
+            )
         odd = [name for name in self.sets if not re.match(NAME, name)]
         if odd:
-            raise ValueError(f"sets {', '.join(odd)}: names have small letters, digits and hyphens")
+            raise RuleError(
+                f"sets {', '.join(odd)}",
+                allowed="names have small letters, digits and hyphens",
+                remedy="rename them",
+            )
         taken = [name for name in self.sets if name.startswith((RADIUS, SINGLE))]
         if taken:
-            raise ValueError(f"{', '.join(taken)}: names that begin so are of [radius] and [singles]")
+            raise RuleError(
+                f"sets {', '.join(taken)}",
+                allowed="names that begin otherwise: these are of [radius] and [singles]",
+                remedy="rename them",
+            )
         if self.seed == self.tuning.seed:
-            raise ValueError("tuning.seed must not be seed: laws are not tuned on cranes that judge them")
+            raise RuleError(
+                f"tuning.seed = seed = {self.seed}",
+                allowed="tuning.seed must not be seed: laws are not tuned on cranes that judge them",
+                remedy="change tuning.seed",
+            )
         return self
 
 

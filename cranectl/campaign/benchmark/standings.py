@@ -1,16 +1,17 @@
 """How laws stand on a set of cranes, over all scenarios that suit laws of every kind."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.pieces import Division, Piece
+from cranectl.campaign.benchmark.pieces import Division, Trial
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import VARIATION, BenchmarkTable, Runs
 from cranectl.campaign.summary import EFFORT
 from cranectl.support.arrays import Array
+from cranectl.support.consistency import check_ascending
 
 
 class Standing(NamedTuple):
@@ -37,7 +38,7 @@ def set_standings(
     shared = shared_scenarios(benchmark, table, division, crane_set)
     found = []
     for law in laws_of(table):
-        places = [Piece(division, benchmark.plant, crane_set, scenario, law) for scenario in shared]
+        places = [Trial(division, benchmark.plant, crane_set, scenario, law) for scenario in shared]
         if not places or not all(place in table.pieces for place in places):
             continue
         runs = [table.pieces[place] for place in places]
@@ -47,7 +48,7 @@ def set_standings(
         effort = np.concatenate([r.metrics[EFFORT] for r in runs])
         variation = np.concatenate([r.metrics[VARIATION] / t for r, t in zip(runs, durations, strict=True)])
         found.append(
-            Standing(
+            checked_standing(
                 law,
                 failed.size,
                 int(failed.sum()),
@@ -58,6 +59,15 @@ def set_standings(
             )
         )
     return sorted(found, key=lambda each: (each.failed, each.unsettled))
+
+
+def checked_standing(*fields: Any) -> Standing:
+    """Return a standing; raises InconsistentError for counts and shares that contradict each other."""
+    found = Standing(*fields)
+    check_ascending(("failures", found.failures), (f"runs of {found.law}", found.runs))
+    for name, share in (("settled", found.settled), ("unsettled", found.unsettled)):
+        check_ascending(("zero", 0.0), (f"the share that {name}", share), ("one", 1.0), rounding=1e-12)
+    return found
 
 
 def shared_scenarios(

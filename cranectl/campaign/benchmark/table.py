@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.campaign.benchmark.pieces import Piece
-from cranectl.campaign.results import Results
-from cranectl.campaign.summary import EFFORT, effort, failed
+from cranectl.campaign.benchmark.pieces import Trial
+from cranectl.campaign.summary import EFFORT, Columns, effort, failed
 from cranectl.metrics.table import DRIVES
 from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.files import replacing
+from cranectl.support.inputs import open_input
 
 VARIATION = "variation_m_s2"  # of the commands of all drives together
 METRICS = (
@@ -71,17 +71,15 @@ class BenchmarkTable:
     """
 
     about: Mapping[str, Any]
-    pieces: Mapping[Piece, Runs]
+    pieces: Mapping[Trial, Runs]
 
 
-def runs_of(results: Results) -> Runs:
-    """Of the result of one piece."""
-    column = results.column
+def runs_of(column: Columns, limits: Mapping[str, float]) -> Runs:
+    """Return the runs of one piece from the columns of its result; `limits` are those of its campaign."""
     metrics = {name: np.asarray(column(name), dtype=np.float64) for name in METRICS}
-    metrics[EFFORT] = effort(results)
+    metrics[EFFORT] = effort(column)
     metrics[VARIATION] = np.sum([column(f"command_variation_m_s2_{drive}") for drive in DRIVES], axis=0)
-    bad = failed(column, results.campaign.settings.limits.given)
-    return Runs(bad, tuple(column("status").tolist()), metrics)
+    return Runs(failed(column, limits), tuple(np.asarray(column("status")).tolist()), metrics)
 
 
 def write_table(path: Path, table: BenchmarkTable) -> None:
@@ -89,7 +87,7 @@ def write_table(path: Path, table: BenchmarkTable) -> None:
     import pyarrow
     from pyarrow import parquet
 
-    columns: dict[str, list[Any]] = {name: [] for name in (*Piece._fields, "sample", "failed", "status")}
+    columns: dict[str, list[Any]] = {name: [] for name in (*Trial._fields, "sample", "failed", "status")}
     numbers: dict[str, list[Array]] = {name: [] for name in (*METRICS, EFFORT, VARIATION)}
     for piece, runs in table.pieces.items():
         n = len(runs.status)
@@ -100,15 +98,15 @@ def write_table(path: Path, table: BenchmarkTable) -> None:
         columns["status"] += runs.status
         for name, values in runs.metrics.items():
             numbers[name].append(values)
-    arrays = {name: _rounded(np.concatenate(values)) for name, values in numbers.items()}
+    arrays = {name: rounded(np.concatenate(values)) for name, values in numbers.items()}
     whole = pyarrow.table({**columns, **arrays})
     whole = whole.replace_schema_metadata({ABOUT: json.dumps(table.about, sort_keys=True)})
     with replacing(path) as unfinished, unfinished.open("wb") as stream:
         parquet.write_table(whole, stream, compression="zstd", compression_level=19)
 
 
-def _rounded(values: Array) -> Any:
-    """To four digits, which are small when compressed."""
+def rounded(values: Array) -> Any:
+    """Return values to four digits, as float32: they are small when compressed."""
     scale = 10.0 ** (3 - np.floor(np.log10(np.where(np.abs(values) > 0.0, np.abs(values), 1.0))))
     return (np.round(values * scale) / scale).astype(np.float32)
 
@@ -119,10 +117,11 @@ def read_table(path: Path) -> BenchmarkTable:
     from pyarrow import parquet
 
     try:
-        whole = parquet.read_table(path)
+        with open_input(path) as stream:
+            whole = parquet.read_table(stream)
         told = json.loads(whole.schema.metadata[ABOUT])
         about = {name: told[name] for name in TOLD}
-        keys = list(zip(*(whole[name].to_pylist() for name in Piece._fields), strict=True))
+        keys = list(zip(*(whole[name].to_pylist() for name in Trial._fields), strict=True))
         columns = {name: whole[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
     except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:
         raise InputError(
@@ -135,7 +134,7 @@ def read_table(path: Path) -> BenchmarkTable:
     for rows in np.split(np.arange(len(keys)), ends):
         metrics = {name: columns[name][rows].astype(np.float64) for name in (*METRICS, EFFORT, VARIATION)}
         failed_runs = columns["failed"][rows].astype(bool)
-        pieces[Piece(*keys[rows[0]])] = Runs(failed_runs, tuple(columns["status"][rows]), metrics)
+        pieces[Trial(*keys[rows[0]])] = Runs(failed_runs, tuple(columns["status"][rows]), metrics)
     return BenchmarkTable(about, pieces)
 
 

@@ -1,5 +1,6 @@
 """What tuning found, as files: the numbers of a law in TOML, every point of the search in Parquet."""
 
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -7,11 +8,13 @@ from typing import Any
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import Tuned
 from cranectl.campaign.benchmark.variables import assignments, variables_of
-from cranectl.controllers.registry import REGISTERED
+from cranectl.controllers.open_controllers import OPEN
+from cranectl.controllers.registry import controller_argument
 from cranectl.support.documents import leaves, read_toml, toml_text
 from cranectl.support.errors import InputError
 from cranectl.support.files import PARQUET, Kind, check_place, replacing, write_text, writing
 
+DEFAULT = "literature"  # the benchmark where none is named
 TOML = Kind("result of tuning", rb"law = ")
 
 
@@ -26,10 +29,9 @@ def tuned_files(directory: Path, law: str) -> tuple[Path, Path]:
 def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any]:
     """What was found by `rules`, of `rules_of`, for which law; numbers are those on the laboratory rig."""
     found = tuned.found
-    origin = REGISTERED[tuned.law].origin if tuned.law in REGISTERED else None
     return {
         "law": tuned.law,
-        "sha256": origin.sha256 if origin else None,
+        "code": code_of(tuned.law),
         "benchmark": benchmark.name,
         "rules": rules,
         "seed": benchmark.tuning.seed,
@@ -39,6 +41,11 @@ def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any
         "failed": {name: point.failed for name, point in found.items()},
         "parameters": tuned.parameters,
     }
+
+
+def code_of(law: str) -> str | None:
+    """Return the digest of the code of a controller in a file, None for one of the package."""
+    return OPEN.registered[law].code or None if law in OPEN.registered else None
 
 
 def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
@@ -70,30 +77,40 @@ def _write_points(tuned: Tuned, table: Mapping[str, Any], path: Path) -> None:
         parquet.write_table(pyarrow.table(columns, metadata=metadata), unfinished, compression="zstd")
 
 
-def tuned_settings(directory: Path, rules: str, law: str, length: float) -> list[str]:
+def tuned_settings(
+    directory: Path, rules: str, law: str, length: float, benchmark: str = DEFAULT
+) -> list[str]:
     """Settings `key=value` of the tuned `law`, on a crane `length` times as large as the laboratory's.
 
     Raises InputError as `tuned_facts`.
     """
-    numbers = tuned_facts(directory, rules, law)["numbers"]
+    numbers = tuned_facts(directory, rules, law, benchmark)["numbers"]
     return assignments(variables_of(law), [found for _, found in numbers.values()], length)
 
 
-def tuned_facts(directory: Path, rules: str, law: str) -> dict[str, Any]:
+def _is_of(table: Mapping[str, Any], law: str) -> bool:
+    """Return True if the numbers in `table` were found for `law` as it is; earlier files tell its content."""
+    if "sha256" not in table:
+        return bool(table.get("code") == code_of(law))
+    origin = OPEN.registered[law].origin if law in OPEN.registered else None
+    return bool(table["sha256"] == (origin.sha256 if origin else None))
+
+
+def tuned_facts(directory: Path, rules: str, law: str, benchmark: str = DEFAULT) -> dict[str, Any]:
     """What tuning gave `law`: `cost` and share `failed` untuned, with half the budget and with all of it.
 
     `numbers` has those of the law by their settings, untuned and found. Raises InputError where there are
-    none in `directory`, or law or rules were others when it was tuned.
+    none in `directory`, or law or rules were others when it was tuned. `benchmark`: how it was named.
     """
     path = directory / f"{law}.toml"
-    again = f"cranectl tune {law} --out {directory}"
+    named = [] if benchmark == DEFAULT else ["--benchmark", benchmark]
+    again = shlex.join(["cranectl", "tune", controller_argument(law), *named, "--out", str(directory)])
     if not path.is_file():
         raise InputError(f"{law} is not tuned: {path} is no file", remedy=f"tune it: {again}")
     table = read_toml(path)
-    origin = REGISTERED[law].origin if law in REGISTERED else None
     variables, found = variables_of(law), dict(leaves(table.get("parameters", {})))
     same_numbers = found.keys() == {each.key for each in variables}
-    if table.get("sha256") != (origin.sha256 if origin else None) or not same_numbers:
+    if not _is_of(table, law) or not same_numbers:
         raise InputError(
             f"{path} holds the numbers of another version of {law}",
             allowed="numbers that were found for the law as it is",

@@ -28,12 +28,14 @@ from cranectl.controllers.registry import runs_alone
 from cranectl.metrics.table import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import size_of
-from cranectl.simulate.child import PATIENCE
+from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.status import RunStatus
+from cranectl.support.consistency import check_ascending
+from cranectl.support.environment import MachineError
 from cranectl.support.errors import InputError
 
 WORST, STOPPED, REFUSED = 5.0, 10.0, 20.0  # costs of what completes, at most, and of what fails: `run_cost`
-FIRST_STEP = 0.2  # standard deviation of the first candidates, as a share of the way between the bounds
+FIRST_DEVIATION = 0.2  # standard deviation of the first candidates, as a share of the way between the bounds
 
 Advance = Callable[[int], None]  # told how many runs are done
 
@@ -105,12 +107,22 @@ class Tuned:
     def found(self) -> dict[str, Point]:
         """Untuned, and the best with half the budget and with all of it."""
         half = self.points[: max(1, self.evaluations // 2)]
-        return {"untuned": self.points[0], "half": _best(half), "full": _best(self.points)}
+        return consistent_points(self.points[0], _best(half), _best(self.points))
 
     @property
     def parameters(self) -> dict[str, float]:
         """The best numbers by their setting, on the laboratory rig."""
         return dict(zip((each.key for each in self.variables), self.found["full"].values, strict=True))
+
+
+def consistent_points(untuned: Point, half: Point, full: Point) -> dict[str, Point]:
+    """Return the points by name; raises InconsistentError where a larger budget found a larger cost."""
+    check_ascending(
+        ("the cost with the whole budget", full.cost),
+        ("that with half the budget", half.cost),
+        ("that of the untuned numbers", untuned.cost),
+    )
+    return {"untuned": untuned, "half": half, "full": full}
 
 
 def _best(points: Sequence[Point]) -> Point:
@@ -171,7 +183,7 @@ def tune(
     *,
     runs: int | None = None,
     workers: int = 1,
-    patience: float = PATIENCE,
+    patience: float = BLOCK_TIMEOUT,
     advance: Advance = lambda _: None,
 ) -> Tuned:
     """Tune `law` by the rules of `benchmark`, whose file lies in `directory`.
@@ -243,7 +255,7 @@ def _strategy(variables: Sequence[Variable], seed: int) -> Any:
         "verbose": -9,
         "verb_log": 0,
     }
-    return cma.CMAEvolutionStrategy(start if len(start) > 1 else [*start, 0.5], FIRST_STEP, options)
+    return cma.CMAEvolutionStrategy(start if len(start) > 1 else [*start, 0.5], FIRST_DEVIATION, options)
 
 
 @contextmanager
@@ -256,6 +268,8 @@ def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Cal
             raise StoppedError
         try:
             return cranes.rows(scenario, values, children, left.is_set)
+        except MachineError:  # which says nothing about the numbers
+            raise
         except (InputError, ValueError, ArithmeticError):  # it refuses them, or cannot compute its design
             if not may_refuse:
                 raise

@@ -8,12 +8,11 @@ from math import copysign, log
 from typing import NamedTuple
 
 from cranectl.controllers.registry import checked_controller, load_controller
-from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.scenario.design import DesignSettings
-from cranectl.scenario.similarity import POWERS, rounded
+from cranectl.scenario.similarity import rounded, scale_of
 from cranectl.support.documents import leaves
 
-DIGITS = 4  # of a tuned number: what is printed is what was run
+TUNED_DIGITS = 4  # of a tuned number: what is printed is what was run
 
 
 class Variable(NamedTuple):
@@ -34,7 +33,7 @@ class Variable(NamedTuple):
     def at(self, place: float) -> float:
         """The number at a place from 0 to 1, to DIGITS digits."""
         size = self.low * (self.high / self.low) ** place
-        return copysign(float(f"{size:.{DIGITS}g}"), self.start)
+        return copysign(float(f"{size:.{TUNED_DIGITS}g}"), self.start)
 
     def sized(self, value: float, length: float) -> float:
         """What `value` is on a crane `length` times as large as the laboratory rig."""
@@ -56,8 +55,8 @@ DESIGNS: dict[str, dict[str, tuple[float, float]]] = {
 
 def variables_of(name: str) -> tuple[Variable, ...]:
     """What tuning may change of the controller `name`; raises InputError for an unknown one."""
-    checked_controller(name)
-    if name in FLAT_FAMILY:
+    controller = load_controller(checked_controller(name))
+    if controller.axis_design is not None:
         return tuple(
             _of_design(f"design.{setting}", *bounds)
             for part in name.split("+")
@@ -65,15 +64,14 @@ def variables_of(name: str) -> tuple[Variable, ...]:
         )
     return tuple(
         Variable(f"controller.{name}.{each.name}", float(each.default), *each.search, each.length_power)
-        for each in load_controller(name).parameters
+        for each in controller.parameters
         if each.search is not None
     )
 
 
 def _of_design(key: str, low: float, high: float) -> Variable:
     usual = dict(leaves({"design": DesignSettings().model_dump()}))
-    power, _ = POWERS.get(key) or POWERS.get(key.rpartition(".")[0], (0.0, 0.0))
-    return Variable(key, usual[key], low, high, power)
+    return Variable(key, usual[key], low, high, scale_of(key).length)
 
 
 def assignments(variables: Sequence[Variable], values: Sequence[float], length: float = 1.0) -> list[str]:

@@ -24,8 +24,9 @@ def measured_laws(named: Sequence[str], benchmark: "Benchmark", file: Path, trus
 def benchmark_laws(laws: Iterable[str], file: Path, trust: bool) -> tuple[str, ...]:
     """Names of the laws of a benchmark's file, those in files opened; ours are, others' only by `trust`."""
     found = []
+    is_ours = file.resolve().is_relative_to(resources.BENCHMARK_DIRECTORY.resolve())
     for law in laws:
-        if {".", ":"} & set(law) and not trust and not file.is_relative_to(resources.BENCHMARK_DIRECTORY):
+        if {".", ":"} & set(law) and not trust and not is_ours:
             raise InputError(
                 f"{file} names the law {law}, and no file runs code by itself",
                 allowed="laws by name, and files named on the command line",

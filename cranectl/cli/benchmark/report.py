@@ -1,15 +1,14 @@
 """`cranectl benchmark report`."""
 
-import shlex
 from pathlib import Path
 
 import click
 
 from cranectl.cli.benchmark.laws import measured_laws
 from cranectl.cli.benchmark.run import tuned_option
-from cranectl.cli.command import Command, json_option, output_option
+from cranectl.cli.command import Command, command_given, json_option, output_option
 from cranectl.cli.laws import controllers_option, opened, trust_option
-from cranectl.support.files import HTML, PARQUET
+from cranectl.support.files import HTML, PARQUET, exists
 
 
 @click.command("report", cls=Command)
@@ -22,7 +21,8 @@ from cranectl.support.files import HTML, PARQUET
     "--beside",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A table that --table has written, of laws to stand beside these.",
+    help="A table that --table has written, of laws to stand beside these; or literature.parquet, that of "
+    "cranectl.",
 )
 @tuned_option
 @output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
@@ -43,7 +43,8 @@ def report_benchmark(
     """Say how the laws of RESULT stand, here and on an HTML page.
 
     RESULT is a directory that `benchmark run` has written, whose pieces that are not whole are left out, or a
-    table that --table has written. Laws as published and tuned ones are kept apart.
+    table that --table has written; literature.parquet comes with cranectl. Laws as published and tuned ones
+    are kept apart.
 
     \b
     cranectl benchmark report logs/benchmark-literature
@@ -61,9 +62,9 @@ def report_benchmark(
     from cranectl.report.page import write_page
 
     settings, file = read_benchmark(benchmark), benchmark_file(benchmark)
-    rules = rules_of(settings, file.parent)
-    if result.is_file():
-        found = read_table(result)
+    rules, there = rules_of(settings, file.parent), _table_place(result)
+    if there.is_file():
+        found = read_table(there)
         check_comparable(found, {"rules": rules, "seed": settings.seed})
         found = of_laws(found, tuple(map(opened, controllers))) if controllers else found
     else:
@@ -71,16 +72,21 @@ def report_benchmark(
         begun = pieces_there(settings, result, laws)
         with progress_bar(len(begun), unit="pieces", done="read") as (advance, describe):
             describe(settings.name)
-            found = collected(settings, file, rules, result, begun, tuned or file.parent / "tuned", advance)
+            found = collected(
+                settings,
+                file,
+                rules,
+                result,
+                begun=begun,
+                tuned=tuned or file.parent / "tuned",
+                advance=advance,
+            )
     if beside is not None:
-        found = joined([found, read_table(beside)])
-    place = result.with_suffix("") if result.is_file() else result
+        found = joined([found, read_table(_table_place(beside))])
+    place = result.with_suffix("") if there.is_file() else result
     page = out or Path(f"{place}.html" if place.name else f"{place.absolute().name}.html")
-    named = [("--controller", law) for law in controllers]
-    named += [(name, str(path)) for name, path in (("--beside", beside), ("--tuned", tuned)) if path]
-    options = ["--benchmark", benchmark, *(word for option in named for word in option)]
-    remade_by = shlex.join(["cranectl", "benchmark", "report", str(result), *options])
-    write_page(benchmark_page(settings, found, remade_by), page)
+    results = None if beside or there.is_file() else result
+    write_page(benchmark_page(settings, found, command_given(), results), page)
     if table is not None:
         write_table(table, found)
     screen = console(json_file)
@@ -95,3 +101,12 @@ def report_benchmark(
                 screen.print(standing_table(judged, standings, title))
     screen.print(f"report: {page}")
     write_json(json_file, {"benchmark": settings.name, **found.about, "divisions": told})
+
+
+def _table_place(path: Path) -> Path:
+    """Return where a table is: at its path, or else among those that come with cranectl, by its name."""
+    from cranectl.support.resources import BENCHMARK_DIRECTORY
+
+    shipped = BENCHMARK_DIRECTORY / path.with_suffix(".parquet").name
+    is_name = not exists(path) and path.name == str(path)
+    return shipped if is_name and shipped.is_file() else path

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from cranectl.cli import exit_codes
 from cranectl.cli.benchmark.laws import measured_laws
 from cranectl.cli.command import Command
+from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
 from cranectl.cli.laws import controllers_option, patience_option, trust_option
 from cranectl.cli.output import console, progress
 from cranectl.support.errors import InputError
@@ -108,7 +109,15 @@ def run_benchmark(
         )
     rules = rules_of(settings, file.parent)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
-    numbers = functools.partial(tuned_settings, tuned or file.parent / "tuned", rules)
+    screen = console(None)
+    idle = idle_in_benchmark(
+        settings, file.parent, [(each.scenario, each.plant, each.law) for each in pieces]
+    )
+    idle += idle_patience(laws, patience, cluster=scheduler is not None)
+    if tuned is not None and division == "published":
+        idle.append("--tuned changes nothing here: laws run with their defaults, add --division tuned")
+    tell_idle(screen, idle)
+    numbers = functools.partial(tuned_settings, tuned or file.parent / "tuned", rules, benchmark=benchmark)
     campaign = functools.partial(campaign_of, settings, file.parent, most=draws, tuned=numbers)
     with engine_of(scheduler, patience) as engine, progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(pieces))
@@ -127,7 +136,6 @@ def run_benchmark(
                 shown.console.print(f"{piece.place}: {phrase}")
             if reason:
                 not_run.append(f"could not be run: {piece.law} on {piece.scenario}: {reason}")
-    screen = console(None)
     for line in sorted(not_run):
         screen.print(line)
     screen.print(f"{len(pieces)} pieces of {len(laws)} laws: {directory}")

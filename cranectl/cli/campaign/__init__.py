@@ -4,7 +4,7 @@ from cranectl.cli.campaign.list import list_campaigns, show_campaign
 from cranectl.cli.campaign.replay import replay_campaign
 from cranectl.cli.campaign.report import report_campaign
 from cranectl.cli.campaign.run import run_campaign
-from cranectl.cli.command import Group
+from cranectl.cli.command import CommandGroup
 
 HELP = """Run one scenario many times under stated uncertainty.
 
@@ -12,6 +12,6 @@ A campaign is a TOML file: a scenario, controllers, plants, and a distribution f
 Its result is a directory of Parquet files, the same for any number of workers.
 """
 
-campaign_command = Group(
+campaign_command = CommandGroup(
     "campaign", [list_campaigns, show_campaign, run_campaign, report_campaign, replay_campaign], help=HELP
 )

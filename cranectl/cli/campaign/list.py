@@ -9,7 +9,7 @@ from cranectl.cli.campaign.options import campaign_argument
 from cranectl.cli.command import Command, json_option
 
 if TYPE_CHECKING:
-    from cranectl.campaign import Campaign, Parameter
+    from cranectl.campaign import Campaign, UncertainParameter
     from cranectl.report.table import Table
 
 QUANTILES = (0.05, 0.95)
@@ -54,12 +54,14 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, json_file: str | None
     cranectl campaign show lab-rig
     cranectl campaign show mine.toml --runs 10000 --no-estimate
     """
+    from cranectl.cli.idle import idle_in_campaign, tell_idle
     from cranectl.cli.output import console, progress_bar, write_json
 
     screen = console(json_file)
     screen.print(_parameters_table(campaign))
     for line in _lines(campaign):
         screen.print(line)
+    tell_idle(screen, idle_in_campaign(campaign))
     facts = _facts(campaign)
     if not no_estimate:
         from cranectl.campaign.workers import estimated_seconds
@@ -99,7 +101,7 @@ def _parameters_table(campaign: "Campaign") -> "Table":
     return Table(f"Campaign {campaign.settings.name}", headings, rows, labels=3, note=note)
 
 
-def _quantiles(parameter: "Parameter") -> list[float]:
+def _quantiles(parameter: "UncertainParameter") -> list[float]:
     import numpy as np
 
     values: list[float] = parameter.values(np.array(QUANTILES)).tolist()

@@ -18,7 +18,9 @@ from cranectl.cli.laws import controllers_option
 @click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
 @controllers_option("Only runs with these controllers; one that is a law of a file by its file.")
 @plants_option("Only runs on these plants.")
-@click.option("--every", type=click.IntRange(min=1), metavar="N", help="Log every N-th control sample.")
+@click.option(
+    "--every", type=click.IntRange(1, 1_000_000_000), metavar="N", help="Log every N-th control sample."
+)
 @click.option(
     "--out",
     metavar="DIR",

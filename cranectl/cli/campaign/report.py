@@ -1,13 +1,12 @@
 """`cranectl campaign report`."""
 
-import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli.command import Command, json_option, output_option
+from cranectl.cli.command import Command, command_given, json_option, output_option
 from cranectl.support.files import HTML
 
 if TYPE_CHECKING:
@@ -41,8 +40,7 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     results = read_results(result, unfinished=unfinished)
     check_place(page, HTML, option="--out")
     analysis = analyse(results)
-    command = f"cranectl campaign report {shlex.quote(str(result))}{' --unfinished' if unfinished else ''}"
-    write_page(campaign_page(analysis, command), page)
+    write_page(campaign_page(analysis, command_given()), page)
     show_result(results, json_file, analysis_json(analysis))
     console(json_file).print(f"report: {page}")
 

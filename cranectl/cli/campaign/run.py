@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import campaign_argument
-from cranectl.cli.command import Command, json_option
+from cranectl.cli.command import Command, arguments_given, json_option
 from cranectl.cli.laws import patience_option
 from cranectl.cli.output import progress
 
@@ -93,9 +93,11 @@ def run_campaign(
     Exit codes: 0 all runs are there, failed ones included; 2 bad input or a full disk; 3 none could be run;
     130 interrupted.
     """
+    from cranectl.campaign.manifest import resume_command
     from cranectl.campaign.results import open_store, read_results
     from cranectl.campaign.table import FAILED
     from cranectl.cli.campaign.report import show_result
+    from cranectl.cli.idle import idle_in_campaign, idle_patience, tell_idle
     from cranectl.cli.output import console
 
     if resume and overwrite:
@@ -107,9 +109,11 @@ def run_campaign(
     directory = out or Path("logs") / f"campaign-{campaign.settings.name}"
     options = {"resume": resume, "despite_differences": despite_differences, "overwrite": overwrite}
     screen = console(json_file)
+    controllers, elsewhere = campaign.settings.controllers, bool(scheduler or cluster)
+    tell_idle(screen, [*idle_in_campaign(campaign), *idle_patience(controllers, patience, cluster=elsewhere)])
     with (
         _engine(scheduler, cluster, workers, patience) as engine,
-        open_store(campaign, directory, **options) as store,
+        open_store(campaign, directory, command=arguments_given(), **options) as store,
     ):
         for note in store.quarantined:
             screen.print(f"  {note}")
@@ -117,8 +121,9 @@ def run_campaign(
         results = read_results(directory, unfinished=interrupted)
     show_result(results, json_file)
     if interrupted:
+        again = resume_command(results.manifest) or "the same command and --resume"
         kept = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
-        screen.print(f"interrupted: {kept}; go on with the same command and --resume")
+        screen.print(f"interrupted: {kept}; go on with: {again}")
         return exit_codes.INTERRUPTED
     return exit_codes.RUN_STOPPED if set(results.column("status")) == {FAILED} else exit_codes.GOOD
 

@@ -7,8 +7,11 @@ leave out drives and rotors. Tests hold this tree to the engine's, state by stat
 from math import pi
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
+    BallRpyJoint,
+    FixedOffsetFrame,
     Joint,
     PrismaticJoint,
     PrismaticSpring,
@@ -17,16 +20,17 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
+from pydrake.multibody.tree import Frame as JointFrame
 
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.surroundings import gravity_in_rig
-from cranectl.scenario.effects import EffectSettings, Frame
+from cranectl.scenario.effects import Body, EffectSettings, Frame
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 
 AXES = ("bridge_position", "trolley_position", "rope_length")  # each with an actuator of its name
 JOINTS = (*AXES, "alpha", "beta")  # in the order of signals.STATE
-LOAD = "load"
+LOAD, HOOK = "load", "hook"  # hook: the rope's end, where there is a body under it
 
 # An ideal drive turns a rotor so inert that no crane slows it: its acceleration is force / inertia.
 IDEAL_INERTIA = 1e16  # per kg of the crane
@@ -47,14 +51,16 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
     bridge = _add_body(crane, "bridge", rig.bridge_mass)
     trolley = _add_body(crane, "trolley", rig.trolley_mass)
     outer, inner = _add_body(crane, "outer"), _add_body(crane, "inner")
-    load = _add_body(crane, LOAD, rig.load_mass)
+    top, end = inner.body_frame(), _add_load(crane, rig.load_mass, effects.body)
+    if effects.body:  # the length counts to the load's centre of mass, hanging straight
+        top = _add_point(crane, "rope_top", inner, effects.body.hook_offset)
     axes = (
-        _slide(crane, AXES[0], base, bridge, (1, 0, 0), slowed[0]),
-        _slide(crane, AXES[1], bridge, trolley, (0, 1, 0), slowed[1]),
-        _slide(crane, AXES[2], inner, load, (0, 0, -1), slowed[2]),
+        _slide(crane, AXES[0], base.body_frame(), bridge, (1, 0, 0), damping=slowed[0]),
+        _slide(crane, AXES[1], bridge.body_frame(), trolley, (0, 1, 0), damping=slowed[1]),
+        _slide(crane, AXES[2], top, end, (0, 0, -1), damping=slowed[2]),
     )
-    _turn(crane, "alpha", trolley, outer, (1, 0, 0), turned)
-    _turn(crane, "beta", outer, inner, (0, -1, 0), turned)
+    _turn(crane, "alpha", trolley, outer, (1, 0, 0), damping=turned)
+    _turn(crane, "beta", outer, inner, (0, -1, 0), damping=turned)
     for axis, inertia in zip(axes, rotor_inertias(rig, drive), strict=True):
         _add_rotor(crane, axis, inertia)
     crane.Finalize()
@@ -63,7 +69,7 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
 
 def rotor_inertias(rig: RigParameters, drive: Drive) -> tuple[float, float, float]:
     """What each drive turns besides the crane [kg]."""
-    if drive == "ideal":
+    if DRIVES[drive].is_prescribed:
         return (ideal_inertia(rig),) * 3
     return 0.0, 0.0, rig.winch_mass
 
@@ -73,20 +79,18 @@ def ideal_inertia(rig: RigParameters) -> float:
     return IDEAL_INERTIA * (rig.bridge_mass + rig.trolley_mass + rig.load_mass)
 
 
-def drive_forces(rig: RigParameters, drive: Drive) -> tuple[Array, Array]:
+def drive_forces(rig: RigParameters, drive: Drive, effects: EffectSettings) -> tuple[Array, Array]:
     """Of the forces of the drives [N], gain · command + offset: (3,) each."""
-    if drive == "ideal":
+    if DRIVES[drive].is_prescribed:
         return np.array(rotor_inertias(rig, drive)), np.zeros(3)
-    if drive == "velocity":
-        return rig.velocity_gains, np.array([0.0, 0.0, -rig.weight])
-    return np.ones(3), np.zeros(3)
+    gain, _, held = DRIVES[drive].push(rig, effects)
+    return np.array(gain), 0.0 - np.array(held)
 
 
 def axis_damping(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[float]:
     """Of the driven joints [N s/m]: a velocity drive's gain on what it measures, and viscous friction."""
     friction = np.array(effects.friction.viscous if effects.friction else (0.0, 0.0, 0.0))
-    gains = rig.velocity_gains if drive == "velocity" else np.zeros(3)
-    damping: list[float] = (gains + friction).tolist()
+    damping: list[float] = (np.array(DRIVES[drive].push(rig, effects)[1]) + friction).tolist()
     return damping
 
 
@@ -102,15 +106,34 @@ def _add_frame(crane: MultibodyPlant, frame: Frame, rig: RigParameters) -> Rigid
     ):
         omega = 2.0 * pi * frequency
         below, base = base, _add_body(crane, name)
-        joint = _slide(crane, name, below, base, direction, 2.0 * frame.damping_ratio * mass * omega)
+        joint = _slide(
+            crane, name, below.body_frame(), base, direction, damping=2.0 * frame.damping_ratio * mass * omega
+        )
         crane.AddForceElement(PrismaticSpring(joint, 0.0, mass * omega**2))
         _add_rotor(crane, joint, frame.mass)
     return base
 
 
-def _add_body(crane: MultibodyPlant, name: str, mass: float = 0.0) -> RigidBody:
-    """A point."""
-    return crane.AddRigidBody(name, SpatialInertia(mass, np.zeros(3), UnitInertia(0.0, 0.0, 0.0)))
+def _add_load(crane: MultibodyPlant, mass: float, body: Body | None) -> RigidBody:
+    """Add the load, a point or a body hinged under its hook; return what hangs on the rope."""
+    if body is None:
+        return _add_body(crane, LOAD, mass)
+    hook = _add_body(crane, HOOK, body.hook_mass)
+    load = _add_body(crane, LOAD, mass, body.inertia)
+    hinge = _add_point(crane, "hinge", load, body.hook_offset)
+    crane.AddJoint(BallRpyJoint("swing", hook.body_frame(), hinge, damping=body.swing_damping))
+    return hook
+
+
+def _add_point(crane: MultibodyPlant, name: str, body: RigidBody, height: float) -> JointFrame:
+    """Add a frame that stands `height` above the origin of `body`."""
+    return crane.AddFrame(FixedOffsetFrame(name, body.body_frame(), RigidTransform([0.0, 0.0, height])))
+
+
+def _add_body(crane: MultibodyPlant, name: str, mass: float = 0.0, inertia: float = 0.0) -> RigidBody:
+    """Add a body with the same inertia about all axes through its centre of mass; a point has none."""
+    about_axis = inertia / mass if inertia else 0.0
+    return crane.AddRigidBody(name, SpatialInertia(mass, np.zeros(3), UnitInertia(*(about_axis,) * 3)))
 
 
 def _add_rotor(crane: MultibodyPlant, joint: Joint, inertia: float) -> None:
@@ -122,12 +145,13 @@ def _add_rotor(crane: MultibodyPlant, joint: Joint, inertia: float) -> None:
 def _slide(
     crane: MultibodyPlant,
     name: str,
-    below: RigidBody,
+    below: JointFrame,
     body: RigidBody,
     axis: tuple[int, int, int],
+    *,
     damping: float,
 ) -> PrismaticJoint:
-    joint = PrismaticJoint(name, below.body_frame(), body.body_frame(), axis, damping=damping)
+    joint = PrismaticJoint(name, below, body.body_frame(), axis, damping=damping)
     return crane.AddJoint(joint)
 
 
@@ -137,6 +161,7 @@ def _turn(
     below: RigidBody,
     body: RigidBody,
     axis: tuple[int, int, int],
+    *,
     damping: float,
 ) -> None:
     crane.AddJoint(RevoluteJoint(name, below.body_frame(), body.body_frame(), axis, damping=damping))

@@ -10,11 +10,12 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.multibody.tree import RigidBody
 from scipy.integrate import RK45
 
-from cranectl.plants.drake.model import AXES, JOINTS, LOAD, build_crane, drive_forces
+from cranectl.plants.drake.model import AXES, HOOK, JOINTS, LOAD, build_crane, drive_forces
 from cranectl.plants.plant import Drive
-from cranectl.plants.stability import check_rate
+from cranectl.plants.stability import check_hook, check_rate
 from cranectl.plants.surroundings import FORCE, air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
@@ -44,15 +45,18 @@ class DrakePlant:
         self.in_air = effects.wind is not None
         self.crane = build_crane(rig, drive, effects)
         self.context = self.crane.CreateDefaultContext()
-        self.load = self.crane.GetBodyByName(LOAD)
+        self.load, self.trolley = (self.crane.GetBodyByName(name) for name in (LOAD, "trolley"))
+        self.end = self.crane.GetBodyByName(HOOK if effects.body else LOAD)  # of the rope
+        self.hook_mass = effects.body.hook_mass if effects.body else 0.0
         self.gravity = self.crane.gravity_field().gravity_vector()
         joints = [self.crane.GetJointByName(name) for name in JOINTS]
         self.positions = np.array([joint.position_start() for joint in joints])
         self.velocities = np.array([joint.velocity_start() for joint in joints])
         self.actuators = [int(self.crane.GetJointActuatorByName(name).input_start()) for name in AXES]
-        self.gain, self.offset = drive_forces(rig, drive)
+        self.gain, self.offset = drive_forces(rig, drive, effects)
         self.state = np.zeros(self.crane.num_multibody_states())
         self.disturbance, self.wind = np.zeros(2), np.zeros(6)
+        self.equivalent = np.zeros(3)  # force of the disturbance on a body [N]
 
     @property
     def description(self) -> str:
@@ -68,8 +72,9 @@ class DrakePlant:
         return False
 
     def check_length(self, length: float) -> None:
-        """Raise InputError where frame or friction need shorter steps with a rope of `length` [m]."""
-        if self.effects.frame or self.effects.friction:
+        """Raise InputError where effects need a longer rope, or shorter steps with a rope of `length` [m]."""
+        if self.effects.frame or self.effects.friction or self.effects.body:
+            check_hook(self.effects, length)
             step, period = self.step, self.step * self.substeps
             check_rate(self.fastest_rate(length), self.effects, length, step=step, period=period)
 
@@ -83,6 +88,7 @@ class DrakePlant:
         return float(np.abs(np.linalg.eigvals(np.array(system))).max())
 
     def reset(self, state: Array) -> None:
+        check_hook(self.effects, state[4])
         self.state[:] = 0.0
         self.state[self.positions] = state[0::2]
         self.state[self.crane.num_positions() + self.velocities] = state[1::2]
@@ -105,19 +111,26 @@ class DrakePlant:
         forces[self.actuators] = self.gain * command + self.offset
         self.crane.get_actuation_input_port().FixValue(self.context, forces)
         self.disturbance, self.wind = disturbance, wind
+        self.equivalent = np.zeros(3)
         self._turn_joint(0.0, 0.0)
 
     def observe_load(self, load: Array) -> None:
-        """Position and velocity of the load, and the pull of the rope on it, into `load` (7,)."""
+        """Position and velocity of the load, and the pull of the rope, into `load` (7,)."""
         if not isfinite(self.rates(self.state).sum()):
             load[:] = np.nan
             return
-        pose = self.load.EvalPoseInWorld(self.context)
-        load[:3] = pose.translation()
+        load[:3] = self.load.EvalPoseInWorld(self.context).translation()
         load[3:6] = self.load.EvalSpatialVelocityInWorld(self.context).translational()
-        acceleration = self.load.EvalSpatialAccelerationInWorld(self.context).translational()
-        force = self.load_mass * (acceleration - self.gravity) - self.air_force()
-        load[6] = pose.rotation().matrix()[:, 2] @ force
+        up = self.end.EvalPoseInWorld(self.context).rotation().matrix()[:, 2]  # along the rope
+        load[6] = up @ (self.pull(self.load, self.load_mass) - self.air_force())
+        if self.hook_mass > 0.0:
+            load[6] += up @ self.pull(self.end, self.hook_mass)
+
+    def pull(self, body: RigidBody, mass: float) -> Array:
+        """Return the force that a `body` of `mass` takes besides its weight, to move as it does [N]."""
+        acceleration = body.EvalSpatialAccelerationInWorld(self.context).translational()
+        force: Array = mass * (acceleration - self.gravity)
+        return force
 
     def integrate(self, duration: float) -> None:
         """Advance the state by `duration` [s] in steps of the Dormand-Prince method of order 5."""
@@ -135,8 +148,8 @@ class DrakePlant:
             self.crane.SetPositionsAndVelocities(self.context, state)
             if self.disturbance.any():
                 self._disturb()
-            if self.in_air:
-                self._blow()
+            if self.in_air or self.effects.body:
+                self._push_bodies()
             rates: Array = self.crane.EvalTimeDerivatives(self.context).CopyToVector()
         except RuntimeError:  # a load at the pivot has no inertia about it
             return np.full_like(state, np.nan)
@@ -151,8 +164,13 @@ class DrakePlant:
         return force
 
     def _disturb(self) -> None:
-        """Torques that add the thesis's disturbance to the cardan accelerations at the present state."""
+        """Turn the joint as the thesis's disturbance does at the present state, or push a body like it."""
         length, _, beta = self.crane.GetPositions(self.context)[self.positions[2:]]
+        if self.effects.body:
+            across = self.end.EvalPoseInWorld(self.context).rotation().matrix()[:, :2]  # by beta, by alpha
+            along = np.array([self.disturbance[1], cos(beta) * self.disturbance[0]])
+            self.equivalent = self.load_mass * length * (across @ along)
+            return
         inertia = self.load_mass * length * length
         self._turn_joint(inertia * cos(beta) ** 2 * self.disturbance[0], inertia * self.disturbance[1])
 
@@ -161,8 +179,15 @@ class DrakePlant:
         torques[self.velocities[3:]] = alpha, beta
         self.crane.get_applied_generalized_force_input_port().FixValue(self.context, torques)
 
-    def _blow(self) -> None:
-        push = ExternallyAppliedSpatialForce()
-        push.body_index, push.p_BoBq_B = self.load.index(), np.zeros(3)
-        push.F_Bq_W = SpatialForce(np.zeros(3), self.air_force())
-        self.crane.get_applied_spatial_force_input_port().FixValue(self.context, Value([push]))
+    def _push_bodies(self) -> None:
+        """Push the load, and the trolley with what the disturbance takes from it."""
+        pushes = []
+        for body, force in (
+            (self.load, self.air_force() + self.equivalent),
+            (self.trolley, -self.equivalent),
+        ):
+            push = ExternallyAppliedSpatialForce()
+            push.body_index, push.p_BoBq_B = body.index(), np.zeros(3)
+            push.F_Bq_W = SpatialForce(np.zeros(3), force)
+            pushes.append(push)
+        self.crane.get_applied_spatial_force_input_port().FixValue(self.context, Value(pushes))

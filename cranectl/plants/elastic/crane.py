@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.elastic.runge_kutta import STAGES
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive, Triple
 from cranectl.plants.surroundings import air_drag, gravity_in_rig
 from cranectl.scenario.effects import EffectSettings, Frame
 from cranectl.scenario.rig import RigParameters
@@ -26,8 +26,6 @@ from cranectl.support.arrays import Array
 STRETCH, STRETCH_RATE, BODY, SPIN, RAILS, STATES = 10, 11, 12, 15, 18, 22
 JOINTS = 5  # bridge, trolley, winch, alpha, beta: position at twice their number, rate behind it
 SHORTEST = 1e-3  # [m], so that a rope wound in completely gives no infinite stiffness
-
-Triple = tuple[float, float, float]
 
 
 class ElasticCrane(NamedTuple):
@@ -48,6 +46,7 @@ class ElasticCrane(NamedTuple):
     offset: float  # hook above the centre of mass [m]
     inertia: float  # about any axis through it [kg m²]
     swing_damping: float  # between hook and body [N m s/rad]
+    hook_mass: float  # at the rope's end [kg]
     stretches: bool  # the rope gives
     stiffness: float  # E A [N]
     viscosity: Array  # (1,) times length [N s]; of the damping ratio at the start
@@ -69,16 +68,16 @@ def make_crane(
 ) -> ElasticCrane:
     """The crane of `rig` with `effects`."""
     rope, body, frame, friction = effects.rope, effects.body, effects.frame, effects.friction
-    gravity, ideal, none = gravity_in_rig(rig.gravity, effects), drive == "ideal", (0.0, 0.0, 0.0)
-    servo = _triple(rig.velocity_gains)
+    gravity, none = gravity_in_rig(rig.gravity, effects), (0.0, 0.0, 0.0)
+    ideal, (gain, damping, held) = DRIVES[drive].is_prescribed, DRIVES[drive].push(rig, effects)
     coulomb, viscous = (friction.coulomb, friction.viscous) if friction and not ideal else (none, none)
     pivot = (friction.pivot_coulomb, friction.pivot_viscous) if friction else (0.0, 0.0)
     there = ((0, STRETCH, True), (STRETCH, BODY, rope), (BODY, RAILS, body), (RAILS, STATES, frame))
     return ElasticCrane(
         prescribed=ideal,
-        gain=servo if drive == "velocity" else (1.0, 1.0, 1.0),
-        damping=servo if drive == "velocity" else none,
-        held=(0.0, 0.0, rig.weight if drive == "velocity" else 0.0),
+        gain=gain,
+        damping=damping,
+        held=held,
         limit=effects.limits.force if effects.limits else (inf, inf, inf),
         axis_mass=(rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass),
         gravity=gravity,
@@ -90,6 +89,7 @@ def make_crane(
         offset=body.hook_offset if body else 0.0,
         inertia=body.inertia if body else 1.0,
         swing_damping=body.swing_damping if body else 0.0,
+        hook_mass=body.hook_mass if body else 0.0,
         stretches=rope is not None,
         stiffness=rope.stiffness if rope else 0.0,
         viscosity=np.zeros(1),
@@ -119,16 +119,11 @@ def _rails(rig: RigParameters, frame: Frame | None, gravity: Triple) -> dict[str
     }
 
 
-def _triple(values: Array) -> Triple:
-    x, y, z = values.tolist()
-    return x, y, z
-
-
 def set_damping(crane: ElasticCrane, effects: EffectSettings, length: float) -> None:
     """Fix the rope's viscosity by the damping ratio of the load on the `length` measured at the start [m]."""
     if effects.rope:
         hanging = max(length - crane.offset, SHORTEST)
-        critical = 2.0 * sqrt(crane.stiffness * crane.load_mass * hanging)
+        critical = 2.0 * sqrt(crane.stiffness * (crane.load_mass + crane.hook_mass) * hanging)
         crane.viscosity[0] = effects.rope.damping_ratio * critical
 
 

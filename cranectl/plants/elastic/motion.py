@@ -70,7 +70,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
     pivot = (state[1] + state[RAILS + 1], state[3] + state[RAILS + 3], 0.0)
     velocity = sum_of(sum_of(pivot, r_rate, n), r, turn)
     fall = sum_of((-crane.gravity[0], -crane.gravity[1], -crane.gravity[2]), 2.0 * r_rate, turn)
-    hook = sum_of(fall, r, bend)
+    hook = at_end = sum_of(fall, r, bend)
     apparent, b, tau = mass, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if crane.swings:
         apparent = 1.0 / (1.0 / mass + offset * offset / crane.inertia)
@@ -99,11 +99,15 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
         torque_beta += mass * r * r * disturbance[1]
     hook = sum_of(hook, -1.0 / mass, outer)
 
-    # Masses and forces of the load at its hook and of the rope, a thin rod from there up to the winch.
+    # Masses and forces of the load at its hook, of the rope, a thin rod from there up to the winch, and of
+    # the hook itself, a point.
     rod = crane.density * paid_out
     middle, turning = r - 0.5 * paid_out, rod * paid_out * paid_out / 12.0
     zeroth, first = apparent + rod, apparent * r + rod * middle
     second = apparent * r * r + rod * middle * middle + turning
+    zeroth += crane.hook_mass
+    first += crane.hook_mass * r
+    second += crane.hook_mass * r * r
     matrix[0, 0] = matrix[1, 1] = matrix[2, 2] = zeroth
     matrix[1, 0] = matrix[3, 0] = matrix[3, 2] = matrix[4, 2] = matrix[4, 3] = 0.0
     matrix[2, 0], matrix[2, 1], matrix[3, 1] = zeroth * n[0], zeroth * n[1], first * by_alpha[1]
@@ -115,6 +119,9 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
         half_way = sum_of(fall, middle, bend)
         lifted = sum_of(lifted, rod, half_way)
         turned = sum_of(sum_of(turned, rod * middle, half_way), turning, bend)
+    if crane.hook_mass > 0.0:
+        lifted = sum_of(lifted, crane.hook_mass, at_end)
+        turned = sum_of(turned, crane.hook_mass * r, at_end)
     force[0], force[1], force[2] = -lifted[0] - taken[0], -lifted[1] - taken[1], -dot(n, lifted)
     force[3], force[4] = torque_alpha - dot(by_alpha, turned), torque_beta - dot(by_beta, turned)
     if crane.swings:  # what the load resists more along b than across

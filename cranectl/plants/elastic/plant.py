@@ -19,7 +19,7 @@ from cranectl.plants.elastic.crane import (
 )
 from cranectl.plants.elastic.motion import rope_directions
 from cranectl.plants.elastic.step import finish_step, settle
-from cranectl.plants.plant import Drive, Kernels
+from cranectl.plants.plant import DRIVES, Drive, Kernels
 from cranectl.plants.stability import check_hook, check_rate
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
@@ -27,7 +27,7 @@ from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TENSION, TROLLEY, VELOCI
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-SMALL = 1e-9  # [m, rad, m/s, rad/s], below the stretch of a stiff rope
+FINE_DIFFERENCE = 1e-9  # [m, rad, m/s, rad/s], below the stretch of a stiff rope
 STILL_AIR = np.zeros(6)
 
 
@@ -126,7 +126,10 @@ class ElasticPlant:
             return found
 
         rest = rates(hanging)
-        system = [(rates(hanging + SMALL * np.eye(len(hanging))[place]) - rest) / SMALL for place in places]
+        system = [
+            (rates(hanging + FINE_DIFFERENCE * np.eye(len(hanging))[place]) - rest) / FINE_DIFFERENCE
+            for place in places
+        ]
         return float(np.abs(np.linalg.eigvals(np.array(system))).max())
 
     def reset(self, state: Array) -> None:
@@ -157,9 +160,9 @@ def taut_state(
     """
     set_damping(crane, effects, joints[ROPE])
     command = np.zeros(3)
-    if drive == "velocity":
+    if DRIVES[drive].at_rest == "rates":
         command[:] = joints[BRIDGE + 1 : ROPE + 2 : 2]
-    elif drive == "force":
+    elif DRIVES[drive].at_rest == "weight":
         command[2] = crane.load_mass * crane.gravity[2]
     tension, work = 0.0, make_work()
     for _ in range(3):  # the stretch moves the load, by little

@@ -14,7 +14,7 @@ from cranectl.plants.elastic.runge_kutta import STAGES, A, B
 from cranectl.support.jit import jit
 
 PARTS = 20  # of a step at most
-ROUNDS = 10  # in which joints at rest find out who sticks
+MAX_STICK_ROUNDS = 10  # in which joints at rest find out who sticks
 SEARCHES = 40  # for the instant at which that changes
 SHARP = 1e-12  # how well it is found: by what changes up to it and after it in the step
 
@@ -28,7 +28,7 @@ def settle(crane, state, command, disturbance, wind, work):
         work.sign[joint] = 0.0
         if rubs and rate != 0.0:
             work.sign[joint] = 1.0 if rate > 0.0 else -1.0
-    for _ in range(ROUNDS):
+    for _ in range(MAX_STICK_ROUNDS):
         derivative(crane, state, command, disturbance, wind, work, work.rates[0])
         if not crane.rubs:
             return

@@ -1,21 +1,26 @@
 """Effects that are parts of the model: each adds what it is made of, then lists the numbers of it.
 
-A load that swings under its hook, a frame that gives way under its bridge, friction; the rope has a
-file of its own.
+A load that swings under its hook, a frame that gives way under its bridge, friction, limits of force; the
+rope has a file of its own. MADE has them all.
 """
 
+from collections.abc import Callable
 from math import pi
+from typing import Any, NamedTuple
 
 import mujoco
 
 from cranectl.plants.mujoco.entries import Entry
-from cranectl.scenario.effects import Body, Frame, Friction
+from cranectl.plants.mujoco.rope import add_rope, rope_entries
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.scenario.effects import Body, DriveLimits, Frame, Friction
 from cranectl.scenario.rig import RigParameters
 
 DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 CARDAN_JOINTS = ("alpha", "beta")
+ACTUATORS = ("bridge_drive", "trolley_drive", "winch_drive")
 
-# The hook has next to no mass of its own; MuJoCo wants some of every body that moves.
+# A hook has at least so much mass: MuJoCo wants some of every body that moves.
 HOOK_MASS = 1e-9  # of the load's mass
 HOOK_INERTIA = 1e-15  # [kg m²]
 
@@ -42,7 +47,7 @@ def hang_body(spec: mujoco.MjSpec) -> None:
 def body_entries(body: Body, load_mass: float) -> list[Entry]:
     """Hook, load and the joint between them; the load's own mass is the rig's."""
     return [
-        Entry("body", "hook", "mass", HOOK_MASS * load_mass),
+        Entry("body", "hook", "mass", max(body.hook_mass, HOOK_MASS * load_mass)),
         Entry("body", "load", "pos", (0.0, 0.0, -body.hook_offset)),
         Entry("body", "load", "inertia", (body.inertia,) * 3),
         Entry("joint", "swing", "pos", (0.0, 0.0, body.hook_offset)),
@@ -116,3 +121,67 @@ def friction_entries(friction: Friction, *, on_axes: bool) -> list[Entry]:
         for name, coulomb, viscous in found
         for entry in (Entry("joint", name, "frictionloss", coulomb), Entry("joint", name, "damping", viscous))
     ]
+
+
+def limit_forces(spec: mujoco.MjSpec) -> None:
+    """Limit the whole force of each drive, the weight that the winch holds included."""
+    for name in ACTUATORS:
+        spec.actuator(name).forcelimited = True
+
+
+def limit_entries(limits: DriveLimits) -> list[Entry]:
+    """The largest force of each drive."""
+    forces = zip(ACTUATORS, limits.force, strict=True)
+    return [Entry("actuator", name, "forcerange", (-force, force)) for name, force in forces]
+
+
+class Setting(NamedTuple):
+    """What an effect is part of."""
+
+    rig: RigParameters
+    drive: Drive
+    drawn: float  # length of rope in the file, measured to the load [m]
+    length: float  # and to the hook
+
+    @property
+    def is_moved_by_force(self) -> bool:
+        """False for ideal drives, which no force can hold."""
+        return not DRIVES[self.drive].is_prescribed
+
+
+class Made(NamedTuple):
+    """How the engine shows an effect: what it adds, its numbers, and what of the engine it needs."""
+
+    add: Callable[[mujoco.MjSpec, Any, Setting], None]
+    entries: Callable[[Any, Setting], list[Entry]]
+    needs: tuple[mujoco.mjtDisableBit, ...] = ()  # else switched off
+    is_shown: Callable[[Setting], bool] = lambda _: True
+
+
+_BIT = mujoco.mjtDisableBit
+MADE = {
+    "body": Made(
+        lambda spec, _, __: hang_body(spec),
+        lambda body, of: body_entries(body, of.rig.load_mass),
+        needs=(_BIT.mjDSBL_DAMPER,),
+    ),
+    "rope": Made(
+        lambda spec, rope, _: add_rope(spec, heavy=rope.mass > 0.0),
+        lambda rope, of: rope_entries(rope, of.rig, of.drawn, of.length),
+    ),
+    "frame": Made(
+        lambda spec, _, __: add_frame(spec),
+        lambda frame, of: frame_entries(frame, of.rig),
+        needs=(_BIT.mjDSBL_SPRING, _BIT.mjDSBL_DAMPER),
+    ),
+    "friction": Made(
+        lambda spec, _, of: add_friction(spec, on_axes=of.is_moved_by_force),
+        lambda friction, of: friction_entries(friction, on_axes=of.is_moved_by_force),
+        needs=(_BIT.mjDSBL_CONSTRAINT, _BIT.mjDSBL_WARMSTART, _BIT.mjDSBL_DAMPER),
+    ),
+    "limits": Made(
+        lambda spec, _, __: limit_forces(spec),
+        lambda limits, _: limit_entries(limits),
+        is_shown=lambda of: of.is_moved_by_force,
+    ),
+}

@@ -1,33 +1,24 @@
 """`models/crane.xml` for one run: parameters set by name, velocity drives as filed or motors instead."""
 
 import functools
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.effects import (
-    CARDAN_JOINTS,
-    DRIVEN_JOINTS,
-    add_frame,
-    add_friction,
-    body_entries,
-    frame_entries,
-    friction_entries,
-    hang_body,
-)
+from cranectl.plants.mujoco.effects import ACTUATORS, CARDAN_JOINTS, DRIVEN_JOINTS, MADE, Made, Setting
 from cranectl.plants.mujoco.entries import Entry, write_spec
 from cranectl.plants.mujoco.geometry import draw_to_scale
-from cranectl.plants.mujoco.rope import DISTANCE, add_rope, rope_entries
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.surroundings import gravity_in_rig
+from cranectl.scenario.effect import Effect
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support import resources
 
 JOINTS = (*DRIVEN_JOINTS, *CARDAN_JOINTS)
 BODIES = ("bridge", "trolley", "load")
-DRIVES = ("bridge_drive", "trolley_drive", "winch_drive")
 DRAWN_LENGTH = 0.7  # [m] of rope in the file, without which the cardan angles would have no inertia
 
 # An ideal drive is a motor on a joint so inert that nothing can move it: acceleration = command to 1e-12.
@@ -64,27 +55,28 @@ def model_spec(
     # The file's joint ranges are the rig's end stops. Leaving them is judged by the run, the same on every
     # plant, so that a run that is told to record a violation does not hit a wall on one plant only.
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
-    _add_structure(spec, drive, effects)
+    setting = _setting(rig, drive, effects)
+    for made, own in _shown(effects, setting):
+        made.add(spec, own, setting)
+    if not DRIVES[drive].is_servo:
+        for name in ACTUATORS:
+            spec.actuator(name).set_to_motor()
     write_spec(spec, model_entries(rig, drive, effects))
     return spec
 
 
-def _add_structure(spec: mujoco.MjSpec, drive: Drive, effects: EffectSettings) -> None:
-    """What effects and drives are made of. The driven joints keep their names."""
-    if effects.body:
-        hang_body(spec)
-    if effects.rope:
-        add_rope(spec, heavy=effects.rope.mass > 0.0)
-    if effects.frame:
-        add_frame(spec)
-    if effects.friction:
-        add_friction(spec, on_axes=drive != "ideal")
-    if effects.limits and drive != "ideal":
-        for name in DRIVES:  # the whole force, the weight that the winch holds included
-            spec.actuator(name).forcelimited = True
-    if drive != "velocity":
-        for name in DRIVES:
-            spec.actuator(name).set_to_motor()
+def _setting(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Setting:
+    offset = effects.body.hook_offset if effects.body else 0.0
+    drawn = DRAWN_LENGTH + offset  # measured length counts to the load's centre of mass, hanging still
+    return Setting(rig, drive, drawn, drawn - offset)
+
+
+def _shown(effects: EffectSettings, setting: Setting) -> Iterator[tuple[Made, Effect]]:
+    """Yield the effects that the model shows. The driven joints keep their names."""
+    for name, made in MADE.items():
+        own = getattr(effects, name)
+        if own is not None and made.is_shown(setting):
+            yield made, own
 
 
 def structure_of(effects: EffectSettings) -> tuple[object, ...]:
@@ -95,32 +87,20 @@ def structure_of(effects: EffectSettings) -> tuple[object, ...]:
 
 def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
     """Every number of the model that depends on the parameters; which ones, on the structure only."""
-    offset = effects.body.hook_offset if effects.body else 0.0
-    drawn = DRAWN_LENGTH + offset  # measured length counts to the load's centre of mass, hanging still
+    setting = _setting(rig, drive, effects)
     found = [Entry("option", "", "gravity", gravity_in_rig(rig.gravity, effects))]
     found += [Entry("body", body, "mass", getattr(rig, f"{body}_mass")) for body in BODIES]
     ranges = zip(DRIVEN_JOINTS, (rig.bridge_range, rig.trolley_range, rig.rope_range), strict=True)
     found += [Entry("joint", joint, "range", limits) for joint, limits in ranges]
-    found += [Entry("joint", "rope_length", "ref", drawn)]
-    if drive == "ideal":
+    found += [Entry("joint", "rope_length", "ref", setting.drawn)]
+    if DRIVES[drive].is_prescribed:
         found += _set_ideal_drives(rig)
-    elif drive == "velocity":
-        found += _set_velocity_drives(rig)
+    elif DRIVES[drive].is_servo:
+        found += _set_velocity_drives(rig, drive, effects)
     else:  # motors, a force for a command
         found += [Entry("joint", "rope_length", "armature", rig.winch_mass)]
-    if effects.body:
-        found += body_entries(effects.body, rig.load_mass)
-    if effects.rope:
-        found += [Entry("joint", DISTANCE, "ref", drawn), Entry("joint", DISTANCE, "range", rig.rope_range)]
-        found += rope_entries(effects.rope.mass, drawn - offset)
-    if effects.frame:
-        found += frame_entries(effects.frame, rig)
-    if effects.friction:
-        found += friction_entries(effects.friction, on_axes=drive != "ideal")
-    if effects.limits and drive != "ideal":
-        forces = zip(DRIVES, effects.limits.force, strict=True)
-        found += [Entry("actuator", name, "forcerange", (-force, force)) for name, force in forces]
-    return found
+    shown = _shown(effects, setting)
+    return [*found, *(entry for made, own in shown for entry in made.entries(own, setting))]
 
 
 def ideal_inertia(rig: RigParameters) -> float:
@@ -133,20 +113,19 @@ def _set_ideal_drives(rig: RigParameters) -> list[Entry]:
     inertia = ideal_inertia(rig)
     carried = (rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, 0.0)
     drives = []
-    for name, joint, mass in zip(DRIVES, DRIVEN_JOINTS, carried, strict=True):
+    for name, joint, mass in zip(ACTUATORS, DRIVEN_JOINTS, carried, strict=True):
         gear = (inertia + mass, 0.0, 0.0, 0.0, 0.0, 0.0)
         drives.append(Entry("actuator", name, "gear", gear))
         drives.append(Entry("joint", joint, "armature", inertia))
     return drives
 
 
-def _set_velocity_drives(rig: RigParameters) -> list[Entry]:
+def _set_velocity_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
     armature = rig.winch_mass
-    held_forces = (0.0, 0.0, -rig.weight)
     drives = []
-    for name, gain, held in zip(DRIVES, rig.velocity_gains.tolist(), held_forces, strict=True):
+    for name, gain, damping, held in zip(ACTUATORS, *DRIVES[drive].push(rig, effects), strict=True):
         proportional = (gain,)
-        bias = (held, 0.0, -gain)
+        bias = (0.0 - held, 0.0, -damping)
         drives.append(Entry("actuator", name, "gainprm", proportional))
         drives.append(Entry("actuator", name, "biasprm", bias))
     drives.append(Entry("joint", "rope_length", "armature", armature))
@@ -176,11 +155,12 @@ def sensor_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
 
 
 def drive_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Index of each of DRIVES in ctrl."""
-    return np.array([model.actuator(name).id for name in DRIVES], dtype=np.int64)
+    """Index of each of ACTUATORS in ctrl."""
+    return np.array([model.actuator(name).id for name in ACTUATORS], dtype=np.int64)
 
 
 DRAWN_ROPE = "rope"  # tendon
+IDLE = frozenset({mujoco.mjtDisableBit.mjDSBL_ISLAND}.union(*(made.needs for made in MADE.values())))
 ENCODERS = (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL)
 
 
@@ -198,16 +178,6 @@ def leave_out_idle(spec: mujoco.MjSpec, effects: EffectSettings) -> None:
     for element in [*drawing, *encoders]:
         spec.delete(element)
     spec.stat.meansize = 1.0  # a scale of pictures, which the compiler would guess from the bodies
-    idle = mujoco.mjtDisableBit
-    _disable(spec, idle.mjDSBL_ISLAND)
-    if not effects.friction:
-        _disable(spec, idle.mjDSBL_CONSTRAINT, idle.mjDSBL_WARMSTART)
-    if not effects.frame:
-        _disable(spec, idle.mjDSBL_SPRING)
-    if not (effects.frame or effects.friction or effects.body):
-        _disable(spec, idle.mjDSBL_DAMPER)
-
-
-def _disable(spec: mujoco.MjSpec, *flags: mujoco.mjtDisableBit) -> None:
-    for flag in flags:
+    shown = [made.needs for name, made in MADE.items() if getattr(effects, name) is not None]
+    for flag in IDLE.difference(*shown):
         spec.option.disableflags |= int(flag)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.disturbed_step import StageWork, stage_work, step_in_stages
+from cranectl.plants.mujoco.effects import MADE
 from cranectl.plants.mujoco.entries import derive_constants, views_of, write_views
 from cranectl.plants.mujoco.model import (
     compiled_model,
@@ -28,7 +29,7 @@ from cranectl.plants.mujoco.rope import (
 )
 from cranectl.plants.mujoco.stability import fastest_rate
 from cranectl.plants.mujoco.step import mj_step
-from cranectl.plants.plant import Drive, Kernels
+from cranectl.plants.plant import DRIVES, Drive, Kernels
 from cranectl.plants.stability import check_hook, check_rate
 from cranectl.plants.surroundings import air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
@@ -181,7 +182,9 @@ class MujocoPlant:
 
     def reset(self, state: Array) -> None:
         if self.effects.rope:
-            set_damping(self.rig.rope, self.effects.rope, self.rig.load_mass, state[4])
+            set_damping(
+                self.rig.rope, self.effects.rope, self.parameters.hanging_mass(self.effects), state[4]
+            )
         self.check_length(state[4])
         # A first step through the binding: were the model broken, the compiled loop would end the process.
         self._set_state(state)
@@ -207,9 +210,9 @@ class MujocoPlant:
         data.qpos[self.rig.joints] = state[0::2]
         data.qvel[self.rig.rates] = state[1::2]
         if self.rig.rope.active:
-            if self.drive == "velocity":
+            if DRIVES[self.drive].at_rest == "rates":
                 data.ctrl[self.rig.drives] = state[1:6:2]  # else they would brake, and the rope with them
-            elif self.drive == "force":
+            elif DRIVES[self.drive].at_rest == "weight":
                 data.ctrl[
                     self.rig.drives[2]
                 ] = -self.parameters.weight  # else the winch would fall with the load
@@ -239,5 +242,4 @@ class MujocoPlant:
 
 def _physical(effects: EffectSettings) -> EffectSettings:
     """Those that change the model; what others say must not compile it anew."""
-    names = ("limits", "friction", "rope", "body", "frame", "installation")
-    return NO_EFFECTS.model_copy(update={name: getattr(effects, name) for name in names})
+    return NO_EFFECTS.model_copy(update={name: getattr(effects, name) for name in (*MADE, "installation")})

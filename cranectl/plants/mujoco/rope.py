@@ -12,6 +12,7 @@ import numpy as np
 
 from cranectl.plants.mujoco.entries import Entry
 from cranectl.scenario.effects import EffectSettings, Rope
+from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
@@ -74,17 +75,23 @@ def _add_tension(spec: mujoco.MjSpec) -> None:
     )
 
 
-def rope_entries(density: float, length: float) -> list[Entry]:
-    """The rope in a model as compiled, with `length` [m] that hangs out: without tension; with mass, if any.
+def rope_entries(rope: Rope, rig: RigParameters, drawn: float, length: float) -> list[Entry]:
+    """The rope in a model as compiled: without tension; with mass, if any.
 
-    Its mass is a thin rod above the rope's end, cut off at the pivot: it moves with what the winch pays out.
+    `drawn` is measured to the load, `length` hangs out [m]. The rope's mass is a thin rod above its end, cut
+    off at the pivot: it moves with what the winch pays out.
     """
-    slack = Entry("actuator", ELASTICITY, "biasprm", (0.0, 0.0, 0.0))
+    density = rope.mass
+    found = [
+        Entry("joint", DISTANCE, "ref", drawn),
+        Entry("joint", DISTANCE, "range", rig.rope_range),
+        Entry("actuator", ELASTICITY, "biasprm", (0.0, 0.0, 0.0)),
+    ]
     if density == 0.0:
-        return [slack]
+        return found
     across = density * length**3 / 12.0
     return [
-        slack,
+        *found,
         Entry("body", MASS, "mass", density * length),
         Entry("body", MASS, "ipos", (0.0, 0.0, 0.5 * length)),
         Entry("body", MASS, "inertia", (across, across, SLENDER * across)),
@@ -114,10 +121,10 @@ def elastic_rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
     )
 
 
-def set_damping(views: ElasticRope, rope: Rope, load_mass: float, length: float) -> None:
-    """Fix the rope's viscosity by the damping ratio of the load on the `length` measured at the start [m]."""
+def set_damping(views: ElasticRope, rope: Rope, mass: float, length: float) -> None:
+    """Fix the viscosity by the damping ratio of the `mass` [kg] on the `length` measured at the start [m]."""
     hanging = max(length - views.offset, SHORTEST)
-    views.viscosity[0] = 2.0 * rope.damping_ratio * np.sqrt(rope.stiffness * load_mass * hanging)
+    views.viscosity[0] = 2.0 * rope.damping_ratio * np.sqrt(rope.stiffness * mass * hanging)
 
 
 def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -> None:

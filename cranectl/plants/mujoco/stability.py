@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-SMALL = 1e-9  # [m, rad, m/s, rad/s], below the stretch of a stiff rope
+FINE_DIFFERENCE = 1e-9  # [m, rad, m/s, rad/s], below the stretch of a stiff rope
 
 
 def fastest_rate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -34,10 +34,10 @@ def fastest_rate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
         direction = np.zeros(n)
         direction[k] = 1.0
         trial.qpos[:] = qpos
-        mujoco.mj_integratePos(model, trial.qpos, direction, SMALL)
-        system[n:, k] = (acceleration() - rest) / SMALL
+        mujoco.mj_integratePos(model, trial.qpos, direction, FINE_DIFFERENCE)
+        system[n:, k] = (acceleration() - rest) / FINE_DIFFERENCE
         trial.qpos[:] = qpos
-        trial.qvel[:] = qvel + SMALL * direction
-        system[n:, n + k] = (acceleration() - rest) / SMALL
+        trial.qvel[:] = qvel + FINE_DIFFERENCE * direction
+        system[n:, n + k] = (acceleration() - rest) / FINE_DIFFERENCE
         trial.qvel[:] = qvel
     return float(np.abs(np.linalg.eigvals(system)).max())

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from cranectl.campaign.benchmark import scores
 from cranectl.campaign.benchmark.information import information_class
-from cranectl.campaign.benchmark.pieces import Division, Piece
+from cranectl.campaign.benchmark.pieces import Division, Trial
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.standings import Standing, laws_of, set_standings
 from cranectl.campaign.benchmark.table import BenchmarkTable, Runs
@@ -26,12 +26,12 @@ class Judged(NamedTuple):
     table: BenchmarkTable
     division: Division
 
-    def piece(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Piece:
+    def piece(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Trial:
         """One of the division, by default on the first plant."""
-        return Piece(self.division, plant or self.benchmark.plant, crane_set, scenario, law)
+        return Trial(self.division, plant or self.benchmark.plant, crane_set, scenario, law)
 
     def runs(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Runs | None:
-        """Those of a piece; None where it has not been run."""
+        """Return those of a piece; None where it has not been run."""
         return self.table.pieces.get(self.piece(crane_set, scenario, law, plant))
 
     def standings(self, crane_set: str) -> list[Standing]:

@@ -2,6 +2,8 @@
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,8 @@ from cranectl.campaign.benchmark.pieces import DIVISIONS
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.standings import Standing, points_of
 from cranectl.campaign.benchmark.table import BenchmarkTable
+from cranectl.campaign.manifest import controller_from
+from cranectl.campaign.results import read_manifest
 from cranectl.report.benchmark.division import NAMED, TITLES, Judged, finite
 from cranectl.report.benchmark.robustness import radius_section, second_section, singles_section
 from cranectl.report.benchmark.sets import set_section
@@ -18,28 +22,22 @@ from cranectl.report.page import Page, Section
 from cranectl.report.table import Cell, Table, cells
 from cranectl.status import RunStatus
 
+FILE = "FILE"  # of a law, where it is not known
+NOT_DECLARED = "not declared"
 SHOWN = ("failed %", "unsettled %", "RMS u")  # of each set in the summary
 
 
-def benchmark_page(benchmark: Benchmark, table: BenchmarkTable, remade_by: str) -> Page:
-    """The page."""
+def benchmark_page(
+    benchmark: Benchmark, table: BenchmarkTable, remade_by: str, result: Path | None = None
+) -> Page:
+    """Return the page; `result` is the directory of the results, if they are there."""
     divisions = judged_divisions(benchmark, table)
-    sections = [
-        *_summary(divisions),
-        _rules(benchmark, table),
-        *_tuning(benchmark, table),
-        *(section for judged in divisions for section in _division(judged)),
-        *_failures(divisions),
-    ]
+    sections = [*_summary(divisions), _rules(benchmark, table), *_tuning(benchmark, table)]
+    for judged in divisions:
+        sections += [section for name in benchmark.sets for section in set_section(judged, name)]
+        sections += [*radius_section(judged), *singles_section(judged), *second_section(judged)]
+    sections += _failures(divisions, result)
     return Page(f"Benchmark {benchmark.name}", benchmark.title, tuple(sections), remade_by)
-
-
-def _division(judged: Judged) -> Iterator[Section]:
-    for name in judged.benchmark.sets:
-        yield from set_section(judged, name)
-    yield from radius_section(judged)
-    yield from singles_section(judged)
-    yield from second_section(judged)
 
 
 def judged_divisions(benchmark: Benchmark, table: BenchmarkTable) -> list[Judged]:
@@ -49,7 +47,7 @@ def judged_divisions(benchmark: Benchmark, table: BenchmarkTable) -> list[Judged
 
 
 def _summary(divisions: list[Judged]) -> Iterator[Section]:
-    """Laws that are undominated on any set, by division."""
+    """Tell which controllers are undominated on any set, by division."""
     text = (
         "These laws are undominated on at least one set: no other law of the division is at least as good in "
         "unsettled time, effort and share of failures, and better in one. A law may be here only because it "
@@ -62,7 +60,10 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
         sets = {name: found for name in judged.benchmark.sets if (found := judged.standings(name))}
         if not sets:
             continue
-        fronts = {name: _front(found) for name, found in sets.items()}
+        fronts = {}
+        for name, found in sets.items():
+            full = scores.undominated(points_of(found))
+            fronts[name] = {each.law for each, best in zip(found, full, strict=True) if best}
         everywhere = [law for law in judged.best_first if all(law in front for front in fronts.values())]
         title = TITLES[judged.division]
         texts.append(f"{title}, on {', '.join(sets)} alike: {', '.join(everywhere) or 'none'}.")
@@ -71,15 +72,10 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
         yield Section("summary", "Summary", tuple(texts), tuple(tables))
 
 
-def _front(found: Sequence[Standing]) -> set[str]:
-    """Laws that no other dominates."""
-    return {each.law for each, full in zip(found, scores.undominated(points_of(found)), strict=True) if full}
-
-
 def _undominated(
     judged: Judged, sets: Mapping[str, Sequence[Standing]], fronts: Mapping[str, set[str]]
 ) -> Table:
-    """Laws on any of the fronts, those on most of them first."""
+    """Return the controllers on any of the fronts, those on most of them first."""
     by_law = {name: {each.law: each for each in found} for name, found in sets.items()}
     count = {law: sum(law in front for front in fronts.values()) for law in judged.best_first}
     laws = sorted((law for law, times in count.items() if times), key=lambda law: -count[law])
@@ -97,9 +93,8 @@ def _undominated(
         rows.append(cells(*judged.named(law), *row))
     headings = (*NAMED, *(f"{name}\n{each}" for name in sets for each in SHOWN))
     title = f"{TITLES[judged.division]}: {len(laws)} of {len(set().union(*by_law.values()))} laws"
-    return Table(
-        title, headings, tuple(rows), labels=2, note="A star: undominated on that set. RMS u in m/s²."
-    )
+    note = "A star: undominated on that set. RMS u in m/s²."
+    return Table(title, headings, tuple(rows), labels=2, note=note)
 
 
 def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
@@ -114,24 +109,33 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
         "defaults, for most of them first guesses and no paper's numbers, and tuned, all by the same budget.",
         f"Made by {'; some with '.join(_software(table.about['made_by']))}.",
     )
-    rows = tuple(
-        cells(
-            law,
-            "set points" if facts["follows"] == "set-point" else "path",
-            facts["measures"],
-            "all of the path" if facts["reads_path"] else str(facts["preview"] or "none"),
-            facts["commands"],
-            ", ".join(name.replace("_", " ") for name in facts["rig"]) or "nothing",
-        )
-        for law, facts in sorted(table.about["laws"].items())
-    )
+    rows = []
+    for law, facts in sorted(table.about["laws"].items()):
+        follows = "set points" if facts["follows"] == "set-point" else "path"
+        known = (facts["measures"], _preview(facts), facts["commands"], _known(facts["rig"]))
+        rows.append(cells(law, follows, *known))
     headings = ("law", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
         "What is measured as state comes from encoders and an observer that is common to all laws. Preview: "
         "control periods of the path ahead, or all of it where a law is made. Of masses and drives, those by "
         "which its numbers go. The column 'told' of the other tables sums this up."
     )
-    return Section("rules", "Rules and information", texts, (Table("", headings, rows, labels=6, note=note),))
+    told = Table("", headings, tuple(rows), labels=6, note=note)
+    return Section("rules", "Rules and information", texts, (told,))
+
+
+def _preview(facts: Mapping[str, Any]) -> str:
+    """Return what a controller sees of the path ahead, in words."""
+    if facts["reads_path"]:
+        return "all of the path"
+    return str(facts["preview"] or ("none" if facts["rig"] is not None else NOT_DECLARED))
+
+
+def _known(rig: Sequence[str] | None) -> str:
+    """Return what a controller knows of the rig, in words."""
+    if rig is None:
+        return NOT_DECLARED
+    return ", ".join(name.replace("_", " ") for name in rig) or "nothing"
 
 
 def _software(made_by: Sequence[Mapping[str, str]]) -> Iterator[str]:
@@ -178,29 +182,32 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
     yield Section("tuning", "Tuning", (text,), tuple(tables))
 
 
-def _failures(divisions: list[Judged]) -> Iterator[Section]:
-    """The first failure of each law on each set that is judged, and how to look at it."""
-    headings = (*NAMED, "set", "scenario", "crane", "ended", "to see it, in the result's directory")
+def _failures(divisions: list[Judged], result: Path | None) -> Iterator[Section]:
+    """Tell the first failure of each controller on each set that is judged, and how to look at it."""
+    command = "to see it" if result else "to see it, in the result's directory"
+    headings = (*NAMED, "set", "scenario", "crane", "ended", command)
     tables = []
     for judged in divisions:
         rows = [
             cells(*judged.named(law), name, *found)
             for law in judged.best_first
             for name in judged.benchmark.sets
-            if (found := _first_failure(judged, law, name))
+            if (found := _first_failure(judged, law, name, result))
         ]
         if rows:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:
+        unknown = any(row[-1].text.endswith(FILE) for table in tables for row in table.rows)
+        file = f" {FILE} is that of the law." if unknown else ""
         text = (
-            "The first failure of each law on each set. FILE is that of the law. Without the results, the "
-            "piece is run again by 'cranectl benchmark run' with --division, --controller, --set-of-cranes, "
-            "--scenario, and --draws for the cranes up to that one."
+            f"The first failure of each law on each set.{file} Without the results, the piece is run again "
+            "by 'cranectl benchmark run' with --division, --controller, --set-of-cranes, --scenario, and "
+            "--draws for the cranes up to that one."
         )
         yield Section("failures", "Failures to look at", (text,), tuple(tables))
 
 
-def _first_failure(judged: Judged, law: str, crane_set: str) -> tuple[str, ...]:
+def _first_failure(judged: Judged, law: str, crane_set: str, result: Path | None) -> tuple[str, ...]:
     """Scenario, crane, how the run ended, the command that shows it; empty where none failed."""
     for scenario in judged.benchmark.scenarios:
         piece = judged.piece(crane_set, scenario, law)
@@ -209,8 +216,10 @@ def _first_failure(judged: Judged, law: str, crane_set: str) -> tuple[str, ...]:
             sample = int(np.flatnonzero(runs.failed)[0])
             status = runs.status[sample]
             ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
-            command = f"cranectl campaign replay {shlex.quote(str(piece.place))} --run {sample}"
+            place = result / piece.place if result else piece.place
+            command = ["cranectl", "campaign", "replay", str(place), "--run", str(sample)]
             if judged.table.about["laws"][law]["file"]:
-                command += " --controller FILE"
-            return scenario, str(sample), ended, command
+                named = controller_from(read_manifest(place), place, law) if result else law
+                command += ["--controller", FILE if named == law else named]
+            return scenario, str(sample), ended, shlex.join(command)
     return ()

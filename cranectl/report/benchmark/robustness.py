@@ -54,7 +54,7 @@ def radius_section(judged: Judged) -> Iterator[Section]:
 
 
 def singles_section(judged: Judged) -> Iterator[Section]:
-    """What one uncertainty does by itself, beside none of them and all together on the same scenario."""
+    """Tell what one uncertainty does by itself, beside none and all of them on the same scenario."""
     benchmark, singles = judged.benchmark, judged.benchmark.singles
     if singles is None:
         return
@@ -74,10 +74,11 @@ def singles_section(judged: Judged) -> Iterator[Section]:
     for some, folded in ((list(there)[:BEST], False), (list(there)[BEST:], True)):
         for told, cell in (("failed [%]", _failures), ("RMS error, 50 % [mm]", _error)):
             headings = (*NAMED, *(f"{told}\n{effect}" for effect in columns.values()))
-            rows = [
-                cells(*judged.named(law), *(cell(there[law][name], cranes[name]) for name in columns))
-                for law in some
-            ]
+            rows = []
+            for law in some:
+                runs = [(there[law][name], cranes[name]) for name in columns]
+                texts = ("" if each is None else cell(each, of) for each, of in runs)
+                rows.append(cells(*judged.named(law), *texts))
             title = f"{'The others' if folded else 'The best'}: {told}"
             tables += [Table(title, headings, tuple(rows), labels=2, folded=folded)] if rows else []
     text = (
@@ -103,19 +104,17 @@ def _failed_share(runs: Runs, cranes: Mask) -> float:
     return float(runs.failed[cranes[: runs.failed.size]].mean())
 
 
-def _failures(runs: Runs | None, cranes: Mask) -> str:
-    return "" if runs is None else f"{100.0 * _failed_share(runs, cranes):.0f}"
+def _failures(runs: Runs, cranes: Mask) -> str:
+    return f"{100.0 * _failed_share(runs, cranes):.0f}"
 
 
-def _error(runs: Runs | None, cranes: Mask) -> str:
-    if runs is None:
-        return ""
+def _error(runs: Runs, cranes: Mask) -> str:
     some = cranes[: runs.failed.size]
     return median(1e3 * runs.metrics[COMPARED][some], runs.failed[some])
 
 
 def second_section(judged: Judged) -> Iterator[Section]:
-    """Whether another plant says the same."""
+    """Compare the results with those of the second plant."""
     benchmark = judged.benchmark
     plants = (benchmark.plant, benchmark.second_plant)
     headings = (*NAMED, "runs", *(f"failed [%]\n{plant}" for plant in plants), "one fails\nonly",
@@ -136,15 +135,9 @@ def second_section(judged: Judged) -> Iterator[Section]:
             here, there = (np.concatenate([r.failed for r in each]) for each in by_plant)
             errors = (np.concatenate([r.metrics[COMPARED] for r in each]) for each in by_plant)
             apart = np.abs(np.subtract(*errors))[~(here | there)]
-            rows.append(
-                cells(
-                    *judged.named(law),
-                    str(there.size),
-                    *(f"{100.0 * each.mean():.1f}" for each in (here, there)),
-                    str(int((here != there).sum())),
-                    median(1e3 * apart, np.zeros(apart.size, dtype=bool)),
-                )
-            )
+            shares = (f"{100.0 * each.mean():.1f}" for each in (here, there))
+            texts = str((here != there).sum()), median(1e3 * apart, np.zeros(apart.size, dtype=bool))
+            rows.append(cells(*judged.named(law), str(there.size), *shares, *texts))
         if rows:
             tables.append(Table(f"Cranes: {name}", headings, tuple(rows), labels=2, folded=bool(tables)))
     if tables:

@@ -3,28 +3,33 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import LogLocator, NullLocator
 
 from cranectl.campaign.benchmark import scores
 from cranectl.campaign.benchmark.standings import Standing, points_of, rest_time, shared_scenarios
 from cranectl.campaign.benchmark.table import Runs, on_common_cranes
 from cranectl.campaign.summary import failure_interval
-from cranectl.report.benchmark import figures
 from cranectl.report.benchmark.division import COMPARED, NAMED, Judged, finite, median
+from cranectl.report.campaign.figures import series_style
 from cranectl.report.page import Figure, Section
 from cranectl.report.table import ANSWERS, Table, cells
-from cranectl.support.arrays import Array
+from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
+from cranectl.support.arrays import Array, Mask
 
+MOST_RATIO = 10.0
+NAMED_PROFILES = 8  # laws that have a line of their own in a profile
+LEAST_EFFORT = 1e-2  # [m/s²] that is drawn, on a logarithmic scale
 DIFFERENCES = tuple(
     f"{what} less baseline\n{told}"
     for what, unit in (("RMS error", "mm"), ("unsettled", "s"))
     for told in (f"50 % [{unit}]", "95 % of it", "effect")
 )
 NOTHING = ("", "", "")  # where there is no difference
-Texts = tuple[str, str, str]
 
 
 def set_section(judged: Judged, name: str) -> Iterator[Section]:
-    """One of the sets that are judged."""
+    """Tell how the controllers stand on one of the sets that are judged."""
     found = judged.standings(name)
     if not found:
         return
@@ -35,26 +40,26 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         "effort against settling",
         "Filled and named: no other law is as good in settling, effort and failures and better in one. "
         "Larger circles fail more often.",
-        figures.fronts,
+        _draw_fronts,
         [s.law for s, there in zip(found, drawable, strict=True) if there],
         points[drawable],
         best[drawable],
         alone=True,
     )
-    shared = shared_scenarios(benchmark, table, division, name)
-    laws = [s.law for s in found]
-    tasks = np.hstack([_tasks(judged, name, scenario, laws) for scenario in shared])
+    laws, tasks = [s.law for s in found], []
+    for scenario in shared_scenarios(benchmark, table, division, name):
+        runs = on_common_cranes([table.pieces[judged.piece(name, scenario, law)] for law in laws])
+        tasks.append(np.stack([each.task for each in runs]))  # (laws, cranes that all of them have met)
     profiles = Figure.drawn(
         "performance profiles",
         "Share of all runs that a law has settled within so many times the time of the law that was "
         "quickest on that crane, both from the start of the run; failures never. The eight best have names.",
-        figures.profiles,
+        _draw_profiles,
         laws,
-        scores.performance_ratios(tasks),
+        scores.performance_ratios(np.hstack(tasks)),
         alone=True,
     )
-    tables = [standing_table(judged, found, f"All laws on {benchmark.plant}")]
-    tables.append(_failures(judged, name))
+    tables = [standing_table(judged, found, f"All laws on {benchmark.plant}"), _failures(judged, name)]
     tables += [each for scenario in benchmark.scenarios for each in _scenario(judged, name, scenario)]
     cranes = benchmark.sets[name]
     text = (
@@ -62,8 +67,8 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         "runs as independent, so they are too narrow. Medians count a failure as worse than any result. "
         f"Differences to {benchmark.baseline} are crane by crane: of RMS errors where neither fails, of "
         "unsettled time on all cranes, where a failed run is unsettled to the end; none is shown of fewer "
-        f"than {scores.FEWEST} cranes. Effect: share of cranes on which it is larger less that on which it "
-        "is smaller. Laws of set points never see the path and have no error to it."
+        f"than {scores.MIN_INTERVAL_VALUES} cranes. Effect: share of cranes on which it is larger less that "
+        "on which it is smaller. Laws of set points never see the path and have no error to it."
     )
     if all(judged.runs(name, scenario, benchmark.baseline) is None for scenario in benchmark.scenarios):
         text += f" No differences are shown: no runs of {benchmark.baseline} are here."
@@ -72,14 +77,8 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     yield judged.section(name, name, text, tables, (drawn, profiles))
 
 
-def _tasks(judged: Judged, name: str, scenario: str, laws: Sequence[str]) -> Array:
-    """(laws, cranes) times of the task on one scenario, on the cranes that all `laws` have met there."""
-    runs = [judged.table.pieces[judged.piece(name, scenario, law)] for law in laws]
-    return np.stack([each.task for each in on_common_cranes(runs)])
-
-
 def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Table:
-    """How the laws stand; on the front are those that no other dominates in settling, effort and failures.
+    """Tell how controllers stand; none on the front is dominated in settling, effort and failures.
 
     Of the others it names the first law that does.
     """
@@ -89,19 +88,11 @@ def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Tab
     rows = []
     for each, ahead in zip(found, better.T, strict=True):
         low, high = failure_interval(each.failures, each.runs)
-        rows.append(
-            cells(
-                *judged.named(each.law),
-                found[int(np.argmax(ahead))].law if ahead.any() else ANSWERS[True],
-                str(each.runs),
-                f"{100.0 * each.failed:.1f}",
-                f"{100.0 * low:.1f} to {100.0 * high:.1f}",
-                f"{100.0 * each.settled:.0f}",
-                f"{100.0 * each.unsettled:.1f}",
-                finite(each.effort, ".3f", "fails"),
-                finite(each.variation, ".1f", "fails"),
-            )
-        )
+        front = found[int(np.argmax(ahead))].law if ahead.any() else ANSWERS[True]
+        failed = f"{100.0 * each.failed:.1f}", f"{100.0 * low:.1f} to {100.0 * high:.1f}"
+        settled = f"{100.0 * each.settled:.0f}", f"{100.0 * each.unsettled:.1f}"
+        inputs = finite(each.effort, ".3f", "fails"), finite(each.variation, ".1f", "fails")
+        rows.append(cells(*judged.named(each.law), front, str(each.runs), *failed, *settled, *inputs))
     note = (
         "Over the scenarios that suit laws of every kind; effort and variation are medians of the runs. "
         "Behind: the first law as good in unsettled time, effort and failures, and better in one of them."
@@ -122,7 +113,7 @@ def _failures(judged: Judged, name: str) -> Table:
 
 
 def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
-    """The laws on one scenario, folded."""
+    """Yield the controllers on one scenario, folded."""
     theirs = judged.runs(name, scenario, judged.benchmark.baseline)
     duration = float(judged.table.about["durations"].get(scenario, 0.0))
     headings = (*NAMED, "failed\n%", "settled\n%", "settling time\n50 % [s]", "settling time\n90 % [s]",
@@ -134,47 +125,88 @@ def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
             continue
         sees_path = judged.table.about["laws"][law]["follows"] != "set-point"
         other = theirs if law != judged.benchmark.baseline else None
-        settling = runs.metrics["settling_time_s"]
-        middle, late = (scores.settling_quantile(settling, runs.failed, at) for at in (0.5, 0.9))
-        rows.append(
-            cells(
-                *judged.named(law),
-                f"{100.0 * runs.failed.mean():.0f}",
-                f"{100.0 * scores.settled_share(settling, runs.failed):.0f}",
-                finite(middle, ".2f", "never"),
-                finite(late, ".2f", "never"),
-                median(np.degrees(runs.metrics["residual_sway_about_lean_rad"]), runs.failed),
-                median(1e3 * runs.metrics[COMPARED], runs.failed) if sees_path else "",
-                *(_errors_less(runs, other) if sees_path else NOTHING),
-                *_unsettled_less(runs, other, duration),
-            )
-        )
+        settling, failed = runs.metrics["settling_time_s"], runs.failed
+        shares = (failed.mean(), scores.settled_share(settling, failed))
+        times = (finite(scores.settling_quantile(settling, failed, at), ".2f", "never") for at in (0.5, 0.9))
+        sway = median(np.degrees(runs.metrics["residual_sway_about_lean_rad"]), failed)
+        error = median(1e3 * runs.metrics[COMPARED], failed) if sees_path else ""
+        less = _less(runs, other, duration, sees_path=sees_path)
+        texts = (*(f"{100.0 * share:.0f}" for share in shares), *times, sway, error)
+        rows.append(cells(*judged.named(law), *texts, *less))
     if rows:
         yield Table(f"On {scenario}", headings, tuple(rows), labels=2, folded=True)
 
 
-def _errors_less(runs: Runs, baseline: Runs | None) -> Texts:
-    """RMS errors [mm] less those of the baseline, where neither fails."""
+def _less(runs: Runs, baseline: Runs | None, duration: float, *, sees_path: bool) -> tuple[str, ...]:
+    """Return RMS errors [mm] and times that pass unsettled [s] less those of the baseline, as DIFFERENCES.
+
+    Errors where neither fails, and of laws that see the path; a failed run is unsettled to the end.
+    """
     if baseline is None:
-        return NOTHING
+        return NOTHING * 2
     both = on_common_cranes([runs, baseline])
-    return _less(*(np.where(r.failed, np.nan, 1e3 * r.metrics[COMPARED]) for r in both), form=".1f")
+    errors = times = NOTHING
+    if sees_path:
+        values = (np.where(r.failed, np.nan, 1e3 * r.metrics[COMPARED]) for r in both)
+        errors = _difference(*values, form=".1f")
+    if np.isfinite([*runs.task, *baseline.task]).any():
+        horizon = min(rest_time(r, duration) for r in both)
+        values = (scores.unsettled_time(r.metrics["settling_time_s"], r.failed, horizon) for r in both)
+        times = _difference(*values, form=".2f")
+    return errors + times
 
 
-def _unsettled_less(runs: Runs, baseline: Runs | None, duration: float) -> Texts:
-    """Times that pass unsettled [s] less those of the baseline, failures so to the end."""
-    if baseline is None or not np.isfinite([*runs.task, *baseline.task]).any():
-        return NOTHING
-    both = on_common_cranes([runs, baseline])
-    horizon = min(rest_time(r, duration) for r in both)
-    times = (scores.unsettled_time(r.metrics["settling_time_s"], r.failed, horizon) for r in both)
-    return _less(*times, form=".2f")
-
-
-def _less(own: Array, theirs: Array, *, form: str) -> Texts:
-    """Values less those of the baseline: median, its interval, effect."""
+def _difference(own: Array, theirs: Array, *, form: str) -> tuple[str, str, str]:
+    """Return values less those of the baseline: median, its interval, effect."""
     found = scores.paired_difference(own, theirs, seed=0)
-    if found.cranes < scores.FEWEST:
+    if found.cranes < scores.MIN_INTERVAL_VALUES:
         return NOTHING
     low, high = (format(each, form) for each in (found.low, found.high))
     return f"{found.median:{form}}", f"{low} to {high}", f"{found.effect:+.2f}"
+
+
+def _draw_profiles(laws: Sequence[str], ratios: Array) -> Drawing:
+    """Draw the share of runs that each controller brings to rest within a ratio of the quickest time.
+
+    `ratios` (laws, problems) are those of the laws that are drawn, the best of them by its line alone.
+    """
+    at = np.geomspace(1.0, MOST_RATIO, 200)
+    shares = scores.profile(ratios, at)
+    figure, axes = canvas(1.2 * WIDTH, 3.6)
+    best = np.argsort(-shares.mean(axis=1), kind="stable")
+    for k in best[NAMED_PROFILES:]:
+        axes.step(at, 100.0 * shares[k], where="post", color=STAND_IN["muted"], linewidth=0.6)
+    for rank, k in enumerate(best[:NAMED_PROFILES]):
+        axes.step(at, 100.0 * shares[k], where="post", label=laws[k], **series_style(rank))
+    axes.set(xscale="log", xlim=(1.0, MOST_RATIO), ylim=(0.0, 100.0))
+    axes.set(xlabel="time to settle over that of the quickest law", ylabel="runs [%]")
+    axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
+    axes.minorticks_off()
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def _draw_fronts(laws: Sequence[str], points: Array, best: Mask) -> Drawing:
+    """Draw effort against the unsettled share of the rest; points (n, 3) with the share of failures.
+
+    Laws that no other dominates have their names and are full; the size tells the failures.
+    """
+    figure, axes = canvas(1.2 * WIDTH, max(3.8, 0.18 * np.count_nonzero(best)))
+    settling, effort = 100.0 * points[:, 0], np.maximum(points[:, 1], LEAST_EFFORT)
+    colours = [STAND_IN[SERIES[0]] if full else STAND_IN["muted"] for full in best]
+    faces = [colour if full else "none" for colour, full in zip(colours, best, strict=True)]
+    axes.scatter(settling, effort, 14.0 + 160.0 * points[:, 2], facecolors=faces, edgecolors=colours)
+    # Names beside the axes, in the order of their points: there they are apart.
+    named = sorted(np.flatnonzero(best).tolist(), key=lambda k: points[k, 1])
+    line = {"arrowstyle": "-", "color": STAND_IN["muted"], "linewidth": 0.4, "relpos": (0.0, 0.5)}
+    for place, k in enumerate(named):
+        beside = (1.04, (place + 0.5) / len(named))
+        axes.annotate(
+            laws[k], (settling[k], effort[k]), beside, "data", "axes fraction", arrowprops=line, va="center"
+        )
+    axes.set(xlabel="time at rest that passes unsettled [%]", ylabel="RMS of commanded acceleration [m/s²]")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
+    return figure

@@ -4,7 +4,7 @@ That is correlations, bands over a parameter, failures, Sobol indices and tornad
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,18 +21,24 @@ from cranectl.campaign.statistics import empirical_distribution, equal_bins, qua
 from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
 from cranectl.metrics import low_is_bad
 from cranectl.report.campaign.wording import METRIC_LABELS, metric_name, number, parameter_label
-from cranectl.report.theme import SERIES, STAND_IN
+from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
 from cranectl.support.arrays import Array, Mask
 
 Rows = NDArray[np.intp]
-Runs = Callable[[Group], Mask]  # which runs of a group count
-
-WIDTH = 6.4  # [in]
 MOST_POINTS = 600  # of a scatter, all series together
 DECADES = 30.0  # ratio of quantiles from which an axis is logarithmic
 BANDS = 12  # ranges of a parameter, at least 8 runs each
 RATES = 8
 RISES, FALLS, BENT = SERIES[1], SERIES[0], SERIES[2]
+
+
+class Bands(NamedTuple):
+    """What is drawn of the runs of a group in ranges of a parameter."""
+
+    label: str
+    ranges: int
+    runs: Callable[[Group], Mask]  # which of them count
+    of: Callable[[Group, Rows], Array]  # low, middle, high of those in a range
 
 
 def series_style(k: int) -> dict[str, Any]:
@@ -44,10 +50,9 @@ def series_style(k: int) -> dict[str, Any]:
 
 
 def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
-    """Empirical distribution functions of all metrics, a curve for each controller on one plant."""
+    """Draw the distribution functions of all metrics, a curve for each controller on one plant."""
     lines = -(-len(MAIN_METRICS) // 3)
-    figure = Figure(figsize=(1.35 * WIDTH, 2.4 * lines), layout="constrained")
-    panels = figure.subplots(lines, 3, sharey=True, squeeze=False)
+    figure, panels = canvas(1.35 * WIDTH, 2.4 * lines, lines, 3, sharey=True, squeeze=False)
     for axes in panels.flat[len(MAIN_METRICS) :]:
         axes.set_visible(False)
     for axes, metric in zip(panels.flat, MAIN_METRICS, strict=False):
@@ -73,9 +78,8 @@ def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
 
 
 def effort_and_error(groups: Sequence[Group]) -> Figure:
-    """RMS error against effort, a point a run; crosses span 90 % of each controller's runs."""
-    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
-    axes = figure.subplots()
+    """Draw RMS error against effort, a point a run; crosses span 90 % of each controller's runs."""
+    figure, axes = canvas(WIDTH, 3.6)
     each = MOST_POINTS // max(1, len(groups))
     for k, group in enumerate(groups):
         x, y = group.metrics[EFFORT], group.metrics["rms_error_m"]
@@ -97,11 +101,11 @@ def effort_and_error(groups: Sequence[Group]) -> Figure:
 
 
 def two_plants(pairs: Sequence[Pair]) -> Figure:
-    """The largest error on one plant over that on the other, for each controller; then all distances."""
+    """Draw the largest error on one plant over that on the other, by controller; then all distances."""
     columns = min(3, len(pairs) + 1)
     rows = -(-(len(pairs) + 1) // columns)
-    figure = Figure(figsize=(1.35 * WIDTH, 0.4 + 2.7 * rows), layout="constrained")
-    *scatters, last = list(figure.subplots(rows, columns, squeeze=False).flat)[: len(pairs) + 1]
+    figure, panels = canvas(1.35 * WIDTH, 0.4 + 2.7 * rows, rows, columns, squeeze=False)
+    *scatters, last = list(panels.flat)[: len(pairs) + 1]
     for axes in figure.axes[len(pairs) + 1 :]:
         axes.set_visible(False)
     for k, (axes, pair) in enumerate(zip(scatters, pairs, strict=True)):
@@ -153,11 +157,10 @@ def _spread_axis(axes: Axes, which: str, values: Sequence[Array]) -> None:
 
 
 def correlation_fields(found: Correlations, order: Sequence[int]) -> Figure:
-    """A field for each parameter and metric, filled where chance is no reason; rows as `order` says."""
+    """Draw a field for each parameter and metric, filled beyond chance; rows as `order` says."""
     rho, strength = found.rho[list(order)], found.strength[list(order)]
     bent, eta = found.bent[list(order)], found.eta[list(order)]
-    figure = Figure(figsize=(WIDTH, 1.1 + 0.24 * len(order)), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = canvas(WIDTH, 1.1 + 0.24 * len(order))
     for (row, column), value in np.ndenumerate(rho):
         role, text = RISES if value > 0.0 else FALLS, "–" if np.isnan(value) else f"{value:+.2f}"
         if bent[row, column]:
@@ -181,18 +184,18 @@ def correlation_fields(found: Correlations, order: Sequence[int]) -> Figure:
 
 
 def error_bands(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
-    """Median and 5 to 95 % of the largest error over ranges of parameters, for each controller."""
-
-    def band(group: Group, rows: Rows) -> Array:
-        return quantiles(group.metrics[MEASURE][rows])
-
-    return _over_parameters(
-        analysis, parts, columns, lambda group: group.completed, band, BANDS, METRIC_LABELS[MEASURE]
+    """Draw median and 5 to 95 % of the largest error over ranges of parameters, for each controller."""
+    bands = Bands(
+        METRIC_LABELS[MEASURE],
+        BANDS,
+        lambda group: group.completed,
+        lambda group, rows: quantiles(group.metrics[MEASURE][rows]),
     )
+    return _over_parameters(analysis, parts, columns, bands)
 
 
 def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
-    """Share of failed runs over ranges of parameters, for each controller, with 95 % intervals."""
+    """Draw the share of failed runs over ranges of parameters, by controller, with 95 % intervals."""
     random = analysis.results.campaign.settings.sampling in INDEPENDENT
 
     def band(group: Group, rows: Rows) -> Array:
@@ -200,9 +203,8 @@ def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: S
         low, high = failure_interval(failures, rows.size) if random else (np.nan, np.nan)
         return np.array([low, failures / rows.size, high])
 
-    figure = _over_parameters(
-        analysis, parts, columns, lambda group: group.there, band, RATES, "failure rate"
-    )
+    bands = Bands("failure rate", RATES, lambda group: group.there, band)
+    figure = _over_parameters(analysis, parts, columns, bands)
     figure.axes[0].set_ylim(-0.02, 1.02)  # of all, which share it
     return figure
 
@@ -263,27 +265,21 @@ def _bars(axes: Axes, row: int, nominal: float, effects: Sequence[OneAtATimeEffe
 
 
 def _over_parameters(
-    analysis: Analysis,
-    parts: Sequence[GroupAnalysis],
-    columns: Sequence[int],
-    runs: Runs,
-    band: Callable[[Group, Rows], Array],
-    ranges: int,
-    label: str,
+    analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int], bands: Bands
 ) -> Figure:
-    """A panel for each parameter: low, middle, high of `band` over ranges with as many of its runs."""
+    """Draw a panel for each parameter: `bands` over ranges with equally many of its runs."""
     campaign = analysis.results.campaign
     lines = -(-len(columns) // 2)
-    figure = Figure(figsize=(WIDTH, 0.5 + 2.1 * lines), layout="constrained")
-    panels = list(figure.subplots(lines, 2, sharey=True, squeeze=False).flat)
+    figure, grid = canvas(WIDTH, 0.5 + 2.1 * lines, lines, 2, sharey=True, squeeze=False)
+    panels = list(grid.flat)
     for axes, column in zip(panels, columns, strict=False):
         x = analysis.values[:, column]
         for k, group in enumerate(part.group for part in parts):
-            bins = equal_bins(np.where(runs(group), x, np.nan), ranges)
+            bins = equal_bins(np.where(bands.runs(group), x, np.nan), bands.ranges)
             if not bins:
                 continue
             places = [float(np.median(x[rows])) for rows in bins]
-            low, middle, high = np.transpose([band(group, rows) for rows in bins])
+            low, middle, high = np.transpose([bands.of(group, rows) for rows in bins])
             style = series_style(k)
             axes.fill_between(places, low, high, color=style["color"], alpha=0.16, linewidth=0.0)
             axes.plot(places, middle, marker=".", markersize=4, label=group.controller, **style)
@@ -297,15 +293,15 @@ def _over_parameters(
     for axes in panels[len(columns) :]:
         axes.set_visible(False)
     for axes in panels[::2]:
-        axes.set_ylabel(label)
+        axes.set_ylabel(bands.label)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(SERIES))
     return figure
 
 
 def _rows_figure(panels: int, rows: int) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(1.2 * WIDTH, 1.2 + 0.34 * rows), layout="constrained")
-    return figure, list(figure.subplots(1, panels, sharey=True, squeeze=False).flat)
+    figure, grid = canvas(1.2 * WIDTH, 1.2 + 0.34 * rows, 1, panels, sharey=True, squeeze=False)
+    return figure, list(grid.flat)
 
 
 def _name_rows(panels: Sequence[Axes], parameters: Sequence[str]) -> None:

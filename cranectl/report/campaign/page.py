@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
-from cranectl.campaign.sensitivity import LEAST
+from cranectl.campaign.evaluation import Analysis, GroupAnalysis
+from cranectl.campaign.sensitivity import MIN_BASE_POINTS
 from cranectl.campaign.summary import MAIN_METRICS, MEASURE, compared_parameters
 from cranectl.report.campaign import figures, tables, wording
 from cranectl.report.campaign.wording import metric_name
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.table import Cell, Table
+from cranectl.report.table import Table, cells
 from cranectl.support.arrays import Array
 
-SHOWN = 4  # parameters that have a panel of their own
+SHOWN_PANELS = 4  # parameters that have a panel of their own
 FAINT = 1e-6  # stands for what may be chance
 
 
@@ -37,28 +37,16 @@ def _outcome(analysis: Analysis) -> Section:
     limits = analysis.results.campaign.settings.limits.given
     summaries, quantiles, curves = [], [], []
     for parts in analysis.by_plant:
-        plant = parts[0].group.plant
-        summaries.append(_summary(parts, plant))
+        plant, groups = parts[0].group.plant, [part.group for part in parts]
+        table = tables.summary_table([part.summary for part in parts], f"On {plant}")
+        failures = "; ".join(tables.failure_notes([part.summary for part in parts]))
+        summaries.append(replace(table, note=" ".join(filter(None, (table.note, failures)))))
         quantiles.append(tables.metrics_quantiles(parts))
         title, verdict = f"distributions of the metrics on {plant}", wording.distributions_sentence(parts)
-        groups = [part.group for part in parts]
         curves.append(Figure.drawn(title, verdict, figures.distributions, groups, limits, alone=True))
-    texts = (
-        wording.incomplete(analysis),
-        *wording.software(analysis),
-        wording.about(analysis),
-        wording.what_fails(analysis),
-    )
+    texts = [wording.incomplete(analysis), *wording.software(analysis)]
+    texts += [wording.about(analysis), wording.what_fails(analysis)]
     return Section("outcome", "Outcome", tuple(filter(None, texts)), (*summaries, *quantiles), tuple(curves))
-
-
-def _summary(parts: Sequence[GroupAnalysis], plant: str) -> Table:
-    """The terminal's table and its notes."""
-    groups = [part.summary for part in parts]
-    table = tables.summary_table(groups, f"On {plant}")
-    rows = tuple(tuple(replace(cell, text=cell.text.replace("\n", "")) for cell in row) for row in table.rows)
-    note = " ".join(filter(None, (table.note, "; ".join(tables.failure_notes(groups)))))
-    return replace(table, rows=rows, note=note)
 
 
 def _controllers(analysis: Analysis) -> Iterator[Section]:
@@ -72,31 +60,25 @@ def _controllers(analysis: Analysis) -> Iterator[Section]:
         title = f"Samples that fail with one controller and not with the other, on {plant}"
         compared.append(tables.failures_table(pairs, sampling, title))
         compared.append(tables.controller_differences(pairs, sampling))
-        title = f"error against effort on {plant}"
+        title, groups = f"error against effort on {plant}", [part.group for part in parts]
         verdict = "Each cross spans 90 % of a controller's completed runs and meets at its medians."
-        scatters.append(
-            Figure.drawn(title, verdict, figures.effort_and_error, [part.group for part in parts])
-        )
+        scatters.append(Figure.drawn(title, verdict, figures.effort_and_error, groups))
     yield Section("controllers", "Controllers", tables=tuple(compared), figures=tuple(scatters))
 
 
 def _plants(analysis: Analysis) -> Iterator[Section]:
-    compared = dict.fromkeys((pair.first.plant, pair.second.plant) for pair in analysis.plants)
-    for k, plants in enumerate(compared):
-        pairs = [pair for pair in analysis.plants if (pair.first.plant, pair.second.plant) == plants]
-        yield _two_plants(analysis, pairs, f"plants-{k}" if k else "plants")
-
-
-def _two_plants(analysis: Analysis, pairs: Sequence[Pair], anchor: str) -> Section:
     sampling = analysis.results.campaign.settings.sampling
-    one, other = pairs[0].first.plant, pairs[0].second.plant
-    title = f"largest error on {one} and on {other}, the same samples"
-    figure = Figure.drawn(title, wording.agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
-    failing = "Samples that fail on one plant and not on the other"
-    shown = [tables.plants_agreement(pairs), tables.failures_table(pairs, sampling, failing)]
-    if any(pair.agreement.largest for pair in pairs):
-        shown.append(tables.disagreements(analysis, pairs))
-    return Section(anchor, f"{one.capitalize()} and {other}", tables=tuple(shown), figures=(figure,))
+    compared = dict.fromkeys((pair.first.plant, pair.second.plant) for pair in analysis.plants)
+    for k, (one, other) in enumerate(compared):
+        pairs = [pair for pair in analysis.plants if (pair.first.plant, pair.second.plant) == (one, other)]
+        title = f"largest error on {one} and on {other}, the same samples"
+        figure = Figure.drawn(title, wording.agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
+        failing = "Samples that fail on one plant and not on the other"
+        shown = [tables.plants_agreement(pairs), tables.failures_table(pairs, sampling, failing)]
+        if any(pair.agreement.largest for pair in pairs):
+            shown.append(tables.disagreements(analysis, pairs))
+        anchor, heading = f"plants-{k}" if k else "plants", f"{one.capitalize()} and {other}"
+        yield Section(anchor, heading, tables=tuple(shown), figures=(figure,))
 
 
 def _influence(analysis: Analysis) -> Iterator[Section]:
@@ -123,7 +105,10 @@ _SPREAD = (
     "Influence is measured over completed runs. Colour marks what is beyond chance, corrected for the number "
     "of fields; parameters that were sampled with a correlation share their influence."
 )
-_FEW = f"Sobol indices take {LEAST} base points all of whose runs completed, and an output that varies."
+_FEW = (
+    f"Sobol indices take {MIN_BASE_POINTS} base points all of whose runs completed, "
+    "and an output that varies."
+)
 _STEPS = "Each parameter by itself is put at a low and at a high value, the others stay nominal."
 
 
@@ -148,15 +133,14 @@ def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis]) -> Figure:
 def _leading(values: Sequence[float] | Array, beyond_chance: int) -> list[int]:
     """Places of the largest, those `beyond_chance` if there are two at least, and no more than SHOWN."""
     order: list[int] = np.argsort(-np.asarray(values), kind="stable").tolist()
-    return order[: min(SHOWN, max(2, beyond_chance))]
+    return order[: min(SHOWN_PANELS, max(2, beyond_chance))]
 
 
 def _strengths(parts: Sequence[GroupAnalysis]) -> Array:
-    """Of all controllers the strongest, (parameters, metrics); below FAINT what may be chance, in order."""
+    """Return the strongest of all controllers (parameters, metrics); what may be chance below FAINT."""
     found = [part.correlations for part in parts if part.correlations is not None]
-    strongest: Array = np.max(
-        [each.strength + FAINT * np.abs(np.nan_to_num(each.rho)) for each in found], axis=0
-    )
+    strengths = [each.strength + FAINT * np.abs(np.nan_to_num(each.rho)) for each in found]
+    strongest: Array = np.max(strengths, axis=0)
     return strongest
 
 
@@ -199,7 +183,6 @@ def _failures(analysis: Analysis) -> Iterator[Section]:
 
 
 def _uncertainty(analysis: Analysis) -> Section:
-    software = enumerate(analysis.results.origins, 1)
     settings = analysis.results.campaign.settings
     facts = {
         "scenario": settings.scenario,
@@ -207,12 +190,9 @@ def _uncertainty(analysis: Analysis) -> Section:
         "sampling": f"{settings.sampling}, seed {settings.seed}",
         "samples": str(analysis.results.campaign.runs),
         "runs": str(len(analysis.results)),
-        **{
-            name if k == 1 else f"{name}, software {k}": str(version)
-            for k, (_, versions) in software
-            for name, version in versions.items()
-        },
     }
-    rows = tuple((Cell(name), Cell(value)) for name, value in facts.items())
-    made = Table("What was run, with what", ("", ""), rows, labels=2)
+    for k, (_, versions) in enumerate(analysis.results.origins, 1):
+        named = f", software {k}" if k > 1 else ""
+        facts |= {f"{name}{named}": str(version) for name, version in versions.items()}
+    made = Table("What was run, with what", ("", ""), tuple(cells(*fact) for fact in facts.items()), labels=2)
     return Section("uncertainty", "What is uncertain", tables=(tables.uncertainty_table(analysis), made))

@@ -1,11 +1,11 @@
 """Tables of a campaign's page: outcome, influence, pairs on the same samples, what is uncertain."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from cranectl.campaign.definition import Parameter
+from cranectl.campaign.definition import UncertainParameter
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.sensitivity import SobolIndices
 from cranectl.campaign.settings import INDEPENDENT
@@ -20,35 +20,29 @@ from cranectl.report.campaign.wording import (
     probability,
     replay_command,
 )
-from cranectl.report.table import Cell, Table, cells
+from cranectl.report.table import Cell, Table, cells, tabulate
+from cranectl.support.arrays import Array
 
 REASONS = 3  # why runs could not be run
 SEPARATING = 6  # parameters of a controller in the table of failures
 LISTED = 12  # sample indices in a cell
+_BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
 
 
 def summary_table(groups: Sequence[GroupSummary], title: str) -> Table:
-    """One row a controller; line breaks are for the terminal."""
-    rows = []
-    for group in groups:
-        ends = group.failure_rate_interval
-        errors = (group.median_max_error_m, group.q95_max_error_m)
-        row = cells(
-            group.controller,
-            str(group.runs),
-            str(group.failures),
-            percent(group.failure_rate),
-            "–" if ends is None else "-".join(map(percent, ends)),
-            *("–" if error is None else f"{error:.4f}" for error in errors),
-            "–" if group.worst_sample is None else str(group.worst_sample),
-        )
-        rows.append(row)
-    headings = (
-        "controller", "runs", "failed", "failure\nrate %", "95 %\ninterval", "error [m]\nmedian",
-        "error [m]\n95 %", "worst\nrun",
-    )  # fmt: skip
+    """Return one row a controller."""
+    columns: dict[str, Callable[[GroupSummary], str]] = {
+        "controller": lambda group: group.controller,
+        "runs": lambda group: str(group.runs),
+        "failed": lambda group: str(group.failures),
+        "failure\nrate %": lambda group: percent(group.failure_rate),
+        "95 %\ninterval": lambda group: "-".join(map(percent, group.failure_rate_interval or (None,))),
+        "error [m]\nmedian": lambda group: number(group.median_max_error_m, form=".4f"),
+        "error [m]\n95 %": lambda group: number(group.q95_max_error_m, form=".4f"),
+        "worst\nrun": lambda group: "–" if group.worst_sample is None else str(group.worst_sample),
+    }
     note = "Error: the largest of a run, over completed runs. Worst: the run with the largest of all."
-    return Table(title, headings, tuple(rows), note=note)
+    return tabulate(title, groups, columns, note=note)
 
 
 def failure_notes(groups: Sequence[GroupSummary]) -> list[str]:
@@ -64,40 +58,34 @@ def failure_notes(groups: Sequence[GroupSummary]) -> list[str]:
 
 
 def metrics_quantiles(parts: Sequence[GroupAnalysis]) -> Table:
-    """Quantiles of every metric over completed runs, a row for each metric and controller."""
+    """Return the quantiles of every metric over completed runs, by metric and controller."""
     rows = []
     for metric in (*MAIN_METRICS, EFFORT):
         for part in parts:
             values = part.group.metrics[metric]
-            found = quantiles(values)
-            have = np.isfinite(values)
-            ends = (values[have].min(), values[have].max()) if have.any() else (None, None)
-            spread = (number(ends[0]), *map(number, found), number(ends[1]))
-            rows.append(cells(METRIC_LABELS[metric], part.group.controller, str(have.sum()), *spread))
+            least, largest = _ends(values)
+            spread, runs = map(number, (least, *quantiles(values), largest)), np.isfinite(values).sum()
+            rows.append(cells(METRIC_LABELS[metric], part.group.controller, str(runs), *spread))
     headings = ("metric", "controller", "runs", "least", *(f"{100 * q:g} %" for q in LEVELS), "largest")
     note = "Over completed runs that have the metric: without settling time are those that do not settle."
     return Table(f"Metrics on {parts[0].group.plant}", headings, tuple(rows), labels=2, note=note)
 
 
 def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
-    """How parameters differ between failed runs and the others."""
-    rows = tuple(
-        cells(
-            part.group.controller,
-            each.parameter,
-            Cell(number(each.distance), "bad" if each.significant else ""),
-            number(each.failed_median),
-            number(each.other_median),
-        )
-        for part in parts
-        for each in part.separations[:SEPARATING]
-    )
+    """Compare the parameters of failed runs with those of the others."""
+    rows = []
+    for part in parts:
+        for each in part.separations[:SEPARATING]:
+            distance = Cell(number(each.distance), "bad" if each.significant else "")
+            medians = number(each.failed_median), number(each.other_median)
+            rows.append(cells(part.group.controller, each.parameter, distance, *medians))
     headings = ("controller", "parameter", "distance", "median of failed", "of the others")
     note = (
         "Distance: Kolmogorov-Smirnov, 0 for the same distribution, 1 for values apart, largest first. Red: "
         f"more than chance explains, at {100 * CONFIDENCE:g} % for all parameters of a controller together."
     )
-    return Table(f"Failed and other runs on {parts[0].group.plant}", headings, rows, labels=2, note=note)
+    title = f"Failed and other runs on {parts[0].group.plant}"
+    return Table(title, headings, tuple(rows), labels=2, note=note)
 
 
 def sobol_table(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Table:
@@ -131,35 +119,26 @@ def one_at_a_time_table(part: GroupAnalysis) -> Table:
 
 
 def worst_table(analysis: Analysis) -> Table:
-    """Runs to look at, with what replays them."""
-    rows = tuple(
-        cells(
-            run.plant,
-            run.controller,
-            run.why,
-            "cannot be replayed"
-            if run.status == FAILED
-            else replay_command(analysis.results.directory, run.sample, run.controller, run.plant),
-            str(run.sample),
-            Cell(run.status, "" if run.status == "completed" else "bad"),
-            f"{run.end_s:g}",
-            number(run.max_error_m, 4),
-        )
-        for run in analysis.worst
-    )
+    """Return runs to look at, with the commands that replay them."""
+    rows = []
+    for run in analysis.worst:
+        replay = "cannot be replayed"
+        if run.status != FAILED:
+            replay = replay_command(analysis.results, run.sample, run.controller, run.plant)
+        ended = Cell(run.status, "" if run.status == "completed" else "bad")
+        numbers = f"{run.end_s:g}", number(run.max_error_m, 4)
+        rows.append(cells(run.plant, run.controller, run.why, replay, str(run.sample), ended, *numbers))
     headings = ("plant", "controller", "why", "replay", "sample", "ended", "at [s]", "largest error [m]")
     note = "The largest errors, of stopped runs until they stopped; then one of each other way to stop."
-    return Table("Runs worth a look", headings, rows, labels=4, note=note)
+    return Table("Runs worth a look", headings, tuple(rows), labels=4, note=note)
 
 
 def uncertainty_table(analysis: Analysis) -> Table:
-    """What is uncertain, and which values the runs had."""
+    """Return what is uncertain, and which values the runs had."""
     campaign = analysis.results.campaign
     rows = []
     for parameter, values in zip(campaign.parameters, analysis.values.T, strict=True):
-        had = values[np.isfinite(values)]
-        sampled = (had.min(), had.max()) if had.size else (None, None)
-        numbers = (parameter.nominal, *sampled)
+        numbers = (parameter.nominal, *_ends(values))
         texts = (parameter.name, describe(campaign, parameter.name).unit, _distribution(parameter))
         rows.append(cells(*texts, *(number(value, 4) for value in numbers)))
     headings = ("parameter", "unit", "distribution of what the plant has", "nominal", "sampled from", "to")
@@ -169,7 +148,7 @@ def uncertainty_table(analysis: Analysis) -> Table:
     return Table("What is uncertain", headings, tuple(rows), labels=3, note=note)
 
 
-def _distribution(parameter: Parameter) -> str:
+def _distribution(parameter: UncertainParameter) -> str:
     facts: dict[str, Any] = parameter.distribution.model_dump(exclude_none=True)
     kind, relative = facts.pop("distribution"), facts.pop("relative")
     text = ", ".join(f"{key} {_short(value)}" for key, value in facts.items() if value != ())
@@ -222,43 +201,37 @@ def failures_table(pairs: Sequence[Pair], sampling: str, title: str) -> Table:
     return Table(title, headings, tuple(rows), labels=4, note=f"p: McNemar's exact test; {_BETTER}")
 
 
-_BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
-
-
 def plants_agreement(pairs: Sequence[Pair]) -> Table:
-    """How far the plants' largest errors are apart."""
-    rows = tuple(
-        cells(
-            pair.first.controller,
-            str(pair.agreement.samples),
-            "–" if np.isnan(pair.agreement.rho) else f"{pair.agreement.rho:.5f}",
-            *map(number, pair.agreement.quantiles),
-            number(abs(pair.agreement.largest[0][1]) if pair.agreement.largest else None),
-        )
-        for pair in pairs
-    )
+    """Compare the largest errors on two plants."""
+    rows = []
+    for pair in pairs:
+        found = pair.agreement
+        largest = abs(found.largest[0][1]) if found.largest else None
+        texts = (pair.first.controller, str(found.samples), number(found.rho, form=".5f"))
+        rows.append(cells(*texts, *map(number, (*found.quantiles, largest))))
     levels = (f"|difference| {100 * q:g} %" for q in LEVELS)
     headings = ("controller", "samples", "rank correlation", *levels, "largest")
-    note = "Of the largest error [m], over samples completed on both plants."
-    return Table("How far the plants are apart", headings, rows, note=note)
+    note = "Of the largest error [m], over samples completed on both of the plants compared."
+    return Table("How far the plants are apart", headings, tuple(rows), note=note)
 
 
 def disagreements(analysis: Analysis, pairs: Sequence[Pair]) -> Table:
-    """The samples on which the plants are farthest apart, with what replays both."""
-    rows = tuple(
-        cells(
-            pair.first.controller,
-            replay_command(analysis.results.directory, sample, pair.first.controller),
-            str(sample),
-            *(number(float(group.metrics[MEASURE][sample]), 4) for group in (pair.first, pair.second)),
-            f"{difference:+.3g}",
-        )
-        for pair in pairs
-        for sample, difference in pair.agreement.largest
-    )
+    """Return the samples on which the plants differ most, with the commands that replay both."""
+    rows = []
+    for pair in pairs:
+        for sample, difference in pair.agreement.largest:
+            replay = replay_command(analysis.results, sample, pair.first.controller)
+            errors = (number(group.metrics[MEASURE][sample], 4) for group in (pair.first, pair.second))
+            rows.append(cells(pair.first.controller, replay, str(sample), *errors, f"{difference:+.3g}"))
     one, other = pairs[0].first.plant, pairs[0].second.plant
     headings = ("controller", "replay", "sample", f"error on {one} [m]", f"on {other} [m]", "difference [m]")
-    return Table("Where the plants are farthest apart", headings, rows, labels=2)
+    return Table("Where the plants are farthest apart", headings, tuple(rows), labels=2)
+
+
+def _ends(values: Array) -> tuple[float | None, float | None]:
+    """Return the least and the largest of the values that are there."""
+    there = values[np.isfinite(values)]
+    return (there.min(), there.max()) if there.size else (None, None)
 
 
 def _tested(p: float, tests: int, sampling: str, better: str) -> tuple[str, str]:

@@ -2,18 +2,19 @@
 
 import shlex
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
+from cranectl.campaign.manifest import controller_from, resume_command
+from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sensitivity import Correlations
 from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, software_notes
 from cranectl.campaign.table import describe
 from cranectl.metrics import all_metrics, low_is_bad
 
-NAMED = 3  # parameters in a sentence
+NAMED_PARAMETERS = 3  # parameters in a sentence
 COLUMN = MAIN_METRICS.index(MEASURE)
 METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in all_metrics() if m.compared}
 METRIC_LABELS[EFFORT] = "effort [m/s²]"
@@ -31,14 +32,14 @@ def parameter_label(campaign: Campaign, name: str) -> str:
     return f"{short} [{unit}]" if unit else short
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """For a table; a dash where there is none."""
-    return "–" if value is None or value != value else f"{value:.{digits}g}"
+def number(value: float | None, digits: int = 3, form: str = "") -> str:
+    """Return a number for a table, to so many digits or in `form`; a dash where there is none."""
+    return "–" if value is None or value != value else format(value, form or f".{digits}g")
 
 
 def percent(share: float | None) -> str:
-    """One digit after the point."""
-    return "–" if share is None or share != share else f"{100.0 * share:.1f}"
+    """Return a share in percent; a dash where there is none."""
+    return number(share and 100.0 * share, form=".1f")
 
 
 def probability(p: float) -> str:
@@ -46,12 +47,11 @@ def probability(p: float) -> str:
     return "–" if p != p else "< 0.001" if p < 1e-3 else f"{p:.3f}"
 
 
-def replay_command(directory: Path, sample: int, controller: str, plant: str = "") -> str:
-    """What runs a sample again; on all plants where none is named."""
-    on = f" --plant {plant}" if plant else ""
-    return (
-        f"cranectl campaign replay {shlex.quote(str(directory))} --run {sample} --controller {controller}{on}"
-    )
+def replay_command(results: Results, sample: int, controller: str, plant: str = "") -> str:
+    """Return the command that runs a sample again; on all plants where none is named."""
+    named = controller_from(results.manifest, results.directory, controller)
+    asked = ["--run", str(sample), "--controller", named, *(["--plant", plant] if plant else [])]
+    return shlex.join(["cranectl", "campaign", "replay", str(results.directory), *asked])
 
 
 def about(analysis: Analysis) -> str:
@@ -73,8 +73,7 @@ def incomplete(analysis: Analysis) -> str:
         return ""
     return (
         f"INCOMPLETE: {results.missing_runs} of {results.campaign.all_runs} runs are missing, and "
-        f"everything here is of the others. Complete it with the command that began it and --resume, such as "
-        f"'cranectl campaign run {results.campaign.settings.name} --out {results.directory} --resume'."
+        f"everything here is of the others. Complete it with {resume_command(results.manifest) or RESUME}."
     )
 
 
@@ -93,16 +92,12 @@ def what_fails(analysis: Analysis) -> str:
 
 
 def distributions_sentence(parts: Sequence[GroupAnalysis]) -> str:
-    """Which controller has the smallest median."""
-    sentence = "A curve that ends below 1 leaves out runs that stopped or never settled."
-    medians = {
-        part.group.controller: part.summary.median_max_error_m
-        for part in parts
-        if part.summary.median_max_error_m is not None
-    }
-    if not medians:
+    """Tell the medians of the controllers."""
+    medians = ((part.summary.median_max_error_m, part.group.controller) for part in parts)
+    texts = ", ".join(f"{number(value)} m ({name})" for value, name in medians if value is not None)
+    if not texts:
         return "No run completed."
-    texts = ", ".join(f"{number(value)} m ({name})" for name, value in medians.items())
+    sentence = "A curve that ends below 1 leaves out runs that stopped or never settled."
     return f"Largest error, median: {texts}. {sentence}"
 
 
@@ -119,7 +114,7 @@ def correlations_sentence(found: Correlations) -> str:
     )
     if not order:
         return f"Nothing goes with the largest error beyond chance. {beyond}."
-    named = ", ".join(_strength(found, k) for k in order[:NAMED])
+    named = ", ".join(_strength(found, k) for k in order[:NAMED_PARAMETERS])
     return f"With the largest error go {named}. {beyond}."
 
 
@@ -129,7 +124,7 @@ def sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) ->
     for part in parts:
         found = part.sobol[MEASURE]
         order = [int(k) for k in np.argsort(-found.total, kind="stable") if found.important[k]]
-        named = ", ".join(f"{parameters[k]} ({found.total[k]:.2f})" for k in order[:NAMED])
+        named = ", ".join(f"{parameters[k]} ({found.total[k]:.2f})" for k in order[:NAMED_PARAMETERS])
         left = f"; {found.left_out} base points left out" if found.left_out else ""
         texts.append(
             f"{part.group.controller}: {named or 'nothing is surely above 0.05'}, from "
@@ -139,7 +134,7 @@ def sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) ->
 
 
 def tornado_sentence(part: GroupAnalysis) -> str:
-    """The widest bar."""
+    """Tell which parameter has the widest bar."""
     nominal = float(part.group.metrics[MEASURE][0])
     effects = [(abs(float(s.metrics[COLUMN]) - nominal), s) for s in part.one_at_a_time]
     known = [(size, s) for size, s in effects if not np.isnan(size)]
@@ -147,21 +142,19 @@ def tornado_sentence(part: GroupAnalysis) -> str:
         return f"{part.group.controller}: no run completed to compare."
     size, widest = max(known, key=lambda pair: pair[0])
     stopped = len(effects) - len(known)
-    text = (
-        f"{part.group.controller}: {widest.parameter} = {widest.value:.3g} changes it most, by {size:.2g} m"
-    )
-    return f"{text}; {_runs(stopped)} did not complete." if stopped else f"{text}."
+    left = f"; {stopped} run{'s' * (stopped > 1)} did not complete" if stopped else ""
+    most = f"{widest.parameter} = {widest.value:.3g} changes it most, by {size:.2g} m"
+    return f"{part.group.controller}: {most}{left}."
 
 
 def failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
-    """What separates failed runs."""
+    """Tell which parameters separate failed runs from the others."""
     texts = []
     for part in parts:
-        found = [each for each in part.separations if each.significant][:NAMED]
+        found = [each for each in part.separations if each.significant][:NAMED_PARAMETERS]
         named = ", ".join(f"{each.parameter} (distance {each.distance:.2f})" for each in found)
-        if part.separations:
-            texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
-    return f"What separates failed from other runs. {' '.join(texts)}" if texts else ""
+        texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
+    return f"What separates failed from other runs. {' '.join(texts)}"
 
 
 def agreement_sentence(pairs: Sequence[Pair]) -> str:
@@ -172,7 +165,7 @@ def agreement_sentence(pairs: Sequence[Pair]) -> str:
         for pair in pairs
         if pair.agreement.samples
     ]
-    return f"{'. '.join(texts)}." if texts else "No sample completed on both plants."
+    return f"{'. '.join(texts)}." if texts else "No sample completed on both of the plants compared."
 
 
 def _strength(found: Correlations, k: int) -> str:
@@ -184,7 +177,3 @@ def _strength(found: Correlations, k: int) -> str:
 
 def _list(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-
-
-def _runs(count: int) -> str:
-    return "1 run" if count == 1 else f"{count} runs"

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 
 from cranectl.analysis.advice import Advice, Assessment
-from cranectl.analysis.budget.error_budget import Budget, Entry
-from cranectl.analysis.certificate.certify import CAUTION, Certificate, PointVerdict
-from cranectl.analysis.certificate.conservatism import Limits
+from cranectl.analysis.budget.error_budget import Budget
+from cranectl.analysis.certificate.certify import CAUTION, Certificate, Grade, PointVerdict
+from cranectl.analysis.certificate.conservatism import LargestValues
 from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
 from cranectl.analysis.levels import BASE
@@ -14,7 +14,8 @@ from cranectl.report.table import Cell, Table, cells
 from cranectl.support.units import plain
 
 MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
-GRADES = {"gap": (" ", "good"), "by frequency": ("f", "good"), "refused": ("r", "open")}  # letter and mark
+_MARKED = {" ": "good", "f": "good", "r": "open", "u": "bad"}  # by letter of a grade, u: unstable
+GRADES: dict[Grade, str] = {"gap": " ", "by frequency": "f", "refused": "r"}
 CERTIFIED = {
     "gap": "certified by the nu-gap",
     "frequency": "certified frequency by frequency",
@@ -23,37 +24,34 @@ CERTIFIED = {
 MISSING = "–"
 
 
-def millimetres(metres: float, digits: int = 3) -> str:
-    """Of a length [m]."""
+def _millimetres(metres: float, digits: int = 3) -> str:
     return f"{1e3 * metres:.{digits}g}" if math.isfinite(metres) else "none"
 
 
-def sizes(size: Size | None, digits: int = 3) -> tuple[Cell, ...]:
-    """RMS, largest and final deviation [mm]; empty where there is none."""
+def _sizes(size: Size | None, digits: int = 3) -> tuple[Cell, ...]:
+    """Return RMS, largest and final deviation [mm]; empty where there is none."""
     if size is None:
         return cells("", "", "")
-    return cells(*(millimetres(value, digits) for value in (size.rms, size.max, size.final)))
+    return cells(*(_millimetres(value, digits) for value in (size.rms, size.max, size.final)))
 
 
-def three(what: str) -> tuple[str, ...]:
-    """The headings over `sizes`."""
+def _three(what: str) -> tuple[str, ...]:
+    """Return the headings over `_sizes`."""
     return tuple(f"{what}\n{name}" for name in ("RMS", "max", "final"))
 
 
 def controllers_table(advice: Advice) -> Table:
-    """One row a controller."""
+    """Return one row a controller."""
     headings = ("controller", "grade", "certified\nby", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
                 "cost RMS\n[mm]", "cost max\n[mm]")  # fmt: skip
-    rows = tuple(
-        cells(
-            row.controller,
-            Cell(row.grade if row.survived else row.status.label, MARKS[row.grade]),
-            row.judged_by if row.guaranteed else MISSING,
-            f"{row.least_margin:+.4f}",
-            *_errors_and_costs(row),
-        )
-        for row in advice.assessments
-    )
+    rows = []
+    for row in advice.assessments:
+        grade = Cell(row.grade if row.survived else row.status.label, MARKS[row.grade])
+        by, numbers = row.judged_by if row.guaranteed else MISSING, [MISSING] * 4
+        if row.metrics is not None and row.cost is not None:
+            lengths = (row.metrics.rms_error_m, row.metrics.max_error_m, row.cost.rms, row.cost.max)
+            numbers = [_millimetres(length) for length in lengths]
+        rows.append(cells(row.controller, grade, by, f"{row.least_margin:+.4f}", *numbers))
     note = (
         f"Guaranteed: a margin above {CAUTION:g} is left at every operating point, by the nu-gap alone "
         "or, which asks less, frequency by frequency; the linear loop frozen there is stable. Survived: not "
@@ -61,32 +59,22 @@ def controllers_table(advice: Advice) -> Table:
         "continuous-time ideal has it."
     )
     title = f"{advice.scenario.name}: controllers, the best first"
-    return Table(title, headings, rows, labels=3, note=note)
-
-
-def _errors_and_costs(row: Assessment) -> list[str]:
-    if row.metrics is None or row.cost is None:
-        return [MISSING] * 4
-    values = (row.metrics.rms_error_m, row.metrics.max_error_m, row.cost.rms, row.cost.max)
-    return [millimetres(value) for value in values]
+    return Table(title, headings, tuple(rows), labels=3, note=note)
 
 
 def improvements_table(advice: Advice) -> Table:
-    """One row a change of the rig, for an advice that recommends a controller."""
+    """Return one row a change of the rig, for an advice that recommends a controller."""
     assert advice.best is not None
     headings = ("improve", "change", "cost RMS\n[mm]", "saved", "least\nmargin", "grade")
-    rows = tuple(
-        cells(
-            row.name,
-            row.change,
-            millimetres(row.assessment.cost.rms) if row.assessment.cost else MISSING,
-            f"{100 * row.gain:+z.0f} %" if row.assessment.survived else MISSING,
-            f"{row.assessment.least_margin:+.4f}",
-            Cell(row.assessment.grade, MARKS[row.assessment.grade]),
-        )
-        for row in advice.improvements
-    )
-    return Table(f"What would help {advice.best.controller}, each alone", headings, rows, labels=2)
+    rows = []
+    for row in advice.improvements:
+        then = row.assessment
+        cost = _millimetres(then.cost.rms) if then.cost else MISSING
+        saved = f"{100 * row.gain:+z.0f} %" if then.survived else MISSING
+        grade = Cell(then.grade, MARKS[then.grade])
+        rows.append(cells(row.name, row.change, cost, saved, f"{then.least_margin:+.4f}", grade))
+    title = f"What would help {advice.best.controller}, each alone"
+    return Table(title, headings, tuple(rows), labels=2)
 
 
 def recommendation(advice: Advice) -> tuple[str, ...]:
@@ -110,20 +98,20 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
 
 
 def map_table(certificate: Certificate) -> Table:
-    """The gap at every point: one row a rope length, one column a tilt and hoisting speed."""
+    """Return the gap at every point: one row a rope length, one column a tilt and hoisting speed."""
     loop = f"{certificate.controller}, {certificate.drive} drives, margin {certificate.margin:.3f}"
     note = "Columns: tilting disturbance [rad/s²], hoisting speed [m/s]."
     columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in certificate.points))
     headings = tuple(f"{d_alpha:g}, {d_beta:g}\n{speed:+g}" for (d_alpha, d_beta), speed in columns)
     at = {(v.point.rope_length, v.point.tilt, v.point.hoisting_speed): v for v in certificate.points}
     lengths = dict.fromkeys(verdict.point.rope_length for verdict in certificate.points)
-    rows = (cells(f"{length:g}", *(_gap(at[length, *column]) for column in columns)) for length in lengths)
+    rows = []
+    for length in lengths:
+        found = [at[length, *column] for column in columns]
+        letters = [GRADES[verdict.grade] if verdict.stable else "u" for verdict in found]
+        gaps = zip(found, letters, strict=True)
+        rows.append(cells(f"{length:g}", *(Cell(f"{v.gap:.3f} {of}", _MARKED[of]) for v, of in gaps)))
     return Table(f"nu-gap to the design model: {loop}", ("rope\n[m]", *headings), tuple(rows), note=note)
-
-
-def _gap(verdict: PointVerdict) -> Cell:
-    letter, mark = GRADES[verdict.grade] if verdict.stable else ("u", "bad")
-    return Cell(f"{verdict.gap:.3f} {letter}", mark)
 
 
 def summary_lines(certificate: Certificate) -> list[str]:
@@ -157,7 +145,7 @@ def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
     return Table(title, ("what changes", "tolerated"), tuple(cells(*row) for row in rows))
 
 
-def limit_table(limits: Sequence[Limits]) -> Table:
+def limit_table(limits: Sequence[LargestValues]) -> Table:
     """Delays and lags, one row a rope length."""
     title = "How conservative: largest certified, largest survived by the linear loop"
     headings = ("rope\n[m]", "delay certified\n[ms]", "survived\n[ms]")
@@ -170,33 +158,25 @@ def limit_table(limits: Sequence[Limits]) -> Table:
 
 
 def certificates_table(assessments: Sequence[Assessment]) -> Table:
-    """The certificates of several controllers, one row each."""
+    """Return the certificates of several controllers, one row each."""
     rows = []
     for row in assessments:
-        certificate = row.certificate
-        grades = [point.grade for point in certificate.points]
-        rows.append(
-            cells(
-                row.controller,
-                certificate.opening.name,
-                str(certificate.worst.point),
-                f"{certificate.margin:.3f}",
-                f"{certificate.worst.gap:.3f}",
-                str(grades.count("gap")),
-                str(grades.count("by frequency")),
-                Cell(str(grades.count("refused")), "open" if "refused" in grades else ""),
-                str(sum(not point.stable for point in certificate.points)),
-            )
-        )
+        found, worst = row.certificate, row.certificate.worst
+        grades = [point.grade for point in found.points]
+        gap, frequency, refused = (str(grades.count(grade)) for grade in GRADES)
+        counts = (gap, frequency, Cell(refused, "open" if "refused" in grades else ""))
+        numbers = (f"{found.margin:.3f}", f"{worst.gap:.3f}", *counts)
+        unstable = str(sum(not point.stable for point in found.points))
+        rows.append(cells(row.controller, found.opening.name, str(worst.point), *numbers, unstable))
     headings = ("controller", "opened at", "worst point", "margin b", "largest gap", "by the gap",
                 "by frequency", "refused", "unstable")  # fmt: skip
     return Table("Certificates at the points that the scenario visits", headings, tuple(rows), labels=3)
 
 
 def ladder_table(results: Sequence[LevelResult]) -> Table:
-    """One row a level."""
+    """Return one row a level."""
     run = results[0].run
-    headings = ("level", "ended", *three("error [mm]"), *three("adds [mm]"), *three("alone [mm]"),
+    headings = ("level", "ended", *_three("error [mm]"), *_three("adds [mm]"), *_three("alone [mm]"),
                 "effort\n[m/s²]", "sway\n[°]")  # fmt: skip
     note = (
         "Adds: distance of the load from where it was on the level before. "
@@ -215,18 +195,13 @@ def _level(result: LevelResult) -> tuple[Cell, ...]:
         ended = Cell(f"{status.label} at {result.run.end_s:g} s", "bad")
     if metrics is None:
         return cells(ended, *[MISSING] * 11)
-    alone = sizes(result.alone)
+    alone = _sizes(result.alone)
     if result.alone_status not in (None, "completed"):
         # What is left of a run that stopped says little: how it ended is shown instead.
         alone = cells(Cell(str(result.alone_status), "bad"), "", "")
-    return cells(
-        ended,
-        *sizes(Size(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m)),
-        *sizes(result.cumulative),
-        *alone,
-        f"{math.hypot(*metrics.rms_acceleration_m_s2):.4f}",
-        f"{math.degrees(metrics.rms_sway_rad):.3f}",
-    )
+    errors = _sizes(Size(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m))
+    effort, sway = math.hypot(*metrics.rms_acceleration_m_s2), math.degrees(metrics.rms_sway_rad)
+    return cells(ended, *errors, *_sizes(result.cumulative), *alone, f"{effort:.4f}", f"{sway:.3f}")
 
 
 def levels_table(results: Sequence[LevelResult]) -> Table:
@@ -242,43 +217,25 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
 
 
 def budget_table(budget: Budget) -> Table:
-    """One row a level; then the sum and what no estimate explains of it. The note says what is odd."""
-    headings = ("level", *three("estimate"), *three("measured"), "ratio\nof RMS", "bound\nof max",
+    """Return one row a level, then the sum and what no estimate explains; the note says what is odd."""
+    headings = ("level", *_three("estimate"), *_three("measured"), "ratio\nof RMS", "bound\nof max",
                 "over\nmeasured")  # fmt: skip
-    rows = [_entry(entry) for entry in budget.entries]
+    entries, rows = budget.entries, []
+    for entry in entries:
+        estimate = _sizes(entry.estimate, 2)
+        if entry.rough:
+            estimate = tuple(Cell(f"~{cell.text}", "open") for cell in estimate)
+        ratios = (entry.ratio, entry.looseness)
+        ratio, looseness = (f"{each:.2f}" if math.isfinite(each) else MISSING for each in ratios)
+        bound = Cell(_millimetres(entry.bound, 2), "" if entry.holds else "bad")
+        rows.append(cells(entry.level, *estimate, *_sizes(entry.measured, 2), ratio, bound, looseness))
     for name, size in (("all", budget.total), ("unexplained", budget.rest)):
-        rows.append(cells(name, *[""] * 3, *sizes(size, 2), *[""] * 3))
+        rows.append(cells(name, *[""] * 3, *_sizes(size, 2), *[""] * 3))
     title = f"Error budget of {budget.scenario}, {budget.controller}: deviations of the load [mm]"
-    return Table(title, headings, tuple(rows), note="\n".join(_remarks(budget)))
-
-
-def _entry(entry: Entry) -> tuple[Cell, ...]:
-    estimate = sizes(entry.estimate, 2)
-    if entry.rough:
-        estimate = tuple(Cell(f"~{cell.text}", "open") for cell in estimate)
-    return cells(
-        entry.level,
-        *estimate,
-        *sizes(entry.measured, 2),
-        _ratio(entry.ratio),
-        Cell(millimetres(entry.bound, 2), "" if entry.holds else "bad"),
-        _ratio(entry.looseness),
-    )
-
-
-def _ratio(value: float) -> str:
-    return f"{value:.2f}" if math.isfinite(value) else MISSING
-
-
-def _remarks(budget: Budget) -> list[str]:
-    """Why a bound is loose or missing, and runs that stopped early."""
-    remarks = [f"{entry.level}: {entry.remark}." for entry in budget.entries if entry.remark]
-    if any(entry.rough for entry in budget.entries):
+    remarks = [f"{entry.level}: {entry.remark}." for entry in entries if entry.remark]
+    if any(entry.rough for entry in entries):
         remarks.append(
             "~ marks estimates without a bound, which may be far off, as may what they leave unexplained."
         )
-    return remarks + [
-        f"{entry.level}: ended with {entry.status}."
-        for entry in budget.entries
-        if entry.status != "completed"
-    ]
+    remarks += [f"{each.level}: ended with {each.status}." for each in entries if each.status != "completed"]
+    return Table(title, headings, tuple(rows), note="\n".join(remarks))

@@ -1,7 +1,7 @@
 """Figures of runs: what is drawn for each family, and over which axes."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import cycle, zip_longest
 from typing import Any
 
@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cranectl.plants.registry import plant_entry
-from cranectl.report.run.rounding import constant_axis
-from cranectl.report.theme import SERIES, STAND_IN, spaced
+from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, spaced
 from cranectl.signals import flat_groups, recorded_groups
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -20,11 +19,13 @@ from cranectl.support.arrays import Array
 Values = Callable[[Run], Array]
 
 DEGREES = 180.0 / np.pi
-WIDTH = 6.4  # [in] of every figure
+# The least span of a curve, by unit, that is more than rounding, which moves loads at rest by 1e-12 m, inputs
+# by 2e-12 m/s² and 4e-11 m/s⁴; what tells plants apart begins at 1e-9 m.
+LEAST_SPAN = {"m": 1e-11, "°": 1e-9, "m/s²": 1e-11, "m/s⁴": 1e-10}
 
 
 @dataclass(frozen=True)
-class Curve:
+class RunCurve:
     """One run in a figure. Runs of one label share its colour; wide ones lie pale under the others."""
 
     label: str
@@ -35,7 +36,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Panel:
+class RunPanel:
     """One quantity."""
 
     label: str
@@ -51,18 +52,13 @@ class Panel:
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of figure."""
+    """A kind of figure; statements about all of it have the unit of its first panel."""
 
     name: str
     title: str
-    panels: tuple[Panel, ...]
-    draw: Callable[["Family", Sequence[Curve]], Figure]
+    panels: tuple[RunPanel, ...]
+    draw: Callable[["Family", Sequence[RunCurve]], Figure]
     group: str = "state"  # of signals, without which there is no such figure
-
-    @property
-    def unit(self) -> str:
-        """Unit of its first panel, for statements about all of them."""
-        return self.panels[0].unit
 
 
 def families_of(runs: Iterable[Run]) -> list[Family]:
@@ -78,9 +74,8 @@ def largest_difference(family: Family, a: Run, b: Run) -> float:
 
 
 def distance_figure(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, float]) -> Figure:
-    """Distance of the loads of two plants over time, by label; `limits` [m] by what they are of."""
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    axes = figure.subplots()
+    """Draw the distance of the loads of two plants over time, by label, and `limits` [m] by name."""
+    figure, axes = canvas(WIDTH, 3.2)
     _mark_disturbances(axes, next(iter(pairs.values()))[0], named=True)
     for (label, (a, b)), role in zip(pairs.items(), cycle(SERIES), strict=False):
         n = min(len(a.time_ns), len(b.time_ns))
@@ -94,34 +89,43 @@ def distance_figure(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, f
     return figure
 
 
-def _over_time(family: Family, curves: Sequence[Curve]) -> Figure:
-    """Panels one below the other."""
+def _over_time(family: Family, curves: Sequence[RunCurve]) -> Figure:
+    """Draw panels one below the other."""
     rows = len(family.panels)
-    figure = Figure(figsize=(WIDTH, 0.7 + 1.3 * rows), layout="constrained")
-    stack = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    first = curves[0].run
-    for axes, panel in zip(stack, family.panels, strict=True):
+    figure, grid = canvas(WIDTH, 0.7 + 1.3 * rows, rows, 1, sharex=True, squeeze=False)
+    stack = grid[:, 0]
+    first, lines = curves[0].run, [*_lines(family, curves)]
+    for k, (axes, panel) in enumerate(zip(stack, family.panels, strict=True)):
         _mark_disturbances(axes, first, named=axes is stack[0])
         if panel.limits is not None and _near_limits(panel, curves):
             for limit in panel.limits(first):
                 axes.axhline(limit, **_LIMIT)
-        for curve in _in_layers(curves):
-            axes.plot(curve.run.time, panel.values(curve.run), **_line(curve))
+        for run, values, style in lines:
+            axes.plot(run.time, values[k], **style)
         if panel.reference is not None:
             axes.plot(first.time, panel.reference(first), **_REFERENCE)
         axes.set_ylabel(panel.label)
         axes.margins(x=0.0)
-        if (constant := constant_axis(axes.dataLim.intervaly, panel.unit)) is not None:
+        if (constant := _constant_axis(axes.dataLim.intervaly, panel.unit)) is not None:
             axes.update_datalim([(0.0, end) for end in constant], updatex=False)
     stack[-1].set_xlabel("time [s]")
     _legend(figure, family, curves)
     return figure
 
 
-def _in_the_plane(family: Family, curves: Sequence[Curve]) -> Figure:
-    """The second panel over the first, at equal scale; limits of both make the rig."""
-    figure = Figure(figsize=(WIDTH, 0.78 * WIDTH), layout="constrained")
-    axes = figure.subplots()
+def _constant_axis(interval: Array, unit: str) -> tuple[float, float] | None:
+    """Return the axis of values within `interval` (2,) if they are constant but for rounding."""
+    (low, high), least = interval, LEAST_SPAN[unit]
+    if not 0.0 <= high - low < least:
+        return None
+    middle = 0.0 if abs(high) < least else high
+    half = 0.05 * (abs(middle) or 1.0)  # as matplotlib has it of a constant
+    return middle - half, middle + half
+
+
+def _in_the_plane(family: Family, curves: Sequence[RunCurve]) -> Figure:
+    """Draw the second panel over the first, at equal scale; limits of both make the rig."""
+    figure, axes = canvas(WIDTH, 0.78 * WIDTH)
     x, y = family.panels
     first = curves[0].run
     if x.limits is not None and y.limits is not None and any(_near_limits(p, curves) for p in (x, y)):
@@ -134,8 +138,8 @@ def _in_the_plane(family: Family, curves: Sequence[Curve]) -> Figure:
             end = x.values(curve.run)[-1:], y.values(curve.run)[-1:]
             axes.plot(*end, color=STAND_IN[curve.colour], marker="o", markersize=4, zorder=5)
     axes.set(xlabel=x.label, ylabel=y.label)
-    across = constant_axis(axes.dataLim.intervalx, x.unit)
-    along = constant_axis(axes.dataLim.intervaly, y.unit)
+    across = _constant_axis(axes.dataLim.intervalx, x.unit)
+    along = _constant_axis(axes.dataLim.intervaly, y.unit)
     if across is not None and along is not None:
         axes.update_datalim(list(zip(across, along, strict=True)))
     axes.set_aspect("equal", adjustable="datalim")
@@ -143,10 +147,10 @@ def _in_the_plane(family: Family, curves: Sequence[Curve]) -> Figure:
     return figure
 
 
-def _in_space(family: Family, curves: Sequence[Curve]) -> Figure:
-    """Three panels as a path in space, with the edges of the rig."""
-    figure = Figure(figsize=(WIDTH, 0.8 * WIDTH), layout="constrained")
-    axes = figure.add_subplot(projection="3d", computed_zorder=False)
+def _in_space(family: Family, curves: Sequence[RunCurve]) -> Figure:
+    """Draw three panels as a path in space, with the edges of the rig."""
+    space = {"projection": "3d", "computed_zorder": False}
+    figure, axes = canvas(WIDTH, 0.8 * WIDTH, subplot_kw=space)
     first = curves[0].run
     x, y, rope = first.scenario.rig.workspace
     low, high = np.array([x, y, -rope[::-1]]).T  # where the load can be with a hanging rope
@@ -162,10 +166,10 @@ def _in_space(family: Family, curves: Sequence[Curve]) -> Figure:
     return figure
 
 
-def _draw_paths(axes: Any, family: Family, curves: Sequence[Curve]) -> None:
-    """Panels as coordinates."""
-    for curve in _in_layers(curves):
-        axes.plot(*(panel.values(curve.run) for panel in family.panels), **_line(curve))
+def _draw_paths(axes: Any, family: Family, curves: Sequence[RunCurve]) -> None:
+    """Draw panels as coordinates."""
+    for _, values, style in _lines(family, curves):
+        axes.plot(*values, **style)
     references = [panel.reference(curves[0].run) for panel in family.panels if panel.reference is not None]
     if references:
         axes.plot(*references, **_REFERENCE)
@@ -182,41 +186,28 @@ _REFERENCE_END: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _line(curve: Curve) -> dict[str, Any]:
-    width, opacity, layer = (4.0, 0.35, 2) if curve.wide else (1.1, 1.0, 3)
-    return {
-        "color": STAND_IN[curve.colour],
-        "linewidth": width,
-        "alpha": opacity,
-        "zorder": layer,
-        "linestyle": curve.dash,
-        "label": f"{curve.label}, {plant_entry(curve.run.plant).label}",
-    }
-
-
-def _in_layers(curves: Sequence[Curve]) -> list[Curve]:
-    return sorted(curves, key=lambda curve: not curve.wide)
+def _lines(family: Family, curves: Sequence[RunCurve]) -> Iterator[tuple[Run, list[Array], dict[str, Any]]]:
+    """Yield run, values by panel, and style of each curve, wide ones first."""
+    for curve in sorted(curves, key=lambda curve: not curve.wide):
+        width, opacity, layer = (4.0, 0.35, 2) if curve.wide else (1.1, 1.0, 3)
+        style = {"color": STAND_IN[curve.colour], "linewidth": width, "alpha": opacity, "zorder": layer}
+        style |= {"linestyle": curve.dash, "label": f"{curve.label}, {plant_entry(curve.run.plant).label}"}
+        yield curve.run, [panel.values(curve.run) for panel in family.panels], style
 
 
 def _mark_disturbances(axes: Axes, run: Run, *, named: bool) -> None:
     symbols = {"alpha": "d_α", "beta": "d_β"}
+    place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
     for step in run.scenario.disturbances:
         for time in (step.start, step.end):
             if time is not None:
                 axes.axvline(time, color=STAND_IN["muted"], linewidth=0.7, linestyle=(0, (2, 2)))
         if named:
-            axes.annotate(
-                f"{symbols[step.joint]} = {step.magnitude:g} rad/s²" if step.joint else str(step),
-                (step.start, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(3, 2),
-                textcoords="offset points",
-                color=STAND_IN["muted"],
-                fontsize=7.5,
-            )
+            what = f"{symbols[step.joint]} = {step.magnitude:g} rad/s²" if step.joint else str(step)
+            axes.annotate(what, (step.start, 1.0), (3, 2), color=STAND_IN["muted"], fontsize=7.5, **place)
 
 
-def _near_limits(panel: Panel, curves: Sequence[Curve]) -> bool:
+def _near_limits(panel: RunPanel, curves: Sequence[RunCurve]) -> bool:
     """Whether the limits are worth their room: the curves use half of what is between them, or leave it."""
     if panel.limits is None:
         return False
@@ -226,8 +217,8 @@ def _near_limits(panel: Panel, curves: Sequence[Curve]) -> bool:
     return bool(bottom < low or top > high or top - bottom > 0.5 * (high - low))
 
 
-def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
-    """Colours in a first row, what lines mean in a second."""
+def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
+    """Add a legend: colours in a first row, what lines mean in a second."""
     colours = [
         Line2D([], [], color=STAND_IN[colour], linewidth=2.2, label=label)
         for label, colour in {curve.label: curve.colour for curve in curves}.items()
@@ -243,19 +234,18 @@ def _legend(figure: Figure, family: Family, curves: Sequence[Curve]) -> None:
         lines.append(Line2D([], [], label="end of the rig", **_LIMIT))
     columns = max(len(colours), len(lines))
     nothing = Line2D([], [], linestyle="none", label=" ")
-    handles = [
-        handle for pair in zip_longest(colours, lines, fillvalue=nothing) for handle in pair
-    ]  # a legend fills column by column
+    # A legend fills column by column.
+    handles = [handle for pair in zip_longest(colours, lines, fillvalue=nothing) for handle in pair]
     figure.legend(handles=handles, loc="outside upper center", ncols=columns, columnspacing=spaced(handles))
 
 
-def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> Panel:
+def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> RunPanel:
     """A panel of one recorded signal; label and unit come from the table of signals."""
     group_name, _, signal_name = name.partition(".")
     group = next(group for group in recorded_groups(flat_groups(0)) if group.name == group_name)
     signal = next(signal for signal in group.signals if signal.name == signal_name)
     label = f"{signal.symbol} [{unit or signal.unit}]"
-    return Panel(label, lambda run: run.signal(name) * scale, **more)
+    return RunPanel(label, lambda run: run.signal(name) * scale, **more)
 
 
 def _range(axis: int) -> Callable[[Run], Array]:
@@ -266,54 +256,36 @@ def _desired(axis: int) -> Values:
     return lambda run: run.reference[:, axis]
 
 
-def _beside_trolley(axis: int) -> Values:
-    """Horizontal position of the load from the trolley."""
-    return lambda run: run.block("load")[:, axis] - run.block("state")[:, 2 * axis]
+def _beside_trolley(run: Run, axis: int) -> Array:
+    """Return the horizontal position of the load from the trolley."""
+    return run.block("load")[:, axis] - run.block("state")[:, 2 * axis]
 
 
 _LOAD = tuple(_signal(f"load.load_{a}", reference=_desired(k)) for k, a in enumerate("xyz"))
-_LOAD_ABOVE = tuple(
-    _signal(f"load.load_{a}", reference=_desired(k), limits=_range(k)) for k, a in enumerate("xy")
+_LOAD_ABOVE = tuple(replace(panel, limits=_range(k)) for k, panel in enumerate(_LOAD[:2]))
+_AXES = ("bridge_position", "trolley_position", "rope_length")
+_TROLLEY = tuple(_signal(f"state.{name}", limits=_range(k)) for k, name in enumerate(_AXES))
+_RELATIVE = (
+    RunPanel("z₁ − x_c [m]", lambda run: _beside_trolley(run, 0)),
+    RunPanel("z₂ − y_c [m]", lambda run: _beside_trolley(run, 1)),
 )
-_JOINTS = ("bridge", "trolley", "rope")
-_TROLLEY = tuple(
-    _signal(f"state.{name}", limits=_range(k))
-    for k, name in enumerate(("bridge_position", "trolley_position", "rope_length"))
-)
+_ERRORS = tuple(_signal(f"error.error_{a}") for a in "xyz")
+_LINEAR = tuple(_signal(f"virtual_input.virtual_input_{a}") for a in "xyz")
+_INPUTS = tuple(_signal(f"input.{name}_acceleration") for name in ("bridge", "trolley", "rope"))
+_ANGLES = tuple(_signal(f"state.{name}", scale=DEGREES, unit="°") for name in ("alpha", "beta"))
 
 FAMILIES = {
     family.name: family
     for family in (
         Family("space", "load in space", _LOAD, _in_space),
-        Family("error", "tracking error", tuple(_signal(f"error.error_{a}") for a in "xyz"), _over_time),
-        Family(
-            "linear-input",
-            "linear inputs v",
-            tuple(_signal(f"virtual_input.virtual_input_{a}") for a in "xyz"),
-            _over_time,
-            "virtual_input",
-        ),
-        Family(
-            "input",
-            "nonlinear inputs u",
-            tuple(_signal(f"input.{name}_acceleration") for name in _JOINTS),
-            _over_time,
-        ),
+        Family("error", "tracking error", _ERRORS, _over_time),
+        Family("linear-input", "linear inputs v", _LINEAR, _over_time, "virtual_input"),
+        Family("input", "nonlinear inputs u", _INPUTS, _over_time),
         Family("trolley", "bridge, trolley and rope", _TROLLEY, _over_time),
-        Family(
-            "angles",
-            "cardan angles",
-            tuple(_signal(f"state.{name}", scale=DEGREES, unit="°") for name in ("alpha", "beta")),
-            _over_time,
-        ),
+        Family("angles", "cardan angles", _ANGLES, _over_time),
         Family("load", "load position", _LOAD, _over_time),
         Family("trolley-path", "path of the trolley, seen from above", _TROLLEY[:2], _in_the_plane),
         Family("load-path", "path of the load, seen from above", _LOAD_ABOVE, _in_the_plane),
-        Family(
-            "relative-path",
-            "load beside the trolley, seen from above",
-            (Panel("z₁ − x_c [m]", _beside_trolley(0)), Panel("z₂ − y_c [m]", _beside_trolley(1))),
-            _in_the_plane,
-        ),
+        Family("relative-path", "load beside the trolley, seen from above", _RELATIVE, _in_the_plane),
     )
 }

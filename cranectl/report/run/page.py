@@ -9,28 +9,28 @@ import numpy as np
 from PIL.Image import Image
 
 from cranectl.cases.case import RunSummary
-from cranectl.compare.agreement import Agreement, Limits, Predict, against_reference, judge, pair_limits
+from cranectl.compare.agreement import Agreement, against_reference, judge
 from cranectl.compare.runs import compare_runs
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
+from cranectl.planning.review import reviews
 from cranectl.plants.registry import in_order, reference_plant
-from cranectl.reference.planning.review import reviews
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.plan import plan_figure, plan_tables
-from cranectl.report.run.comparison_tables import comparison_table
+from cranectl.report.run.differences import SAME, Logs, comparison_table, what_differs, what_was_run
 from cranectl.report.run.figures import (
     DEGREES,
     FAMILIES,
-    Curve,
     Family,
+    RunCurve,
     distance_figure,
     families_of,
     largest_difference,
 )
-from cranectl.report.run.settings import SAME, Logs, what_differs, what_was_run
 from cranectl.report.run.tables import limits_table, metrics_table, run_table
 from cranectl.report.table import Table
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 from cranectl.support.units import quantity
 
 Runs = Mapping[str, Run]  # by label
@@ -44,24 +44,17 @@ def log_page(
     notes: Sequence[str] = (),
     *,
     versions: Mapping[str, Mapping[str, str]] | None = None,
-    predict: Predict | None = None,
     worst: Mapping[str, tuple[float, Image]] | None = None,
 ) -> Page:
-    """A page of up to four logs, each with the runs of one plant or more; `notes` come first.
+    """Return a page of up to four logs, each with the runs of one plant or more; `notes` come first.
 
-    `versions`: by log, of what made it. `worst`: by log, time and picture of its worst moment. `predict`
-    finds limits where cranectl has none for the plants' agreement.
+    `versions`: by log, of what made it. `worst`: by log, time and picture of its worst moment.
     """
-    agreements = {}
-    for label, (a, b) in _pairs(logs).items():
-        limits = pair_limits(a.scenario, a.design, a.drive, (a.plant, b.plant), predict=predict)
-        agreements[label] = judge(a, b, limits=limits)
+    agreements = {label: judge(a, b) for label, (a, b) in _pairs(logs).items()}
     runs = [run for log in logs.values() for run in log.values()]
     scenarios = dict.fromkeys(run.scenario.name for run in runs)
     title = runs[0].scenario.title if len(scenarios) == 1 else ""
-    summaries = {
-        label: [RunSummary.of(run, Path(label)) for run in log.values()] for label, log in logs.items()
-    }
+    summaries = {name: [RunSummary.of(run, Path(name)) for run in log.values()] for name, log in logs.items()}
     judged = limits_table([run for log in summaries.values() for run in log])
     differing = what_differs(logs)
     same = (SAME,) if len(logs) > 1 and differing is None else ()
@@ -72,16 +65,14 @@ def log_page(
         Section("asked", "What was run", (), tuple(table for table in asked if table.rows)),
     ]
     sections += _plans(logs)
-    if worst:
-        moments = tuple(
-            Figure.pictured(
-                ", ".join(["the crane", *([label] if len(worst) > 1 else [])]),
-                _moment(logs[label], time),
-                picture,
-            )
-            for label, (time, picture) in worst.items()
-        )
-        sections.append(Section("worst", "Worst moment", figures=moments))
+    moments = []
+    for label, (time, picture) in (worst or {}).items():
+        name = f"the crane, {label}" if worst and len(worst) > 1 else "the crane"
+        end = logs[label][reference_plant(logs[label])].end_s
+        text = f"The load is farthest from its reference at {time:g} s of {end:g} s."
+        moments.append(Figure.pictured(name, text, picture))
+    if moments:
+        sections.append(Section("worst", "Worst moment", figures=tuple(moments)))
     sections.append(Section("figures", "Figures", figures=_figures(logs, agreements)))
     if differences := _differences(logs, agreements):
         sections.append(Section("differences", "Differences", tables=differences))
@@ -119,15 +110,6 @@ def _verdicts(agreements: Mapping[str, Agreement]) -> str:
     return " ".join(sentences)
 
 
-def _lines(agreements: Mapping[str, Agreement]) -> dict[str, float]:
-    """The limits [m] to be drawn: those of a kind of drive once, a log's own by its label."""
-    return {
-        f"{judged.drive} drives" if judged.limits == Limits.source else label: judged.limit_m
-        for label, judged in agreements.items()
-        if judged.limit_m is not None
-    }
-
-
 def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
     """Each plant's run with that of the reference plant, by the label of the log."""
     found = {}
@@ -138,18 +120,13 @@ def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
     return found
 
 
-def _moment(log: Mapping[str, Run], time: float) -> str:
-    run = log[reference_plant(log)]
-    return f"The load is farthest from its reference at {time:g} s of {run.end_s:g} s."
-
-
 def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, ...]:
     pairs = _pairs(logs)
     plants = in_order(plant for log in logs.values() for plant in log)
     others = [plant for plant in plants if pairs and plant != reference_plant(plants)]
     dashes = dict(zip(others, cycle(DASHES), strict=False))
     curves = [
-        Curve(label, colour, run, wide=plant in others, dash=dashes.get(plant, "-"))
+        RunCurve(label, colour, run, wide=plant in others, dash=dashes.get(plant, "-"))
         for (label, log), colour in zip(logs.items(), SERIES, strict=False)
         for plant, run in log.items()
         if len(run.time_ns)
@@ -164,13 +141,15 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
             sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."
         figures.append(Figure.drawn(family.title, sentence, family.draw, family, curves))
     if pairs:
-        title, text = "distance of the loads of both plants", _verdicts(agreements)
-        figures.append(Figure.drawn(title, text, distance_figure, pairs, _lines(agreements)))
+        title, text = "distance of the plants' loads", _verdicts(agreements)
+        found = agreements.values()
+        limits = {f"{each.drive} drives": each.limit_m for each in found if each.limit_m is not None}
+        figures.append(Figure.drawn(title, text, distance_figure, pairs, limits))
     return tuple(figures)
 
 
 def _differences(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Table, ...]:
-    """The plants of each log, folded if they agree, and those of the first log with those of every other."""
+    """Compare the plants of each log, folded if they agree, and the first log with every other."""
     tables = [
         comparison_table(
             f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b), folded=bool(agreements[label].passed)
@@ -184,25 +163,26 @@ def _differences(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Table
             if plant in log and len(first[plant].time_ns) and len(log[plant].time_ns):
                 table = comparison_table("", compare_runs(first[plant], log[plant]))
                 plants.setdefault(table, []).append(plant)
-        tables += [
-            replace(table, title=f"{', '.join(names)}: {label} minus {first_label}")
-            for table, names in plants.items()
-        ]
+        for table, names in plants.items():
+            tables.append(replace(table, title=f"{', '.join(names)}: {label} minus {first_label}"))
     return tuple(tables)
 
 
 def caption(family: Family, runs: Runs) -> str:
-    """What `family` shows of these runs, which share a scenario."""
+    """Tell what `family` shows of these runs, which share a scenario."""
     if family.name.startswith("trolley"):
         return _outside(runs)
-    parts = (f"{what}: {_each(runs, figure, unit)}" for what, figure, unit in _CAPTIONS[family.name])
+    several, parts = len(runs) > 1, []
+    for what, figure, unit in _CAPTIONS[family.name]:
+        texts = (_kept(figure(run), unit) + f" ({label})" * several for label, run in runs.items())
+        parts.append(f"{what}: {', '.join(texts)}")
     return f"{'; '.join(parts)}."
 
 
 def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> str:
-    """How far the curves of the pairs are apart at most, after the phrase `what`."""
+    """Tell by how much the curves of the pairs differ at most, after the phrase `what`."""
     largest = max(largest_difference(family, *pair) for pair in pairs)
-    return f"{what} {_kept(largest, family.unit)}"
+    return f"{what} {_kept(largest, family.panels[0].unit)}"
 
 
 def _outside(runs: Runs) -> str:
@@ -225,38 +205,27 @@ _FARTHEST = (("Farthest from the reference", lambda run: _measured(run).max_erro
 _LEFT = (("Load off its reference at the end", lambda run: _measured(run).final_error_m, "m"),)
 # By the name of a family, what is said of each run: words, the figure, its unit.
 _CAPTIONS: dict[str, tuple[tuple[str, Callable[[Run], float], str], ...]] = {
-    "space": _FARTHEST,
-    "error": _LEFT,
+    **dict.fromkeys(("space", "load"), _FARTHEST),
+    **dict.fromkeys(("error", "load-path"), _LEFT),
     "linear-input": (("Largest |v|", lambda run: np.abs(run.block("virtual_input")[:, :3]).max(), "m/s⁴"),),
     "input": (
-        (
-            "Largest acceleration of bridge or trolley",
-            lambda run: np.abs(_measured(run).peak_acceleration_m_s2[:2]).max(),
-            "m/s²",
-        ),
-        ("of the rope", lambda run: abs(_measured(run).peak_acceleration_m_s2[2]), "m/s²"),
+        ("Largest acceleration of bridge or trolley", lambda run: max(_accelerations(run)[:2]), "m/s²"),
+        ("of the rope", lambda run: _accelerations(run)[2], "m/s²"),
     ),
     "angles": (
         ("Largest angle", lambda run: max(_measured(run).max_abs_angle_rad) * DEGREES, "°"),
         ("at the end", lambda run: np.abs(run.angles[-1]).max() * DEGREES, "°"),
     ),
-    "load": _FARTHEST,
-    "load-path": _LEFT,
-    "relative-path": (
-        (
-            "Farthest beside the trolley",
-            lambda run: np.hypot(*(p.values(run) for p in FAMILIES["relative-path"].panels)).max(),
-            "m",
-        ),
-    ),
+    "relative-path": (("Farthest beside the trolley", lambda run: _beside(run).max(), "m"),),
 }
 
 
-def _each(runs: Runs, figure: Callable[[Run], float], unit: str) -> str:
-    """The figure of every run, with labels where there are several."""
-    if len(runs) == 1:
-        return _kept(figure(next(iter(runs.values()))), unit)
-    return ", ".join(f"{_kept(figure(run), unit)} ({label})" for label, run in runs.items())
+def _accelerations(run: Run) -> list[float]:
+    return [abs(each) for each in _measured(run).peak_acceleration_m_s2]
+
+
+def _beside(run: Run) -> Array:
+    return np.hypot(*(panel.values(run) for panel in FAMILIES["relative-path"].panels))
 
 
 def _kept(value: float, unit: str) -> str:

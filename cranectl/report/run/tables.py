@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import degrees
 
 from cranectl.cases.case import CaseResult, RunSummary
-from cranectl.compare.agreement import Agreement, Limits
+from cranectl.compare.agreement import Agreement
 from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
-from cranectl.support.units import scaled
+from cranectl.support.units import difference_text, scaled
 
 MISSING = "-"
 Drives = dict[str, tuple[Agreement, str]]  # by name; with what else is wrong with the case
@@ -38,18 +38,21 @@ def _outcome(run: RunSummary) -> tuple[Cell, ...]:
     if run.metrics is None:
         return cells(*ended, "–", "–")
     excess = max((violation.max_excess_m for violation in run.metrics.workspace_violations), default=0.0)
-    outside = Cell(f"{excess:.4f}", "bad" if excess else "")
-    return cells(*ended, f"{run.metrics.max_error_m:.4f}", outside)
+    return cells(*ended, f"{run.metrics.max_error_m:.4f}", Cell(f"{excess:.4f}", "bad" if excess else ""))
 
 
 def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
-    """One row a metric, a column a run; one for all runs of a log that print the same.
+    """Return one row a metric, a column a run; one for all runs of a log that print the same.
 
     Of several logs the best value of a metric is marked, if not all are the same.
     """
     measured = [run.metrics for runs in logs.values() for run in runs]
-    named = [metric for metric in all_metrics() if metric.row.label and _has_row(metric, measured)]
-    shown = sorted(named, key=lambda metric: metric.row.place)
+    shown = [
+        metric
+        for metric in sorted(all_metrics(), key=lambda metric: metric.row.place)
+        if metric.row.label
+        and (metric.row.always or any(n is not None for run in measured for n in _numbers_of(metric, run)))
+    ]
     told = [_told(metric, measured) for metric in shown]
     columns: dict[tuple[str, tuple[str, ...]], list[RunSummary]] = {}
     for label, runs in logs.items():
@@ -58,17 +61,13 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
                 _text(metric, run.metrics, factor) for metric, (factor, _) in zip(shown, told, strict=True)
             )
             columns.setdefault((label, texts), []).append(run)
+    plants = (", ".join(run.plant for run in runs) for runs in columns.values())
     headings = [
-        "\n".join(filter(None, (label, ", ".join(run.plant for run in runs))))
-        for (label, _), runs in columns.items()
+        "\n".join(filter(None, pair)) for pair in zip((label for label, _ in columns), plants, strict=True)
     ]
     whole = [not runs[0].status.stopped and len(logs) > 1 for runs in columns.values()]
     rows = tuple(
-        cells(
-            metric.row.label,
-            unit,
-            *_best_marked(metric, texts, whole),
-        )
+        cells(metric.row.label, unit, *_best_marked(metric, texts, whole))
         for metric, (_, unit), *texts in zip(shown, told, *(texts for _, texts in columns), strict=True)
     )
     note = "Settling, overshoot and what is residual count from when the reference has come to rest."
@@ -78,28 +77,18 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
 
 
 def _best_marked(metric: Metric, texts: Sequence[str], whole: Sequence[bool]) -> list[Cell]:
-    """The cells of a row; the best of the columns that are `whole` is marked, where they are not the same."""
-    values = {
-        text: float(text)
-        for text, counts in zip(texts, whole, strict=True)
-        if counts and metric.better and not metric.parts and text != MISSING
-    }
-    best = max(
-        values, key=lambda text: values[text] if metric.better == "higher" else -values[text], default=""
-    )
-    return [
-        Cell(text, "best" if len(values) > 1 and text == best and counts else "")
-        for text, counts in zip(texts, whole, strict=True)
-    ]
+    """Return the cells of a row; the best of the columns that are `whole` is marked, if they differ."""
+    columns = list(zip(texts, whole, strict=True))
+    compared = metric.better and not metric.parts
+    values = {text: float(text) for text, counts in columns if counts and compared and text != MISSING}
+    best = (max if metric.better == "higher" else min)(values, key=values.__getitem__, default="")
+    marked = best if len(values) > 1 else None
+    return [Cell(text, "best" if text == marked and counts else "") for text, counts in columns]
 
 
 def _numbers_of(metric: Metric, metrics: RunMetrics | None) -> tuple[float | None, ...]:
     value = None if metrics is None else metrics.values[metric.name]
     return value if isinstance(value, tuple) else (value,)
-
-
-def _has_row(metric: Metric, runs: Sequence[RunMetrics | None]) -> bool:
-    return metric.row.always or any(n is not None for run in runs for n in _numbers_of(metric, run))
 
 
 def _told(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str]:
@@ -146,15 +135,11 @@ def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Tab
 
 
 def topic_table(description: LogDescription) -> Table:
-    """What a log holds, one row a topic."""
+    """Return what a log holds, one row a topic."""
+    rates = ["-" if topic.rate_hz is None else f"{topic.rate_hz:g}" for topic in description.topics]
     rows = tuple(
-        cells(
-            topic.topic,
-            topic.schema,
-            str(topic.messages),
-            "-" if topic.rate_hz is None else f"{topic.rate_hz:g}",
-        )
-        for topic in description.topics
+        cells(topic.topic, topic.schema, str(topic.messages), rate)
+        for topic, rate in zip(description.topics, rates, strict=True)
     )
     return Table("Topics", ("topic", "message", "messages", "rate [Hz]"), rows, labels=2)
 
@@ -191,25 +176,24 @@ def agreement_table(agreements: Sequence[Agreement], others: Sequence[str] = ())
 
 
 def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
-    """The limits that all have, if they have the same."""
-    (first, *others) = {(agreement.limit_m, agreement.limit_rad) for agreement in agreements}
-    load_m, angle_rad = first
+    """Return the limits that all have, if they have the same."""
+    (load_m, angle_rad), *others = {(agreement.limit_m, agreement.limit_rad) for agreement in agreements}
     return None if others or load_m is None or angle_rad is None else (load_m, angle_rad)
 
 
 def _numbers(drives: Drives, shared: dict[str, tuple[float, float] | None]) -> Iterator[Cell | str]:
     for drive, limits in shared.items():
-        if drive in drives:
-            agreement, _ = drives[drive]
-            yield _apart(agreement.max_load_error_m, agreement.limit_m, beside=limits is None)
-            yield _apart(agreement.max_angle_error_rad, agreement.limit_rad, beside=limits is None)
-        else:
+        if drive not in drives:
             yield from ("-", "-")
-
-
-def _apart(value: float, limit: float | None, *, beside: bool) -> Cell:
-    text = f"{value:.1e} < {limit:.1e}" if beside and limit is not None else f"{value:.1e}"
-    return Cell(text, "" if limit is None or value <= limit else "bad")  # not a number keeps no limit
+            continue
+        found, _ = drives[drive]
+        for value, limit in (
+            (found.max_load_error_m, found.limit_m),
+            (found.max_angle_error_rad, found.limit_rad),
+        ):
+            beside = "" if limit is None or limits is not None else f" < {limit:.1e}"
+            mark = "" if limit is None or value <= limit else "bad"  # not a number keeps no limit
+            yield Cell(f"{difference_text(value)}{beside}", mark)
 
 
 def _agree(drives: Drives) -> Cell:
@@ -223,17 +207,12 @@ def _agree(drives: Drives) -> Cell:
 
 
 def limit_notes(agreements: Sequence[Agreement]) -> list[str]:
-    """Of which scenarios the limits are their own, and which have none, and why."""
-    where: dict[tuple[bool, str, str], dict[str, None]] = {}
+    """Return which scenarios are not judged, and why, a line for each reason."""
+    where: dict[tuple[str, str], dict[str, None]] = {}
     for agreement in agreements:
-        if agreement.limits != Limits.source:  # from elsewhere than the shipped file
-            where.setdefault((agreement.passed is None, agreement.drive, agreement.limits), {})[
-                agreement.scenario
-            ] = None
-    return [
-        f"{few(list(names))}, {drive} drives: {'not judged' if unjudged else 'limits'}: {why}"
-        for (unjudged, drive, why), names in where.items()
-    ]
+        if agreement.passed is None:
+            where.setdefault((agreement.drive, agreement.limits), {})[agreement.scenario] = None
+    return [f"{few(list(names))}, {drive} drives: not judged: {why}" for (drive, why), names in where.items()]
 
 
 def few(names: Sequence[str], shown: int = 3) -> str:
@@ -243,16 +222,15 @@ def few(names: Sequence[str], shown: int = 3) -> str:
 
 
 def run_notes(results: Sequence[CaseResult]) -> list[str]:
-    """What the tables have no room for: stops, workspace violations, long steps; a line each."""
+    """Tell what tables have no room for: stops, workspace violations, long steps; a line each."""
     where: dict[tuple[str, str], list[str]] = {}
     expected_stops: dict[tuple[str, str], list[float]] = {}
-    for result in results:
-        for run in result.runs:
-            if run.status.stopped and result.as_expected:
-                expected_stops.setdefault((run.scenario, run.status.label), []).append(run.end_s)
-            for note in _notes(run, result.expected):
-                name = f"{run.scenario}, {run.controller}"
-                where.setdefault((name, note), []).append(f"{run.plant}/{run.drive}")
+    for result, run in ((case, run) for case in results for run in case.runs):
+        if run.status.stopped and result.as_expected:
+            expected_stops.setdefault((run.scenario, run.status.label), []).append(run.end_s)
+        for note in _notes(run, result.expected):
+            name = f"{run.scenario}, {run.controller}"
+            where.setdefault((name, note), []).append(f"{run.plant}/{run.drive}")
     stops = [
         f"{scenario}: {len(times)} runs stop with {status} at {min(times):g} to {max(times):g} s, as expected"
         for (scenario, status), times in expected_stops.items()
@@ -267,14 +245,10 @@ def run_notes(results: Sequence[CaseResult]) -> list[str]:
     return [f"{name}: {note} ({', '.join(places)})" for (name, note), places in where.items()] + stops + steps
 
 
-def _notes(run: RunSummary, expected: str) -> list[str]:
-    notes = []
+def _notes(run: RunSummary, expected: str) -> Iterator[str]:
     if run.status.label != expected:
-        notes.append(f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}")
-    if run.status.label != expected and expected != "completed":
-        notes.append(f"expected to end with {expected}")
-    violations = run.metrics.workspace_violations if run.metrics is not None else ()
-    return notes + [
-        f"{violation.signal} leaves the workspace by up to {violation.max_excess_m:.2f} m"
-        for violation in violations
-    ]
+        yield f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}"
+        if expected != "completed":
+            yield f"expected to end with {expected}"
+    for left in run.metrics.workspace_violations if run.metrics is not None else ():
+        yield f"{left.signal} leaves the workspace by up to {left.max_excess_m:.2f} m"

@@ -13,14 +13,10 @@ def runs(closed_loop):
     return closed_loop(SCENARIO, "cascade", drive="velocity")
 
 
-def test_the_models_can_be_relied_on(closed_loop):
-    """With ideal drives they realise the same motion: all that is left is rounding."""
-    assert_agree(closed_loop(SCENARIO, "cascade", drive="ideal"))
-
-
-def test_the_load_pulls_the_drives_no_more_than_we_know(runs):
-    """It moves the servos of one model and not those of the other: some 0.02 m, with a lag of 0.15 s."""
-    assert_agree(runs, load_m=0.04, angle_rad=0.001)
+@pytest.mark.parametrize("drive", ["ideal", "velocity", "force"])
+def test_the_models_can_be_relied_on(closed_loop, drive):
+    """They realise the same motion: all that is left is rounding."""
+    assert_agree(closed_loop(SCENARIO, "cascade", drive=drive))
 
 
 def test_the_terminal_gets_what_it_asked_for(runs):

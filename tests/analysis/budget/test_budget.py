@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from cranectl.analysis.budget.equivalent import friction_of, hold_error, integrator_error
-from cranectl.analysis.budget.error_budget import Budget, Entry, error_budget
+from cranectl.analysis.budget.error_budget import Budget, BudgetLevel, error_budget
 from cranectl.analysis.budget.prediction import LEVELS, predict_levels
 from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate, second_order
-from cranectl.analysis.budget.trajectory_loop import Nominal, nominal_run
+from cranectl.analysis.budget.trajectory_loop import LinearisedRun, nominal_run
 from cranectl.analysis.ladder import Size, size_of
 from cranectl.cli.main import main
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 
 FREE = ("velocity", "acceleration", "force")
@@ -55,6 +55,14 @@ def test_bounds_hold_and_estimates_are_near(scenario: str, controller: str) -> N
         assert entry.remark or entry.looseness <= 5.0 or not entry.measured.max
 
 
+def test_steps_of_encoders_are_largest_at_the_end_of_a_short_motion() -> None:
+    """The three sizes are of one kind: the final deviation can equal the largest, and not exceed it."""
+    short = ["duration=0.1", "disturbances.0.start=0.02", "disturbances.1.start=0.05"]
+    result = error_budget(load_scenario("fixed-position", overrides=short), "lqr+hinf")
+    (entry,) = (entry for entry in result.entries if entry.level == "quantisation")
+    assert entry.estimate.final == pytest.approx(entry.estimate.max, rel=1e-12)
+
+
 def test_above_a_level_without_a_bound_no_estimate_looks_like_the_others() -> None:
     """A start far aside asks the limits for tens of m/s²: what comes after them is rough, and says why."""
     where = nominal_run(
@@ -83,7 +91,7 @@ def test_the_first_level_without_a_bound_leaves_the_others_theirs(monkeypatch: p
 
 def test_a_bound_can_be_broken_and_an_estimate_without_one_is_marked() -> None:
     size = Size(1.0, 2.0, 0.5)
-    entry = Entry("delay", size, 2.5, size, "completed")
+    entry = BudgetLevel("delay", size, 2.5, size, "completed")
     assert (entry.holds, entry.rough, entry.remark) == (True, False, "")
     broken = replace(entry, measured=Size(1.0, 2.6, 0.5))
     assert not broken.holds
@@ -97,14 +105,14 @@ def test_a_bound_can_be_broken_and_an_estimate_without_one_is_marked() -> None:
 
 
 @functools.cache
-def nominal(*overrides: str) -> Nominal:
+def nominal(*overrides: str) -> LinearisedRun:
     return nominal_run(load_scenario("fast-diagonal", overrides=["duration=4.0", *overrides]), "lqr")
 
 
 def test_a_servo_of_another_kind_is_noticed() -> None:
     """Without the lead, or at twice the lag, the prediction is off by far more than a fifth."""
 
-    def predicted(where: Nominal) -> float:
+    def predicted(where: LinearisedRun) -> float:
         return size_of(propagate(where.driven(), plant_errors(where.driven())).load).rms
 
     right = nominal()

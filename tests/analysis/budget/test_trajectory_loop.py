@@ -18,7 +18,7 @@ from cranectl.analysis.budget.bounded_signals import (
 from cranectl.analysis.budget.propagation import NO_FRICTION, FrictionPort, no_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, nominal_run
 from cranectl.controllers.observer import make_observer
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.simulate.signal_path import Encoders
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.frequency_intervals import Bounded, below_until, bilinear, first_gap
+from cranectl.analysis.certificate.frequency_intervals import GridBounds, below_until, bilinear, first_gap
 from cranectl.analysis.certificate.structured import bounded
 from cranectl.analysis.certificate.systems import SampledSystem
 
@@ -94,5 +94,5 @@ def test_scalings_may_differ_from_arc_to_arc() -> None:
     found = bounded(system, MEDIUM)
     peak = float(found.values.max())
     assert first_gap(system, found, lambda angles: np.full(len(angles), 1.02 * peak)) is None
-    fixed = Bounded(found.angles, found.response, np.ones_like(found.scalings), found.values)
+    fixed = GridBounds(found.angles, found.response, np.ones_like(found.scalings), found.values)
     assert first_gap(system, fixed, lambda angles: np.full(len(angles), 1.02 * peak)) is not None

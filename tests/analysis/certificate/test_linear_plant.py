@@ -8,13 +8,12 @@ from cranectl.analysis.certificate.linear_plant import (
     LINEAR,
     NOT_LINEAR,
     linear_plant,
-    plant_effects,
     present,
     run_plant,
 )
 from cranectl.analysis.certificate.loop import closed_loop_matrix, flat_axis, inner_loop_of
 from cranectl.analysis.certificate.operating_points import OperatingPoint, equilibrium, grid_of, tilt_angles
-from cranectl.controllers.flat import RUNNING, ZETA, control_step, initial_memory
+from cranectl.controllers.flat import MEMORY, RUNNING, control_step
 from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.linearisation import change_since, coordinates, put
@@ -26,7 +25,7 @@ from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import actuate, make_actuation
 from cranectl.simulate.loops import python_loop
 from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import inputs_of, law_of, memory_of
+from cranectl.simulate.runner import inputs_of, law_of
 from cranectl.simulate.signal_path import make_signal_path
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
@@ -63,8 +62,8 @@ def nonlinear_loop(
     anchor, command, held = equilibrium(plant, point, drive, air, G)
     row = np.zeros(BASE_WIDTH + 3 * design.robustifier.sampled_order)
     reference = np.zeros(15)
-    memory = initial_memory(tracker, reference)
-    memory[ZETA] = held.zeta
+    memory = np.zeros(MEMORY.robustifier + 3 * design.robustifier.sampled_order)
+    memory[MEMORY.zeta] = held.zeta
     actuation = make_actuation(scenario, held.joints)
     actuation.velocity[:] = command
     control_step(tracker, held.joints, reference, memory.copy(), row)
@@ -167,7 +166,7 @@ def test_the_winch_is_told_to_haul_up_a_heavy_rope() -> None:
 
 
 def test_effects_are_taken_in_or_named() -> None:
-    kept = plant_effects(ALL_EFFECTS)
+    kept = ALL_EFFECTS.linear_part
     assert kept.names == ("friction", "rope", "body", "wind", "frame")
     assert kept.friction is not None
     assert kept.friction.coulomb == (0.0, 0.0, 0.0)
@@ -252,7 +251,7 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
     path = make_signal_path(scenario, held, drive="velocity", samples=200)
     record = np.zeros((200, record_width(design)))
     plant.reset(held + offset)
-    python_loop(plant)(inputs, path, record, memory_of(law, plan.reference[0]), 0, 200)
+    python_loop(plant)(inputs, path, record, law.start.copy(), 0, 200)
     x = np.zeros(len(matrix))
     x[: len(seen)] = offset[seen]
     for joints in record[:, seen] - held[seen]:

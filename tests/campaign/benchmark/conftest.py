@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.controllers.doors.opening import close_laws
+from cranectl.loaders.opening import close_laws
 from tests.campaign.benchmark.tiny import STEP
 
 SMALL = """
@@ -102,6 +102,7 @@ SERVO = Controller(
     title="a spring and a damper on each drive",
     step=step,
     prepare=prepare,
+    reads=("gravity",),
     follows="set-point",
     parameters=(
         Parameter("stiffness", 0.4, "", "of the spring over g", 0.0, 1e3, search=(0.1, 10.0)),

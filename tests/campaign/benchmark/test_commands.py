@@ -11,8 +11,10 @@ import pytest
 
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.cli.main import main
-from cranectl.controllers.doors.opening import close_laws
+from cranectl.loaders.opening import close_laws
 from cranectl.support.documents import leaves
+from tests.campaign.benchmark.conftest import SHORT
+from tests.cli.suggestions import executed, suggested_by_page
 
 if TYPE_CHECKING:
     from distributed import LocalCluster
@@ -20,6 +22,23 @@ if TYPE_CHECKING:
 
 def titles_of(page: Path) -> list[str]:
     return re.findall("<h2>(.*?)</h2>", page.read_text(encoding="utf-8"))
+
+
+def test_what_the_page_suggests(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every crane fails; the law of a file is named by its file."""
+    small.with_name("short.toml").write_text(SHORT.replace("0.05", "0.0"))
+    (tmp_path / "some where").mkdir()
+    monkeypatch.chdir(tmp_path / "some where")
+    only = ["--set-of-cranes", "nominal", "--scenario", "short"]
+    assert main(["benchmark", "run", "../small.toml", "--trust", "--out", "the out", *only]) == 0
+    close_laws()
+    report = ["benchmark", "report", "the out", "--benchmark", "../small.toml", "--trust"]
+    assert main([*report, "--out", "the page.html"]) == 0
+    *replays, again = suggested_by_page(Path("the page.html"))
+    assert len(replays) == 2
+    assert "--controller ../servo.py:SERVO" in replays[1]
+    for command in (*replays, again):
+        assert executed(command) == 0, command
 
 
 def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -124,7 +143,7 @@ def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.
         ("small.toml", "seed = 3", "seed = 4", "seed is 3, not 4"),
         ("small.toml", "high = 2.0", "high = 3.0", "rig.load_mass"),
         ("short.toml", "to = [0.6", "to = [0.7", "reference"),
-        ("servo.py", "damper on each drive.", "damper, on each drive.", "servo was another"),
+        ("servo.py", 'damper on each drive",', 'damper, on each drive",', "servo was another"),
     ],
 )
 def test_a_page_tells_of_this_benchmark_only(
@@ -159,7 +178,7 @@ def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.Captur
     scenario.write_text(scenario.read_text().replace("final_error_m = 0.05", "final_error_m = 0.06"))
     assert main(run) == 0
     assert json.loads(manifest.read_text())["campaign"]["limits"]["final_error_m"] == 0.06
-    law.write_text(law.read_text().replace("damper on each drive.", "damper, on each drive."))
+    law.write_text(law.read_text().replace('damper on each drive",', 'damper, on each drive",'))
     close_laws()
     assert main(run) == 2
     assert "was made by other software" in capsys.readouterr().err
@@ -255,7 +274,22 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
 
     # Another law of the same name is not judged by these numbers.
     law = small.with_name("servo.py")
-    law.write_text(law.read_text().replace("damper on each drive.", "damper, on each drive."))
+    law.write_text(law.read_text().replace('damper on each drive",', 'damper, on each drive",'))
     close_laws()
     assert main([*run, "--division", "tuned"]) == 2
     assert "another version of servo" in capsys.readouterr().err
+
+
+def test_the_table_that_comes_with_cranectl_is_known_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As the how-to has it, where no such file is; a file of that name goes first."""
+    monkeypatch.chdir(tmp_path)
+    few = ["--set-of-cranes", "nominal", "--scenario", "pulse", "--draws", "1"]
+    assert main(["benchmark", "run", "--controller", "pid", *few, "--out", "mine"]) == 0
+    report = ["benchmark", "report", "mine", "--controller", "pid", "--beside", "literature.parquet"]
+    assert main(report) == 0
+    assert "super-twisting" in (tmp_path / "mine.html").read_text(encoding="utf-8")
+    (tmp_path / "literature.parquet").write_text("")
+    assert main(report) == 2
+    assert "literature.parquet holds no benchmark" in capsys.readouterr().err

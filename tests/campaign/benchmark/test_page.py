@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.benchmark.information import information, information_class
-from cranectl.campaign.benchmark.pieces import Division, Piece, sets_of
+from cranectl.campaign.benchmark.pieces import Division, Trial, sets_of
 from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
 from cranectl.campaign.benchmark.standings import points_of, set_standings
 from cranectl.campaign.benchmark.table import (
@@ -22,12 +22,9 @@ from cranectl.campaign.benchmark.table import (
     write_table,
 )
 from cranectl.campaign.summary import EFFORT
-from cranectl.controllers.controller import Nominal
-from cranectl.reference import load_scenario
 from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import Section, render
 from cranectl.report.table import Table
-from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from tests.controllers.laws import FOLLOWING, known
 
@@ -70,7 +67,7 @@ def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) 
         "tuned": dict.fromkeys(laws, tuned) if "tuned" in divisions else {},
     }
     pieces = {
-        Piece(division, plant, name, "short", law): of_law
+        Trial(division, plant, name, "short", law): of_law
         for division in divisions
         for name in sets_of(benchmark)
         for plant in ("mujoco", "analytic")
@@ -133,7 +130,7 @@ def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: 
     benchmark = read_benchmark(str(small))
     laws = {f"law-{k}": runs(0.01 * k, failures=(k == 2) + 5 * (k == 6)) for k in (6, 5, 4, 3, 2, 1)}
     made = table(benchmark, laws, "published")
-    alone = Piece("published", "mujoco", "only-load", "short", "law-3")
+    alone = Trial("published", "mujoco", "only-load", "short", "law-3")
     made = BenchmarkTable(made.about, {**made.pieces, alone: runs(0.2, failures=1)})
     failed, errors, failed_others, errors_others = sections(benchmark, made)["published-single"].tables
     assert [head.split("\n")[-1] for head in failed.headings[2:]] == ["nominal", "load", "sensing", "all"]
@@ -154,7 +151,7 @@ def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: 
 def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     made = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=RUNS)}, "published")
-    wide = Piece("published", "mujoco", "spread-3", "short", "between")
+    wide = Trial("published", "mujoco", "spread-3", "short", "between")
     made = joined([made, table(benchmark, {"between": runs(0.01)}, "published")])
     made = BenchmarkTable(made.about, {**made.pieces, wide: runs(0.01, failures=1)})
     (shown,) = sections(benchmark, made)["published-radius"].tables
@@ -171,7 +168,7 @@ def test_a_crane_that_cannot_be_simulated_is_no_failure_of_a_law(small: Path) ->
     made = table(benchmark, {"first": runs(0.01), "second": runs(0.02)}, "published")
     for law, lost in (("first", (2, 3)), ("second", (3,))):
         status = tuple("failed" if k in lost else "completed" for k in range(RUNS))
-        place = Piece("published", "mujoco", "spread-3", "short", law)
+        place = Trial("published", "mujoco", "spread-3", "short", law)
         stopped = Runs(np.isin(np.arange(RUNS), lost), status, made.pieces[place].metrics)
         made = BenchmarkTable(made.about, {**made.pieces, place: stopped})
     section = sections(benchmark, made)["published-radius"]
@@ -227,7 +224,7 @@ def test_laws_meet_on_the_cranes_that_all_of_them_have(small: Path) -> None:
     laws = {"mine": runs(0.01).first(6), "lqr-integral": runs(0.02), "other": runs(0.03)}
     made = table(benchmark, laws, "published")
     made.about["laws"]["mine"] = {**FACTS, "file": "", "follows": "set-point"}
-    place = Piece("published", "mujoco", "wide", "short", "other")
+    place = Trial("published", "mujoco", "wide", "short", "other")
     made.pieces[place._replace(scenario="path")] = made.pieces.pop(place)  # type: ignore[attr-defined,index]
     shown = sections(benchmark, made)["published-wide"]
     assert [row[0] for row in texts(shown.tables[0])] == ["mine", "lqr-integral"]
@@ -285,20 +282,24 @@ def test_classes_of_information() -> None:
     assert information_class(told) == "set points, encoders, masses"
     told = {**FACTS, "preview": 20, "rig": ["time_constants"]}
     assert information_class(told) == "path, state, preview, drives"
-    scenario = load_scenario("fixed-position")
-    assert information("lqr-offset-free", scenario, "velocity")["rig"] == ["gravity", "limits", "rope_range"]
+    assert information("lqr-offset-free")["rig"] == ["gravity", "limits", "rope_range"]
     assert information_class({**FACTS, "rig": ["limits"]}) == "path, state, limits"
-    assert information("flat-velocity", scenario, "velocity")["rig"] == ["gravity", "time_constants"]
+    assert information("flat-velocity")["rig"] == ["gravity", "time_constants"]
 
 
-@pytest.mark.parametrize("used", [True, False])
-def test_a_law_knows_the_masses_that_its_numbers_go_by(used: bool) -> None:
-    """Not all that it asks for; a ratio of two is enough."""
-
-    def prepare(nominal: Nominal) -> tuple[Array, Array]:
-        ratio = nominal.rig.load_mass / nominal.rig.trolley_mass
-        return np.array([ratio if used else 1.0]), np.zeros(1)
-
-    with known(replace(FOLLOWING, name="weighs", prepare=prepare)) as name:
-        rig = information(name, load_scenario("fixed-position"), "velocity")["rig"]
-    assert rig == (["load_mass", "trolley_mass"] if used else [])
+def test_a_controller_without_a_declaration_is_shown_so(small: Path) -> None:
+    """What it reads is not guessed; drives under force are known by the masses that the loop takes."""
+    with known(replace(FOLLOWING, name="silent", reads=None)) as name:
+        silent = information(name)
+    assert (silent["rig"], silent["reads_path"]) == (None, None)
+    assert information_class(silent) == "path, state, rig not declared"
+    with known(replace(FOLLOWING, name="open", command="force", reads=("path", "load_mass"))) as name:
+        told = information(name)
+    assert (told["rig"], told["reads_path"]) == (["load_mass", "masses"], True)
+    made = table(read_benchmark(str(small)), {"first": runs(0.01), "second": runs(0.02)}, "published")
+    made.about["laws"] |= {"first": silent, "second": told}
+    (shown,) = sections(read_benchmark(str(small)), made)["rules"].tables
+    assert texts(shown) == [
+        ["first", "path", "state", "not declared", "velocity", "not declared"],
+        ["second", "path", "state", "all of the path", "force", "load mass, masses"],
+    ]

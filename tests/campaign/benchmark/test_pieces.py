@@ -5,26 +5,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.pieces import Piece, campaign_of, pieces_of
+from cranectl.campaign.benchmark.pieces import Trial, campaign_of, pieces_of
 from cranectl.campaign.benchmark.rules import rules_of
 from cranectl.campaign.benchmark.settings import benchmark_names, read_benchmark
 from cranectl.campaign.load import check_values
 from cranectl.campaign.sampling import sample_values
-from cranectl.controllers.doors.opening import open_law
+from cranectl.loaders.opening import open_law
 from cranectl.support.errors import InputError
 
 
 def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: Path) -> None:
     benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
     first = campaign_of(
-        benchmark, small.parent, Piece("published", "mujoco", "wide", "short", "lqr-integral")
+        benchmark, small.parent, Trial("published", "mujoco", "wide", "short", "lqr-integral")
     )
     cranes = sample_values(first, 0, first.runs)
     assert len(cranes) == 6
     for piece, most, runs in (
-        (Piece("published", "mujoco", "wide", "short", servo), None, 6),
-        (Piece("published", "mujoco", "wide", "short", servo), 3, 3),
-        (Piece("published", "analytic", "wide", "short", "lqr-integral"), None, 2),
+        (Trial("published", "mujoco", "wide", "short", servo), None, 6),
+        (Trial("published", "mujoco", "wide", "short", servo), 3, 3),
+        (Trial("published", "analytic", "wide", "short", "lqr-integral"), None, 2),
     ):
         other = campaign_of(benchmark, small.parent, piece, most=most)
         assert other.runs == runs
@@ -34,7 +34,7 @@ def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: P
 def test_a_wider_set_has_the_same_cranes_farther_out(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     at = {
-        name: campaign_of(benchmark, small.parent, Piece("published", "mujoco", name, "short", "pid"))
+        name: campaign_of(benchmark, small.parent, Trial("published", "mujoco", name, "short", "pid"))
         for name in ("spread-1", "spread-3", "nominal")
     }
     (one, three), none = (sample_values(at[n], 0, 4) for n in ("spread-1", "spread-3")), at["nominal"]
@@ -49,7 +49,7 @@ def test_a_wider_set_has_the_same_cranes_farther_out(small: Path) -> None:
 
 def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Path) -> None:
     benchmark = read_benchmark(str(small))
-    wide = campaign_of(benchmark, small.parent, Piece("published", "mujoco", "wide", "path", "pid"))
+    wide = campaign_of(benchmark, small.parent, Trial("published", "mujoco", "wide", "path", "pid"))
     values = dict(zip(wide.names, sample_values(wide, 0, 6).T, strict=True))
     assert set(values["effects.delay.seconds"]) == {0.01}
     assert 0.8 <= values["rig.load_mass"].min() < values["rig.load_mass"].max() <= 1.2
@@ -64,7 +64,7 @@ def test_laws_run_where_it_suits_them(small: Path) -> None:
     assert not [p for p in pieces if p.law == servo and p.scenario == "path"]
     few = pieces_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
     assert few == [
-        Piece("published", plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")
+        Trial("published", plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")
     ]
     with pytest.raises(InputError, match="unknown set of small 'narrow'"):
         pieces_of(benchmark, ("lqr-integral",), ("narrow",))
@@ -76,7 +76,7 @@ def test_one_uncertainty_alone(small: Path) -> None:
 
     def drawn(crane_set: str) -> tuple[tuple[str, ...], np.ndarray]:
         campaign = campaign_of(
-            benchmark, small.parent, Piece("published", "mujoco", crane_set, "short", "lqr-integral")
+            benchmark, small.parent, Trial("published", "mujoco", crane_set, "short", "lqr-integral")
         )
         return campaign.names, sample_values(campaign, 0, campaign.runs)
 
@@ -89,7 +89,7 @@ def test_one_uncertainty_alone(small: Path) -> None:
         update={"singles": benchmark.singles.model_copy(update={"effects": {"wind": ("effects.wind",)}})}
     )
     with pytest.raises(InputError, match=r"effects\.wind: nothing of it is uncertain"):
-        campaign_of(wrong, small.parent, Piece("published", "mujoco", "only-wind", "short", "lqr-integral"))
+        campaign_of(wrong, small.parent, Trial("published", "mujoco", "only-wind", "short", "lqr-integral"))
 
 
 def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
@@ -120,7 +120,7 @@ def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
         ('second_plant = "analytic"', 'second_plant = "mujoco"', "plant and second_plant must differ"),
         ("seed = 5", "seed = 3", "tuning.seed must not be seed"),
         ("[sets.wide]", '[sets."../wide"]', "small letters, digits and hyphens"),
-        ("[sets.wide]", "[sets.spread-2]", "names that begin so are of"),
+        ("[sets.wide]", "[sets.spread-2]", "names that begin otherwise"),
     ],
 )
 def test_rules_that_would_not_judge_are_refused(small: Path, old: str, new: str, told: str) -> None:

@@ -1,6 +1,8 @@
 """Tuning: its cost by hand, the same for any number of threads, better than the start, every point kept."""
 
 import json
+import os
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,12 +18,17 @@ from cranectl.campaign.benchmark.tuning import REFUSED, run_cost, tune, tuning_c
 from cranectl.campaign.benchmark.variables import assignments, variables_of
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import Prepared, Worker
+from cranectl.cli.benchmark.laws import benchmark_laws
 from cranectl.cli.main import main
-from cranectl.reference import load_scenario
+from cranectl.loaders.opening import close_laws
+from cranectl.planning import load_scenario
+from cranectl.support import resources
 from cranectl.support.documents import read_toml
+from cranectl.support.environment import MachineError
 from cranectl.support.errors import InputError
 from tests.benchmark.conftest import laws_closed
 from tests.campaign.benchmark.tiny import write_tiny
+from tests.cli.suggestions import executed, suggested
 
 __all__ = ["laws_closed"]
 
@@ -90,7 +97,7 @@ def test_what_is_written_gives_the_same_cost_again(
     assert written == told
     assert (written["law"], written["benchmark"], written["seed"]) == ("mine", "tiny", 7)
     assert (written["rules"], written["budget_runs"], written["runs"]) == (rules_of(tiny, Path()), 12, 12)
-    assert len(written["sha256"]) == 64
+    assert len(written["code"]) == 64
     assert points["evaluation"].to_pylist() == list(range(6))
     assert min(points["cost"].to_pylist()) == written["cost"]["full"]
     best = points["cost"].to_pylist().index(written["cost"]["full"])
@@ -104,6 +111,33 @@ def test_what_is_written_gives_the_same_cost_again(
     costs = [run_cost(row, campaign.nominal, bad, 0.02) for row, bad in zip(rows, broken, strict=True)]
     assert np.mean(costs) == written["cost"]["full"]
     assert np.mean(broken) == written["failed"]["full"]
+
+
+@pytest.mark.parametrize("state", ["absent", "of another law", "by other rules", "damaged"])
+@pytest.mark.usefixtures("tiny")
+def test_the_command_that_tunes_again_does(state: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is that of the file, and of the benchmark, whatever they are called."""
+    Path("mine.py").rename("my law.py")
+    Path("tiny.toml").rename("the tiny.toml")
+    run = ["benchmark", "run", "the tiny.toml", "--controller", "my law.py:LAW", "--division", "tuned"]
+    run += ["--tuned", "my numbers", "--set-of-cranes", "nominal", "--out", "out"]
+    if state != "absent":
+        tune = ["tune", "my law.py:LAW", "--benchmark", "the tiny.toml", "--runs", "4", "--out", "my numbers"]
+        assert main(tune) == 0
+        file, key = (
+            Path("my numbers/mine.toml"),
+            {"of another law": "code", "by other rules": "rules"}.get(state),
+        )
+        text = file.read_text()
+        file.write_text(
+            re.sub(f"^{key} = .*", f'{key} = "0"', text, flags=re.M) if key else text.replace("cost", "c")
+        )
+    close_laws()
+    capsys.readouterr()
+    assert main(run) == 2
+    command = suggested(capsys.readouterr().err)[-1]
+    assert executed(f"{command} --runs 4") == 0
+    assert main(run) == 0
 
 
 def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark, tmp_path: Path) -> None:
@@ -146,3 +180,22 @@ def test_what_cannot_be_tuned(tiny: Benchmark, tmp_path: Path, monkeypatch: pyte
     with pytest.raises(InputError, match="tuning needs pycma") as absent:
         tune(tiny, tmp_path, law)
     assert "pip install 'cranectl[tune]'" in str(absent.value)
+
+
+def test_a_path_that_only_begins_in_the_package_is_not_trusted(tmp_path: Path) -> None:
+    folder = resources.BENCHMARK_DIRECTORY
+    file = folder / os.path.relpath(tmp_path / "mine.toml", folder.resolve())
+    with pytest.raises(InputError, match="add --trust"):
+        benchmark_laws(["mine.py:LAW"], file, trust=False)
+
+
+def test_numbers_that_the_machine_cannot_run_are_not_taken_for_refused(
+    tiny: Benchmark, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def planned(*_: object) -> None:
+        raise MemoryError
+
+    law = tune(tiny, tmp_path, "pid", runs=10).law
+    monkeypatch.setattr("cranectl.campaign.worker.plan_run", planned)
+    with pytest.raises(MachineError, match="MemoryError"):
+        tune(tiny, tmp_path, law, runs=10)

@@ -7,7 +7,7 @@ from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.campaign.benchmark.variables import Variable, assignments, variables_of
 from cranectl.controllers.registry import load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.scenario.similarity import size_of
 from cranectl.support.errors import InputError
 from tests.benchmark.conftest import laws_closed

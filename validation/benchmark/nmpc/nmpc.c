@@ -1,6 +1,6 @@
 /* `nmpc`: nonlinear model predictive control by real-time iterations, with limits on speed and acceleration.
  *
- *     cc -O2 -shared -fPIC -ffp-contract=off -Icranectl/controllers/doors -o nmpc.so \
+ *     cc -O2 -shared -fPIC -ffp-contract=off -Icranectl/loaders -o nmpc.so \
  *         validation/benchmark/nmpc/nmpc.c validation/benchmark/nmpc/model.c -lm
  *     cranectl run fast-diagonal --controller nmpc.so
  *
@@ -52,6 +52,7 @@ static const cranectl_declaration declaration = {
     .numbers = NUMBERS,
     .parameter_count = sizeof parameters / sizeof *parameters,
     .parameters = parameters,
+    .reads = "gravity",
 };
 
 CRANECTL_EXPORT const cranectl_declaration *cranectl_controller(void) { return &declaration; }

@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.metrics import run_metrics
-from cranectl.reference import load_scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import resources
 from validation.thesis.errata.registry import apart, beyond, erratum, shaped_plant

@@ -1,0 +1,175 @@
+"""Lines on settings and options that a user gave and that change nothing in what a command does."""
+
+import re
+from collections.abc import Iterable, Sequence
+from fnmatch import fnmatchcase
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cranectl.campaign import Campaign
+    from cranectl.campaign.benchmark.settings import Benchmark
+    from cranectl.cli.output import Screen
+    from cranectl.plants.plant import Drive
+    from cranectl.scenario import Scenario
+    from cranectl.simulate.idle_settings import RunKind
+
+SHOWN_NAMES = 8  # names in a line, and lines
+LABELS = ("name", "title", "controller.name")  # told where they are shown
+# What no command reads that keeps no log and judges nothing.
+OF_RUNS = ("log.*", "limits.*", "expected")
+
+
+def tell_idle(screen: "Screen", lines: Sequence[str]) -> None:
+    """Print what `idle_lines` and `idle_patience` say, as much as is read."""
+    from cranectl.cli.output import styled
+
+    for line in lines[:SHOWN_NAMES]:
+        screen.print(styled(f"  {line}", "yellow"))
+    if len(lines) > SHOWN_NAMES:
+        screen.print(f"  and {len(lines) - SHOWN_NAMES} more settings that change nothing")
+
+
+def idle_lines(
+    scenario: "Scenario",
+    source: str | None,
+    rig: str | Path | None,
+    overrides: Sequence[str],
+    uses: Iterable[tuple[str, "Drive", str]],
+    *,
+    unread: Sequence[str] = (),
+    all_effects: bool = False,
+) -> list[str]:
+    """Say what of the settings that the user gave changes nothing, a line for each reason.
+
+    Parameters
+    ----------
+    scenario
+        As it is run, planned.
+    source, rig, overrides
+        By which it was read; without a source the default scenario.
+    uses
+        Plant, drive and controller of each run.
+    unread
+        Shell patterns of settings that the command does not read. It says so of those that an option gives:
+        a file is for every command.
+    all_effects
+        The command takes numbers of the rig for effects that the scenario does not have.
+
+    """
+    from cranectl.scenario import given_settings, idle_effects, read_scenario
+    from cranectl.simulate.idle_settings import RunKind, idle_settings
+
+    given = [name for name in given_settings(source, rig, overrides) if name not in LABELS]
+    if not given:
+        return []
+    keys = [each.partition("=")[0].strip() for each in overrides]
+    options = [*keys, *(f"{key}.*" for key in keys)]
+    read = [name for name in given if not _fits(name, unread)]
+    found = {"the command does not read it": [n for n in given if n not in read and _fits(n, options)]}
+    asked = scenario if source is None else read_scenario(source, rig=rig, overrides=overrides)
+    runs = [RunKind(*each) for each in uses]
+    for why, names in idle_settings(scenario, asked, read, runs).items():
+        found.setdefault(why, []).extend(names)
+    lines = [
+        f"{scenario.name}: {_listed(names)} nothing here: {why}" for why, names in found.items() if names
+    ]
+    effects = () if all_effects else idle_effects(scenario, read)
+    return [*([_effects_line(scenario, effects, runs)] if effects else []), *lines]
+
+
+def tell_idle_in_analysis(
+    screen: "Screen",
+    scenario: "Scenario",
+    given: tuple[str | None, str | Path | None, Sequence[str]],
+    controllers: Iterable[str],
+    *,
+    plant: str = "mujoco",
+    drive: "Drive" = "velocity",
+    unread: Sequence[str] = OF_RUNS,
+) -> None:
+    """Print what changes nothing in a command that takes the effects of a rig and keeps no log.
+
+    `given`: source, rig and overrides of `idle_lines`.
+    """
+    uses = [(plant, drive, each) for each in controllers]
+    tell_idle(screen, idle_lines(scenario, *given, uses, unread=unread, all_effects=True))
+
+
+def idle_in_campaign(campaign: "Campaign") -> list[str]:
+    """Say which settings of a campaign and of its scenario change nothing in its runs."""
+    from cranectl.campaign.settings import COUNTED
+    from cranectl.simulate import checked_drive
+
+    told = campaign.settings
+    uses = product(told.plants, (checked_drive(told.drive),), told.controllers)
+    scenario = campaign.nominal, told.scenario, told.rig, told.set
+    lines = idle_lines(*scenario, uses, unread=("limits.*", "expected"))
+    if "seed" in told.model_fields_set and told.sampling in COUNTED:
+        lines.append(f"{told.name}: seed changes nothing here: {told.sampling} sampling draws nothing")
+    return lines
+
+
+def idle_in_benchmark(
+    benchmark: "Benchmark", directory: Path, runs: Iterable[tuple[str, str, str]]
+) -> list[str]:
+    """Say what of a user's benchmark, whose file is in `directory`, changes nothing in any of its runs.
+
+    `runs`: scenario of the benchmark, plant and controller of each.
+    """
+    from cranectl.campaign.benchmark.pieces import scenario_place
+    from cranectl.planning import load_scenario
+    from cranectl.support.resources import BENCHMARK_DIRECTORY
+
+    lines: list[str] = []
+    listed = list(runs)
+    for name, measured in benchmark.scenarios.items() if directory != BENCHMARK_DIRECTORY else ():
+        if uses := [(plant, benchmark.drive, law) for each, plant, law in listed if each == name]:
+            source, overrides = scenario_place(measured.file, directory), [*benchmark.set, *measured.set]
+            scenario = load_scenario(source, overrides=overrides)
+            lines += idle_lines(scenario, source, None, overrides, uses, unread=("log.*", "expected"))
+    return lines
+
+
+def _fits(name: str, patterns: Iterable[str]) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
+def _effects_line(scenario: "Scenario", idle: Sequence[str], uses: Iterable["RunKind"]) -> str:
+    """Say which numbers of the rig no run uses, and the options that add their effects."""
+    from cranectl.plants.capabilities import check_effects
+    from cranectl.support.errors import InputError
+
+    options = ""
+    added = scenario.effects.model_copy(update={name: getattr(scenario.rig.effects, name) for name in idle})
+    try:
+        for use in uses:
+            check_effects(added, plant=use.plant, drive=use.drive)
+    except InputError:
+        options = "--drive velocity --plants elastic,mujoco "
+    tables = ", ".join(f"[effects.{name}]" for name in idle)
+    settings = " ".join(f"--set effects.{name}={{}}" for name in idle)
+    return f"{scenario.name}: {tables} of the rig do not act in this run: to add them, {options}{settings}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Return the names of settings as a subject with its verb, a list by its own name and once."""
+    whole = list(dict.fromkeys(re.sub(r"(\.\d+)+$", "", name) for name in names))
+    listed = ", ".join(whole[:SHOWN_NAMES]) + (
+        f" and {len(whole) - SHOWN_NAMES} more" if len(whole) > SHOWN_NAMES else ""
+    )
+    return f"{listed} {'changes' if len(whole) == 1 else 'change'}"
+
+
+def idle_patience(controllers: Iterable[str], patience: float, *, cluster: bool = False) -> list[str]:
+    """Say why `--patience`, where it is given, changes nothing for these controllers."""
+    from cranectl.controllers.open_controllers import OPEN
+    from cranectl.simulate.child import BLOCK_TIMEOUT
+
+    if patience == BLOCK_TIMEOUT:
+        return []
+    if cluster:
+        return ["--patience changes nothing here: it is for runs of this machine"]
+    is_used = any(name in OPEN.files for name in controllers)
+    return [] if is_used else ["--patience changes nothing here: no controller is from a file"]

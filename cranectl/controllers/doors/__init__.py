@@ -1,1 +1,0 @@
-"""Laws from outside the package: each door makes a controller of what somebody has."""

@@ -1,0 +1,110 @@
+"""Prepare a controller for a crane, and check what its own code returns."""
+
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, LinearLaw, Nominal
+from cranectl.controllers.declarations import MAX_MEMORY, shown
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError, describe_error
+from cranectl.support.foreign_code import contained
+from cranectl.support.waiting import reported_when_slow
+
+LINEAR = "a linearise(nominal, rope_length) that returns a cranectl.controllers.controller.LinearLaw"
+PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at most a million numbers"
+
+
+def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
+    """Return parameters and memory, each with one number or more, so that there is something to point to.
+
+    Raises InputError where the controller says that its design cannot be met, where its `prepare` raises
+    anything else or returns no such pair, and where it logs a place that the memory does not have.
+    """
+    returned = _run_own_code(controller, "prepare", controller.prepare, PAIR, nominal)
+    parameters, memory = _checked_pair(controller, returned)
+    for place, signal in controller.logged:
+        if place >= len(memory):
+            raise InputError(
+                f"{controller.name} logs place {place} of its memory as '{signal.name}'",
+                allowed=f"0 to {len(memory) - 1}: its memory has {len(memory)} numbers",
+                remedy="log another place, or give it a larger memory",
+            )
+    return parameters, memory
+
+
+def linearised(controller: Controller, nominal: Nominal, rope_length: float) -> LinearLaw:
+    """Return the linear law of one axis at a rope length [m]; raise InputError where its code gives none."""
+    assert controller.linearise is not None
+    returned = _run_own_code(controller, "linearise", controller.linearise, LINEAR, nominal, rope_length)
+    if not isinstance(returned, LinearLaw):
+        raise InputError(
+            f"linearise of {controller.name} returns {shown(returned)}", allowed=LINEAR, remedy="return one"
+        )
+    return returned
+
+
+def real_numbers(values: Any) -> Array:
+    """Return a flat copy of `values`, one zero where there are none.
+
+    Raises TypeError, ValueError or MemoryError for anything but real numbers, and for more than a million.
+    """
+    array = np.asarray(values)
+    if array.size and array.dtype.kind not in "biuf":
+        raise TypeError(f"{array.dtype} is no type of real numbers")
+    if array.size > MAX_MEMORY:
+        raise ValueError(f"{array.size} numbers")
+    return array.astype(np.float64).ravel() if array.size else np.zeros(1)
+
+
+def _run_own_code(
+    controller: Controller, name: str, function: Callable[..., Any], allowed: str, *given: Any
+) -> Any:
+    """Return what a function of the controller returns; raise InputError for anything that it raises."""
+    if _is_ours(function):
+        return function(*given)
+    try:
+        with contained(), reported_when_slow(f"{name} of {controller.name} has been running"):
+            return function(*given)
+    except (InputError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        raise InputError(
+            f"{name} of {controller.name} failed{_where(error)}: {describe_error(error)}",
+            allowed=f"{allowed}, or raises cranectl.InputError with what the controller cannot do",
+            remedy="correct it; in a class it has no self",
+        ) from error
+
+
+def _checked_pair(controller: Controller, returned: Any) -> tuple[Array, Array]:
+    if not isinstance(returned, tuple | list) or len(returned) != 2:
+        raise InputError(
+            f"prepare of {controller.name} returns {shown(returned)}",
+            allowed=PAIR,
+            remedy="return both, an empty one too",
+        )
+    try:
+        parameters, memory = map(real_numbers, returned)
+    except (TypeError, ValueError, MemoryError) as error:
+        raise InputError(
+            f"prepare of {controller.name} returns {shown(returned)}: {error}",
+            allowed=PAIR,
+            remedy=f"return real numbers, at most {MAX_MEMORY} in each",
+        ) from error
+    return parameters, memory
+
+
+def _is_ours(function: Callable[..., Any]) -> bool:
+    """Return True if `function` is of this package: what it raises is to be reported as it is."""
+    module = str(getattr(function, "__module__", ""))
+    return module.partition(".")[0] == __name__.partition(".")[0]
+
+
+def _where(error: BaseException) -> str:
+    """Return the line that raised, of the last file that is not an installed library."""
+    frames = [
+        each for each in traceback.extract_tb(error.__traceback__)[1:] if "site-packages" not in each.filename
+    ]
+    return f" in {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""

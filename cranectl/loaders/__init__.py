@@ -1,0 +1,1 @@
+"""Loaders of controllers from outside the package: Python, C, FMUs, other processes."""

@@ -1,0 +1,51 @@
+"""Steps that stay in the interpreter: the compiled loop calls them by address all the same.
+
+What a callback raises would be printed and its result be garbage. So it is caught here, told once, and the
+step says that it failed.
+"""
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+
+from cranectl.controllers.controller import Sizes
+from cranectl.support.arrays import Array
+from cranectl.support.step_failure import FAILED, report_failure
+
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+_STEP = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
+_KEPT: list[object] = []  # what has an address must not be collected
+
+
+def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:
+    """The address of a C function that calls `step` with arrays; all but memory and command are read-only."""
+    lengths = tuple(sizes)
+    known: dict[tuple[int, int], Array] = {}
+
+    def array(address: int, k: int) -> Array:
+        found = known.get((address, k))
+        if found is None:
+            found = np.ctypeslib.as_array(ctypes.cast(address, _DOUBLES), (lengths[k],))
+            found.flags.writeable = k > 2
+            if k != 2:  # the rows of the reference are many
+                known[address, k] = found
+        return found
+
+    def call(*addresses: int) -> int:
+        try:
+            returned = step(*(array(address, k) for k, address in enumerate(addresses)))
+            if not isinstance(returned, int | np.integer | np.bool_):
+                raise TypeError(f"the step returns {returned!r}, which is no whole number")
+            if abs(int(returned)) >= 2**63:  # its lowest 64 bits would count
+                raise OverflowError(f"the step returns {returned}")
+            return int(returned)
+        except BaseException as error:  # whatever goes on from here would be ignored
+            report_failure(name, error)
+            return FAILED
+
+    function = _STEP(call)
+    _KEPT.append(function)
+    address = ctypes.cast(function, ctypes.c_void_p).value
+    assert address is not None
+    return address

@@ -1,0 +1,260 @@
+"""Load FMUs: co-simulation of FMI 2.0 and 3.0, with a binary for this machine.
+
+FMPy unpacks one and reads its description; its functions are called by address. This process never loads its
+binary: a program of its own tries it, and the child in which a run goes makes an instance for the run.
+"""
+
+import ctypes
+import re
+import shlex
+import stat
+import weakref
+import zipfile
+from functools import cache
+from io import BytesIO
+from math import isclose
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, Logged, Nominal
+from cranectl.loaders import fmi, fmu_step
+from cranectl.loaders.asking import answer
+from cranectl.loaders.fmu_variables import Variables, variables_of
+from cranectl.loaders.law_file import LawFile, directory_of, slug
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+from cranectl.support.float_environment import environment_kept
+from cranectl.support.jit import address_of
+
+MAX_UNPACKED_BYTES = 2**30  # unpacked
+_TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)
+
+
+class Fmu:
+    """One that is unpacked."""
+
+    def __init__(self, file: LawFile) -> None:
+        """Raises InputError where it is none, or is not for co-simulation on this machine."""
+        fmpy = _library()
+        place = _unpacked(file, fmpy)
+        try:
+            # Tools in use write what the schema forbids; what is used here is checked here.
+            told = fmpy.read_model_description(str(place), validate=False)
+        except Exception as error:  # of many classes
+            raise wrong(file, f"its description cannot be read: {' '.join(str(error).split())}") from None
+        if told.fmiVersion not in ("2.0", "3.0"):
+            raise wrong(file, f"it has version {told.fmiVersion} of FMI")
+        if told.coSimulation is None:
+            raise wrong(file, "it is for model exchange only: it would need a solver of its importer")
+        self.file, self.told, self.kind = file, told, told.coSimulation
+        self.fmi = int(told.fmiVersion[0])
+        platform = fmpy.platform if self.fmi == 2 else fmpy.platform_tuple
+        identifier = self.kind.modelIdentifier or ""
+        if not re.fullmatch(r"[A-Za-z_]\w*", identifier, flags=re.ASCII):
+            raise wrong(file, f"its modelIdentifier is '{identifier}', which is no identifier of C")
+        name = f"{identifier}{fmpy.sharedLibraryExtension}"
+        self.binary = place / "binaries" / platform / name
+        if not self.binary.is_file():
+            there = ", ".join(sorted(path.name for path in (place / "binaries").glob("*"))) or "none at all"
+            sources = ", and sources in C" if (place / "sources").is_dir() else ""
+            remedy = f"compile these for this machine: fmpy compile {shlex.quote(str(file.path))}"
+            raise wrong(
+                file,
+                f"it has no binary binaries/{platform}/{name}, it has {there}{sources}",
+                remedy if sources else "export it for this machine",
+            )
+        if not self.binary.resolve().is_relative_to(place.resolve()):
+            raise wrong(file, f"its binary binaries/{platform}/{name} lies outside of it")
+        self.resources = place / "resources"
+        self.variables: Variables = variables_of(file, told)
+
+    def check_period(self, period: float) -> None:
+        """Raise InputError unless `period` [s] is one or more of its own steps, where it tells them.
+
+        The step that it prefers counts where it takes no others, and the table beside it says nothing.
+        """
+        table, experiment = self.variables.table, self.told.defaultExperiment
+        own = self.kind.fixedInternalStepSize
+        prefers = not (
+            own or self.kind.canHandleVariableCommunicationStepSize or "every" in table.model_fields_set
+        )
+        if prefers and experiment is not None:
+            own = experiment.stepSize
+        step = _number(self.file, "step", own)
+        if step > 0.0 and not (period > 0.5 * step and isclose(period / step, round(period / step))):
+            every = max(round(step * table.every / period), 1)
+            raise InputError(
+                f"{self.file.reference} has steps of {step:g} s, its law is given {period:g} s",
+                allowed="one or more of its steps",
+                remedy=f"every = {every} in {self.file.path.with_suffix('.toml')}, control periods in a step",
+            )
+
+    def model(self) -> fmi.Plain:
+        """As `fmi` takes it."""
+        return {
+            "fmi": self.fmi,
+            "name": "cranectl",
+            "token": self.told.guid,
+            "resources": str(self.resources),
+            "references": self.variables.fixed_references,
+            "values": [*(each.default for each in self.variables.parameters), *self.variables.constants],
+        }
+
+
+def open_fmu(file: LawFile) -> Controller:
+    """The law of an FMU; raises InputError where it is none, or cannot be initialised."""
+    fmu = Fmu(file)
+    try:
+        answer(fmi.__file__, fmu.binary, fmu.model())
+    except ValueError as error:
+        needs = f"; it says that it needs the tool that made it: {fmu.told.generationTool or 'unnamed'}"
+        raise wrong(file, f"{error}{needs if fmu.kind.needsExecutionTool else ''}") from None
+    address_of(fmu_step.step)  # compiled before any run
+    variables, table = fmu.variables, fmu.variables.table
+    commanded = [place for place in variables.commands if place != fmu_step.HELD]
+
+    def prepare(nominal: Nominal) -> tuple[Array, Array]:
+        fmu.check_period(nominal.period)
+        inputs, outputs = len(variables.input_references), len(variables.output_references)
+        values = [float(value) for value in nominal.parameters.values()]
+        sources = (*variables.sources, *variables.commands, *variables.factors, *values, *variables.constants)
+        parameters = fmu_step.GIVEN.array(
+            fmi=fmu.fmi, period=nominal.period, inputs=inputs, outputs=outputs, sources=sources
+        )
+        return parameters, fmu_step.MEMORY.array(values=np.zeros(inputs + outputs))
+
+    return Controller(
+        name=table.name or slug(fmu.told.modelName or "") or slug(file.path.stem),
+        title=table.title or fmu.told.description or fmu.told.modelName or file.path.name,
+        step=fmu_step.step,
+        prepare=prepare,
+        command=table.command,
+        follows=table.follows,
+        measures=variables.measures,
+        every=table.every,
+        reads=(),
+        parameters=variables.parameters,
+        logged=tuple(
+            Logged(place, signal)
+            for place, signal in enumerate(variables.logged, fmu_step.MEMORY.values + len(commanded))
+        ),
+        entry=lambda _, parameters: _entry(fmu, parameters),
+    )
+
+
+EXPORT = "export it again; other tools than cranectl say whether it is whole"
+
+
+def wrong(file: LawFile, what: str, remedy: str = EXPORT) -> InputError:
+    """Return the error for a file that is no FMU to run."""
+    return InputError(
+        f"{file.reference}: {what}",
+        allowed="an FMU for co-simulation, FMI 2.0 or 3.0, with a binary for this machine",
+        remedy=remedy,
+    )
+
+
+def _number(file: LawFile, what: str, text: Any) -> float:
+    """Return a number of the description; 0.0 where it has none."""
+    try:
+        return float(text or 0.0)
+    except ValueError:
+        raise wrong(file, f"its {what} is '{text}'") from None
+
+
+def _library() -> Any:
+    try:
+        import fmpy
+        import fmpy.model_description
+    except ImportError as error:
+        raise InputError(
+            f"no reader of FMUs: {error}",
+            allowed="laws in .py and .so without it",
+            remedy="pip install 'cranectl[fmi]' (FMPy)",
+        ) from None
+    return fmpy
+
+
+def _unpacked(file: LawFile, fmpy: Any) -> Path:
+    """Where it is; raises InputError for what would be written elsewhere, as zip files can have it."""
+    whole, part, place = (directory_of(file) / name for name in ("law.fmu", "part", "fmu"))
+    if place.is_dir():
+        return place
+    try:
+        with zipfile.ZipFile(BytesIO(file.content)) as archive:
+            items = archive.infolist()
+        for item in items:
+            if ".." in Path(item.filename).parts:
+                raise wrong(file, f"it would write outside of its directory: '{item.filename}'")
+            if stat.S_ISLNK(item.external_attr >> 16):
+                raise wrong(file, f"it has a link: '{item.filename}'")
+        if sum(item.file_size for item in items) > MAX_UNPACKED_BYTES:
+            raise wrong(file, f"it has more than {MAX_UNPACKED_BYTES} bytes when it is unpacked")
+        whole.write_bytes(file.content)
+        fmpy.extract(whole, part)
+        part.rename(place)
+    except InputError:
+        raise
+    except Exception as error:  # of many classes
+        raise wrong(file, f"it cannot be unpacked: {error}") from None
+    return place
+
+
+class _Process:
+    """The binary of an FMU in this process, and its instances."""
+
+    def __init__(self, fmu: Fmu) -> None:
+        """Raises OSError or ValueError where it cannot be loaded."""
+        self._fmu = fmu
+        self._functions = fmi.functions(str(fmu.binary), fmu.fmi)
+        self._tell = _TELL(self._failed)
+        exchanged = (fmu.variables.input_references, fmu.variables.output_references)
+        self._references = [np.array(references, dtype=np.uint32) for references in exchanged]
+        self._made = False
+        self._lost: set[int] = set()  # after what is fatal nothing may be called
+
+    def begin(self, parameters: Array) -> None:
+        """Make an instance for the run that has these parameters, and for as long; raises ValueError."""
+        if self._made and self._fmu.kind.canBeInstantiatedOnlyOncePerProcess:
+            raise ValueError(
+                "it can be instantiated only once in a process, of which run and validate take one for each "
+                "run, campaign and live do not"
+            )
+        variables = self._fmu.variables
+        first = fmu_step.GIVEN.sources + len((*variables.sources, *variables.commands, *variables.factors))
+        instance = fmi.initialised(self._functions, self._fmu.model(), parameters[first:])
+        self._made = True
+        known = self._functions
+        called = (known["Set"], known["ExitInitializationMode"], known["DoStep"], known["Get"], self._tell)
+        parameters[: fmu_step.GIVEN.fmi] = (
+            instance,
+            *map(fmi.address, called),
+            *(references.ctypes.data for references in self._references),
+        )
+        weakref.finalize(parameters, self._free, instance).atexit = False
+
+    def _failed(self, instance: int, function: int, status: int, time: float) -> int:
+        """Called back from the step."""
+        if status >= fmi.FATAL:
+            self._lost.add(instance)
+        failure = fmi.failure(self._fmu.fmi, fmu_step.FUNCTIONS[function], status)
+        fmi.say(f"{self._fmu.file.reference}: at {time:.6g} s its {failure}")
+        return 0
+
+    def _free(self, instance: int) -> None:
+        if instance not in self._lost:
+            with environment_kept():
+                self._functions["FreeInstance"](instance)
+
+
+_process = cache(_Process)
+
+
+def _entry(fmu: Fmu, parameters: Array) -> int:
+    try:
+        _process(fmu).begin(parameters)
+    except (OSError, ValueError) as error:  # the step, without an instance, fails
+        fmi.say(f"{fmu.file.reference}: {error}")
+    return address_of(fmu_step.step)

@@ -1,0 +1,122 @@
+"""The step of every FMU: its C functions, called by the addresses that the parameters hold.
+
+Addresses have 48 bits and fit into doubles. Inputs are set, the FMU does a step of the law's period, outputs
+are read. FMI 3's functions differ by arguments only.
+"""
+
+from typing import Any, cast
+
+import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from cranectl.controllers.slots import Slots
+from cranectl.support.jit import jit
+
+# Addresses, then what does not change, then the source of each input, and for each command the output that it
+# is, or HELD, then the SI units in one unit of each input and of each command.
+GIVEN = Slots(
+    instance=1, set=1, exit=1, step=1, get=1, tell=1, in_references=1, out_references=1,
+    fmi=1, period=1, inputs=1, outputs=1, sources=0,
+)  # fmt: skip
+# Steps done, then what fmi3DoStep tells; outputs, those commanded first, and inputs.
+MEMORY = Slots(steps=1, event=1, terminate=1, early=1, last=1, values=0)
+MEASURED = 12  # sources below it are places of what is measured, from it on places of the reference
+HELD = -1  # a command that stays zero
+FAILED = -1
+DISCARD = 2
+FUNCTIONS = {GIVEN.exit: "ExitInitializationMode", GIVEN.set: "Set", GIVEN.step: "DoStep", GIVEN.get: "Get"}
+
+
+@cast(Any, intrinsic)
+def _call(_typing, _address, arguments):
+    """Return the int that a C function at an address returns; pointers among the arguments are int64."""
+    from llvmlite import ir
+
+    def generate(context: Any, builder: Any, _: Any, given: Any) -> Any:
+        kinds = [context.get_value_type(kind) for kind in arguments.types]
+        function = ir.FunctionType(ir.IntType(32), kinds).as_pointer()
+        values = cgutils.unpack_tuple(builder, given[1])
+        return builder.call(builder.inttoptr(given[0], function), values)
+
+    return types.int32(types.int64, arguments), generate
+
+
+@cast(Any, intrinsic)
+def _place(_typing, pointer, _index):
+    """Return the address of a double."""
+    from llvmlite import ir
+
+    def generate(_context: Any, builder: Any, _: Any, given: Any) -> Any:
+        return builder.ptrtoint(builder.gep(given[0], [given[1]]), ir.IntType(64))
+
+    return types.int64(pointer, types.int64), generate
+
+
+@jit
+def _exchange(parameters, function, references, count, values):
+    """Set or get `count` numbers at the address `values`; return the status."""
+    if count == 0:
+        return 0
+    c, instance = np.int64(parameters[function]), np.int64(parameters[GIVEN.instance])
+    numbers = np.int64(parameters[references])
+    if parameters[GIVEN.fmi] == 2.0:
+        return _call(c, (instance, numbers, count, values))
+    return _call(c, (instance, numbers, count, values, count))
+
+
+@jit
+def _do_step(parameters, memory):
+    """Do the step; return the status."""
+    c, instance = np.int64(parameters[GIVEN.step]), np.int64(parameters[GIVEN.instance])
+    period, final = parameters[GIVEN.period], np.int32(1)
+    time = memory[MEMORY.steps] * period
+    if parameters[GIVEN.fmi] == 2.0:
+        return _call(c, (instance, time, period, final))
+    memory[MEMORY.terminate] = 0.0
+    event, terminate = _place(memory, MEMORY.event), _place(memory, MEMORY.terminate)
+    told = (event, terminate, _place(memory, MEMORY.early), _place(memory, MEMORY.last))
+    status = _call(c, (instance, time, period, final, *told))
+    # Its byte is the lowest of the double.
+    return np.int32(DISCARD) if status < DISCARD and memory[MEMORY.terminate] != 0.0 else status
+
+
+@jit
+def _failed(parameters, memory, function, status):
+    """Have a failure reported; return the code of a step that failed."""
+    time = memory[MEMORY.steps] * parameters[GIVEN.period]
+    instance = np.int64(parameters[GIVEN.instance])
+    _call(np.int64(parameters[GIVEN.tell]), (instance, np.int64(function), np.int64(status), time))
+    return FAILED
+
+
+def step(parameters, measured, reference, memory, command):
+    """Take one step, as every controller does; the FMU's state is its own."""
+    if parameters[GIVEN.instance] == 0.0:
+        return FAILED
+    inputs, outputs = np.int64(parameters[GIVEN.inputs]), np.int64(parameters[GIVEN.outputs])
+    first, factors = MEMORY.values + outputs, GIVEN.sources + inputs + 3
+    for i in range(inputs):
+        source = np.int64(parameters[GIVEN.sources + i])
+        value = measured[source] if source < MEASURED else reference[source - MEASURED]
+        memory[first + i] = value / parameters[factors + i]
+    status = _exchange(parameters, GIVEN.set, GIVEN.in_references, inputs, _place(memory, first))
+    if not 0 <= status < DISCARD:
+        return _failed(parameters, memory, GIVEN.set, status)
+    if memory[MEMORY.steps] == 0.0:  # initialised with what is measured first
+        status = _call(np.int64(parameters[GIVEN.exit]), (np.int64(parameters[GIVEN.instance]),))
+        if not 0 <= status < DISCARD:
+            return _failed(parameters, memory, GIVEN.exit, status)
+    status = _do_step(parameters, memory)
+    if not 0 <= status < DISCARD:
+        return _failed(parameters, memory, GIVEN.step, status)
+    status = _exchange(parameters, GIVEN.get, GIVEN.out_references, outputs, _place(memory, MEMORY.values))
+    if not 0 <= status < DISCARD:
+        return _failed(parameters, memory, GIVEN.get, status)
+    memory[MEMORY.steps] += 1.0
+    for i in range(3):
+        output = np.int64(parameters[GIVEN.sources + inputs + i])
+        scale = parameters[factors + inputs + i]
+        command[i] = 0.0 if output == HELD else scale * memory[MEMORY.values + output]
+    return 0

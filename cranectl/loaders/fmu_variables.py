@@ -1,0 +1,287 @@
+"""Which variable of an FMU is what: by its name, or by a table in TOML beside it."""
+
+import re
+from collections.abc import Mapping, Sequence
+from math import inf
+from typing import Any, Literal, NamedTuple
+
+from pydantic import Field
+
+from cranectl.controllers.controller import Parameter
+from cranectl.controllers.declarations import LONGEST_SIGNAL
+from cranectl.loaders.fmu_step import HELD, MEASURED
+from cranectl.loaders.fmu_units import Conversion
+from cranectl.loaders.law_file import LawFile
+from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.signals import MEASUREMENT, REFERENCE, STATE, Signal, command_group
+from cranectl.support.documents import parse_toml
+from cranectl.support.errors import InputError, did_you_mean
+
+ENCODERS = {f"encoders.{name}": k for k, name in enumerate(STATE.names[::2])}
+STATES = {f"state.{name}": k for k, name in enumerate(STATE.names)}
+STATES |= {f"measurement.{name}": k for k, name in enumerate(MEASUREMENT.names)}
+REFERENCES = {f"reference.{name}": MEASURED + k for k, name in enumerate(REFERENCE.names)}
+COMMANDS = ("command.bridge", "command.trolley", "command.rope")
+UNITS = {f"{group}.{each.name}": each.unit for group, signals in (
+    ("encoders", STATE), ("state", STATE), ("measurement", MEASUREMENT), ("reference", REFERENCE)
+) for each in signals.signals}  # fmt: skip
+HOLD = "held"  # in place of an output, of an axis that nothing commands
+OUR_NAMES = re.compile(r"(encoders|state|measurement|reference)\b")
+REAL = ("Real", "Float64")
+
+
+class FmuTable(Settings):
+    """The file beside an FMU: what FMI has no place for, and what its variables are called here."""
+
+    name: str = Field("", description="of the controller; by default that of the model")
+    title: str = Field("", description="one line for people; by default the model's description")
+    command: Literal["acceleration", "velocity", "force"] = "acceleration"
+    follows: Literal["path", "set-point"] = "path"
+    every: int = Field(1, ge=1, description="control periods between two steps")
+    inputs: dict[str, str | float] = Field(
+        {}, description="of the FMU, and the signal or the constant that each gets"
+    )
+    outputs: dict[str, str] = Field(
+        {}, description="of the FMU, and what each commands; or a command, and that its axis is held"
+    )
+    units: dict[str, float] = Field(
+        {}, description="of inputs and outputs, how many SI units one of their own is"
+    )
+
+
+class Variables(NamedTuple):
+    """Those that the step exchanges, by value reference, and those that are set before."""
+
+    table: FmuTable
+    measures: Literal["state", "encoders"]
+    input_references: list[int]
+    sources: list[int]  # of each input, as `fmu_step` has them
+    output_references: list[int]  # those that command, then those logged
+    commands: list[int]  # of each axis the place among these outputs, or HELD
+    factors: list[float]  # SI units in one of the FMU's, of each input, then of each axis
+    logged: tuple[Signal, ...]
+    parameters: tuple[Parameter, ...]
+    constants: tuple[float, ...]  # of inputs, set once
+    fixed_references: list[int]  # of the parameters, then of the constants
+
+
+def variables_of(file: LawFile, told: Any) -> Variables:
+    """Return what the variables of a description are here.
+
+    Parameters
+    ----------
+    file : LawFile
+        The FMU, with the table beside it.
+    told : Any
+        Its description, as FMPy has read it.
+
+    Raises
+    ------
+    InputError
+        For a variable without a meaning, of another type or in another unit.
+    """
+    declared = told.modelVariables
+    source = str(file.path.with_suffix(".toml"))
+    parsed = parse_toml(file.table.decode("utf-8", "replace"), source)
+    table = parse_settings(FmuTable, parsed, source)
+    of = {cause: [each for each in declared if each.causality == cause] for cause in ("input", "output")}
+    held = _held(table, of["output"], source)
+    outputs = {name: meant for name, meant in table.outputs.items() if name not in held}
+    meant = _meant(outputs, of["output"], "output", source)
+    given = _meant(table.inputs, of["input"], "input", source)
+    constant = [each for each in of["input"] if not isinstance(given[each.name], str)]
+    free = [each for each in of["input"] if _keeps_its_start(each, table)]
+    inputs = [each for each in of["input"] if each not in constant and each not in free]
+    conversion = Conversion(file, source, {unit.name: unit for unit in told.unitDefinitions}, table.units)
+    encoders = any(given[each.name] in ENCODERS for each in inputs)
+    known = {**(ENCODERS if encoders else STATES), **REFERENCES}
+    for variable in inputs:
+        _check(variable, str(given[variable.name]), known, file, source)
+    for variable in constant:
+        _check_type(variable, file)
+    commands = _commands(meant, of["output"], held, file, source)
+    commanding = [each for each in commands if each is not None]
+    conversion.check_stated([*inputs, *commanding])
+    drives = command_group(table.command).signals[: len(COMMANDS)]
+    others = [each for each in of["output"] if each not in commanding and _is_number(each)]
+    parameters = _settable(declared, free, connected=[*inputs, *constant])
+    return Variables(
+        table=table,
+        measures="encoders" if encoders else "state",
+        input_references=[each.valueReference for each in inputs],
+        sources=[known[str(given[each.name])] for each in inputs],
+        output_references=[each.valueReference for each in (*commanding, *others)],
+        commands=[HELD if each is None else commanding.index(each) for each in commands],
+        factors=[
+            *(conversion.factor(each, UNITS[given[each.name]], given[each.name]) for each in inputs),
+            *(
+                1.0 if each is None else conversion.factor(each, drive.unit, command)
+                for each, drive, command in zip(commands, drives, COMMANDS, strict=True)
+            ),
+        ],
+        logged=tuple(
+            Signal(name, name, _of(each, "unit"), each.description or each.name)
+            for name, each in _named(others, file).items()
+        ),
+        parameters=tuple(
+            Parameter(
+                name,
+                _number(each, "start", 0.0, file),
+                _of(each, "unit"),
+                each.description or each.name,
+                _number(each, "min", -inf, file),
+                _number(each, "max", inf, file),
+            )
+            for name, each in _named(parameters, file).items()
+        ),
+        constants=tuple(float(given[each.name]) for each in constant),
+        fixed_references=[each.valueReference for each in (*parameters, *constant)],
+    )
+
+
+def _held(table: FmuTable, outputs: Sequence[Any], source: str) -> list[str]:
+    """Return the commands that the table holds; raises InputError where it cannot."""
+    held = [name for name, meant in table.outputs.items() if meant == HOLD]
+    for name in held:
+        if name not in COMMANDS:
+            raise InputError(
+                f"{source}: outputs: {name} = '{HOLD}'",
+                allowed=f"'{HOLD}' for one of {', '.join(COMMANDS)}",
+                remedy=f"write the command whose axis is held: 'command.trolley' = '{HOLD}'",
+            )
+        if table.command == "force":
+            raise InputError(
+                f"{source}: outputs: {name} = '{HOLD}' with command = 'force'",
+                allowed=f"'{HOLD}' where accelerations or velocities are commanded: no force does not hold",
+                remedy="let the model command this axis too, or export it with accelerations",
+            )
+    if len(held) == len(COMMANDS):
+        raise InputError(
+            f"{source}: outputs: all axes are '{HOLD}'",
+            allowed="one output at least that commands an axis",
+            remedy=f"say which of {', '.join(each.name for each in outputs) or 'no outputs'} commands",
+        )
+    return held
+
+
+def _keeps_its_start(variable: Any, table: FmuTable) -> bool:
+    """Return True for an input that has a start value and that neither its name nor the table connects.
+
+    A name that looks like one of our signals is meant to be one.
+    """
+    return (
+        variable.name not in table.inputs
+        and variable.start is not None
+        and not OUR_NAMES.match(variable.name)
+    )
+
+
+def _meant(table: Mapping[str, Any], variables: Sequence[Any], cause: str, source: str) -> dict[str, Any]:
+    """By the name of each variable what it is called here; raises InputError for an entry of none."""
+    names = [variable.name for variable in variables]
+    for name in table:
+        if name not in names:
+            raise InputError(
+                f"{source}: {cause}s: the FMU has no {cause} '{name}'",
+                allowed=", ".join(names) or f"it has no {cause}s",
+                remedy=did_you_mean(name, names) or "correct the name",
+            )
+    return {name: table.get(name, name) for name in names}
+
+
+def _check(variable: Any, signal: str, known: dict[str, int], file: LawFile, source: str) -> None:
+    _check_type(variable, file)
+    if signal not in known:
+        raise InputError(
+            f"{file.reference}: input '{variable.name}' is to be '{signal}', which no signal is",
+            allowed=", ".join(known),
+            remedy=did_you_mean(signal, known)
+            or f"say in {source} what it is: [inputs] NAME = SIGNAL, or a number",
+        )
+
+
+def _check_type(variable: Any, file: LawFile) -> None:
+    if not _is_number(variable):
+        kind = f"an array of {variable.type}" if variable.dimensions else variable.type
+        raise InputError(
+            f"{file.reference}: {variable.causality} '{variable.name}' is {kind}",
+            allowed="single numbers: Real of FMI 2, Float64 of FMI 3",
+            remedy="export the model with such a variable",
+        )
+
+
+def _commands(
+    meant: dict[str, str], outputs: Sequence[Any], held: Sequence[str], file: LawFile, source: str
+) -> list[Any]:
+    """Return the output of each command, None where it is held; raises InputError for none, or for two."""
+    found: list[Any] = []
+    for command in COMMANDS:
+        fitting = [each for each in outputs if meant[each.name] == command]
+        if command in held and not fitting:
+            found.append(None)
+            continue
+        if len(fitting) != 1 or command in held:
+            number = f"{len(fitting)} outputs are" if len(fitting) > 1 else "no output is"
+            number = f"an output is '{HOLD}' and" if command in held else number
+            raise InputError(
+                f"{file.reference}: {number} {command}",
+                allowed=f"one each for {', '.join(COMMANDS)}, of {', '.join(meant) or 'no outputs'}",
+                remedy=f"say in {source} which: [outputs] NAME = '{command}'; "
+                f"or that its axis is not moved: [outputs] '{command}' = '{HOLD}'",
+            )
+        _check_type(fitting[0], file)
+        found += fitting
+    for name, signal in meant.items():
+        if signal not in (*COMMANDS, name):
+            raise InputError(
+                f"{source}: outputs: {name} = '{signal}'",
+                allowed=", ".join(COMMANDS),
+                remedy="choose one of these, or leave the line out: the output is logged then",
+            )
+    return found
+
+
+def _settable(declared: Sequence[Any], free: Sequence[Any], connected: Sequence[Any]) -> list[Any]:
+    """Return the parameters and free inputs, each once: aliases share the value of another variable."""
+    taken = {each.valueReference for each in connected}
+    found: dict[int, Any] = {}
+    for each in (*(each for each in declared if each.causality == "parameter"), *free):
+        if _is_number(each) and each.valueReference not in taken:
+            found.setdefault(each.valueReference, each)
+    return list(found.values())
+
+
+def _number(variable: Any, attribute: str, otherwise: float, file: LawFile) -> float:
+    text = _of(variable, attribute)
+    try:
+        return float(text) if text else otherwise
+    except ValueError:
+        raise InputError(
+            f"{file.reference}: {variable.causality} '{variable.name}' has {attribute} = '{text}'",
+            allowed="a number",
+            remedy="correct the model's description, or export it again",
+        ) from None
+
+
+def _is_number(variable: Any) -> bool:
+    return variable.type in REAL and not variable.dimensions
+
+
+def _of(variable: Any, attribute: str) -> str:
+    """Its own, or that of its type."""
+    declared = getattr(variable.declaredType, attribute, None)
+    return getattr(variable, attribute) or declared or ""
+
+
+def _named(variables: Sequence[Any], file: LawFile) -> dict[str, Any]:
+    """By names that signals and settings can have; raises InputError where two would have one."""
+    named: dict[str, Any] = {}
+    for variable in variables:
+        name = re.sub(r"\W+|^(?=\d)", "_", variable.name, flags=re.ASCII)[:LONGEST_SIGNAL]
+        if name in named:
+            raise InputError(
+                f"{file.reference}: '{named[name].name}' and '{variable.name}' would both be called {name}",
+                remedy="give one of them another name in the model",
+            )
+        named[name] = variable
+    return named

@@ -1,0 +1,304 @@
+"""Load controllers in another process: at a UDP address, or a program that is started for each run.
+
+Numbers are little-endian. The law is sent the number of the sample as an unsigned integer of 32 bits, 0 at
+the start of each run, then what is measured and the row of the reference as float64; it answers with the same
+number, three commands and what it wants logged. Datagrams hold one sample each; a program has them on its
+standard input and output. In lock step the run waits for each answer. Free running it waits no longer than
+the deadline: then the last command is held, and the missed one counted.
+"""
+
+import os
+import select
+import shutil
+import socket
+import struct
+import subprocess
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path
+from time import monotonic
+from typing import Annotated, Any, Literal, Protocol
+from urllib.parse import urlsplit
+
+import numpy as np
+from pydantic import Field
+
+from cranectl.controllers.controller import Controller, by_address
+from cranectl.controllers.registry import UDP
+from cranectl.controllers.slots import Slots
+from cranectl.loaders.called_back import called_back
+from cranectl.loaders.law_file import LawFile, read_beside, whole_copy_of
+from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.signals import Signal
+from cranectl.support.arrays import Array
+from cranectl.support.children import Timeout
+from cranectl.support.documents import parse_toml
+from cranectl.support.environment import starting
+from cranectl.support.errors import InputError
+from cranectl.support.extensions import check_name
+from cranectl.support.processes import users_environment
+
+ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, where no patience of the run is shorter
+START_TIMEOUT = 3600.0  # [s] for the first one of a run: a program may import and compile
+UNKNOWN = -1  # process, whose time to wait for a processor counts
+MAX_DEADLINE = 5.0  # [s] for an answer when running free
+NUMBERS = {"state": 12, "encoders": 5}
+REFERENCE_WIDTH = 15
+MEMORY = Slots(sequence=1, missed=1, held=3, told=0)
+
+
+class ProcessSettings(Settings):
+    """A law in another process."""
+
+    name: str = Field("remote", description="of the controller")
+    address: str = Field("", description="where it listens, udp://HOST:PORT; or else:")
+    program: Annotated[tuple[str, ...], Field(strict=False)] = Field(
+        (), description="started for each run, with its arguments; a path is relative to this file"
+    )
+    files: Annotated[tuple[str, ...], Field(strict=False)] = Field(
+        (), description="what else the program reads, as patterns relative to this file: gains.py, data/*.csv"
+    )
+    deadline: Annotated[float, Field(gt=0.0, le=MAX_DEADLINE)] | None = Field(
+        None, description="free running: how long an answer is waited for [s]; by default in lock step"
+    )
+    command: Literal["acceleration", "velocity", "force"] = "acceleration"
+    follows: Literal["path", "set-point"] = "path"
+    measures: Literal["state", "encoders"] = "state"
+    every: Annotated[int, Field(ge=1, le=10**6)] = Field(1, description="control periods between two samples")
+    logged: Annotated[tuple[str, ...], Field(strict=False)] = Field(
+        (), description="names of the numbers that follow the command"
+    )
+
+
+def open_process(file: LawFile) -> Controller:
+    """The law that a TOML file, or a UDP address, tells of; raises InputError."""
+    settings, file = _settings(file), file.with_beside(taken_along(file))
+    check_name("controller", settings.name)
+    connect = _connector(settings, file)
+    answer = struct.Struct(f"<I{3 + len(settings.logged)}d")
+    memory = MEMORY.array(told=np.zeros(len(settings.logged)))
+    missed = Signal("missed", "missed", "", "samples without an answer in time, so far")
+    told = [Signal(name, name, "", "") for name in settings.logged]
+    return Controller(
+        name=settings.name,
+        title=f"in another process, {settings.address or ' '.join(settings.program)}",
+        step=by_address,
+        prepare=lambda _: (np.zeros(1), memory.copy()),
+        command=settings.command,
+        follows=settings.follows,
+        measures=settings.measures,
+        every=settings.every,
+        reads=(),
+        logged=MEMORY.logged(missed=[missed], told=told),
+        entry=lambda sizes, _: called_back(_step(settings, connect, answer), file.reference, sizes),
+        alone=bool(settings.address),
+    )
+
+
+def taken_along(file: LawFile) -> Mapping[str, bytes]:
+    """The files that `program` and `files` name, as `LawFile.beside`; raises InputError for absent ones."""
+    if file.beside:  # in a worker
+        return dict(file.beside)
+    settings, folder = _settings(file), file.folder
+    named = {each for each in settings.program if _is_file(folder / each)}
+    for pattern in settings.files:
+        found = [path for path in folder.glob(pattern) if path.is_file()] if pattern else []
+        if not found:
+            raise InputError(
+                f"{file.reference}: no file is named by files = '{pattern}'",
+                allowed=f"files below {folder}, or patterns of them such as data/*.csv",
+                remedy="correct 'files'",
+            )
+        named |= {path.relative_to(folder).as_posix() for path in found}
+    try:
+        return read_beside(folder, sorted(named))
+    except OSError as error:
+        raise InputError(
+            f"{file.reference}: {error.filename}: {error.strerror}",
+            allowed="files that can be read",
+            remedy="correct 'program' or 'files'",
+        ) from None
+
+
+def _is_file(path: Path) -> bool:
+    """Return True for a file; a word of a program may be no name of one, such as a long `-c CODE`."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _settings(file: LawFile) -> ProcessSettings:
+    table = (
+        {"address": file.reference}
+        if file.reference.startswith(UDP)
+        else parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
+    )
+    return parse_settings(ProcessSettings, table, file.reference)
+
+
+def _step(
+    settings: ProcessSettings, connect: Callable[[], "Connection"], answer: struct.Struct
+) -> Callable[..., int]:
+    count = NUMBERS[settings.measures]
+    question = struct.Struct(f"<I{count + REFERENCE_WIDTH}d")
+    connection: Connection | None = None
+
+    def step(_: Array, measured: Array, reference: Array, memory: Array, command: Array) -> int:
+        nonlocal connection
+        sequence = int(memory[MEMORY.sequence])
+        if sequence == 0:  # of a run
+            if connection is not None:
+                connection.close()
+            connection = connect()
+        assert connection is not None
+        connection.send(question.pack(sequence, *measured[:count], *reference[:REFERENCE_WIDTH]))
+        free = settings.deadline if sequence > 0 else None
+        limit = free or (ANSWER_TIMEOUT if sequence > 0 else START_TIMEOUT)
+        timeout = Timeout(UNKNOWN if free else connection.process, limit)
+        with starting() if sequence == 0 else nullcontext():
+            found = timeout.wait_for(partial(_answer, connection, answer, sequence))
+        if found is not None:
+            memory[MEMORY.held :] = found
+        elif free is not None:
+            memory[MEMORY.missed] += 1.0
+        else:
+            raise TimeoutError(f"no answer to sample {sequence} within {limit:g} s")
+        command[:] = memory[MEMORY.held : MEMORY.told]
+        memory[MEMORY.sequence] += 1.0
+        return 0
+
+    return step
+
+
+def _answer(connection: "Connection", answer: struct.Struct, sequence: int, seconds: float) -> Any:
+    """Return the numbers of the next answer, or nothing if none comes, or one to an earlier sample."""
+    frame = connection.receive(answer.size, seconds)
+    if frame is None:
+        return None
+    if len(frame) != answer.size:
+        raise ValueError(f"an answer of {len(frame)} bytes, expected {answer.size}")
+    number, *values = answer.unpack(frame)
+    return values if number == sequence else None
+
+
+class Connection(Protocol):
+    """To the law of one run."""
+
+    process: int  # which answers, or UNKNOWN
+
+    def send(self, frame: bytes) -> None: ...
+
+    def receive(self, size: int, seconds: float) -> bytes | None:
+        """A frame, or nothing within that time; raises OSError where there will be none."""
+
+    def close(self) -> None: ...
+
+
+def _connector(settings: ProcessSettings, file: LawFile) -> Callable[[], Connection]:
+    if bool(settings.address) == bool(settings.program):
+        raise InputError(
+            f"{file.reference}: needs an address or a program",
+            allowed="address = 'udp://HOST:PORT', or program = ['./law']",
+            remedy="give one of the two",
+        )
+    if settings.program:
+        _check_program(settings.program[0], file)
+        _check_unmoved(file)
+        return lambda: _started(settings.program, file)
+    try:
+        where = urlsplit(settings.address)
+        if where.scheme != "udp" or not where.hostname or not where.port or where.path or where.query:
+            raise ValueError
+    except ValueError:
+        raise InputError(
+            f"the address '{settings.address}'", allowed="udp://HOST:PORT", remedy="correct it"
+        ) from None
+    host, port = where.hostname, where.port
+    return lambda: _Datagrams(host, port)
+
+
+def _check_program(first: str, file: LawFile) -> None:
+    if not _is_file(file.folder / first) and first not in dict(file.beside) and shutil.which(first) is None:
+        raise InputError(
+            f"{file.reference}: there is no program '{first}'",
+            allowed=f"a program on the path, or relative to {file.path.parent}",
+            remedy="correct 'program'",
+        )
+
+
+def _check_unmoved(file: LawFile) -> None:
+    """Raise InputError where a file that stays at its place is another one on this machine."""
+    for name, digest in file.beside:
+        if Path(name).is_absolute() and dict(file.read_again().beside)[name] != digest:
+            raise InputError(
+                f"{file.reference}: {name} is another file here than where the controller was opened",
+                allowed="the same program everywhere",
+                remedy="install it here, or name it without a folder to take that of the search path",
+            )
+
+
+def _started(program: tuple[str, ...], file: LawFile) -> "_Program":
+    """The program, in the folder where the files are that belong to it; raises OSError."""
+    folder = whole_copy_of(file).parent
+    first, *arguments = program
+    own = folder / first
+    return _Program([str(own) if _is_file(own) else str(shutil.which(first)), *arguments], str(folder))
+
+
+class _Datagrams:
+    process = UNKNOWN
+
+    def __init__(self, host: str, port: int) -> None:
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self._socket = socket.socket(family, kind)
+        self._socket.connect(address)
+
+    def send(self, frame: bytes) -> None:
+        self._socket.send(frame)
+
+    def receive(self, size: int, seconds: float) -> bytes | None:
+        self._socket.settimeout(seconds)
+        try:
+            return self._socket.recv(size + 1)
+        except TimeoutError:
+            return None
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _Program:
+    def __init__(self, command: list[str], directory: str) -> None:
+        self._process = subprocess.Popen(
+            command,
+            cwd=directory,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            bufsize=0,
+            env=users_environment(),
+        )
+        self.process = self._process.pid
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
+        self._begun = b""  # of a frame
+
+    def send(self, frame: bytes) -> None:
+        os.write(self._to, frame)
+
+    def receive(self, size: int, seconds: float) -> bytes | None:
+        deadline = monotonic() + seconds
+        while len(self._begun) < size:
+            if not select.select([self._from], [], [], max(deadline - monotonic(), 0.0))[0]:
+                return None
+            if not (part := os.read(self._from, size - len(self._begun))):
+                raise ConnectionError(f"the program ended with exit code {self._process.wait()}")
+            self._begun += part
+        frame, self._begun = self._begun, b""
+        return frame
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.communicate()

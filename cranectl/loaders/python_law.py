@@ -1,0 +1,212 @@
+"""Load controllers in Python: a function, a class or a `Controller` of a file.
+
+What Numba compiles costs as much as a law of ours. What it does not is called back from the compiled loop,
+which holds the interpreter's lock and takes microseconds: it is told once, and why.
+"""
+
+import inspect
+import linecache
+import multiprocessing
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
+from cranectl.controllers.declarations import MAX_MEMORY, is_whole, shown
+from cranectl.controllers.preparation import real_numbers
+from cranectl.controllers.slots import Slots
+from cranectl.loaders.called_back import called_back
+from cranectl.loaders.law_file import LawFile, slug, whole_copy_of
+from cranectl.loaders.neighbours import Neighbours
+from cranectl.signals import Signal
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError, describe_error
+from cranectl.support.foreign_code import contained
+from cranectl.support.jit import address_of, why_not_compiled
+from cranectl.support.waiting import reported_when_slow
+
+ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
+MEMORY = 64  # numbers that a plain function may remember
+_TAKEN: dict[LawFile, Mapping[str, bytes]] = {}  # by what was just opened
+DECLARED = ("command", "follows", "measures", "every", "preview", "reads")
+
+
+def open_python(file: LawFile) -> Controller:
+    """The law `file.symbol` of a file; raises InputError where there is none, or it is no law."""
+    module = _load(file)
+    if not file.symbol:
+        raise InputError(
+            f"'{file.reference}' does not say which law",
+            allowed=", ".join(f"{file.path}:{name}" for name in _laws(module)) or "a file with a law",
+            remedy=f"name it: {file.path}:NAME",
+        )
+    found = getattr(module, file.symbol, None)
+    if isinstance(found, Controller):
+        return _callable(found, file)
+    if inspect.isclass(found) and callable(getattr(found, "step", None)):
+        return _callable(_of_class(found, file), file)
+    if inspect.isfunction(found):
+        name = slug(file.symbol)
+        law = Controller(name, _title(found, name), _checked(found, file), _nothing, reads=())
+        return _callable(law, file)
+    raise InputError(
+        f"'{file.reference}': {file.path} has no law '{file.symbol}'",
+        allowed=", ".join(_laws(module)) or "a function, a class with a step, a cranectl.Controller",
+        remedy=f"define step({', '.join(ARGUMENTS)}), see 'cranectl new controller'",
+    )
+
+
+def _load(file: LawFile) -> ModuleType:
+    """The module, run; of a worker on another machine from a copy."""
+    path = whole_copy_of(file)
+    beside = Neighbours(path)
+    module = ModuleType(f"{beside.package}.{path.stem}")
+    module.__file__ = str(path)
+    module.__package__ = ""  # as of any script
+    module.__dict__["__builtins__"] = beside.names
+    sys.modules[module.__name__] = module
+    linecache.checkcache(str(path))
+    try:
+        with beside.running(), contained(), reported_when_slow(f"{file.reference} has been loading"):
+            exec(compile(file.content, str(path), "exec"), module.__dict__)
+        _TAKEN[file] = beside.contents(path)
+    except (InputError, KeyboardInterrupt):  # of what it declares
+        raise
+    except BaseException as error:
+        raise InputError(
+            f"{_where(error, path)}: {describe_error(error)}".replace(f"{beside.package}.", ""),
+            allowed="a file that Python can run",
+            remedy="correct it",
+        ) from error
+    return module
+
+
+def taken_along(file: LawFile) -> Mapping[str, bytes]:
+    """What the file, which was opened, has imported and read from its folder, as `LawFile.beside`."""
+    return _TAKEN.pop(file)
+
+
+def _where(error: BaseException, path: Path) -> str:
+    if isinstance(error, SyntaxError):
+        return f"{Path(error.filename or path).name}:{error.lineno}"
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+    return f"{path.name}:{lines[-1]}" if lines else path.name
+
+
+def _laws(module: ModuleType) -> list[str]:
+    """What of a file looks like a law."""
+    return [
+        name
+        for name, value in vars(module).items()
+        if isinstance(value, Controller)
+        or (getattr(value, "__module__", "") == module.__name__ and callable(getattr(value, "step", None)))
+        or (inspect.isfunction(value) and len(inspect.signature(value).parameters) == len(ARGUMENTS))
+    ]
+
+
+def _title(found: Any, name: str) -> str:
+    lines = (inspect.getdoc(found) or name).splitlines()
+    return lines[0].rstrip(".") if lines else name
+
+
+def _checked(step: Callable[..., int], file: LawFile) -> Callable[..., int]:
+    taken = list(inspect.signature(step).parameters) if inspect.isfunction(step) else []
+    if len(taken) != len(ARGUMENTS):
+        raise InputError(
+            f"the step of '{file.reference}' takes {', '.join(taken) or 'nothing'}",
+            allowed=", ".join(ARGUMENTS),
+            remedy="give it these five; a method of a class is a @staticmethod",
+        )
+    return step
+
+
+def _nothing(_: Nominal) -> tuple[Array, Array]:
+    return np.zeros(1), np.zeros(MEMORY)
+
+
+def _of_class(found: Any, file: LawFile) -> Controller:
+    """From its attributes, called as those of a `Controller`, with their defaults.
+
+    Besides, `parameters` may be {name: number} and `logged` {name: place of the memory}; `memory` is its
+    `Slots`, how many zeros, or where it starts. Without a `prepare` the step gets the parameters' numbers in
+    their order.
+    """
+    name = getattr(found, "name", slug(file.symbol))
+    parameters = getattr(found, "parameters", {})
+    if isinstance(parameters, Mapping):
+        parameters = tuple(
+            Parameter(key, _number(name, key, value), "", "") for key, value in parameters.items()
+        )
+    logged = getattr(found, "logged", {})
+    if isinstance(logged, Mapping):
+        logged = tuple(Logged(place, Signal(key, key, "", "")) for key, place in logged.items())
+    memory = _memory(name, getattr(found, "memory", MEMORY))
+
+    def prepare(nominal: Nominal) -> tuple[Array, Array]:
+        return np.array([float(value) for value in nominal.parameters.values()]), memory.copy()
+
+    return Controller(
+        name=name,
+        title=_title(found, str(name)),
+        step=_checked(found.step, file),
+        prepare=getattr(found, "prepare", prepare),
+        parameters=parameters,
+        logged=logged,
+        **({} if hasattr(found, "prepare") else {"reads": ()})
+        | {key: getattr(found, key) for key in DECLARED if hasattr(found, key)},
+    )
+
+
+def _number(owner: Any, key: Any, value: Any) -> float:
+    """Return the default of a parameter; raise InputError where it is no number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(
+            f"{owner}.parameters: {key} = {shown(value)}",
+            allowed="a number",
+            remedy="give the number that it has by default",
+        ) from None
+
+
+def _memory(owner: Any, start: Any) -> Array:
+    """Return the memory at the start of a run; raise InputError where `start` says none."""
+    if isinstance(start, Slots):
+        return start.array()
+    if is_whole(start, 0, MAX_MEMORY):
+        return np.zeros(start)
+    try:
+        memory = real_numbers(start)
+        if np.ndim(start) == 0:
+            raise TypeError
+    except (TypeError, ValueError, MemoryError):
+        raise InputError(
+            f"{owner}.memory = {shown(start)}",
+            allowed=f"how many numbers it has, 0 to {MAX_MEMORY}, or a list of those that it starts with",
+            remedy="give one of the two",
+        ) from None
+    return memory
+
+
+def _callable(law: Controller, file: LawFile) -> Controller:
+    """`law` if Numba compiles it, else called back, which is told."""
+    try:
+        with reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
+            address_of(law.step)
+    except Exception as error:  # of many classes, some of no family
+        said, where = why_not_compiled(law.step, error)
+        if multiprocessing.parent_process() is None:  # workers would say it once more
+            print(
+                f"cranectl: {file.reference} is called back from the compiled loop, some microseconds a "
+                f"sample: Numba cannot compile it: {where}: {said}",
+                file=sys.stderr,
+            )
+        return replace(law, entry=lambda sizes, _: called_back(law.step, file.reference, sizes))
+    return law

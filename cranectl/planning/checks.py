@@ -1,0 +1,143 @@
+"""What is known to be impossible before anything is solved: what was found, is allowed, is to be done."""
+
+from math import sqrt
+from typing import NoReturn
+
+import numpy as np
+
+from cranectl.planning.limits import AXES, Limits, Quantity, motion, quantities, room
+from cranectl.planning.proof import PROOF_MARGIN
+from cranectl.planning.shortest import MAX_TRIED_DURATION
+from cranectl.scenario.quantities import MAX_DURATION
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+REMEDIES = {
+    "load": "move the point, or widen planning.load_box or lessen planning.clearance",
+    "bridge": "move the point, or change rig.bridge_range",
+    "trolley": "move the point, or change rig.trolley_range",
+    "rope": "move the point, or change rig.rope_range",
+}
+
+# What a limit is called by its user, and where it is set, by the end of its name.
+RATES = {
+    " set-point": ("the velocity of the {axis}", "{drives}.velocity"),
+    " set-point's rate": ("the acceleration of the {axis}", "{drives}.acceleration"),
+    " force": ("the force on the {axis}", "{drives}.force"),
+    " jerk": ("the jerk of the {axis}", "planning.jerk"),
+    "lean of the rope": ("the lean of the rope", "planning.lean"),
+    "tension of the rope": ("the tension of the rope", "planning.tension"),
+}
+
+
+def check_point(point: Array, limits: Limits, what: str) -> None:
+    """Raise InputError where the load cannot hang at rest at `point` (x, y, z) [m]."""
+    place = ", ".join(f"{value:g}" for value in point)
+    still = motion([[np.array([value]), *[np.zeros(1)] * 5] for value in point], limits.gravity)
+    for each in quantities(still, limits):
+        value = float(each.series[0][0])
+        if value > each.high + PROOF_MARGIN or value < each.low - PROOF_MARGIN:
+            _cannot_hang(each, value, limits, f"{what}, ({place}),")
+    for box in limits.obstacles:
+        most = float(room(still, box, limits.radius).max())
+        if most < -PROOF_MARGIN:
+            raise InputError(
+                f"{what}, ({place}), is in the obstacle '{box.name}', or nearer to it than the load's radius "
+                f"of {limits.radius:g} m, or the rope is",
+                allowed=f"points at least {-most:.3g} m further away, or above "
+                f"{box.high[2] + limits.radius:g} m",
+                remedy="move the point or the obstacle",
+            )
+
+
+def _cannot_hang(each: Quantity, value: float, limits: Limits, what: str) -> NoReturn:
+    subject = each.name.split()[0]
+    if each.name.endswith("force"):
+        raise InputError(
+            f"the winch may pull with {each.high:.3g} N, and the load weighs {-value:.3g} N: "
+            "it cannot even be held",
+            allowed=f"a load of less than {each.high / limits.gravity:.3g} kg, or a stronger winch",
+            remedy=f"correct rig.load_mass or {limits.drives}.force, or raise planning.share",
+        )
+    raise InputError(
+        f"{what} is out of reach: there the {each.name} is {value:.4g} m",
+        allowed=f"{each.name} from {each.low:.4g} to {each.high:.4g} m",
+        remedy=REMEDIES[subject],
+    )
+
+
+def check_way_over(height: float, limits: Limits, what: str) -> None:
+    """Raise InputError where the load cannot be lifted to `height` [m], over an obstacle."""
+    highest = min(float(limits.load[2, 1]), -float(limits.axes[2, 0]))
+    if height > highest:
+        tallest = max(limits.obstacles, key=lambda box: box.high[2])
+        raise InputError(
+            f"{what}: no way over the obstacle '{tallest.name}', which ends at z = {tallest.high[2]:g} m: "
+            f"the load of radius {limits.radius:g} m would have to be lifted to {height:.3g} m",
+            allowed=f"up to {highest:.3g} m: rope_range begins at {limits.axes[2, 0]:g} m, the load's box "
+            f"ends at {limits.load[2, 1]:g} m",
+            remedy="lower the obstacle, or go round it by points in via",
+        )
+
+
+def least_times(start: Array, end: Array, limits: Limits) -> list[float]:
+    """Return what bridge, trolley and winch would need without a load from rest to rest [s].
+
+    No motion within the limits can take less: each axis goes its way under its set-point's limits alone.
+    """
+    times = []
+    for i, way in enumerate(np.abs(end - start)):
+        distance, speed, rate = float(way), float(limits.velocity[i]), float(limits.acceleration[i])
+        ramp = distance < speed**2 / rate
+        times.append(2.0 * sqrt(distance / rate) if ramp else distance / speed + speed / rate)
+    return times
+
+
+def check_least_time(start: Array, end: Array, limits: Limits, where: str) -> None:
+    """Raise InputError where the drives alone need longer from `start` to `end` (3,) than a run may last."""
+    times = least_times(start, end, limits)
+    k = int(np.argmax(times))
+    if times[k] > MAX_DURATION:
+        distance, speed, rate = abs(float(end[k] - start[k])), limits.velocity[k], limits.acceleration[k]
+        name = "set-point" if distance >= speed**2 / rate else "set-point's rate"
+        raise too_long(times[k], f"{AXES[k]} {name}", limits, f"{where} takes at least")
+
+
+def check_duration(duration: float, name: str, limits: Limits, where: str) -> None:
+    """Raise InputError for a motion longer than a run may last, which the limit `name` allows no faster."""
+    if duration > MAX_DURATION:
+        raise too_long(duration, name, limits, f"{where} takes")
+
+
+def too_long(duration: float, name: str, limits: Limits, takes: str) -> InputError:
+    """Return the error for a motion of `duration` [s], which the limit `name` allows no faster."""
+    axis = name.split()[0]
+    words, key = next(
+        (found for ending, found in RATES.items() if name.endswith(ending)), (name, "the limits")
+    )
+    length = f"{duration:.4g} s" if np.isfinite(duration) else f"more than {MAX_TRIED_DURATION:g} s"
+    return InputError(
+        f"{takes} {length}: {words.format(axis=axis)} allows no less",
+        allowed=f"motions of at most {MAX_DURATION:g} s, as long as a run may last",
+        remedy=f"raise {key.format(drives=limits.drives)}, or ask for a shorter way",
+    )
+
+
+def no_motion(found: dict[str, float], limits: Limits, what: str) -> InputError:
+    """Return the error for a path on which limits are broken however slowly it is driven.
+
+    `found`: by how much, in parts of each limit.
+    """
+    worst = max(found, key=lambda name: found[name])
+    away = found[worst] * limits.size
+    if worst in {box.key for box in limits.obstacles}:
+        told = f"it comes {away:.3g} m too near to the {worst}"
+    elif worst in (*AXES, *(f"load {axis}" for axis in "xyz")):
+        told = f"{worst} is beyond its range by {away:.3g} m"
+    else:
+        told = f"{worst} is exceeded by {found[worst]:.3g} of it"
+    return InputError(
+        f"{what} cannot be driven however slowly: {told}",
+        allowed="a path along which the load can hang at rest everywhere",
+        remedy="take kind = 'move', which finds a way, or another path",
+    )

@@ -1,0 +1,267 @@
+"""Motions in minimum time: solved at samples, proven in between, sampled more finely where the proof fails.
+
+The search begins with the shortest motion by the law of degree 9, which is kept where nothing is faster.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from cranectl.planning.limits import Box, Limits, excesses, motion
+from cranectl.planning.problem import LEG_SAMPLES, Leg, Problem, ToLoad, series_along
+from cranectl.planning.programs import PRICES, Solution, solve
+from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
+from cranectl.planning.shortest import SLOWLY, bisected
+from cranectl.reference.geometry import Geometry
+from cranectl.reference.series import Series, plus, shifted
+from cranectl.reference.time_laws import PLANNED_DEGREE, Law, time_law
+from cranectl.support.arrays import Array
+
+SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a given path
+DENSITY_IN_BLENDS = 16  # the same, for paths with blends: in those much happens in a span
+GUESS = 401  # points of a first guess
+DENSITY = 8  # samples a span at first
+FINE = 40  # samples a span by which a solution is looked at before it is proven
+TIGHTER = 0.004  # by which limits are tightened for the solver: what lies between samples
+SMOOTHING_WEIGHTS = (1.0, 10.0, 100.0)  # of fifth differences of a guess's coefficients; one is taken
+VIA_POINT_WEIGHT = 1e3  # weight of its distances from via points
+ALLOWED_EXCESS = 0.02  # of a guess over its excess at rest, as a share of the limit
+RETRY_SLOWDOWN = 1.5  # of the second guess, whose excesses cost much from the beginning
+NEARBY = np.array([-1.0, 0.0, 1.0])  # where samples are added, in distances of fine ones: what breaks moves
+MAX_REFINEMENTS = 10  # of sampling more finely
+
+Solver = Callable[[Problem, Array, Array, float], Solution]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A free motion: coordinates along `directions` (d, 3), unit vectors, from `start`."""
+
+    start: Array
+    end: Array
+    directions: Array
+
+    def __call__(self, coordinates: list[Series]) -> list[Series]:
+        """The load's motion from that of the coordinates."""
+        load = []
+        for origin, factors in zip(self.start.tolist(), self.directions.T.tolist(), strict=True):
+            series = [c * factors[0] for c in coordinates[0]]
+            for coordinate, factor in zip(coordinates[1:], factors[1:], strict=True):
+                if factor:
+                    series = plus(series, [c * factor for c in coordinate])
+            load.append(shifted(series, origin))
+        return load
+
+    def points(self, coordinates: Array) -> Array:
+        """Places (N, 3) [m] of coordinates (N, d); where they end exact."""
+        places = self.start + coordinates @ self.directions
+        places[(coordinates == coordinates[-1]).all(axis=1)] = self.end
+        return places
+
+
+class ShortestMotion(NamedTuple):
+    """A proven motion in coordinates q."""
+
+    duration: float  # [s]
+    coefficients: Array  # (spans + degree, d); of a free motion in space, d = 3
+    proof: Proof
+    steps: int  # of the solver, in all rounds
+    rounds: int
+
+
+@dataclass(frozen=True)
+class Task:
+    """From rest at `start` to rest at `end`, in coordinates (d,) that give the load's place."""
+
+    start: Array
+    end: Array
+    to_load: ToLoad
+    limits: Limits
+    guess: Array  # (G, d) of the coordinates at equal parts of the duration
+    duration: float  # by the law of degree 9, with stops where it needs them [s]
+    spans: int
+    forwards: bool = False
+    density: int = DENSITY  # samples a span at first
+    via: tuple[Array, ...] = ()  # coordinates (d,) to be passed
+    legs: tuple[Leg, ...] = ()
+    instants: tuple[float, ...] = ()  # of the guess: when via points are passed, and sides change
+
+
+def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
+    """Along a given path; `duration` is that of the law of degree 9."""
+    guess = time_law("degree-9", np.linspace(0.0, 1.0, GUESS))[0][:, None]
+    ends = np.zeros(1), np.ones(1)
+    return Task(*ends, geometry, limits, guess, duration, SPANS_ALONG, forwards=True)
+
+
+def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law, float, float]]) -> Task:
+    """Along parts that go over into each other; `stopping`: law, duration [s], length [m] of each alone."""
+    durations, lengths = (np.array([each[k] for each in stopping]) for k in (1, 2))
+    begins = np.cumsum(durations) - durations
+    at = np.linspace(0.0, durations.sum(), GUESS)
+    guess = sum(
+        length / lengths.sum() * time_law(law, np.clip((at - begin) / duration, 0.0, 1.0), 1)[0]
+        for (law, duration, length), begin in zip(stopping, begins, strict=True)
+    )
+    ends = np.zeros(1), np.ones(1)
+    guessed = guess[:, None], float(durations.sum())
+    return Task(*ends, geometry, limits, *guessed, SPANS_ALONG, forwards=True, density=DENSITY_IN_BLENDS)
+
+
+def minimum_time(task: Task, solver: Solver = solve) -> ShortestMotion | None:
+    """The least time that is found and proven; None if nothing is, from the guess or from a slower one."""
+    return _minimum_time(task, solver) or _minimum_time(task, solver, RETRY_SLOWDOWN, PRICES[-1])
+
+
+def _minimum_time(
+    task: Task, solver: Solver, slower: float = 1.0, price: float = PRICES[0]
+) -> ShortestMotion | None:
+    fractions = np.linspace(0.0, 1.0, task.spans * task.density + 1)
+    inside = _inside(task)
+    problem = _problem(inside, fractions)
+    begun, coefficients = _guess(inside, problem)
+    x = problem.unknowns(coefficients, slower * begun, task.instants)
+    size = 0.3 * float(np.abs(task.guess - task.start).max())
+    sizes = np.concatenate([np.full(problem.width, size), [0.5 * begun], np.full(len(task.instants), 0.3)])
+    steps, beside = 0, LEG_SAMPLES
+    obstacles = {box.key for box in task.limits.obstacles}
+    for round_ in range(1, MAX_REFINEMENTS + 1):
+        solution = solver(problem, x, sizes, price)
+        x, price, steps = solution.x, solution.price, steps + solution.steps
+        if not solution.solved:
+            return None
+        duration, coefficients = problem.duration(x), problem.coefficients(x)
+        broken, obstructed = _broken(task, duration, coefficients)
+        if not len(broken):
+            to_load: ToLoad | None = task.to_load
+            if isinstance(task.to_load, Placed):  # what is proven is what is given
+                coefficients, to_load = task.to_load.points(coefficients), None
+            breaks = np.linspace(0.0, duration, task.spans + 1)
+            proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits, to_load)
+            if proof.holds:
+                return ShortestMotion(duration, coefficients, proof, steps, round_)
+            broken = np.array([0.5 * (each.start + each.end) / duration for each in proof.broken])
+            obstructed = any(each.name in obstacles for each in proof.broken)
+        beside_them = (broken[:, None] + NEARBY / (task.spans * FINE)).ravel()
+        fractions = np.unique(np.clip(np.concatenate([fractions, beside_them]), 0.0, 1.0))
+        beside *= 1 + obstructed
+        problem = _problem(inside, fractions, beside)
+    return None
+
+
+def _broken(task: Task, duration: float, coefficients: Array) -> tuple[Array, bool]:
+    """Parts of the duration at which fine samples break a limit; whether obstacles are among these."""
+    over = _excesses(task, duration, coefficients, FINE)
+    parts = np.linspace(0.0, 1.0, task.spans * FINE + 1)
+    worst = np.max(list(over.values()), axis=0)
+    return parts[worst > PROOF_MARGIN], any(
+        (over[box.key] > PROOF_MARGIN).any() for box in task.limits.obstacles
+    )
+
+
+def _excesses(task: Task, duration: float, coefficients: Array, density: int) -> dict[str, Array]:
+    """Over each limit, at so many samples a span."""
+    breaks = np.linspace(0.0, duration, task.spans + 1)
+    time = np.linspace(0.0, duration, task.spans * density + 1)
+    coordinates = series_along(breaks, coefficients, PLANNED_DEGREE, time)
+    return excesses(motion(task.to_load(coordinates), task.limits.gravity), task.limits)
+
+
+def _inside(task: Task) -> Task:
+    """Within limits that leave room for what is between samples, but for where it begins and ends."""
+    limits = tightened(task.limits, TIGHTER)
+    rests = np.array(
+        [
+            [float(series[0][0]) for series in task.to_load([[np.array([value])] for value in point])]
+            for point in (task.start, task.end, *task.via)
+        ]
+    )
+    at_rest = rests * [1.0, 1.0, -1.0]  # bridge, trolley, rope
+    limits = limits._replace(load=_holding(limits.load, rests), axes=_holding(limits.axes, at_rest))
+    boxes = dict(zip((box.name for box in task.limits.obstacles), limits.obstacles, strict=True))
+    return replace(
+        task, limits=limits, legs=tuple(leg._replace(box=boxes[leg.box.name]) for leg in task.legs)
+    )
+
+
+def _holding(ranges: Array, points: Array) -> Array:
+    return np.stack(
+        [np.minimum(ranges[:, 0], points.min(axis=0)), np.maximum(ranges[:, 1], points.max(axis=0))], axis=1
+    )
+
+
+def tightened(limits: Limits, part: float) -> Limits:
+    """By a part of each limit; ranges by a part of the motion's size, at most a tenth of their own."""
+    low, high = limits.tension
+    weight = float(limits.masses[3]) * limits.gravity
+    keep = 1.0 - part
+    return limits._replace(
+        velocity=keep * limits.velocity,
+        acceleration=keep * limits.acceleration,
+        force=keep * limits.force,
+        jerk=keep * limits.jerk,
+        lean=keep * limits.lean,
+        tension=(low + part * (weight - low), high - part * (high - weight)),
+        load=_narrowed(limits.load, 0.5 * part * limits.size),
+        axes=_narrowed(limits.axes, 0.5 * part * limits.size),
+        obstacles=tuple(_grown(box, 0.5 * part * limits.size) for box in limits.obstacles),
+    )
+
+
+def _narrowed(ranges: Array, gap: float) -> Array:
+    gaps = np.minimum(gap, 0.1 * np.ptp(ranges, axis=1))
+    return np.stack([ranges[:, 0] + gaps, ranges[:, 1] - gaps], axis=1)
+
+
+def _grown(box: Box, gap: float) -> Box:
+    return Box(box.name, box.low - gap, box.high + gap)
+
+
+def _problem(task: Task, samples: Array, beside: int = LEG_SAMPLES) -> Problem:
+    return Problem(
+        task.start,
+        task.end,
+        task.limits,
+        task.to_load,
+        spans=task.spans,
+        samples=samples,
+        beside=beside,
+        via=task.via,
+        legs=task.legs,
+        forwards=task.forwards,
+    )
+
+
+def _guess(task: Task, problem: Problem) -> tuple[float, Array]:
+    """Of smooth splines near the guess the one that can be driven quickest: duration [s], coefficients."""
+    fitted = [_fitted(problem, task, smooth) for smooth in SMOOTHING_WEIGHTS]
+    return min(((_quickest(task, each), each) for each in fitted), key=lambda pair: pair[0])
+
+
+def _fitted(problem: Problem, task: Task, smooth: float) -> Array:
+    """Coefficients of a spline near the guess, through its via points."""
+    basis = problem.curves[0](np.linspace(0.0, 1.0, len(task.guess)))
+    tied = problem.coefficients(np.zeros(problem.width + 1))
+    tied[problem.free] = 0.0
+    rough = smooth * np.diff(np.eye(len(tied)), n=5, axis=0)
+    passed = VIA_POINT_WEIGHT * problem.curves[0](np.array(task.instants[: len(task.via)]))
+    rows = np.vstack([basis, rough, passed])
+    still = np.zeros((len(rough), tied.shape[1]))
+    asked = np.vstack([task.guess, still, *(VIA_POINT_WEIGHT * point for point in task.via)]) - rows @ tied
+    tied[problem.free] = np.linalg.lstsq(rows[:, problem.free], asked, rcond=None)[0]
+    return tied
+
+
+def _quickest(task: Task, coefficients: Array) -> float:
+    """The shortest duration [s] in which it breaks limits no more than at rest."""
+
+    def excess(duration: float) -> float:
+        over = _excesses(task, duration, coefficients, DENSITY)
+        return float(np.max(list(over.values())))
+
+    allowed = max(excess(SLOWLY), 0.0) + ALLOWED_EXCESS
+    return bisected(
+        lambda duration: excess(duration) <= allowed, 0.1 * task.duration, 10.0 * task.duration, 0.02
+    )

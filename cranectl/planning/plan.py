@@ -1,0 +1,271 @@
+"""Segments that are to be planned, planned: in minimum time, or as short as the law of degree 9 can be."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import version
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from cranectl.planning.checks import check_duration, check_least_time, check_point, no_motion
+from cranectl.planning.limits import FIXED, Limits, key_of, limits_of
+from cranectl.planning.minimum_time import (
+    SPANS,
+    Placed,
+    ShortestMotion,
+    Task,
+    along_parts,
+    along_path,
+    minimum_time,
+)
+from cranectl.planning.review import claim_of
+from cranectl.planning.route import rounded, stops, way
+from cranectl.planning.shortest import about_shortest, limiting, shortest
+from cranectl.reference.geometry import Geometry, Straight, place
+from cranectl.reference.given_path import geometry_of, parts_of
+from cranectl.reference.time_laws import PLANNED_DEGREE, law_of
+from cranectl.reference.trajectory import end_point
+from cranectl.scenario import Line, Scenario
+from cranectl.scenario.along_path import MINIMUM_TIME, Along, BlendedPath, Plannable, SplineLaw
+from cranectl.scenario.quantities import MAX_DURATION
+from cranectl.scenario.segments import Move, Segment, Spline, seconds
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+from cranectl.support.kept import kept
+
+GUESS_OFFSET = (
+    0.1  # of its way, by which a first guess leaves it: a crane swings out of a straight line, and up
+)
+LEAST_WAY = 1e-6  # [m] from one point of a move to the next
+EXCESS_PRECISION = 0.1  # of its way, by which a motion's excesses over ranges are measured
+_PLANS: TypeAdapter[list[tuple[Segment, str]]] = TypeAdapter(list[tuple[Segment, str]])  # with claims
+_PLANNED: dict[str, list[Segment]] = {}
+
+
+def planned_segment(
+    segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str
+) -> list[Segment]:
+    """What a segment without a time becomes: itself with duration and law, a spline, or lines with stops.
+
+    Raises InputError where no motion keeps the limits. What was planned on this machine is not planned again.
+    """
+    key = key_of(segment, start, scenario)
+    if key not in _PLANNED:
+        text = kept("plans", [key, version("clarabel")], lambda: _planned(segment, start, scenario, where))
+        plans = _PLANS.validate_json(text)
+        _PLANNED[key] = [
+            each.claiming(claim) if isinstance(each, Plannable) and claim else each for each, claim in plans
+        ]
+    return [
+        each.holding(segment.held) if isinstance(each, Spline) and isinstance(segment, Spline) else each
+        for each in _PLANNED[key]
+    ]
+
+
+def _planned(segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str) -> str:
+    if isinstance(segment, Move):
+        found = planned_move(segment, start, scenario, where)
+    elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
+        found = planned_with_blends(segment, start, scenario, where)
+    else:
+        found = [planned_along(segment, start, scenario, where)]
+    plans = []
+    for each in found:
+        plans.append((each, claim_of(each, start, scenario)))
+        start = end_point(each, start)
+    return _PLANS.dump_json(plans).decode()
+
+
+def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
+    """A segment on a given path with its duration, and its law if that is to be found."""
+    geometry = geometry_of(segment, start, where)
+    limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * geometry.length)
+    check_point(start, limits, f"{where}: its start")
+    end = place(geometry, 1.0)
+    check_point(end, limits, f"{where}: its end")
+    check_least_time(start, end, limits, where)
+    quickest = np.inf
+    if segment.time_law == MINIMUM_TIME:
+        longest = _known(about_shortest(geometry, limits), limits, where)
+        found = _found(along_path(geometry, limits, longest), scenario)
+        if found is not None and found.duration < longest:
+            if found.duration <= MAX_DURATION:
+                return _with_law(segment, found)
+            quickest = found.duration
+    duration = _shortest(geometry, limits, where)
+    check_duration(min(duration, quickest), limiting(geometry, limits, duration), limits, where)
+    return _timed(segment, duration, "degree-9")
+
+
+def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
+    """One motion along all parts, or, where that is no faster, the parts with a stop at each corner."""
+    stopping: list[Along | Spline] = []
+    given = parts_of(segment.parts, start, where)
+    for index, (part, path) in enumerate(zip(segment.parts, given, strict=True)):
+        alone = part.model_copy(update={"blend": 0.0})
+        stopping.append(planned_along(alone, path.start, scenario, f"{where}, part {index + 1}"))
+    geometry = geometry_of(segment, start, where)
+    limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * geometry.length)
+    laws = [(law_of(part), seconds(part), path.length) for part, path in zip(stopping, given, strict=True)]
+    task = along_parts(geometry, limits, laws)
+    found = _found(task, scenario)
+    if found is not None and found.duration < min(task.duration, MAX_DURATION):
+        return [_with_law(segment, found)]
+    return list(stopping)
+
+
+def _with_law(segment: Along | Spline, found: ShortestMotion) -> Along | Spline:
+    law = SplineLaw(coefficients=tuple(np.clip(found.coefficients[:, 0], 0.0, 1.0).tolist()))
+    return _timed(segment, found.duration, law)
+
+
+def _timed(segment: Along | Spline, duration: float, law: SplineLaw | str) -> Along | Spline:
+    key = "lasts" if isinstance(segment, Spline) else "duration"
+    return segment.model_copy(update={key: duration, "time_law": law})
+
+
+def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
+    """A free motion as the spline that was found, or lines with stops where none is faster."""
+    points = _points_of(segment, start)
+    size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
+    limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * size)
+    if size == 0.0:
+        raise InputError(
+            f"{where} moves nowhere: the load is at {segment.to} already",
+            allowed="a move to another place",
+            remedy='to stay in place use kind = "hold"',
+        )
+    nearest = min(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points))
+    if nearest < LEAST_WAY:
+        raise InputError(
+            f"{where} moves by {nearest:.3g} m from one of its points to the next",
+            allowed=f"at least {LEAST_WAY:g} m: less takes no time that control periods can show",
+            remedy="move the point away, or leave it out",
+        )
+    for index, point in enumerate(points):
+        last = index == len(points) - 1
+        check_point(
+            point, limits, f"{where}: its {'start' if not index else 'end' if last else 'point in via'}"
+        )
+    _check_options(segment, points, where)
+    check_least_time(start, points[-1], limits, where)
+    corners = stops(points, limits, where)
+    ways = [Straight(begin, end) for begin, end in itertools.pairwise(corners)]
+    durations = [_shortest(way, limits, where) for way in ways]
+    quickest = longest = sum(durations)
+    if segment.duration is None:
+        found = _found(free_motion(segment, points, corners, limits, longest), scenario)
+        if found is not None and found.duration < longest:
+            if found.duration <= MAX_DURATION:
+                return [_spline(segment, found)]
+            quickest = found.duration
+    slowest = int(np.argmax(durations))
+    check_duration(quickest, limiting(ways[slowest], limits, durations[slowest]), limits, where)
+    if segment.constant_rope:  # on straight lines it is not: the trolley swings out beside the load
+        raise InputError(
+            f"{where}: no motion with constant_rope is found that takes at most {longest:.4g} s, as straight "
+            "lines do with a rope that varies",
+            allowed="limits of [planning] and of drives that leave room for it",
+            remedy="leave constant_rope out, or relax planning.tension and the other limits",
+        )
+    return [
+        Line(kind="line", to=tuple(way.end.tolist()), duration=duration)
+        for way, duration in zip(ways, durations, strict=True)
+    ]
+
+
+def _points_of(segment: Move, start: Array) -> list[Array]:
+    """Return the points of a move from its start to its end, each (3,), repeated ones once."""
+    asked = [start, *map(np.array, segment.via), np.array(segment.to)]
+    moved = [after for before, after in itertools.pairwise(asked) if not np.array_equal(before, after)]
+    return [start, *moved]
+
+
+def _spline(segment: Move, found: ShortestMotion) -> Spline:
+    breaks = np.linspace(0.0, found.duration, len(found.coefficients) - PLANNED_DEGREE + 1)
+    return Spline(
+        kind="spline",
+        degree=7,
+        breaks=tuple(breaks.tolist()),
+        coefficients=tuple(map(tuple, found.coefficients.tolist())),
+        made_from=segment.model_dump(mode="json", exclude_defaults=True),
+    )
+
+
+def _check_options(segment: Move, points: Sequence[Array], where: str) -> None:
+    heights = [float(point[2]) for point in points]
+    if segment.constant_rope and np.ptp(heights) > FIXED * abs(heights[0]):
+        raise InputError(
+            f"{where}: constant_rope with points at heights from {min(heights):g} to {max(heights):g} m",
+            allowed="points of one height, at which the load hangs at rest on one length of rope",
+            remedy="leave constant_rope out, or make the heights equal",
+        )
+    along = points[-1][:2] - points[0][:2]
+    off = [
+        abs(float(along[0] * p[1] - along[1] * p[0])) for p in (q[:2] - points[0][:2] for q in points[1:-1])
+    ]
+    if segment.plane and max(off, default=0.0) > 1e-9 * float(along @ along):
+        raise InputError(
+            f"{where}: plane = true with a point in via beside the plane through start and end",
+            allowed="points in the vertical plane through start and end",
+            remedy="leave plane out, or move the point",
+        )
+
+
+def free_motion(
+    segment: Move, points: Sequence[Array], corners: list[Array], limits: Limits, duration: float
+) -> Task:
+    """What is to be solved for a move through `points`, first guessed along `corners`."""
+    start, end = points[0], points[-1]
+    if segment.constant_rope:
+        length = -start[2]
+        limits = limits._replace(
+            axes=np.vstack([limits.axes[:2], length * (1.0 + FIXED * np.array([-1.0, 1.0]))])
+        )
+    guess = rounded(corners)
+    along = np.array([*(end - start)[:2], 0.0])
+    along = along / np.linalg.norm(along) if along.any() else np.array([1.0, 0.0, 0.0])
+    aside, up = np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
+    directions = np.array([along, up]) if segment.plane else np.eye(3)
+    bump = (
+        GUESS_OFFSET
+        / EXCESS_PRECISION
+        * limits.size
+        * (aside * (not segment.plane) + up * (not segment.constant_rope))
+    )
+    guess += np.sin(np.pi * np.linspace(0.0, 1.0, len(guess)))[:, None] ** 4 * bump
+    guess = np.clip(guess, *limits.load.T)
+    via = points[1:-1]
+    passed = [float(np.argmin(np.linalg.norm(guess - point, axis=1)) / len(guess)) for point in via]
+    sides = way(guess, limits, len(via))
+    return Task(
+        start=np.zeros(len(directions)),
+        end=directions @ (end - start),
+        to_load=Placed(start, end, directions),
+        limits=limits,
+        guess=(guess - start) @ directions.T,
+        duration=duration,
+        spans=SPANS,
+        via=tuple(directions @ (point - start) for point in via),
+        legs=sides.legs,
+        instants=(*passed, *sides.instants),
+    )
+
+
+def _shortest(geometry: Geometry, limits: Limits, where: str) -> float:
+    return _known(shortest(geometry, limits), limits, where)
+
+
+def _known(found: float | dict[str, float], limits: Limits, where: str) -> float:
+    """Return a duration; raise InputError in place of what stands against it."""
+    if isinstance(found, float):
+        return found
+    raise no_motion(found, limits, where)
+
+
+def _found(task: Task, scenario: Scenario) -> ShortestMotion | None:
+    """Solve with the knots of `[planning]`; return None too where there is no finite guess."""
+    if not np.isfinite(task.duration):
+        return None
+    return minimum_time(replace(task, spans=scenario.planning.refinement * task.spans))

@@ -1,0 +1,215 @@
+"""What a planned motion is worth: its proof, the limits that act and when, what no crane could be under."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.planning.checks import least_times
+from cranectl.planning.limits import Limits, Quantity, key_of, limits_of, motion, quantities
+from cranectl.planning.problem import ToLoad, series_along
+from cranectl.planning.proof import Proof, prove
+from cranectl.planning.shortest import COEFFICIENTS, GUESS_DEGREE
+from cranectl.reference.given_path import geometry_of, parts_of
+from cranectl.reference.time_laws import PLANNED_DEGREE, spline
+from cranectl.reference.trajectory import end_point
+from cranectl.scenario import Scenario, Segment
+from cranectl.scenario.along_path import Arc, BlendedPath, Line, Plannable, SplineLaw
+from cranectl.scenario.segments import Spline, seconds
+from cranectl.support.arrays import Array
+from cranectl.support.consistency import check_ascending
+
+ACTS = 0.98  # of a limit, from which on it counts as acting
+TIME_ROUNDING = 1e-3  # relative; a plan may exceed a limit by the tolerance of its proof
+REVIEW_SAMPLES = 501
+
+
+class SegmentCurve(NamedTuple):
+    """A segment as a spline of coordinates."""
+
+    breaks: Array
+    coefficients: Array
+    degree: int
+    to_load: ToLoad | None
+
+
+class Acting(NamedTuple):
+    """A limit, and from when to when a motion is at it [s] from the segment's start."""
+
+    name: str
+    start: float
+    end: float
+
+
+class Review(NamedTuple):
+    """Of one planned segment."""
+
+    segment: int
+    planned: str  # what was asked for, in words
+    start: float  # [s] in the run
+    duration: float  # [s]
+    least: float  # that the drives would need without a load [s]
+    acting: tuple[Acting, ...]
+    proof: Proof
+    time: Array  # (N,) [s] from the segment's start
+    shares: dict[str, Array]  # of each limit, (N,)
+    path: Array  # (N, 3) of the load [m]
+    asked: Array  # (M, 3) corners that are blended, or points that are passed, but for the ends [m]
+
+    @property
+    def tightest(self) -> tuple[str, float]:
+        """The limit with the smallest slack that is proven, and the slack in parts of it."""
+        return min(self.proof.slack.items(), key=lambda item: item[1])
+
+    @property
+    def by_limit(self) -> dict[str, list[Acting]]:
+        """The limits that act, those that do so longest first."""
+        found: dict[str, list[Acting]] = {}
+        for each in self.acting:
+            found.setdefault(each.name, []).append(each)
+        lasting = {name: sum(each.end - each.start for each in times) for name, times in found.items()}
+        return {name: found[name] for name in sorted(found, key=lambda name: -lasting[name])}
+
+    @property
+    def in_short(self) -> str:
+        """A line."""
+        name, slack = self.tightest
+        at = ", ".join(
+            f"{limit} for {sum(each.end - each.start for each in times):.2f} s"
+            for limit, times in self.by_limit.items()
+        )
+        proven = f"proven on {self.proof.pieces} pieces, smallest slack {slack:.2g} of {name}"
+        return (
+            f"{self.planned}, {self.duration:.3f} s; {proven if self.proof.holds else 'NOT proven'}; at {at}"
+        )
+
+
+def reviews(scenario: Scenario) -> list[Review]:
+    """Of all segments of a scenario that were planned; none of others."""
+    found, here, begins = [], np.array(scenario.reference.start), 0.0
+    for index, segment in enumerate(scenario.reference.segments):
+        after = end_point(segment, here)
+        if asked := in_words(segment):
+            found.append(_review(scenario, index, asked, segment, start=here, begins=begins))
+        here, begins = after, begins + seconds(segment)
+    return found
+
+
+def with_claims(scenario: Scenario) -> Scenario:
+    """Return the scenario whose planned segments carry the reviews of today, in short."""
+    segments = list(scenario.reference.segments)
+    for review in reviews(scenario):
+        segment = segments[review.segment]
+        assert isinstance(segment, Plannable)
+        segments[review.segment] = segment.claiming(review.in_short)
+    reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
+    return scenario.model_copy(update={"reference": reference})
+
+
+def claim_of(segment: Segment, start: Array, scenario: Scenario) -> str:
+    """Return the review, in short, of a segment that was planned from `start` (3,) [m]; else nothing."""
+    asked = in_words(segment)
+    return _review(scenario, 0, asked, segment, start=start, begins=0.0).in_short if asked else ""
+
+
+def in_words(segment: Segment) -> str:
+    """How a segment was planned; nothing if it was not."""
+    if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
+        return "a move in minimum time"
+    if not isinstance(getattr(segment, "time_law", None), SplineLaw):
+        return ""
+    if isinstance(segment, BlendedPath):
+        return "a path with blended corners in minimum time"
+    passed = isinstance(segment, Spline) and segment.made_from
+    return f"{'way points' if passed else f'a given {segment.kind}'} in minimum time"
+
+
+def curve_of(segment: Segment, start: Array) -> SegmentCurve:
+    """A moving segment of the package's own kinds as a spline of coordinates."""
+    if isinstance(segment, Spline) and segment.time_law is None:
+        return SegmentCurve(np.array(segment.breaks), np.array(segment.coefficients), segment.degree, None)
+    assert isinstance(segment, Line | Arc | BlendedPath | Spline)
+    to_load = geometry_of(segment, start)
+    duration = seconds(segment)
+    if isinstance(segment.time_law, SplineLaw):
+        coefficients = np.array(segment.time_law.coefficients)[:, None]
+        spans = len(coefficients) - PLANNED_DEGREE
+        return SegmentCurve(np.linspace(0.0, duration, spans + 1), coefficients, PLANNED_DEGREE, to_load)
+    return SegmentCurve(np.array([0.0, duration]), COEFFICIENTS, GUESS_DEGREE, to_load)
+
+
+def sampled(curve: SegmentCurve, time: Array, limits: Limits) -> tuple[list[Quantity], Array]:
+    """All limited quantities at `time` (N,), and the load's path (N, 3)."""
+    series = series_along(curve.breaks, curve.coefficients, curve.degree, time)
+    load = curve.to_load(series) if curve.to_load else series
+    return quantities(motion(load, limits.gravity), limits), np.stack([axis[0] for axis in load], axis=1)
+
+
+def _review(
+    scenario: Scenario, index: int, asked: str, segment: Segment, *, start: Array, begins: float
+) -> Review:
+    limits, curve = limits_of(scenario), curve_of(segment, start)
+    time = np.linspace(0.0, seconds(segment), REVIEW_SAMPLES)
+    found, path = sampled(curve, time, limits)
+    shares = {each.name: _share(each) for each in found}
+    acting = [
+        Acting(name, float(time[a]), float(time[b]))
+        for name, share in shares.items()
+        for a, b in _stretches(share >= ACTS)
+    ]
+    duration, least = seconds(segment), float(max(least_times(path[0], path[-1], limits)))
+    check_duration(least, duration, asked)
+    return Review(
+        segment=index,
+        planned=asked,
+        start=begins,
+        duration=duration,
+        least=least,
+        acting=tuple(sorted(acting, key=lambda each: each.start)),
+        proof=_proven(key_of(segment, start, scenario), curve, limits),
+        time=time,
+        shares=shares,
+        path=path,
+        asked=_asked(segment, start),
+    )
+
+
+def check_duration(least: float, duration: float, asked: str) -> None:
+    """Raise InconsistentError for a motion that is quicker than the drives can be without a load."""
+    bound = ("the least time of the drives without a load", least)
+    check_ascending(bound, (f"the planned duration of {asked}", duration), rounding=TIME_ROUNDING)
+
+
+def _asked(segment: Segment, start: Array) -> Array:
+    if isinstance(segment, BlendedPath):
+        return np.array([part.start for part in parts_of(segment.parts, start)[1:]])
+    if isinstance(segment, Spline) and segment.time_law is not None:
+        breaks = np.array(segment.breaks)
+        points: Array = spline(breaks, np.array(segment.coefficients), segment.degree)(breaks[1:-1])
+        return points
+    return np.zeros((0, 3))
+
+
+_PROVEN: dict[str, Proof] = {}
+
+
+def _proven(key: str, curve: SegmentCurve, limits: Limits) -> Proof:
+    """Once in a process: log, report and screen ask for the same."""
+    if key not in _PROVEN:
+        _PROVEN[key] = prove(*curve[:3], limits, curve.to_load)
+    return _PROVEN[key]
+
+
+def _share(each: Quantity) -> Array:
+    """Of a range, one at either end and none in its middle; of a one-sided limit, of it."""
+    value: Array = each.series[0]
+    if not np.isfinite(each.low):
+        return value / each.high
+    middle, half = 0.5 * (each.low + each.high), 0.5 * (each.high - each.low)
+    share: Array = np.abs(value - middle) / half
+    return share
+
+
+def _stretches(acting: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], acting.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]

@@ -1,0 +1,121 @@
+"""Which effects and drives a plant can show: what it cannot is refused rather than left out silently."""
+
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants.registry import PLANTS, PlantEntry, labels_of, plant_entry
+from cranectl.scenario.effect import spread
+from cranectl.scenario.effects import EFFECTS, PARTS, WHOLE_EFFECTS, EffectSettings
+from cranectl.scenario.scenario import Scenario
+from cranectl.support.errors import InputError
+
+USE_VELOCITY = "take '--drive velocity'"
+TOGETHER = ("rope", "body", "frame")  # that the same plants show
+
+
+def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
+    """Raise InputError for anything of a scenario that a plant cannot show with `drive`.
+
+    That is what `check_effects` refuses, disturbances that the plant lacks, and numbers of the rig other than
+    those that are built into it.
+    """
+    check_effects(scenario.effects, plant=plant, drive=drive)
+    entry = plant_entry(plant)
+    joints = any(step.joint is not None for step in scenario.disturbances)
+    for name, acting in (("disturbances", joints), ("disturbances.force", scenario.forced)):
+        if acting and (reason := lacking(entry, name)):
+            capable, remedy = _capable(name)
+            what = "forces among the disturbances" if name == "disturbances.force" else name
+            raise InputError(
+                f"{what} on the {entry.label} plant, {reason}",
+                allowed=f"disturbances = [], or {capable}",
+                remedy=f"{remedy.partition(', or ')[0]}, or add --set 'disturbances=[]'",
+            )
+    for name, value in entry.fixed.items():
+        given = getattr(scenario.rig, name)
+        if given != value:
+            raise InputError(
+                f"rig.{name} = {given:g} on the {entry.label} plant, which has {value:g} built in",
+                allowed=f"rig.{name} = {value:g}",
+                remedy=f"add --set rig.{name}={value:g}, or choose other plants with --plants",
+            )
+
+
+def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
+    """Raise InputError for an unknown plant, drives it lacks, effects that it cannot show with `drive`.
+
+    Friction of the cardan joint, wind, sensing and delay suit every plant and drive. Limits of velocity and
+    acceleration and the dead zone are of set-points, which velocity drives have. Friction of the axes and
+    limits of force suit velocity and force drives, on plants that know them.
+    """
+    entry = plant_entry(plant)
+    if drive not in entry.drives:
+        raise InputError(
+            f"{drive} drives on the {entry.label} plant",
+            allowed=f"{' and '.join(entry.drives)} drives",
+            remedy=f"take '--drive {entry.drives[0]}'",
+        )
+    kind = DRIVES[drive]
+    if effects.limits is not None and not kind.limits:
+        raise InputError(
+            "[effects.limits] with ideal drives, which take accelerations and realise any",
+            allowed="velocity drives; force drives with limits of force alone",
+            remedy=f"{USE_VELOCITY}, or leave the effect out",
+        )
+    if kind.command != "velocity":
+        _check_no_set_points(effects, drive)
+    for name in WHOLE_EFFECTS:
+        if getattr(effects, name) is not None and (reason := lacking(entry, name)):
+            capable, remedy = _capable(name)
+            raise InputError(
+                f"[effects.{name}] on the {entry.label} plant, {reason}",
+                allowed=f"{capable} for rope, body and frame" if name in TOGETHER else capable,
+                remedy=remedy,
+            )
+    for name, part in PARTS.items():
+        effect, _, setting = name.partition(".")
+        own = getattr(effects, effect)
+        if own is None or not part.acts(value := getattr(own, setting)):
+            continue
+        none = spread(part.none, value)
+        setting = f"effects.{name} = {list(none) if isinstance(none, tuple) else none}"
+        if reason := lacking(entry, name):
+            capable, remedy = _capable(name)
+            raise InputError(
+                f"effects.{name} on the {entry.label} plant, {reason}",
+                allowed=f"{setting}, or {capable}{' with velocity or force drives' if part.on_axes else ''}",
+                remedy=f"{remedy}; or set {setting}",
+            )
+        if kind.is_prescribed and part.on_axes:
+            raise InputError(
+                f"effects.{name} with ideal drives, which move as commanded whatever the force",
+                allowed=f"{setting}, or velocity or force drives",
+                remedy=f"{USE_VELOCITY} or '--drive force'; or set {setting}",
+            )
+
+
+def _check_no_set_points(effects: EffectSettings, drive: Drive) -> None:
+    for effect in effects.names:
+        for name, none in EFFECTS[effect].set_points.items():
+            value = getattr(getattr(effects, effect), name)
+            idle = spread(none, value)
+            if value != idle:
+                setting = f"effects.{effect}.{name} = {list(idle)}"
+                raise InputError(
+                    f"effects.{effect}.{name} with {drive} drives, which take no set-points",
+                    allowed=f"{setting}, or velocity drives",
+                    remedy=f"{USE_VELOCITY}; or set {setting}",
+                )
+
+
+def _capable(effect: str) -> tuple[str, str]:
+    """The plants that show `effect`, and what to do to have it, in words."""
+    able = [entry for entry in PLANTS.values() if not lacking(entry, effect)]
+    names = ",".join(entry.name for entry in able if not entry.package)
+    return labels_of(able), f"take '--plants {names}', or leave the effect out"
+
+
+def lacking(entry: PlantEntry, setting: str) -> str | None:
+    """Return why a plant does not honour a setting, None if it does."""
+    above = "disturbances" if setting == "disturbances.force" else ""
+    if setting in PARTS:
+        above = "force" if PARTS[setting].on_axes else setting.partition(".")[0]
+    return entry.lack(setting) or entry.lack(above)

@@ -1,1 +1,0 @@
-"""Motions in minimum time within limits that are proven at all times."""

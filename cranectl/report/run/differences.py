@@ -1,0 +1,151 @@
+"""What was run, in what runs differ, and by how much: tables of plants, logs, golden logs and overlays."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cranectl.compare.golden import RegressionVerdict, worst_first
+from cranectl.compare.runs import Comparison
+from cranectl.report.table import VERDICTS, Table, cells, tabulate
+from cranectl.scenario import changed_from_default
+from cranectl.simulate import Run
+from cranectl.support.documents import leaves
+from cranectl.support.units import PROCESSOR_ROUNDING, difference_in, difference_text, plain
+
+Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
+LONGEST = 70  # characters of a value
+MANY = 12  # rows that a page folds
+SAME = "Scenario, controller and drives are the same in all logs."
+
+
+def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple[Table, Table]:
+    """Return the main facts, and the settings that not all logs leave at the default."""
+    first = [next(iter(log.values())) for log in logs.values()]
+    changed = [changed_from_default(run.scenario) | _given(run) for run in first]
+    facts: dict[str, list[str]] = {
+        "scenario": [run.scenario.name for run in first],
+        "controller": [run.controller for run in first],
+        "drives": [run.drive for run in first],
+        "plants": [", ".join(log) for log in logs.values()],
+        "duration": [f"{run.scenario.duration:g} s" for run in first],
+        "disturbances": [_text(run.scenario.disturbed_by) for run in first],
+        "effects": [", ".join(run.scenario.effects.names) or "none" for run in first],
+    }
+    if versions:
+        made = (versions[label].items() for label in logs)
+        facts["made with"] = [", ".join(f"{name} {version}" for name, version in each) for each in made]
+    settings = {
+        name: [_text(each[name]) if name in each else "default" for each in changed]
+        for name in dict.fromkeys(name for each in changed for name in each)
+    }
+    return _by_log("", logs, facts), _by_log("Settings that are not the default", logs, settings)
+
+
+def what_differs(logs: Logs) -> Table | None:
+    """Return what is not the same in all logs, a column each; None if nothing differs."""
+    flat: list[dict[str, Any]] = []
+    one_law = len({next(iter(log.values())).design.name for log in logs.values()}) == 1
+    for log in logs.values():
+        run = next(iter(log.values()))
+        asked: dict[str, Any] = {"plants": list(log), "drives": run.drive, "controller": run.controller}
+        asked["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
+        flat.append(dict(leaves((_parameters(run) if one_law else {}) | asked)))
+    names = dict.fromkeys(name for each in flat for name in each)
+    differing = [name for name in names if any(each.get(name) != flat[0].get(name) for each in flat)]
+    rows = {
+        name.removeprefix("scenario."): [_text(each[name]) if name in each else "–" for each in flat]
+        for name in differing
+    }
+    return _by_log("What differs", logs, rows) if rows else None
+
+
+def _parameters(run: Run) -> dict[str, Any]:
+    """Return a controller's parameters by dotted names; the flat family has settings in [design]."""
+    design = run.design
+    return {f"controller.{design.name}.{name}": value for name, value in design.parameters.items()}
+
+
+def _given(run: Run) -> dict[str, Any]:
+    """Return the parameters of the controller that the scenario gives."""
+    given = run.scenario.controller.parameters.get(run.design.name, {})
+    return {name: value for name, value in _parameters(run).items() if name.rpartition(".")[2] in given}
+
+
+def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
+    """Return a row a name; many of them are counted and folded."""
+    many = len(rows) > MANY
+    shown = tuple(cells(name, *texts) for name, texts in rows.items())
+    title = f"{title}: {len(rows)}" if many else title
+    return Table(title, ("", *logs), shown, labels=1 + len(logs), folded=many)
+
+
+def _text(value: Any) -> str:
+    text = plain(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
+def comparison_table(title: str, comparison: Comparison, *, folded: bool = False) -> Table:
+    """Return how far two runs are apart, one row a signal."""
+    return tabulate(
+        title,
+        comparison.signals,
+        {
+            "signal": lambda row: row.signal,
+            "max |diff|": lambda row: difference_in(row.max_abs, row.unit),
+            "at [s]": lambda row: _when(row.at_s, row.max_abs),
+            "RMS": lambda row: difference_in(row.rms, row.unit),
+            "final": lambda row: difference_in(row.final, row.unit),
+        },
+        folded=folded,
+    )
+
+
+def distances_table(first: str, comparisons: Mapping[str, Comparison]) -> Table:
+    """Return how far runs are from the one labelled `first`, by label."""
+    rows = []
+    for label, each in comparisons.items():
+        load, angles = (
+            difference_in(each.max_load_error_m, "m"),
+            difference_in(each.max_angle_error_rad, "rad"),
+        )
+        rows.append(cells(label, load, _when(each.max_load_error_at_s, each.max_load_error_m), angles))
+    return Table(f"Farthest from {first}", ("", "load", "at [s]", "angles"), tuple(rows))
+
+
+def regression_table(verdict: RegressionVerdict) -> Table:
+    """Return a run beside its golden one: one row a signal, then how they ended."""
+    rows = []
+    for each in verdict.signals:
+        difference, when = difference_text(each.max_abs), _when(each.at_s, each.max_abs)
+        rows.append(
+            cells(each.signal, each.unit, difference, when, f"{each.limit:.1e}", VERDICTS[each.passed])
+        )
+    difference, limit = difference_text(verdict.end_difference_s), f"{verdict.end_difference_limit_s:.1e}"
+    rows.append(cells("ends", "s", difference, "", limit, VERDICTS[verdict.ends_passed]))
+    how = (
+        f"both {verdict.status}" if verdict.same_status else f"{verdict.status}, was {verdict.golden_status}"
+    )
+    rows.append(cells(how, "", "", "", "", VERDICTS[verdict.same_status]))
+    headings = ("signal", "unit", "max |diff|", "at [s]", "limit", "verdict")
+    title = f"{verdict.plant}, {verdict.samples} samples: new minus golden"
+    return Table(title, headings, tuple(rows), labels=2)
+
+
+def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str]) -> Table:
+    """Return logs beside their golden ones, by path: the signal that is worst off, or why there is none."""
+    rows = []
+    for path, verdicts in outcomes.items():
+        if isinstance(verdicts, str):
+            rows.append(cells(path, "", verdicts, "", "", VERDICTS[False]))
+            continue
+        for verdict in verdicts:
+            worst = worst_first(verdict.signals)[0]
+            said = worst.signal if verdict.same_status and verdict.ends_passed else "ends otherwise"
+            numbers = difference_text(worst.max_abs), f"{worst.limit:.1e}"
+            rows.append(cells(path, verdict.plant, said, *numbers, VERDICTS[verdict.passed]))
+    headings = ("log", "plant", "worst", "max |diff|", "limit", "verdict")
+    return Table("New minus golden", headings, tuple(rows), labels=3)
+
+
+def _when(time: float, largest: float) -> str:
+    """Return the time [s] of the largest difference; rounding is largest at no time in particular."""
+    return "-" if largest < PROCESSOR_ROUNDING else f"{time:.3f}"

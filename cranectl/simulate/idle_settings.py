@@ -1,0 +1,227 @@
+"""Settings that change nothing: on a plant, with its drives, under a controller, beside other settings.
+
+A command says so in a line for what its user gave, and a campaign refuses parameters that act nowhere. What
+only happens not to matter in a run, such as a limit that is not reached, is no such setting.
+"""
+
+from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
+from typing import NamedTuple
+
+import numpy as np
+
+from cranectl.controllers.preparation import prepared
+from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.design import ControllerDesign
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants.registry import PLANTS, plant_entry
+from cranectl.scenario import Scenario
+from cranectl.scenario.along_path import MINIMUM_TIME, SHORTEST
+from cranectl.scenario.effects import EFFECTS
+from cranectl.scenario.segments import Move, is_planned
+from cranectl.simulate.plan import plan_reference
+from cranectl.simulate.runner import nominal_crane
+from cranectl.support.documents import leaves
+from cranectl.support.errors import InputError
+from cranectl.support.patterns import matching
+
+LAG = "rig.*_time_constant"
+# Settings that act only where none of these groups is zero in all its numbers.
+FACTORS = {
+    **{
+        f"effects.{name}.{setting}": tuple(f"effects.{name}.{factor}" for factor in factors)
+        for name, kind in EFFECTS.items()
+        for setting, factors in kind.factors.items()
+    },
+    "disturbances.*.start": ("disturbances.*.magnitude", "disturbances.*.force.*"),
+    "disturbances.*.end": ("disturbances.*.magnitude", "disturbances.*.force.*"),
+}
+# What the numbers of [design] are for, by a part of a controller's name.
+DESIGNED = {
+    "pole-placement": "design.poles.*",
+    "lqr": "design.[is]*_weight*",
+    "hinf": "design.hinf.*",
+    "loop-shaping": "design.loop_shaping.*",
+}
+# What a controller of the package does not read of its sensors, unless its drives take forces.
+UNREAD = {"pid": "effects.sensing.angle_*"}
+# Parameters of the package's laws that act unless another has this value.
+UNUSED = {
+    "controller.pid.filter_time": ("derivative", 0.0),
+    "controller.pid.rope_length": ("shaper", "none"),
+}
+
+
+class RunKind(NamedTuple):
+    """A run of a scenario."""
+
+    plant: str
+    drive: Drive
+    controller: str
+
+
+def idle_settings(
+    scenario: Scenario, asked: Scenario, names: Iterable[str], uses: Iterable[RunKind]
+) -> dict[str, list[str]]:
+    """Return those of `names`, dotted, that change nothing in any of `uses`, by the reason in the first.
+
+    Parameters
+    ----------
+    scenario
+        What is run, its reference planned.
+    asked
+        The same as it was read, before it was planned.
+    names
+        Settings that are given.
+    uses
+        The runs; those whose controller cannot be designed say so themselves and are passed over.
+
+    """
+    found: dict[str, list[str]] = {}
+    runs = [(use, design) for use in uses if (design := _designed(use.controller, scenario)) is not None]
+    numbers = (each for each in leaves(scenario.model_dump()) if isinstance(each[1], int | float))
+    zero = {name: value == 0 for name, value in numbers}
+    for name in names:
+        reasons = [_why_idle(name, scenario, asked, run, zero) for run in runs]
+        if reasons and None not in reasons:
+            found.setdefault(str(reasons[0]), []).append(name)
+    return found
+
+
+def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bool]) -> str | None:
+    """Return why a plant does not notice the setting `name`, None if it does.
+
+    `zero` tells by name which numbers are 0 in all runs.
+    """
+    entry = plant_entry(plant)
+    group = "disturbances" if name.startswith("disturbances.") else ".".join(name.split(".")[1:3])
+    for lack in (group, group.partition(".")[0]):
+        if reason := entry.lack(lack):
+            return f"the {entry.label} plant, {reason}"
+    if name.removeprefix("rig.") in entry.fixed:
+        return f"it is built into the {entry.label} plant"
+    if fnmatchcase(name, LAG) and not DRIVES[drive].is_servo:
+        return f"{drive} drives have no lag"
+    for factor in (each for pattern in FACTORS if fnmatchcase(name, pattern) for each in FACTORS[pattern]):
+        if name.startswith("disturbances."):  # of this one
+            factor = factor.replace("*", name.split(".")[1], 1)
+        names = matching(factor, zero)
+        if names and all(zero[each] for each in names):
+            return f"{', '.join(names)} is 0 in all runs"
+    return None
+
+
+def _designed(controller: str, scenario: Scenario) -> ControllerDesign | None:
+    try:
+        return controller_design(controller, scenario)
+    except InputError:
+        return None
+
+
+def _why_idle(
+    name: str,
+    scenario: Scenario,
+    asked: Scenario,
+    run: tuple[RunKind, ControllerDesign],
+    zero: Mapping[str, bool],
+) -> str | None:
+    """Return why the setting `name` changes nothing in a run, None if it does."""
+    use, design = run
+    table = name.partition(".")[0]
+    if table == "design":
+        return _why_idle_in_design(name, scenario, design)
+    if table == "planning":
+        return _why_idle_in_plan(name, asked)
+    if table == "controller":
+        return _why_idle_controller(name, use, design)
+    if name.startswith("rig.effects."):
+        if getattr(scenario.effects, name.split(".")[2], None) is None:
+            return None  # `idle_effects` tells it
+        name = name.removeprefix("rig.")
+        told, holds = (dict(leaves(each.model_dump())) for each in (scenario.rig, scenario))
+        if told.get(name) != holds.get(name):
+            return f"{name} is given"
+    if table == "limits":
+        plant = name.split(".")[1]
+        return f"nothing runs on the {plant} plant" if plant in PLANTS and plant != use.plant else None
+    planned = not asked.reference.planned
+    if name == "control.lag_compensation":
+        return None if planned else _why_no_lead(use, design)
+    unread = UNREAD.get(use.controller, "") if DRIVES[use.drive].command != "force" else ""
+    if fnmatchcase(name, unread):
+        return f"{use.controller} does not read these encoders"
+    zero = {each: is_zero for each, is_zero in zero.items() if not fnmatchcase(each, unread)}
+    why = why_idle_on_plant(name, use.plant, use.drive, zero)
+    if why and fnmatchcase(name, LAG) and (planned or _is_told(name, scenario, use, design)):
+        return None
+    return why
+
+
+def _why_idle_in_design(name: str, scenario: Scenario, design: ControllerDesign) -> str | None:
+    if design.axis_design is None:
+        return f"{design.name} has parameters of its own, in [controller.{design.name}]"
+    parts = design.name.split("+")
+    if not any(fnmatchcase(name, DESIGNED[part]) for part in parts if part in DESIGNED):
+        return f"{design.name} is designed without it"
+    if name == "design.hinf.back_off" and scenario.design.hinf.gamma is not None:
+        return "design.hinf.gamma is given"
+    return None
+
+
+def _why_idle_in_plan(name: str, asked: Scenario) -> str | None:
+    if name == "planning.solver":
+        return "one solver plans all motions"
+    unplanned = [segment for segment in asked.reference.segments if not is_planned(segment)]
+    solved = [
+        segment
+        for segment in unplanned
+        if getattr(segment, "time_law", None) == MINIMUM_TIME
+        or (isinstance(segment, Move) and segment.duration is None)
+    ]
+    if not solved and not any(getattr(each, "duration", None) == SHORTEST for each in unplanned):
+        return "no segment of the reference is planned"
+    if name == "planning.refinement" and not solved:
+        return "only motions in minimum time are solved for, and the reference has none"
+    if name == "planning.clearance" and asked.planning.load_box is not None:
+        return "planning.load_box says where the load may be"
+    return None
+
+
+def _why_idle_controller(name: str, use: RunKind, design: ControllerDesign) -> str | None:
+    law = name.split(".")[1]
+    if law == "name":
+        return None
+    if law != use.controller:
+        return f"{law} does not run"
+    if name in UNUSED:
+        factor, off = UNUSED[name]
+        return f"controller.{law}.{factor} is {off}" if design.parameters[factor] == off else None
+    return None
+
+
+def _why_no_lead(use: RunKind, design: ControllerDesign) -> str | None:
+    if DRIVES[use.drive].command != "velocity":
+        return f"{use.drive} drives take no set-points"
+    if controller_of(design).command == "velocity":
+        return f"{design.name} commands set-points itself"
+    return None
+
+
+def _is_told(name: str, scenario: Scenario, use: RunKind, design: ControllerDesign) -> bool:
+    """Return True if a lag of the rig's drives changes what a controller is prepared with, or commands.
+
+    From set-points ideal drives accelerate as the nominal drives would.
+    """
+    if controller_of(design).command == "velocity":
+        return True
+    key = name.removeprefix("rig.")
+    changed = scenario.rig.model_copy(update={key: 2.0 * getattr(scenario.rig, key)})
+    controller, plan = controller_of(design), plan_reference(scenario)
+    try:
+        one, other = (
+            prepared(controller, nominal_crane(each, design, controller, use.drive, plan))
+            for each in (scenario, scenario.model_copy(update={"rig": changed}))
+        )
+    except InputError:  # it looks at the number
+        return True
+    return not all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))

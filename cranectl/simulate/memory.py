@@ -1,0 +1,127 @@
+"""Count what runs will hold in memory before they begin, and refuse what does not fit.
+
+Nearly all of it is arrays with a row for each control sample, so a run is counted in columns of 8 bytes. The
+compiled code and the libraries come on top, about 200 MB whatever the run.
+"""
+
+import math
+from collections.abc import Iterable
+
+from cranectl.design import ControllerDesign
+from cranectl.plants.plant import Drive
+from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
+from cranectl.scenario.drawn_size import drawn_trail
+from cranectl.scenario.scenario import MOST_PARTS
+from cranectl.signals import DISTURBANCE, LOAD, REFERENCE, STATE, recorded_groups
+from cranectl.simulate.run import Run, groups_of
+from cranectl.simulate.signal_path import has_signal_path
+from cranectl.support.errors import InputError
+
+MAX_BYTES = 2**30
+NUMBER = 8  # [bytes]
+COMMAND_UNDER_WAY = 3  # numbers of each sample of the delay
+WIND = 6
+# Of a plan: time, reference, state, disturbance, wind; and what goes into the last two while it is made.
+PLANNED = 1 + len(REFERENCE) + len(STATE) + len(DISTURBANCE) + WIND
+PLANNING = PLANNED + 8
+NOISE = 10  # of encoders, and white noise of which it is made
+DIFFERENCE = len(STATE) + len(LOAD) + 2  # of two plants in a log
+# [bytes] of what a log draws of a plant in a simulated second: poses and ropes, and how many a trail takes.
+DRAWN, TRAIL = 30_000, 200_000
+
+
+def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> None:
+    """Raise InputError if the plan of `scenario`, with those of `others`, takes too much memory."""
+    samples = sum(_samples(each) for each in (scenario, *others))
+    check_held(scenario, PLANNING * samples * NUMBER, "the reference")
+
+
+def check_run(scenario: Scenario, design: ControllerDesign, drive: Drive) -> None:
+    """Raise InputError if one run of `scenario` takes too much memory."""
+    check_held(scenario, _plan_and_path(scenario) + _simulated(scenario, design, drive), "a run")
+
+
+def check_runs(
+    scenario: Scenario, design: ControllerDesign, drive: Drive, plants: int, *, logged: bool
+) -> None:
+    """Raise InputError if runs on so many plants, held together, take too much memory.
+
+    `logged`: whether they are written to a log of every n-th sample, as the scenario says.
+    """
+    columns = _recorded(scenario, design, drive)
+    samples = _samples(scenario)
+    held = _plan_and_path(scenario) + plants * columns * samples * NUMBER
+    last = _simulated(scenario, design, drive) - columns * samples * NUMBER
+    written = 0.0
+    if logged:
+        every = scenario.log.every
+        copied = (plants + 2) * len(REFERENCE) + 3 * (plants - 1) * DIFFERENCE
+        if scenario.steps % every:  # the last sample is logged too
+            copied += columns * plants
+        drawn = DRAWN + TRAIL / drawn_trail(scenario.rig)
+        written = copied * (samples // every + 2) * NUMBER + drawn * plants * scenario.duration
+    many = "a run" if plants == 1 else f"the runs of {plants} plants"
+    check_held(scenario, held + max(last, written), many, fewer_plants=plants > 1)
+
+
+def fits(run: Run, *, more: int) -> bool:
+    """Return True if `more` runs like `run` can be held beside it and another."""
+    columns = PLANNED + (2 + more) * _recorded(run.scenario, run.design, run.drive)
+    return columns * _samples(run.scenario) * NUMBER <= MAX_BYTES
+
+
+def check_several(
+    scenario: Scenario, design: ControllerDesign, runs: int, what: str, *, columns: int = 0, most: int
+) -> None:
+    """Raise InputError if `what` takes more than `most` bytes: so many runs with effects, and more columns.
+
+    `columns`: numbers for each sample that come on top of the runs.
+    """
+    whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
+    check_held(scenario, NUMBER * _samples(scenario) * (PLANNING + runs * whole + columns), what, most=most)
+
+
+def check_held(
+    scenario: Scenario, held: float, what: str, *, most: int = MAX_BYTES, fewer_plants: bool = False
+) -> None:
+    """Raise InputError if `what` of `scenario`, of `held` bytes, takes more than `most`."""
+    if held <= most:
+        return
+    times = math.ceil(held / most)
+    raise InputError(
+        f"{what} of {scenario.name} with {_samples(scenario)} control samples would take "
+        f"{held / 2**30:.3g} GiB of memory",
+        allowed=f"at most {most / 2**30:g} GiB, which is {int(most / held * _samples(scenario))} samples",
+        remedy=f"set control.period to {_longer_period(scenario, times):g}, or shorten duration"
+        + (", or name fewer plants" if fewer_plants else ""),
+    )
+
+
+def _longer_period(scenario: Scenario, times: int) -> float:
+    """Return the next control period [s] that is so many times as long and divides all times, if any does."""
+    ends = [time for step in scenario.disturbances for time in (step.start, step.end)]
+    delay = scenario.effects.delay.seconds if scenario.effects.delay else 0.0
+    common = math.gcd(*(nanoseconds(time or 0.0) for time in (scenario.duration, delay, *ends)))
+    periods = common // scenario.period_ns
+    fitting = (n for n in range(times, min(periods, times + MOST_PARTS) + 1) if periods % n == 0)
+    return next(fitting, times) * scenario.period_ns / NANOSECONDS
+
+
+def _samples(scenario: Scenario) -> int:
+    return scenario.steps + 1
+
+
+def _recorded(scenario: Scenario, design: ControllerDesign, drive: Drive) -> int:
+    return sum(map(len, groups_of(scenario, design, drive)))
+
+
+def _plan_and_path(scenario: Scenario) -> int:
+    return NUMBER * (PLANNED * _samples(scenario) + COMMAND_UNDER_WAY * scenario.delay_samples)
+
+
+def _simulated(scenario: Scenario, design: ControllerDesign, drive: Drive) -> int:
+    """Bytes of a run while it is simulated: its record, and its parts until they are put together."""
+    columns = _recorded(scenario, design, drive)
+    if has_signal_path(scenario.effects, drive) or scenario.forced:
+        columns *= 2
+    return NUMBER * _samples(scenario) * (columns + (NOISE if scenario.effects.sensing else 0))

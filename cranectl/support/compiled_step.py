@@ -1,0 +1,105 @@
+"""Compile a controller's step to a C function that reports an exception and returns a failure code.
+
+The C functions of Numba print an exception and return an arbitrary number, so a run would go on after it.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils
+from numba.core.ccallback import CFunc
+from numba.core.errors import TypingError
+from numba.core.registry import cpu_target
+from numba.core.types import Boolean, CPointer, Integer, IntEnumMember, float64, int64
+
+from cranectl.support import step_failure
+
+_POINTER: Any = CPointer  # Numba has no types
+_TOOLS: Any = cgutils
+_ENVIRONMENTS: list[Any] = []  # compiled code points to them
+
+
+class _StepTarget:
+    """Numba's target for this processor, with another wrapper around the compiled function."""
+
+    options = cpu_target.options
+
+    @property
+    def typing_context(self) -> Any:
+        """Numba's own, so that a step can call what is compiled elsewhere."""
+        return cpu_target.typing_context
+
+    @property
+    def target_context(self) -> Any:
+        """A shallow copy of Numba's own, which shares all code, with one method replaced."""
+        context: Any = cpu_target.target_context.subtarget()
+        context.create_cfunc_wrapper = lambda *given: _wrap_step(context, *given)
+        return context
+
+
+class CompiledStep(CFunc):
+    """A step with the signature of all controllers: five pointers to doubles, and an int64 in return."""
+
+    _targetdescr = _StepTarget()
+
+    def __init__(self, step: Callable[..., int]) -> None:
+        """Prepare `step`, which `compile` then compiles."""
+        options = {"nopython": True, "error_model": "numpy"}
+        super().__init__(step, ((_POINTER(float64),) * 5, int64), {}, options)
+        self._compiled_here: Any = None
+
+    def compile(self) -> None:
+        """Compile the step, and let it find what its exceptions are made with, which Numba's own cannot."""
+        super().compile()
+        if (found := self._compiled_here) is not None:
+            _ENVIRONMENTS.append(found.environment)
+            cpu_target.target_context.codegen().set_env(found.fndesc.env_name, found.environment)
+
+    def _compile_uncached(self) -> Any:
+        self._compiled_here = self._compiler.compile(self._sig.args, None)  # type: ignore[attr-defined]
+        return self._compiled_here
+
+
+def _wrap_step(context: Any, library: Any, described: Any, _environment: Any, _helper: Any) -> None:
+    """Add to `library` the C function that calls the compiled step, as Numba's `create_cfunc_wrapper`.
+
+    Raises TypingError for a step that returns another type than whole numbers: as a status, NaN would be 0.
+    """
+    if not isinstance(described.restype, Integer | Boolean | IntEnumMember):
+        raise TypingError(f"the step returns {described.restype}, which is no whole number")
+    module = context.create_module("step_wrapper")
+    signature = context.call_conv.get_function_type(described.restype, described.argtypes)
+    compiled = ir.Function(module, signature, described.llvm_func_name)
+    pointers = [context.get_value_type(each) for each in described.argtypes]
+    result = context.get_value_type(int64)
+    wrapper = ir.Function(module, ir.FunctionType(result, pointers), described.llvm_cfunc_wrapper_name)
+    builder = ir.IRBuilder(wrapper.append_basic_block("entry"))
+    status, returned = context.call_conv.call_function(
+        builder, compiled, described.restype, described.argtypes, wrapper.args, attrs=("noinline",)
+    )
+    with builder.if_then(status.is_error, likely=False):
+        _report(context, builder, status, described.qualname)
+        builder.ret(ir.Constant(result, step_failure.FAILED))
+    builder.ret(context.cast(builder, returned, described.restype, int64))
+    library.add_ir_module(module)
+
+
+def _report(context: Any, builder: Any, status: Any, name: str) -> None:
+    """Generate code that takes the interpreter's lock and has the exception reported."""
+    api = context.get_python_api(builder)
+
+    def constant(text: str) -> Any:
+        return context.insert_const_string(builder.module, text)
+
+    lock = api.gil_ensure()
+    context.call_conv.raise_error(builder, api, status)
+    parts = [_TOOLS.alloca_once_value(builder, api.get_null_object()) for _ in range(3)]
+    api.err_fetch(*parts)  # kind, value, traceback; the last ones may be null, which ends the arguments
+    reporting = api.import_module(constant(step_failure.__name__))
+    with builder.if_then(_TOOLS.is_not_null(builder, reporting)):
+        function = api.object_getattr_string(reporting, step_failure.report_compiled_failure.__name__)
+        arguments = [api.string_from_string(constant(name)), *map(builder.load, parts)]
+        api.call_function_objargs(function, arguments)
+    api.err_clear()
+    api.gil_release(lock)

@@ -1,0 +1,72 @@
+"""Keep the floating point environment: how this thread rounds, and what it does with tiny numbers.
+
+Foreign code may change it, when it is loaded or in any call. All numbers that come after would be others.
+"""
+
+import ctypes
+import functools
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from llvmlite import binding, ir
+
+_BYTES = 64  # of a fenv_t; no machine's is larger than 32
+_KEPT: list[object] = []  # what has an address must not be collected
+
+
+@contextmanager
+def environment_kept() -> Iterator[None]:
+    """Restore the environment of this thread at the end of the block."""
+    get, put = _functions()
+    before = ctypes.create_string_buffer(_BYTES)
+    get(before)
+    try:
+        yield
+    finally:
+        put(before)
+
+
+@functools.cache
+def keeping_environment(step: int) -> int:
+    """Return the address of a C function that calls the controller's step at an address, and restores.
+
+    Both take five pointers and return an int64.
+    """
+    pointer, whole = ir.IntType(8).as_pointer(), ir.IntType(64)
+    signature = ir.FunctionType(whole, [pointer] * 5)
+    of_environment = ir.FunctionType(ir.IntType(32), [pointer])
+    module = ir.Module("float_environment")
+    module.triple = binding.get_process_triple()
+    function = ir.Function(module, signature, f"keeping_{step:x}")
+    builder = ir.IRBuilder(function.append_basic_block("entry"))
+
+    def called(address: int, kind: Any, arguments: Any) -> Any:
+        return builder.call(builder.inttoptr(ir.Constant(whole, address), kind.as_pointer()), arguments)
+
+    get, put = (ctypes.cast(each, ctypes.c_void_p).value or 0 for each in _functions())
+    room = builder.alloca(ir.ArrayType(ir.IntType(8), _BYTES))
+    room.align = 16
+    before = builder.bitcast(room, pointer)
+    called(get, of_environment, [before])
+    result = called(step, signature, function.args)
+    called(put, of_environment, [before])
+    builder.ret(result)
+    target = binding.Target.from_default_triple().create_target_machine()
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), target)
+    engine.finalize_object()
+    _KEPT.append(engine)
+    return int(engine.get_function_address(function.name))
+
+
+@functools.cache
+def _functions() -> tuple[Any, Any]:
+    """Return fegetenv and fesetenv of C."""
+    if sys.platform == "win32":
+        library = ctypes.CDLL("ucrtbase")
+    else:
+        library = ctypes.CDLL(None)
+        if not hasattr(library, "fegetenv"):  # not linked into this interpreter
+            library = ctypes.CDLL("libm.so.6")
+    return library.fegetenv, library.fesetenv

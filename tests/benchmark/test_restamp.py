@@ -1,0 +1,66 @@
+"""The judged table gets new digests only if its rows come out as they are kept."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
+from cranectl.support.documents import read_toml
+from validation import restamp
+
+ROWS = 2
+
+
+@pytest.fixture
+def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
+    """The shipped table of two controllers, and the places of a copy; no page is written."""
+    table = read_table(restamp.TABLE)
+    laws = ["lqr", "lqr-integral"]
+    monkeypatch.setattr(restamp, "benchmark_laws", lambda *_args, **_settings: laws)
+    for law in laws:
+        restamp.stamp_numbers(law, "old", restamp.NUMBERS[0], tmp_path)
+    monkeypatch.setattr(restamp, "NUMBERS", (tmp_path,))
+    monkeypatch.setattr(restamp, "TABLE", tmp_path / "table.parquet")
+    monkeypatch.setattr(restamp, "cranectl", lambda _: 0)
+    return replace(table, about={**table.about, "rules": "old"})
+
+
+def written(table: BenchmarkTable) -> bytes:
+    restamp.write_table(restamp.TABLE, table)
+    return restamp.TABLE.read_bytes()
+
+
+def test_equal_rows_are_stamped(table: BenchmarkTable) -> None:
+    written(table)
+    assert restamp.restamp(ROWS, []) == 0
+    stamped, rules = read_table(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK, restamp.FILE.parent)
+    assert stamped.about == {**table.about, "rules": rules}
+    assert stamped.pieces.keys() == table.pieces.keys()
+    for numbers in restamp.NUMBERS[0].glob("*.toml"):
+        assert read_toml(numbers)["rules"] == rules
+
+
+def test_nothing_is_written_if_one_digit_differs(
+    table: BenchmarkTable, capsys: pytest.CaptureFixture[str]
+) -> None:
+    piece, sample = next(restamp.sampled_rows(table, ["lqr", "lqr-integral"], ROWS))
+    metrics = {name: values.copy() for name, values in table.pieces[piece].metrics.items()}
+    metrics["rms_error_m"][sample] *= 1.001
+    changed = replace(table, pieces={**table.pieces, piece: replace(table.pieces[piece], metrics=metrics)})
+    before = written(changed)
+    assert restamp.restamp(ROWS, []) == 1
+    assert "rms_error_m" in capsys.readouterr().out
+    assert restamp.TABLE.read_bytes() == before
+    assert all(read_toml(numbers)["rules"] == "old" for numbers in restamp.NUMBERS[0].glob("*.toml"))
+
+
+def test_a_run_that_ends_otherwise_differs(table: BenchmarkTable) -> None:
+    runs = next(iter(table.pieces.values()))
+    one = runs.first(1)
+    assert restamp.differences(one, runs, 0) == []
+    other = replace(one, failed=~one.failed, status=("slack-rope",))
+    assert len(restamp.differences(other, runs, 0)) == 2
+    nothing = {name: np.full(1, np.nan) for name in one.metrics}
+    assert restamp.differences(replace(one, metrics=nothing), runs, 0)

@@ -1,0 +1,167 @@
+"""Messages that name an option: what is refused with each, and what is typed then; or why nothing is."""
+
+from typing import NamedTuple
+
+from tests.cli.test_remedies import MANY, SHORT
+
+OFFSET = "initial.load_offset=[0.001,0,0]"
+SLOW = """\
+import time
+slept = []
+def slow(parameters, measured, reference, memory, command):
+    if not slept:
+        slept.append(time.sleep(1.5))
+    command[:] = 0.0
+    return 0
+"""
+MORE = {
+    "longer.toml": 'name = "short"\nduration = 0.4\n' + SHORT.partition("\n")[2],
+    "other.toml": MANY.replace("runs = 1", "runs = 2"),
+    "slow.py": SLOW,
+    "file": "of another kind",
+    "full/notes.txt": "of another kind",
+}
+
+
+class Case(NamedTuple):
+    """A text of a source file, what is refused with it, and each way in which it is taken."""
+
+    source: str
+    text: str
+    refused: str
+    taken: tuple[str, ...]
+
+
+RUN, CAMPAIGN = "run short.toml --plants", "campaign run many.toml --out"
+MERGE = "compare one.mcap {} --merge merged.mcap"
+CASES = [
+    Case("analysis/certificate/loop.py", "choose another signal with --open-at, or leave it out",
+         "certify lqr-integral --open-at v --delay 0.01",
+         ("certify lqr-integral --open-at u --delay 0.01", "certify lqr-integral --delay 0.01")),
+    Case("campaign/results.py", "choose another place with --out", f"{CAMPAIGN} full", (f"{CAMPAIGN} new",)),
+    Case("campaign/results.py", "choose another place with --out, or remove the result",
+         "campaign run other.toml --out result --resume", ("campaign run other.toml --out new",)),
+    Case("cases/case.py",
+         "change the 'name' in one of the files, or run them one by one with other --out",
+         "validate short.toml longer.toml --plants analytic --controller lqr --drive ideal",
+         ("run short.toml --plants analytic --out a.mcap", "run longer.toml --plants analytic --out b.mcap",
+          "validate short.toml renamed.toml --plants analytic --controller lqr --drive ideal")),
+    Case("cli/compare.py", "add --merge FILE", "compare one.mcap mujoco.mcap --despite-differences",
+         ("compare one.mcap mujoco.mcap --despite-differences --merge merged.mcap",)),
+    Case("cli/compare.py", "name two directories of logs, NEW and GOLDEN, and --tolerances",
+         "compare newer golden", ("compare newer golden --tolerances exact",)),
+    Case("cli/new.py", "choose another name, or another --in", "new scenario short --in there",
+         ("new scenario short --in elsewhere", "new scenario another --in there")),
+    Case("cli/output.py", "choose another place with --json", "info one.mcap --json file/a.json",
+         ("info one.mcap --json a.json",)),
+    Case("cli/report.py", "report on fewer at a time; of the levels of a ladder: "
+         "cranectl ladder --report FILE",
+         "report one.mcap two.mcap mujoco.mcap offset.mcap coarse.mcap --out page.html",
+         ("report one.mcap two.mcap --out page.html",
+          "ladder short.toml --controller lqr --top sampled --report page.html")),
+    Case("compare/golden.py", "run again with the golden log's --every",
+         "compare coarse.mcap one.mcap --tolerances exact",
+         (f"{RUN} analytic --every 4 --out coarse.mcap", "compare coarse.mcap one.mcap --tolerances exact")),
+    Case("compare/runs.py", "compare them without --merge", MERGE.format("again.mcap"),
+         ("compare one.mcap again.mcap",)),
+    Case("compare/runs.py", "run one of them again, or merge with --despite-differences: the log then "
+         "describes the {} run's scenario and the versions that are installed", MERGE.format("offset.mcap"),
+         (f"{MERGE.format('offset.mcap')} --despite-differences", MERGE.format("mujoco.mcap"))),
+    Case("export.py", "choose another place with --out", "log export one.mcap --out file/a.csv",
+         ("log export one.mcap --out a.csv",)),
+    Case("log/overlay.py", "choose other labels with --label",
+         "log overlay one.mcap two.mcap --label a --label mujoco --out new.mcap",
+         ("log overlay one.mcap two.mcap --label a --label b --out new.mcap",)),
+    Case("log/overlay.py", "say --label once for each run, or not at all",
+         "log overlay one.mcap two.mcap --label a --out new.mcap",
+         ("log overlay one.mcap two.mcap --label a --label b --out new.mcap",
+          "log overlay one.mcap two.mcap --out new.mcap")),
+    Case("log/recover.py", "choose another place with --out", "log recover again.mcap.4711.part",
+         ("log recover again.mcap.4711.part --out saved.mcap",)),
+    Case("log/writer.py", "choose another place with --out", f"{RUN} analytic --out file/a.mcap",
+         (f"{RUN} analytic --out a.mcap",)),
+    Case("plants/capabilities.py", "{} or '--drive force'; or set {}",
+         f"{RUN} mujoco --set effects.friction.viscous=[1,1,1]",
+         (f"{RUN} mujoco --set effects.friction.viscous=[1,1,1] --drive velocity",
+          f"{RUN} mujoco --set effects.friction.viscous=[1,1,1] --drive force", f"{RUN} mujoco")),
+    Case("render/draw.py", "choose a higher --speed or a lower --fps, or an .mp4",
+         "render four.mcap a.gif --size 400x300 --speed 0.01 --fps 60",
+         ("render four.mcap a.gif --size 400x300 --speed 4 --fps 2",)),
+    Case("render/draw.py", "choose a moment with --time", "render one.mcap a.png --fps 5",
+         ("render one.mcap a.png --time 0.1",)),
+    Case("render/draw.py", "for example --size 1280x720", "render one.mcap a.png --size 5x5",
+         ("render one.mcap a.png --size 1280x720",)),
+    Case("render/draw.py", "leave out --time to see the load farthest from its reference",
+         "render one.mcap a.png --time 9", ("render one.mcap a.png",)),
+    Case("scenario/settings.py", "for example --set rig.load_mass=2.5", f"{RUN} analytic --set rig.load_mass",
+         (f"{RUN} analytic --set rig.load_mass=2.5",)),
+]  # fmt: skip
+# What `made` has, by how it is made.
+LOGS = {
+    "one.mcap": f"{RUN} analytic",
+    "again.mcap": f"{RUN} analytic",
+    "coarse.mcap": f"{RUN} analytic --every 20",
+    "four.mcap": f"{RUN} analytic --set duration=0.6",
+    "mujoco.mcap": f"{RUN} mujoco",
+    "offset.mcap": f"{RUN} mujoco --set {OFFSET}",
+    "two.mcap": f"{RUN} analytic,mujoco",
+}
+
+# What needs more than a command to be refused.
+DIFFERENCES = (
+    "install those, choose another place with --out, or go on with --despite-differences, "
+    "'campaign run' with --resume too: it then says which of its runs were made by what"
+)
+ROOM = "make room and go on with --resume: finished batches are kept"
+WAIT = "wait for it, or choose another place with --out"
+BEGAN = "the command that began it and --resume"
+PATIENCE = "took more than {} s for a block; --patience allows more"
+FIXED = "add --set rig.{}={}, or choose other plants with --plants"
+DISTURBED = "{}, or add --set 'disturbances=[]'"
+DRIVE = "take '--drive {}'"
+
+HERE = "executed above"
+FOUND = "says what was found"
+COMMAND = "tests/cli/test_suggestions.py: a whole command is suggested"
+DASK = "starts programs on other machines; tests/campaign/test_cluster.py runs on workers of Dask"
+BENCHMARK = "the same run again, in a new directory; tests/campaign/benchmark/test_commands.py has one"
+PYTEST = "tests/cli/test_pytest_plugin.py"
+# By file and a part of the text: by what it is tried, or why by nothing.
+KNOWN = {
+    **dict.fromkeys((("campaign/results.py", text) for text in (DIFFERENCES, ROOM, WAIT, BEGAN)), HERE),
+    **dict.fromkeys((("plants/capabilities.py", text) for text in (FIXED, DISTURBED, DRIVE)), HERE),
+    ("simulate/child.py", "--patience allows more"): HERE,
+    ("cli/compare.py", "--despite-differences without --merge"): FOUND,
+    ("cli/compare.py", "--merge and one log"): FOUND,
+    ("cli/compare.py", "--tolerances and --merge"): FOUND,
+    ("cli/compare.py", "--tolerances and one log"): FOUND,
+    ("scenario/settings.py", "--set {}"): FOUND,
+    ("cli/idle.py", "--patience changes nothing here"): FOUND,
+    ("cli/benchmark/run.py", "--tuned changes nothing here"): FOUND,
+    ("cli/command.py", " --plants {}"): COMMAND,
+    ("cli/command.py", "{} view.json --log {}"): COMMAND,
+    ("cli/ladder.py", "cranectl log layout ladder view.json --log {}"): COMMAND,
+    ("cli/overlay.py", "cranectl log layout overlay view.json --log {}"): COMMAND,
+    ("cases/case.py", "see what comes of it with --drive velocity"): COMMAND,
+    ("campaign/cluster.py", "go on with the same command and --resume"): DASK,
+    ("campaign/cluster.py", "start it again, and go on with --resume"): DASK,
+    ("campaign/cluster.py", "start `dask scheduler --host IP`"): DASK,
+    ("campaign/cluster.py", "start some with `dask worker {}"): DASK,
+    ("analysis/certificate/certify.py", "take '--drive velocity'"): "`certify` offers no force drives",
+    ("campaign/benchmark/collecting.py", "name their directory, --tuned"): BENCHMARK,
+    ("campaign/benchmark/collecting.py", "run it again in another directory, --out"): BENCHMARK,
+    ("campaign/benchmark/tuning.py", "raise --runs"): "tests/campaign/benchmark/test_tuning.py",
+    ("cases/assertions.py", "pytest --cranectl-update keeps it"): PYTEST,
+    ("cli/pytest_plugin.py", "write it with pytest --cranectl-update"): PYTEST,
+    ("cli/benchmark/run.py", "leave out --scenario or --set-of-cranes"): BENCHMARK,
+    ("cli/campaign/run.py", "the same command and --resume"): "only if a manifest is changed meanwhile",
+    ("cli/idle.py", "--drive velocity --plants elastic,mujoco "): "tests/cli/test_idle_effects.py",
+    ("cli/idle.py", "--set effects.{}={}"): "tests/cli/test_idle_effects.py",
+    ("cli/validate.py", "more notes, in --report FILE"): "the page of every validation has all notes",
+    ("live/guard.py", "start again with --allow-origin {}"): "tests/live/test_guard.py",
+    ("live/hand.py", "start with --set reference.segments=[]"): "tests/live/test_hand.py",
+    ("live/recorder.py", "choose another place with --record"): "tests/live/test_recorder.py",
+    ("live/viewers.py", "choose another port with --port"): "tests/live/test_live.py",
+    ("report/benchmark/page.py", "'cranectl benchmark run' with --division"): "says what options narrow down",
+    ("report/theme.py", "choose another file with --plot"): "only a disk that goes full while it is written",
+}

@@ -1,0 +1,73 @@
+"""No remedy of the sources is forgotten: a test takes it, or `other_remedies.toml` says why none does."""
+
+import tomllib
+from pathlib import Path
+
+import tests.cli.test_key_remedies_campaign as campaign
+import tests.cli.test_key_remedies_controllers as controllers
+import tests.cli.test_key_remedies_design as design
+import tests.cli.test_key_remedies_files as files
+import tests.cli.test_key_remedies_planning as planning
+import tests.cli.test_key_remedies_reference as reference
+import tests.cli.test_key_remedies_rules as rules
+import tests.cli.test_key_remedies_scenario as scenario
+from tests.conftest import ROOT
+from tests.remedies import PACKAGE, Remedy, remedies_in, without_remedy
+
+TABLES = (campaign, controllers, design, files, planning, reference, rules, scenario)
+TRIED: set[Remedy] = {(case.source, case.remedy) for table in TABLES for case in table.CASES}
+TRIED.add((planning.NO_ROOM.source, planning.NO_ROOM.remedy))
+OTHERS: dict[str, dict[str, list[str]]] = tomllib.loads(
+    Path(__file__).with_name("other_remedies.toml").read_text(encoding="utf-8")
+)
+LISTED: list[Remedy] = [
+    (source, text) for sources in OTHERS.values() for source, texts in sources.items() for text in texts
+]
+SOURCE = """
+OUTSIDE = "go outside"
+REMEDIES = {"late": "come earlier"}
+
+def leaves(name: str) -> str:
+    return f"leave '{name}' out" if name else "leave"
+
+def check(kind: str, *, remedy: str = "by default") -> None:
+    remedy = "given by a variable"
+    raise InputError("found", allowed="allowed", remedy=leaves(kind) or OUTSIDE + " now")
+
+def bare() -> None:
+    raise InputError("found", allowed="allowed")
+"""
+
+
+def test_every_remedy_is_tried_or_listed() -> None:
+    known = remedies_in()
+    assert known - TRIED - set(LISTED) == set(), "neither tried nor in other_remedies.toml"
+    assert (TRIED | set(LISTED)) - known == set(), "no longer in the sources"
+    assert TRIED & set(LISTED) == set(), "listed, and tried all the same"
+    assert len(LISTED) == len(set(LISTED)), "listed twice"
+
+
+def test_tests_that_the_list_names_are_there() -> None:
+    named = [reason.split()[-1] for reason in OTHERS if "tests/" in reason]
+    assert named
+    assert [name for name in named if not (ROOT / name).is_file()] == []
+
+
+def test_every_mistake_of_a_user_has_a_remedy() -> None:
+    assert without_remedy() == []
+
+
+def test_rules_across_keys_say_what_is_allowed_and_what_to_do() -> None:
+    """What a validator of settings raises reaches a user only as a `RuleError`."""
+    validators = [
+        path for path in PACKAGE.rglob("*.py") if "@model_validator" in path.read_text(encoding="utf-8")
+    ]
+    assert len(validators) > 8
+    assert [path.name for path in validators if "raise ValueError" in path.read_text(encoding="utf-8")] == []
+
+
+def test_the_inventory_sees_every_way_to_build_a_remedy(tmp_path: Path) -> None:
+    (tmp_path / "module.py").write_text(SOURCE)
+    texts = ["come earlier", "leave '{}' out", "leave", "go outside now", "by default", "given by a variable"]
+    assert remedies_in(tmp_path) == {("module.py", text) for text in texts}
+    assert without_remedy(tmp_path) == ["module.py:13"]

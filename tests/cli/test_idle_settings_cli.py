@@ -1,0 +1,118 @@
+"""Each command names the settings and options that a user gave and that change nothing in what it does."""
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from cranectl.cli.main import cli, main
+from tests.campaign.benchmark.conftest import SHORT as SHORT_SCENARIO
+from tests.campaign.benchmark.conftest import SMALL
+
+pytestmark = pytest.mark.usefixtures("in_empty_directory")
+SHORT = "--set duration=0.1 --set disturbances=[] --set reference.segments=[]"
+SAID = [
+    (f"run fixed-position --plants analytic {SHORT} --set rig.bridge_time_constant=0.03",
+     "rig.bridge_time_constant changes nothing here: ideal drives have no lag"),
+    (f"run fixed-position --plants analytic {SHORT} --set planning.lean=0.3 --set planning.share=0.9",
+     "planning.lean, planning.share change nothing here: no segment of the reference is planned"),
+    (f"run fixed-position --plants analytic {SHORT} --set planning.solver='ipopt'",
+     "planning.solver changes nothing here: one solver plans all motions"),
+    *((f"{command} --patience 5", "--patience changes nothing here: no controller is from a file")
+      for command in (
+          f"run fixed-position --plants analytic {SHORT}",
+          f"campaign run load-and-lag --plants analytic --controller lqr {SHORT}",
+          "tune lqr-integral --benchmark small.toml --runs 4",
+          "benchmark run small.toml --controller lqr-integral --set-of-cranes nominal",
+      )),
+    ("benchmark run small.toml --controller lqr-integral --set-of-cranes nominal --tuned here",
+     "--tuned changes nothing here: laws run with their defaults"),
+    ("benchmark run small.toml --controller lqr-integral --set-of-cranes nominal",
+     "short: log.every changes nothing here: the command does not read it"),
+    ("tune lqr-integral --benchmark small.toml --runs 4",
+     "short: design.input_weight changes nothing here: lqr-integral has parameters of its own"),
+    (f"campaign show load-and-lag --plants analytic --controller lqr {SHORT} --set design.hinf.peak=3.0",
+     "design.hinf.peak changes nothing here: lqr is designed without it"),
+    (f"live fixed-position --plants analytic --port 0 {SHORT} --set rig.effects.delay.seconds=0.02",
+     "[effects.delay] of the rig do not act in this run"),
+    (f"live fixed-position --plants analytic --port 0 {SHORT} --set planning.lean=0.3 "
+     "--set design.hinf.peak=3.0",
+     "fixed-position: planning.lean changes nothing here: no segment of the reference is planned"),
+    (f"advise fixed-position {SHORT} --controller lqr --set log.every=2",
+     "log.every changes nothing here: the command does not read it"),
+    (f"validate fixed-position --plants analytic --controller lqr --jobs 1 {SHORT} --every 2 --keep none",
+     "log.every changes nothing here: the command does not read it"),
+    (f"validate fixed-position --plants analytic --controller lqr,pid --jobs 1 {SHORT} "
+     "--set design.poles=[-3.0,-3.0,-3.0,-3.0]",
+     "design.poles changes nothing here: lqr is designed without it"),
+    ("plan fixed-position --set design.input_weight=0.2", "design.input_weight changes nothing here"),
+    ("design lqr --set rig.load_mass=2.0",
+     "rig.load_mass changes nothing here: the command does not read it"),
+    ("design pid --set disturbances=[{start=0.1,force=[1.0,0.0,0.0]}]",
+     "disturbances.0.start, disturbances.0.force"),
+    ("certify lqr --rope-length 0.7 --tilt 0 0 --hoisting-speed 0 --set metrics.settling_tolerance=0.01",
+     "metrics.settling_tolerance changes nothing here"),
+    (f"ladder fixed-position {SHORT} --top continuous --set effects.installation.rope_offset=0.01",
+     "effects.installation.rope_offset changes nothing here"),
+    (f"budget fixed-position {SHORT} --top sampled --controller lqr --set effects.delay.seconds=0.01",
+     "effects.delay.seconds changes nothing here"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("command", "line"), SAID, ids=[line for _, line in SAID])
+def test_a_command_names_what_changes_nothing(
+    command: str, line: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if "small.toml" in command:
+        asked = 'set = ["design.input_weight=0.2", "log.every=2"]\n'
+        Path("small.toml").write_text(asked + SMALL.replace(', "servo.py:SERVO"', ""))
+        Path("short.toml").write_text(SHORT_SCENARIO)
+    monkeypatch.setattr("cranectl.live.server.LiveServer.serve", lambda *_: None)
+    main(shlex.split(command))
+    assert line in " ".join(capsys.readouterr().out.split())
+
+
+def test_every_command_that_takes_settings_is_tried() -> None:
+    """The page of a benchmark is of what has been run."""
+
+    def commands(command: click.Command, path: str = "") -> Iterator[str]:
+        if isinstance(command, click.Group):
+            for name, below in command.commands.items():
+                yield from commands(below, f"{path} {name}".strip())
+        elif {"overrides", "benchmark", "benchmark_name"} & {each.name for each in command.params}:
+            yield path
+
+    assert {each for each in commands(cli) if not any(said.startswith(each) for said, _ in SAID)} == {
+        "benchmark report"
+    }
+
+
+def test_nothing_is_said_of_what_comes_with_cranectl(capsys: pytest.CaptureFixture[str]) -> None:
+    for command in (f"run fixed-position --plants analytic {SHORT}", "design lqr", "plan fixed-position"):
+        main(shlex.split(command))
+        assert "nothing here" not in capsys.readouterr().out
+
+
+def test_a_file_is_for_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    """What one command does not read of it another does; what no run uses is said."""
+    Path("ours.toml").write_text(
+        'name = "ours"\nduration = 0.1\nlog = { every = 2 }\n[design]\ninput_weight = 0.2\n'
+        "[reference]\nstart = [0.5, 0.5, -0.7]\n"
+    )
+    assert main(["plan", "ours.toml"]) == 0
+    assert "nothing here" not in capsys.readouterr().out
+    main(["run", "ours.toml", "--plants", "analytic"])
+    said = "ours: design.input_weight changes nothing here: pole-placement is designed without it"
+    assert said in capsys.readouterr().out
+
+
+def test_a_campaign_names_them_too(capsys: pytest.CaptureFixture[str]) -> None:
+    main(shlex.split(
+        "campaign run load-and-lag --plants analytic --controller lqr --seed 3 --set duration=0.1 "
+        "--set disturbances=[] --set reference.segments=[] --set design.hinf.peak=3.0"
+    ))  # fmt: skip
+    said = capsys.readouterr().out
+    assert "seed changes nothing here: grid sampling draws nothing" in said
+    assert "design.hinf.peak changes nothing here: lqr is designed without it" in said

@@ -1,0 +1,189 @@
+"""Remedies that name a key or a value of a campaign: taken on what was refused, they work."""
+
+import pytest
+
+from tests.remedies import Case, check, label, written
+
+RUN = ["campaign", "run", "c.toml", "--out", "result", "--overwrite"]
+SCENARIO = "name='s'\nduration=0.1\nreference.start=[1.0, 0.77, -0.7]\n"
+CAMPAIGN = """name='c'
+scenario='s.toml'
+controllers=['lqr']
+uncertain.rig.load_mass={distribution='uniform', low=0.8, high=1.2}
+"""
+FILES = {
+    "open.toml": SCENARIO + "disturbances=[{joint='alpha', magnitude=1.0, start=0.02}]\n",
+    "s.toml": SCENARIO + "disturbances=[{joint='alpha', magnitude=1.0, start=0.02, end=0.05}]\n",
+    "grid.toml": CAMPAIGN,
+    "c.toml": f"{CAMPAIGN}runs=2\n",
+    "twice.toml": f"{CAMPAIGN}uncertain.'rig.load_mass'={{distribution='fixed', value=1.0}}\n",
+}
+SETTINGS, DEFINITION, LOAD, SAMPLING = (
+    f"campaign/{name}.py" for name in ("settings", "definition", "load", "sampling")
+)
+UNIFORM = "{distribution='uniform', low=0.8, high=1.2}"
+CHOICE = "{distribution='choice', values=[0.8, 1.2]}"
+MASS, GRAVITY = "uncertain.rig.load_mass", "uncertain.rig.gravity"
+GRID, CORRELATED = "sampling='grid'", "correlation=[{between=['rig.load_mass', 'rig.gravity'], value=0.5}]"
+HEAVIER = f"{GRAVITY}={{distribution='uniform', low=9.7, high=9.9}}"
+DISTRIBUTION = (
+    "write [uncertain.{}] with 'distribution = ...' below it, "
+    "or check that [uncertain.{}] has a 'distribution'"
+)
+LAG = "uncertain.rig.rope_range.1={distribution='uniform', low=1.3, high=1.4}"
+MOST = "{between=['rig.load_mass', 'rig.gravity'], value=0.9}"
+LEAST = "{between=['rig.load_mass', 'rig.rope_range.1'], value=0.9}"
+THIRD = "{between=['rig.gravity', 'rig.rope_range.1'], value=0.9}"
+OPEN = "scenario='open.toml'"
+END = "uncertain.disturbances.0.end={distribution='choice', values=[0.05, 0.06]}"
+LAST = "set=['disturbances.0.end=0.05']"
+OF_GRID = ["cranectl", "campaign", "run", "grid.toml", "--out", "result", "--overwrite"]
+SALTELLI = "sampling='saltelli'"
+TO_VARY = "take another sampling, or give a parameter another distribution than fixed"
+SINGLE = 'take \'distribution = "choice"\' with "values", such as [{}, {}, {}]'
+NUMBERS = "take 'distribution = \"integers\"', which gives every run a number of its own"
+IDEAL = "drive='ideal'"
+LAGGING = "uncertain.rig.bridge_time_constant={distribution='uniform', low=0.04, high=0.06}"
+CASES = [
+    Case(
+        SETTINGS,
+        "remove one of the two tables",
+        ["cranectl", "campaign", "run", "twice.toml", "--out", "result", "--overwrite"],
+        [],
+    ),
+    Case(SETTINGS, DISTRIBUTION, [f"{GRAVITY}=9.8"], [f"{GRAVITY}={{distribution='fixed', value=9.8}}"]),
+    Case(
+        "support/errors.py",
+        "did you mean '{}'?",
+        [f"{MASS}.distribution='uniformly'"],
+        [f"{MASS}.distribution='uniform'"],
+    ),
+    Case(DEFINITION, "did you mean '{}'?", [f"uncertain.rig.loadmass={UNIFORM}"], [f"{MASS}={UNIFORM}"]),
+    Case(DEFINITION, "choose a number of the scenario", [f"uncertain.zzz={UNIFORM}"], [f"{MASS}={UNIFORM}"]),
+    Case(
+        DEFINITION,
+        SINGLE,
+        ["uncertain.control.period={distribution='uniform', low=0.001, high=0.002}"],
+        ["uncertain.control.period={distribution='choice', values=[0.001, 0.002, 0.005]}"],
+    ),
+    Case(
+        DEFINITION, "give it one in the scenario or by 'set = [\"{}=...\"]'", [OPEN, END], [OPEN, END, LAST]
+    ),
+    Case(
+        DEFINITION,
+        "choose a number of the scenario",
+        [f"uncertain.disturbances.0.joint={UNIFORM}"],
+        [f"{MASS}={UNIFORM}"],
+    ),
+    Case(
+        DEFINITION,
+        "compare other values with a campaign each",
+        ["uncertain.design.input_weight={distribution='uniform', low=0.1, high=0.2}"],
+        ["set=['design.input_weight=0.2']"],
+    ),
+    Case(
+        DEFINITION,
+        NUMBERS,
+        [
+            "set=['effects.wind={}']",
+            "uncertain.effects.wind.seed={distribution='uniform', low=1.0, high=9.0}",
+        ],
+        ["set=['effects.wind={}']", "uncertain.effects.wind.seed={distribution='integers'}"],
+    ),
+    Case(
+        DEFINITION,
+        "give the numbers themselves and leave 'relative' out",
+        ["uncertain.initial.alpha_offset={distribution='uniform', low=0.9, high=1.1, relative=true}"],
+        ["uncertain.initial.alpha_offset={distribution='uniform', low=0.0, high=0.1}"],
+    ),
+    Case(
+        DEFINITION,
+        "correct mean, low or high",
+        [f"{MASS}={{distribution='normal', mean=1.0, deviation=0.001, low=5.0, high=6.0}}"],
+        [f"{MASS}={{distribution='normal', mean=1.0, deviation=0.001, low=0.9, high=1.1}}"],
+    ),
+    Case(
+        DEFINITION,
+        "widen the range or take 'distribution = \"choice\"'",
+        ["uncertain.disturbances.0.end={distribution='uniform', low=0.0501, high=0.0509}"],
+        ["uncertain.disturbances.0.end={distribution='uniform', low=0.05, high=0.06}"],
+    ),
+    Case(
+        DEFINITION,
+        "widen the range or take 'distribution = \"choice\"'",
+        ["uncertain.disturbances.0.end={distribution='uniform', low=0.0501, high=0.0509}"],
+        ["uncertain.disturbances.0.end={distribution='choice', values=[0.05, 0.06]}"],
+    ),
+    Case(
+        DEFINITION,
+        "give each of them a distribution",
+        [f"uncertain.rig.rope_range={UNIFORM}"],
+        ["uncertain.rig.rope_range.1={distribution='uniform', low=1.3, high=1.4}"],
+    ),
+    Case(
+        LOAD,
+        "leave the correlations out or take another sampling",
+        [GRID, HEAVIER, CORRELATED],
+        [HEAVIER, CORRELATED],
+    ),
+    Case(LOAD, "leave it out, or choose other plants or drives", [IDEAL, LAGGING], [IDEAL]),
+    Case(LOAD, "leave it out, or choose other plants or drives", [IDEAL, LAGGING], [LAGGING]),
+    Case(
+        LOAD,
+        "add 'levels = 5' to [uncertain.{}]",
+        [*OF_GRID, GRID],
+        [*OF_GRID, GRID, f"{MASS}.levels=5"],
+    ),
+    Case(
+        LOAD,
+        "take fewer levels or another sampling",
+        [*OF_GRID, GRID, f"{MASS}.levels=10000", HEAVIER, f"{GRAVITY}.levels=1000"],
+        [*OF_GRID, GRID, f"{MASS}.levels=2", HEAVIER, f"{GRAVITY}.levels=2"],
+    ),
+    Case(LOAD, TO_VARY, [SALTELLI, f"{MASS}={{distribution='fixed', value=1.0}}"], [SALTELLI, "runs=3"]),
+    Case(
+        LOAD,
+        "remove 'runs' or correct it",
+        [GRID, f"{MASS}.levels=3"],
+        [GRID, f"{MASS}.levels=3", "runs=3"],
+    ),
+    Case(LOAD, "take 'runs = {}'", ["sampling='saltelli'", "runs=7"], ["sampling='saltelli'", "runs=12"]),
+    Case(
+        SAMPLING,
+        "weaken the correlations between {}, or name the missing pairs",
+        [HEAVIER, LAG, f"correlation=[{MOST}, {LEAST}]"],
+        [HEAVIER, LAG, f"correlation=[{MOST}, {LEAST}, {THIRD}]"],
+    ),
+    Case(
+        SAMPLING,
+        "weaken the correlations between {}, or name the missing pairs",
+        [HEAVIER, LAG, f"correlation=[{MOST}, {LEAST}]"],
+        [HEAVIER, LAG, f"correlation=[{MOST}, {LEAST}]".replace("0.9", "0.2")],
+    ),
+    Case(
+        SAMPLING,
+        "leave the correlation out or take another distribution",
+        [f"{GRAVITY}={{distribution='choice', values=[9.7, 9.9]}}", CORRELATED],
+        [f"{GRAVITY}={{distribution='choice', values=[9.7, 9.9]}}"],
+    ),
+    Case(
+        SAMPLING,
+        "leave the correlation out or take another distribution",
+        [f"{GRAVITY}={{distribution='choice', values=[9.7, 9.9]}}", CORRELATED],
+        [HEAVIER, CORRELATED],
+    ),
+    Case(
+        SAMPLING,
+        "remove it",
+        [HEAVIER, CORRELATED.replace("rig.gravity", "rig.load_mass")],
+        [HEAVIER],
+    ),
+]
+
+
+files = written(FILES)
+
+
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    check(case, RUN, capsys)

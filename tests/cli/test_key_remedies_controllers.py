@@ -1,0 +1,117 @@
+"""Remedies on what a controller's file declares: taken on what was refused, they work."""
+
+import sys
+
+import pytest
+
+from tests.loaders.test_process_law import PROGRAM
+from tests.remedies import Case, check, label, written
+
+RUN = ["run", "s.toml", "--plants", "analytic", "--controller"]
+STEP = "\n    def step(parameters, measured, reference, memory, command):\n        return 0\n"
+PREPARE = "\n    def prepare(nominal):\n        return "
+CLASSES = {
+    "Law": "memory = 2",
+    "Texts": "parameters = {'gain': 'high'}",
+    "Numbers": "parameters = {'gain': 2.0}",
+    "NoMemory": "memory = 'abc'",
+    "Never": "every = 0",
+    "Odd": "command = 'speed'",
+    "Velocity": "command = 'velocity'",
+    "Five": "parameters = 5",
+    "Twice": "logged = {'the error': 0}",
+    "Renamed": "logged = {'the_error': 0}",
+    "Beyond": "memory = 2; logged = {'error': 5}",
+    "Within": "memory = 2; logged = {'error': 1}",
+    "Larger": "memory = 6; logged = {'error': 5}",
+    "NotPrepared": "prepare = 5",
+    "Selfish": "\n    def prepare(self, nominal):\n        return [], []",
+    "Alone": f"{PREPARE}[]",
+    "Complex": f"{PREPARE}[1j], []",
+    "Pair": f"{PREPARE}[], []",
+    "Same": "name = 'law'",
+}
+SOURCE = "".join(f"class {name}:\n    {body}{STEP}\n" for name, body in CLASSES.items())
+SOURCE += "def two(parameters, measured):\n    return 0\n\n"
+SOURCE += "def law(parameters, measured, reference, memory, command):\n    return 0\n"
+PEER = f"logged = ['bridge_error']\nprogram = ['{sys.executable}', 'program.py']\n"
+FILES = {
+    "s.toml": "name='s'\nduration=0.1\nreference.start=[1.0, 0.77, -0.7]\n",
+    "law.py": SOURCE,
+    "broken.py": "def law(:\n",
+    "program.py": PROGRAM.replace("BROKEN", "pass"),
+    "peer.toml": f"name = 'peer'\n{PEER}",
+    "none.toml": "name = 'peer'\n",
+    "absent.toml": "name = 'peer'\nlogged = ['bridge_error']\nprogram = ['no-such-program', 'program.py']\n",
+    "data.toml": f"name = 'peer'\n{PEER}files = ['data/*.csv']\n",
+    "own.toml": f"name = 'peer'\n{PEER}files = ['*.py']\n",
+    "speechless.toml": "name = 'peer'\naddress = 'tcp://127.0.0.1:9'\n",
+}
+PYTHON, PROCESS, OPENING = (f"loaders/{name}.py" for name in ("python_law", "process_law", "opening"))
+DECLARED, PREPARED = (f"controllers/{name}.py" for name in ("declarations", "preparation"))
+INTEGRAL, OFFSET_FREE = "controller.lqr-integral", "controller.lqr-offset-free"
+SAMPLED = "control.period=0.05"
+BOTH = ["cranectl", "validate", "s.toml", "--plants", "analytic", "--controller"]
+CASES = [
+    Case(PYTHON, "name it: {}:NAME", ["law.py"], ["law.py:law"]),
+    Case(PYTHON, "define step({}), see 'cranectl new controller'", ["law.py:lqr"], ["law.py:law"]),
+    Case(
+        PYTHON, "give it these five; a method of a class is a @staticmethod", ["law.py:two"], ["law.py:law"]
+    ),
+    Case(PYTHON, "correct it", ["broken.py:law"], ["law.py:law"]),
+    Case(PYTHON, "give the number that it has by default", ["law.py:Texts"], ["law.py:Numbers"]),
+    Case(PYTHON, "give one of the two", ["law.py:NoMemory"], ["law.py:Law"]),
+    Case(DECLARED, "give {}", ["law.py:Never"], ["law.py:Law"]),
+    Case(
+        DECLARED,
+        "choose one of those listed above",
+        ["law.py:Odd"],
+        ["law.py:Velocity", "--drive", "velocity"],
+    ),
+    Case(DECLARED, "write it in one of these ways", ["law.py:Five"], ["law.py:Numbers"]),
+    Case(DECLARED, "take another name", ["law.py:Twice"], ["law.py:Renamed"]),
+    Case("controllers/controller.py", "write prepare(nominal)", ["law.py:NotPrepared"], ["law.py:Pair"]),
+    Case(PREPARED, "log another place, or give it a larger memory", ["law.py:Beyond"], ["law.py:Within"]),
+    Case(PREPARED, "log another place, or give it a larger memory", ["law.py:Beyond"], ["law.py:Larger"]),
+    Case(PREPARED, "correct it; in a class it has no self", ["law.py:Selfish"], ["law.py:Pair"]),
+    Case(PREPARED, "return both, an empty one too", ["law.py:Alone"], ["law.py:Pair"]),
+    Case(PREPARED, "return real numbers, at most {} in each", ["law.py:Complex"], ["law.py:Pair"]),
+    Case(OPENING, "correct the path", ["lost.py:law"], ["law.py:law"]),
+    Case(OPENING, "name it: {}", ["peer.toml:law"], ["peer.toml"]),
+    Case(
+        OPENING,
+        "give one of them another name in its file, or take one at a time",
+        [*BOTH, "law.py:law,law.py:Same"],
+        ["law.py:Same"],
+    ),
+    Case(PROCESS, "give one of the two", ["none.toml"], ["peer.toml"]),
+    Case(PROCESS, "correct 'program'", ["absent.toml"], ["peer.toml"]),
+    Case(PROCESS, "correct 'files'", ["data.toml"], ["own.toml"]),
+    Case(PROCESS, "correct it", ["speechless.toml"], ["peer.toml"]),
+    Case(
+        "controllers/controller.py",
+        "give {}.{} such a value: {}",
+        ["lqr-integral", f"{INTEGRAL}.input_weight=-1.0"],
+        ["lqr-integral", f"{INTEGRAL}.input_weight=1.0"],
+    ),
+    Case(
+        "controllers/lqr_integral.py",
+        "raise input_weight in [controller.lqr-integral]",
+        ["lqr-integral", SAMPLED, f"{INTEGRAL}.input_weight=1e-6"],
+        ["lqr-integral", SAMPLED, f"{INTEGRAL}.input_weight=10.0"],
+    ),
+    Case(
+        "controllers/lqr_offset_free.py",
+        "lower error_weight and rate_weight in [controller.lqr-offset-free]",
+        ["lqr-offset-free", SAMPLED, f"{OFFSET_FREE}.error_weight=1e6"],
+        ["lqr-offset-free", SAMPLED, f"{OFFSET_FREE}.error_weight=1.0"],
+    ),
+]
+
+
+files = written(FILES)
+
+
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    check(case, RUN, capsys)

@@ -1,0 +1,178 @@
+"""Remedies on files, names and what plants can show: taken on what was refused, they work."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+
+from cranectl.cli.main import main
+from tests.remedies import Case, check, label
+
+RUN = ["run", "s.toml", "--plants", "analytic"]
+SCENARIO = "name='s'\nduration=2.0\nreference.start=[1.0, 0.77, -0.7]\ncontrol.period=0.005\n"
+FILES = {
+    "s.toml": SCENARIO,
+    "wrong.toml": SCENARIO.replace("=2.0", "=2.0.0"),
+    "s.xml": "<mujoco model='crane'/>\n",
+    "cut.parquet": "PAR1",
+}
+
+
+def given(kind: str, file: str, *settings: str) -> list[str]:
+    return [
+        f"reference.segments=[{{kind='{kind}', file='{file}', {', '.join(settings or ['signs=[1, 1, 1]'])}}}]"
+    ]
+
+
+def on(plant: str, drive: str, *settings: str) -> list[str]:
+    return ["cranectl", "run", "s.toml", "--plants", plant, "--drive", drive, *settings]
+
+
+SI = "units={time='s', length='m'}"
+LINE, MOVE = (
+    f"reference.segments=[{{kind='{kind}', to=[1.1, 0.77, -0.7], duration='shortest'}}]"
+    for kind in ("line", "move")
+)
+PLOT = ["cranectl", "plan", "s.toml", "--plot", "a.png"]
+RUBS, SLIDES = "effects.friction.coulomb=[1.0, 1.0, 1.0]", "effects.friction.coulomb=[0.0, 0.0, 0.0]"
+ROLLS = "effects.friction.viscous=[0.0, 0.0, 0.0]"
+SMOOTH = [SLIDES, ROLLS]
+PULLS = "effects.limits={velocity=[1.0, 1.0, 1.0], acceleration=[1e9, 1e9, 1e9], force=[90.0, 90.0, 90.0]}"
+FREELY = PULLS.replace("[1.0, 1.0, 1.0]", "[1000000000.0, 1000000000.0, 1000000000.0]")
+STIFF = ["duration=0.05", "effects.rope.stiffness=1e8"]
+HOOK = ["duration=0.05", "effects.body.hook_offset=0.8"]
+CAPABLE, STABLE = "plants/capabilities.py", "plants/stability.py"
+FROM_FILE, TABLES, TOML, NAMES = (
+    "reference/files.py",
+    "reference/tables.py",
+    "support/documents.py",
+    "support/resources.py",
+)
+PLAN, AN_ENTRY = ["cranectl", "plan"], "choose one that is there, or set the whole list"
+CASES = [
+    Case(
+        CAPABLE,
+        "{}; or set {}",
+        [*on("analytic", "velocity", RUBS)],
+        on("analytic", "velocity", RUBS, *SMOOTH),
+    ),
+    Case(
+        CAPABLE,
+        "{} or '--drive force'; or set {}",
+        on("mujoco", "ideal", RUBS),
+        on("mujoco", "ideal", *SMOOTH),
+    ),
+    Case(
+        CAPABLE,
+        "{}; or set {}",
+        on("mujoco", "force", PULLS),
+        on("mujoco", "force", FREELY),
+    ),
+    Case(
+        STABLE,
+        "set control.physics_step to {} or less; or choose a softer rope or frame, a heavier winch, "
+        "or a body with more inertia",
+        on("mujoco", "velocity", *STIFF),
+        on("mujoco", "velocity", *STIFF[:1], "effects.rope.stiffness=1e5"),
+    ),
+    Case(
+        STABLE,
+        "lower the path or reduce hook_offset",
+        on("mujoco", "velocity", *HOOK),
+        on("mujoco", "velocity", *HOOK[:1], "effects.body.hook_offset=0.1"),
+    ),
+    Case(
+        FROM_FILE,
+        "leave out columns.speed",
+        given("waypoints", "one.mcap", "columns={speed='v'}"),
+        given("samples", "one.mcap"),
+    ),
+    Case(FROM_FILE, "leave out {}", given("samples", "one.mcap", SI), given("samples", "one.mcap")),
+    Case(
+        "support/errors.py",
+        "did you mean '{}'?",
+        given("samples", "one.mcap", "topic='reference/loads'"),
+        given("samples", "one.mcap", "topic='reference/load'"),
+    ),
+    Case(
+        TABLES,
+        "write the column as floating point numbers",
+        given("samples", "text.parquet", SI),
+        given("samples", "own.parquet", SI),
+    ),
+    Case(
+        TABLES,
+        "write the file again",
+        given("samples", "cut.parquet", SI),
+        given("samples", "own.parquet", SI),
+    ),
+    Case(
+        "cli/plan.py",
+        "take kind = 'move', or time_law = 'minimum-time' instead of a duration",
+        [*PLOT, "reference.segments=[{kind='line', to=[1.1, 0.77, -0.7], duration=2.0}]"],
+        [*PLOT, "reference.segments=[{kind='move', to=[1.01, 0.77, -0.7]}]"],
+    ),
+    Case(TOML, "leave '{}' out", ["duration.long=2.0"], ["duration=2.0"]),
+    Case(TOML, AN_ENTRY, ["reference.start.3=0.8"], ["reference.start.1=0.8"]),
+    Case(TOML, AN_ENTRY, ["reference.start.3=0.8"], ["reference.start=[1.0, 0.8, -0.7]"]),
+    Case(NAMES, "name a file in it, or another", [*PLAN, "folder"], [*PLAN, "folder/s.toml"]),
+    Case(
+        TOML, "correct it at that place", ["cranectl", "plan", "wrong.toml"], ["cranectl", "plan", "s.toml"]
+    ),
+    Case(
+        TOML,
+        "name a {} file, or write the settings into one",
+        ["cranectl", "plan", "s.xml"],
+        ["cranectl", "plan", "s.toml"],
+    ),
+    Case(
+        NAMES,
+        "did you mean '{}'?",
+        ["cranectl", "plan", "fast-diagonale"],
+        ["cranectl", "plan", "fast-diagonal"],
+    ),
+    Case(
+        NAMES,
+        "choose one of these, or correct the path",
+        ["cranectl", "plan", "lost/move.toml"],
+        ["cranectl", "plan", "s.toml"],
+    ),
+    Case(
+        "controllers/registry.py",
+        "choose one of the controllers listed above, or name the file of a law, law.py:NAME",
+        ["--drive", "ideal", "--controller", "zzz"],
+        ["--drive", "ideal"],
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files, a log of a run among them."""
+    folder = tmp_path_factory.mktemp("made")
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+    (folder / "folder").mkdir()
+    (folder / "folder" / "s.toml").write_text(SCENARIO)
+    time = np.arange(0.0, 1.0, 0.01)
+    columns = {"time": time, "x": 0.0 * time + 1.0, "y": 0.0 * time + 0.77, "z": 0.0 * time - 0.7}
+    parquet.write_table(pa.table(columns), folder / "own.parquet")
+    parquet.write_table(pa.table({**columns, "x": time.astype(str)}), folder / "text.parquet")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert main([*RUN, "--out", "one.mcap"]) == 0
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def files(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(made, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+
+
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    check(case, RUN, capsys)

@@ -1,0 +1,189 @@
+"""Remedies on motions that are planned: taken on what was refused, they work."""
+
+from pathlib import Path
+
+import pytest
+
+from cranectl.live.hand_limits import hand_limits
+from cranectl.planning import load_scenario
+from cranectl.support.errors import InputError
+from tests.remedies import Case, check, label
+
+RUN = ["run", "s.toml", "--plants", "analytic"]
+SCENARIO = "name='s'\nduration=8.0\nreference.start=[1.0, 0.77, -0.7]\ncontrol.period=0.005\n"
+SHORTEST, PLANNED = "duration='shortest'", "time_law='minimum-time'"
+ANYWHERE = "planning.load_box=[[-9.0, 9.0], [-9.0, 9.0], [-9.0, -0.1]]"
+NO_FORCE = "effects.limits.force=[1e9, 1e9, 1e9]"
+POINT, FAR = [1.2, 0.77, -0.7], [1.4, 0.77, -0.7]
+
+
+def segment(kind: str, to: list[float], *settings: str) -> str:
+    return f"{{kind='{kind}', to={to}, {', '.join(settings or [SHORTEST])}}}"
+
+
+def move(to: list[float], *settings: str) -> str:
+    return f"reference.segments=[{segment('move', to, *settings)}]"
+
+
+def line(to: list[float], *settings: str) -> str:
+    return f"reference.segments=[{segment('line', to, *settings)}]"
+
+
+def lines(to: list[float], blend: float, *settings: str) -> str:
+    first = segment("line", [1.3, 0.77, -0.7], PLANNED if blend else SHORTEST, f"blend={blend}")
+    return f"reference.segments=[{first}, {segment('line', to, *settings)}]"
+
+
+def chair(top: float, x: float = 1.2) -> str:
+    low, high = [x - 0.05, 0.6, -1.4], [x + 0.05, 0.9, top]
+    return f"obstacles=[{{name='chair', low={low}, high={high}}}]"
+
+
+def within(lowest: float) -> str:
+    return f"planning.load_box=[[0.0, 2.0], [0.0, 1.54], [{lowest}, -0.1]]"
+
+
+CHECKS, PLAN, BLENDS = (f"planning/{name}.py" for name in ("checks", "plan", "blends"))
+PATH = "reference/given_path.py"
+LOAD = "move the point, or widen planning.load_box or lessen planning.clearance"
+WEAK = "correct rig.load_mass or {}.force, or raise planning.share"
+OVER = "lower the obstacle, or go round it by points in via"
+LONG = "raise {}, or ask for a shorter way"
+STAY, HOLD = 'to stay in place use kind = "hold"', 'reference.segments=[{kind = "hold", duration=1.0}]'
+ROPE = "leave constant_rope out, or make the heights equal"
+PLANE = "leave plane out, or move the point"
+BLEND = "leave blend out there, so that the load stops"
+CRAWLS, MOVES = "velocity=[0.0005, 1.0, 1.0]", "velocity=[0.5, 1.0, 1.0]"
+VELOCITY = ["--drive", "velocity", NO_FORCE]
+LOW, HEAVY = [1.2, 0.77, -1.2], "rig.load_mass=3.0"
+TURN = [1.3, 1.0, -0.7]
+ASIDE = [SHORTEST, "via=[[1.2, 0.8, -0.7]]"]
+NO_ROOM = Case("live/hand_limits.py", "reduce planning.clearance, or correct planning.load_box", [], [])
+CASES = [
+    Case(CHECKS, LOAD, [move([1.2, 0.77, -0.03])], [move([1.2, 0.77, -0.3])]),
+    Case(CHECKS, LOAD, [move(LOW), within(-1.1)], [move(LOW), within(-1.3)]),
+    Case(CHECKS, LOAD, [move([0.03, 0.77, -0.7])], [move([0.03, 0.77, -0.7]), "planning.clearance=0.02"]),
+    Case(
+        CHECKS,
+        "move the point, or change rig.bridge_range",
+        [move([2.5, 0.77, -0.7]), ANYWHERE],
+        [move(POINT)],
+    ),
+    Case(
+        CHECKS,
+        "move the point, or change rig.bridge_range",
+        [move([2.5, 0.77, -0.7]), ANYWHERE],
+        [move([2.5, 0.77, -0.7]), ANYWHERE, "rig.bridge_range=[0.0, 3.0]"],
+    ),
+    Case(
+        CHECKS,
+        "move the point, or change rig.trolley_range",
+        [move([1.2, 2.5, -0.7]), ANYWHERE],
+        [move([1.2, 2.5, -0.7]), ANYWHERE, "rig.trolley_range=[0.0, 3.0]"],
+    ),
+    Case(
+        CHECKS,
+        "move the point, or change rig.rope_range",
+        [move([1.2, 0.77, -2.5]), ANYWHERE],
+        [move([1.2, 0.77, -2.5]), ANYWHERE, "rig.rope_range=[0.1, 3.0]"],
+    ),
+    Case(CHECKS, "move the point or the obstacle", [move(POINT), chair(-0.6)], [move(FAR), chair(-0.9)]),
+    Case(
+        CHECKS, "move the point or the obstacle", [move(POINT), chair(-0.6)], [move(POINT), chair(-0.6, 1.6)]
+    ),
+    Case(CHECKS, WEAK, [move(POINT), HEAVY], [move(POINT), "rig.load_mass=1.0"]),
+    Case(CHECKS, WEAK, [move(POINT), HEAVY], [move(POINT), HEAVY, "planning.share=0.99"]),
+    Case(
+        CHECKS,
+        WEAK,
+        [move(POINT), HEAVY],
+        [move(POINT), HEAVY, "rig.effects.limits.force=[90.0, 90.0, 90.0]"],
+    ),
+    Case(CHECKS, OVER, [move(FAR), chair(-0.1)], [move(FAR), chair(-0.4)]),
+    Case(
+        CHECKS,
+        OVER,
+        [move(FAR), chair(-0.1)],
+        [move(FAR, SHORTEST, "via=[[1.0, 1.2, -0.7], [1.4, 1.2, -0.7]]"), chair(-0.1)],
+    ),
+    Case(
+        CHECKS,
+        LONG,
+        [move(FAR), f"rig.effects.limits.{CRAWLS}"],
+        [move(FAR), f"rig.effects.limits.{MOVES}"],
+    ),
+    Case(
+        CHECKS,
+        LONG,
+        [*VELOCITY, move(FAR), f"effects.limits.{CRAWLS}"],
+        [*VELOCITY, move(FAR), f"effects.limits.{MOVES}"],
+    ),
+    Case(
+        CHECKS,
+        LONG,
+        [move(FAR), f"rig.effects.limits.{CRAWLS}"],
+        [move([1.001, 0.77, -0.7]), f"rig.effects.limits.{CRAWLS}"],
+    ),
+    Case(
+        CHECKS,
+        LONG,
+        [line(FAR), "planning.jerk=[1e-9, 1.0, 1.0]"],
+        [line(FAR), "planning.jerk=[9.0, 1.0, 1.0]"],
+    ),
+    Case(CHECKS, LONG, [line(FAR), "planning.lean=1e-6"], [line(FAR), "planning.lean=0.1"]),
+    Case(
+        CHECKS,
+        "take kind = 'move', which finds a way, or another path",
+        [line(FAR), chair(-0.4)],
+        [move(FAR), chair(-0.4)],
+    ),
+    Case(PLAN, STAY, [move([1.0, 0.77, -0.7])], [HOLD]),
+    Case(PATH, STAY, [line([1.0, 0.77, -0.7])], [HOLD]),
+    Case(
+        PATH, STAY, ["reference.segments=[{kind='arc', centre=[1.0, 0.9], angle=0.0, duration=1.0}]"], [HOLD]
+    ),
+    Case(
+        PLAN,
+        "move the point away, or leave it out",
+        [move(POINT, SHORTEST, "via=[[1.2, 0.77, -0.70000001]]")],
+        [move(POINT)],
+    ),
+    Case(PLAN, ROPE, [move(LOW, "constant_rope=true")], [move(LOW)]),
+    Case(PLAN, ROPE, [move(LOW, "constant_rope=true")], [move(POINT, "constant_rope=true")]),
+    Case(PLAN, PLANE, [move(FAR, ASIDE[1], "plane=true")], [move(FAR, *ASIDE)]),
+    Case(
+        PLAN,
+        PLANE,
+        [move(FAR, ASIDE[1], "plane=true")],
+        [move(FAR, ASIDE[1].replace("8", "77"), "plane=true")],
+    ),
+    Case(BLENDS, BLEND, [line(POINT, PLANNED, "blend=0.01")], [line(POINT, SHORTEST)]),
+    Case(BLENDS, BLEND, [lines(TURN, 0.01, SHORTEST)], [lines(TURN, 0.0, SHORTEST)]),
+    Case(
+        BLENDS,
+        "leave blend out there, so that the load stops, or move the corner",
+        [lines([1.1, 0.77, -0.7], 0.01, PLANNED)],
+        [lines([1.1, 0.77, -0.7], 0.0, SHORTEST)],
+    ),
+    Case("reference/sanity.py", "{}{}{}", ["duration=0.1", line(POINT)], ["duration=2.0", line(POINT)]),
+    Case("reference/sanity.py", "{}{}{}", ["duration=0.1", line(POINT)], ["duration=0.1"]),
+]
+
+
+@pytest.fixture(autouse=True)
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("s.toml").write_text(SCENARIO)
+
+
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    check(case, RUN, capsys)
+
+
+def test_there_is_room_to_drive_by_hand() -> None:
+    """Of a live session, which drives when it is asked to."""
+    with pytest.raises(InputError) as error:
+        hand_limits(load_scenario("s.toml", overrides=["planning.clearance=0.8"]))
+    assert error.value.remedy == NO_ROOM.remedy
+    assert hand_limits(load_scenario("s.toml", overrides=["planning.clearance=0.1"]))

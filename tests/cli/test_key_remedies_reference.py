@@ -1,0 +1,236 @@
+"""Remedies on motions from points and files: taken on what was refused, they work."""
+
+import numpy as np
+import pytest
+
+from tests.remedies import Case, check, label, written
+
+RUN = ["run", "s.toml", "--plants", "analytic"]
+POINTS = ["0,1.0,0.77,-0.7", "3,1.1,0.77,-0.7", "6,1.2,0.77,-0.7"]
+TIMES = np.arange(0.0, 4.01, 0.05)
+_part = np.clip((TIMES - 0.5) / 3.0, 0.0, 1.0)
+ALONG = 1.0 + 0.3 * _part**4 * (35.0 - 84.0 * _part + 70.0 * _part**2 - 20.0 * _part**3)
+RECORDED = [f"{t:.3f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, ALONG, strict=True)]
+AT = 40  # the sample at 2 s
+
+
+def table(rows: list[str], names: str = "time,x,y,z") -> str:
+    return "\n".join([names, *rows]) + "\n"
+
+
+def with_row(rows: list[str], index: int, row: str) -> str:
+    return table([*rows[:index], row, *rows[index + 1 :]])
+
+
+def without(rows: list[str], first: int, last: int) -> str:
+    return table(rows[:first] + rows[last:])
+
+
+FILES = {
+    "s.toml": "name='s'\nduration=8.0\nreference.start=[1.0, 0.77, -0.7]\ncontrol.period=0.005\n",
+    "points.csv": table(POINTS),
+    "empty.csv": "",
+    "units.csv": table(POINTS, "time [s],x [m],y [m],z [m]"),
+    "inches.csv": table(POINTS, "time [s],x [inch],y [m],z [m]"),
+    "text.csv": with_row(POINTS, 1, "3,one,0.77,-0.7"),
+    "ragged.csv": with_row(POINTS, 1, "3,1.1,0.77,-0.7,9"),
+    "two.csv": without(POINTS, 1, 2),
+    "bare.csv": "\n".join(POINTS),
+    "bars.csv": table([row.replace(",", "|") for row in POINTS], "time|x|y|z"),
+    "latin.csv": table(POINTS).encode() + "# Höhe\n".encode("latin-1"),
+    "sheet.xlsx": b"PK\x03\x04" + bytes(100),
+    "twice.csv": table([f"{row},1.0" for row in POINTS], "time,x,y,z,x"),
+    "once.csv": table([f"{row},1.0" for row in POINTS], "time,x,y,z,old x"),
+    "named.csv": table(POINTS, "time,laengs,y,z"),
+    "clock.csv": table(POINTS, "clock,x,y,z"),
+    "flat.csv": table([row.rpartition(",")[0] for row in POINTS], "time,x,y"),
+    "many.csv": table([f"{0.002 * k:g},1.0,0.77,-0.7" for k in range(2001)]),
+    "recorded.csv": table(RECORDED),
+    "few.csv": table(RECORDED[::4]),
+    "gap.csv": without(RECORDED, 20, 40),
+    "jump.csv": with_row(RECORDED, AT, "2.000,1.9,0.77,-0.7"),
+    "nan.csv": with_row(RECORDED, AT, "2.000,nan,0.77,-0.7"),
+    "far.csv": with_row(RECORDED, AT, "2.000,1e9,0.77,-0.7"),
+    "late.csv": with_row(RECORDED, AT, "1.000,1.15,0.77,-0.7"),
+    "less.csv": without(RECORDED, AT, AT + 1),
+    "moving.csv": without(RECORDED, 0, 25),
+    "down.csv": table([row.replace("-0.7", "0.7") for row in RECORDED]),
+    "elsewhere.csv": table([row.replace("0.77", "1.0") for row in RECORDED]),
+    "millis.csv": table([f"{1e3 * t:.0f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, ALONG, strict=True)]),
+    "fast.csv": table([f"{t / 10:.4f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, ALONG, strict=True)]),
+}
+IN_SI = "units={time='s', length='m'}"
+NAMED = "columns={time='time [s]', x='x [m]', y='y [m]', z='z [m]'}"
+IN_INCHES = NAMED.replace("x [m]", "x [inch]")
+
+
+def segment(kind: str, *settings: str) -> list[str]:
+    return [f"reference.segments=[{{kind='{kind}', {', '.join(settings)}}}]"]
+
+
+def points(file: str = "points.csv", units: str = IN_SI, *settings: str) -> list[str]:
+    return segment("waypoints", f"file='{file}'", *filter(None, [units]), *settings)
+
+
+def samples(file: str = "recorded.csv", units: str = IN_SI, *settings: str) -> list[str]:
+    return segment("samples", f"file='{file}'", units, *settings)
+
+
+def through(*timing: str, way: str = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]") -> list[str]:
+    return segment("waypoints", f"points=[{way}]", *timing)
+
+
+def repeated(*timing: str) -> list[str]:
+    return through(*timing, way="[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]")
+
+
+def after_a_line(to: str, then: list[str]) -> list[str]:
+    """Return segments with a line before them."""
+    line = f"[{{kind='line', to={to}, duration='shortest'}},"
+    return [each.replace("=[", f"={line}", 1) for each in then]
+
+
+STAY = segment("hold", "duration=1.0")
+UNEVEN = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.100001,0.77,-0.7],[1.2,0.77,-0.7],[1.4,0.77,-0.7]"
+EVEN = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.2,0.77,-0.7],[1.4,0.77,-0.7]"
+QUICK, FASTER = "times=[0, 0.6, 1.2]", "velocity=[3.0, 3.0, 3.0]"
+HARDER = "acceleration=[30.0, 30.0, 30.0]"
+NO_FORCE = ["--drive", "velocity", "effects.limits.force=[1e9, 1e9, 1e9]"]
+F, T, G, S, D = (f"reference/{name}.py" for name in ("files", "tables", "given", "sanity", "drive_demand"))
+UNITS = "leave out units.{}, or correct the file"
+ENCODING = "save it as CSV in UTF-8, or as Parquet"
+MAP = "map it: columns = {{} = '…'}{}"
+FOR_EVER = "raise the speed, or give times in place of speeds"
+REST = "leave out {}; to rest there, give times in place of speeds"
+STOP = "leave out {}; to stop there, end the segment there and begin another"
+BEGIN = "reference.start = [{}] if it is the first segment, or move there before, or offset = '{}'"
+SIGNS = "signs = [1, 1, -1] if the file counts z downwards; or offset = '{}' if it counts from elsewhere"
+SPANS = "leave out spans: it is chosen then, or take fewer"
+OFTEN = 'record more often, or take them as points: kind = "waypoints"'
+DEMAND = "give the motion more time, or raise {} if the drive can do more"
+CASES = [
+    Case(F, "name such a file", points("absent.csv"), points()),
+    Case(F, "leave out topic", points("points.csv", IN_SI, "topic='analytic/load'"), points()),
+    Case(F, "record it again", points("empty.csv"), points()),
+    Case(
+        F,
+        "say in what it is, units = {{} = '{}', …}: a guess could err",
+        points(units="units={time='s'}"),
+        points(),
+    ),
+    Case(F, UNITS, points("units.csv", "units={length='mm'}", NAMED), points("units.csv", "", NAMED)),
+    Case(F, UNITS, points("units.csv", "units={length='mm'}", NAMED), points()),
+    Case(
+        F,
+        "write the column in one of these units",
+        points("inches.csv", IN_SI, IN_INCHES),
+        points("units.csv", IN_SI, NAMED),
+    ),
+    Case("support/errors.py", "did you mean '{}'?", points("units.csv", ""), points("units.csv", "", NAMED)),
+    Case(T, ENCODING, points("sheet.xlsx"), points()),
+    Case(T, ENCODING, points("latin.csv"), points()),
+    Case(
+        T,
+        "write numbers, with a point before decimals, or with ; between columns and a comma",
+        points("text.csv"),
+        points(),
+    ),
+    Case(T, "correct that line, or leave it out", points("ragged.csv"), points()),
+    Case(T, "correct that line, or leave it out", points("ragged.csv"), points("two.csv")),
+    Case(T, "write a line of names before it, such as {}", points("bare.csv"), points()),
+    Case(T, "write the file with one of these between its columns", points("bars.csv"), points()),
+    Case(T, "give the others another name", points("twice.csv"), points("once.csv")),
+    Case(
+        T,
+        MAP,
+        points("clock.csv"),
+        points("clock.csv", IN_SI, "columns={time='clock'}"),
+    ),
+    Case(
+        T,
+        MAP,
+        points("named.csv"),
+        points("named.csv", IN_SI, "columns={x='laengs'}"),
+    ),
+    Case(
+        T,
+        MAP,
+        points("flat.csv"),
+        points("flat.csv", IN_SI, "columns={z=-0.7}"),
+    ),
+    Case(G, 'near more than that passes kind = "samples"', points("many.csv"), samples("many.csv")),
+    Case(G, "add or remove some", through("times=[0, 3]"), through("times=[0, 3, 6]")),
+    Case(G, FOR_EVER, through("speed=[0, 0, 0.1]"), through("speed=[0, 0.1, 0.1]")),
+    Case(G, FOR_EVER, through("speed=[0, 0, 0.1]"), through("times=[0, 3, 6]")),
+    Case(
+        G,
+        'to stay in place use kind = "hold"',
+        through("speed=0.1", way="[1.0,0.77,-0.7],[1.0,0.77,-0.7]"),
+        STAY,
+    ),
+    Case(G, REST, repeated("speed=0.1"), through("speed=0.1")),
+    Case(G, REST, repeated("speed=[0.0, 0.1, 0.1, 0.0]"), through("speed=[0.0, 0.1, 0.0]")),
+    Case(G, REST, repeated("speed=0.1"), repeated("times=[0, 3, 4, 7]")),
+    Case(G, STOP, repeated("time_law='minimum-time'"), through("time_law='minimum-time'")),
+    Case(
+        G,
+        STOP,
+        repeated("time_law='minimum-time'"),
+        after_a_line("[1.1, 0.77, -0.7]", segment("line", "to=[1.3, 0.77, -0.7]", "duration='shortest'")),
+    ),
+    Case(
+        G,
+        BEGIN,
+        samples("elsewhere.csv"),
+        [*samples("elsewhere.csv"), "reference.start=[1.0000, 1.0000, -0.7000]"],
+    ),
+    Case(
+        G,
+        BEGIN,
+        samples("elsewhere.csv"),
+        after_a_line("[1.0000, 1.0000, -0.7000]", samples("elsewhere.csv")),
+    ),
+    Case(G, BEGIN, samples("elsewhere.csv"), samples("elsewhere.csv", IN_SI, "offset='to-start'")),
+    Case(G, SIGNS, samples("down.csv"), samples("down.csv", IN_SI, "signs=[1, 1, -1]")),
+    Case(G, SIGNS, samples("down.csv"), samples("down.csv", IN_SI, "offset='to-start'")),
+    Case(G, SPANS, samples("recorded.csv", IN_SI, "spans=500"), samples()),
+    Case(G, SPANS, samples("recorded.csv", IN_SI, "spans=500"), samples("recorded.csv", IN_SI, "spans=8")),
+    Case(
+        G,
+        "leave out points that are close together, or add some between those far apart",
+        through("times=[0, 3, 3.0000001, 5, 7]", way=UNEVEN),
+        through("times=[0, 3, 5, 7]", way=EVEN),
+    ),
+    Case(S, "{}{}{}", [*samples(), "duration=3.0"], [*samples(), "duration=5.0"]),
+    Case(S, "{}{}{}", samples("millis.csv"), samples("millis.csv", "units={time='ms', length='m'}")),
+    Case(S, "leave these rows out, or record the motion again", samples("nan.csv"), samples("less.csv")),
+    Case(S, "correct the units, or record the motion again", samples("far.csv"), samples()),
+    Case(S, "sort the rows, and keep one of each time", samples("late.csv"), samples()),
+    Case(S, OFTEN, samples("few.csv"), samples()),
+    Case(S, OFTEN, samples("few.csv"), points("few.csv")),
+    Case(S, "fill it in, or cut the file there into two", samples("gap.csv"), samples()),
+    Case(S, "leave such samples out, or record the motion again", samples("jump.csv"), samples("less.csv")),
+    Case(S, "record it with a rest before and after, or cut it there", samples("moving.csv"), samples()),
+    Case(D, DEMAND, through(QUICK), through("times=[0, 3, 6]")),
+    Case(
+        D,
+        DEMAND,
+        through(QUICK),
+        [*through(QUICK), f"rig.effects.limits.{FASTER}", f"rig.effects.limits.{HARDER}"],
+    ),
+    Case(
+        D,
+        DEMAND,
+        [*NO_FORCE, *through(QUICK)],
+        [*NO_FORCE, *through(QUICK), f"effects.limits.{FASTER}", f"effects.limits.{HARDER}"],
+    ),
+    Case(D, "give the motion more time, or fewer knots by spans", samples("fast.csv"), samples()),
+]
+
+
+files = written(FILES)
+
+
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    check(case, RUN, capsys)

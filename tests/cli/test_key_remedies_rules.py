@@ -1,0 +1,302 @@
+"""Remedies of rules across several keys of a scenario, campaign or benchmark: taken, they work."""
+
+import pytest
+
+from tests.campaign.benchmark.conftest import SHORT, SMALL
+from tests.cli.test_key_remedies_campaign import CAMPAIGN, SCENARIO
+from tests.remedies import Case, check, label, written
+
+PLAN = ["plan", "s.toml"]
+LAWS, SETS = '["lqr-integral", "servo.py:SERVO"]', "[sets.wide]"
+BENCHMARK = SMALL.replace(LAWS, '["lqr-integral"]')
+RULES = {
+    "named": ('[tuning]\nscenarios = ["short"]', '[tuning]\nscenarios = ["long"]'),
+    "spreads": ("spreads = [1.0, 3.0]", "spreads = [3.0, 1.0]"),
+    "plant": ('second_plant = "analytic"', 'second_plant = "mujoco"'),
+    "letters": (SETS, "[sets.Wide]"),
+    "taken": (SETS, "[sets.spread-2]"),
+    "seed": ("seed = 5", "seed = 3"),
+}
+FILES = {
+    "s.toml": "name='s'\nduration=8.0\nreference.start=[1.0, 0.77, -0.7]\n",
+    "points.csv": "time,x,y,z\n0,1.0,0.77,-0.7\n3,1.1,0.77,-0.7\n6,1.2,0.77,-0.7\n",
+    "c.toml": f"{CAMPAIGN}runs=2\n",
+    "none.toml": CAMPAIGN,
+    "scenario.toml": SCENARIO,
+    "short.toml": SHORT,
+    "right.toml": BENCHMARK,
+    **{f"{name}.toml": BENCHMARK.replace(*change) for name, change in RULES.items()},
+}
+FILES["c.toml"], FILES["none.toml"] = (
+    FILES[name].replace("s.toml", "scenario.toml") for name in ("c.toml", "none.toml")
+)
+DRIVEN, RIG, SEGMENTS, ALONG, PLANNING = (
+    f"scenario/{name}.py" for name in ("driven", "rig", "segments", "along_path", "planning")
+)
+TIMES, DISTRIBUTIONS, RULE = "scenario/scenario.py", "campaign/distributions.py", "campaign/settings.py"
+HAND = {
+    "duration": "8.0", "period": "0.001", "bandwidth": "8.0", "speed": "[0.3, 0.3, 0.2]",
+    "low": "[0.1, 0.1, -1.2]", "high": "[1.8, 1.4, -0.2]",
+    "wishes": "[[0.1, 0.2, 0.1, 0.0], [0.5, 0.0, 0.0, 0.0]]",
+}  # fmt: skip
+LINE = "to=[1.2, 0.77, -0.7]"
+POINTS = "points=[[1.0, 0.77, -0.7], [1.2, 0.77, -0.7]]"
+FLAT = [[1.0, 0.77, -0.7]] * 5 + [[1.05, 0.77, -0.7]] * 5
+BREAKS = "breaks=[0.0, 0.5, 1.0, 1.5, 2.0, 2.5]"
+PATH = [[1.0 + 0.02 * k, 0.77, -0.7] for k in range(8)]
+PARTS = (
+    f"parts=[{{kind='line', {LINE}, time_law='minimum-time', blend=0.1}}, "
+    "{kind='line', to=[1.2, 1.0, -0.7], time_law='minimum-time'}]"
+)
+SHOW = ["cranectl", "campaign", "show", "c.toml", "--no-estimate"]
+NONE = ["cranectl", "campaign", "show", "none.toml", "--no-estimate"]
+PUSH = "disturbances=[{{force=[1.0, 0.0, 0.0], {}}}]"
+
+
+def segment(kind: str, *given: str) -> str:
+    return f"reference.segments=[{{{', '.join([f'kind={kind!r}', *given])}}}]"
+
+
+def hand(**changed: str) -> str:
+    return segment("driven", *(f"{key}={value}" for key, value in (HAND | changed).items()))
+
+
+def spline(degree: int, coefficients: list[list[float]], *given: str) -> str:
+    return segment("spline", f"degree={degree}", f"coefficients={coefficients}", *given)
+
+
+def mass(distribution: str) -> str:
+    return f"uncertain.rig.load_mass={{distribution={distribution}}}"
+
+
+def benchmark(name: str) -> list[str]:
+    only = ["--set-of-cranes", "nominal", "--scenario", "short", "--out", "result"]
+    return ["cranectl", "benchmark", "run", f"{name}.toml", *only]
+
+
+CASES = [
+    Case(DRIVEN, "lengthen period", [hand(period="1e-6")], [hand()]),
+    Case(
+        DRIVEN,
+        "lengthen duration, or add such a wish",
+        [hand(wishes="[[0.1, 0.2, 0.1, 0.0]]")],
+        [hand(wishes="[[0.1, 0.2, 0.1, 0.0], [0.2, 0.0, 0.0, 0.0]]")],
+    ),
+    Case(DRIVEN, "lengthen duration, or add such a wish", [hand(duration="0.6")], [hand()]),
+    Case(
+        DRIVEN,
+        "move its time to a sample",
+        [hand(wishes="[[0.1005, 0.2, 0.1, 0.0], [0.5, 0.0, 0.0, 0.0]]")],
+        [hand()],
+    ),
+    Case(
+        DRIVEN,
+        "leave one of the two out",
+        [hand(wishes="[[0.1, 0.2, 0.1, 0.0], [0.1, 0.1, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]]")],
+        [hand()],
+    ),
+    Case(DRIVEN, "raise speed, or lower the wish", [hand(speed="[0.1, 0.3, 0.2]")], [hand()]),
+    Case(
+        DRIVEN,
+        "move low or high, or the goal",
+        [hand(goals="[[0.2, 1.9, 0.77, -0.7]]")],
+        [hand(goals="[[0.2, 1.1, 0.77, -0.7]]")],
+    ),
+    Case(RIG, "exchange its two values", ["rig.rope_range=[1.4, 0.1]"], ["rig.rope_range=[0.1, 1.4]"]),
+    Case(
+        RIG,
+        "give the length of the shortest rope, for example 0.1",
+        ["rig.rope_range=[0.0, 1.4]"],
+        ["rig.rope_range=[0.1, 1.4]"],
+    ),
+    Case(
+        "scenario/tables.py",
+        "name the column of speeds, or leave the unit out",
+        [segment("waypoints", "file='points.csv'", "units={time='s', length='m', speed='m/s'}")],
+        [segment("waypoints", "file='points.csv'", "units={time='s', length='m'}")],
+    ),
+    Case(
+        "reference/files.py",
+        "leave out {}",
+        [segment("waypoints", "file='points.csv'", "units={time='ms', length='m'}", "speed=0.1")],
+        [segment("waypoints", "file='points.csv'", "units={length='m'}", "speed=0.1")],
+    ),
+    Case(TIMES, "set control.period to {}", ["control.period=0.0010000003"], ["control.period=0.001"]),
+    Case(
+        TIMES,
+        "set control.physics_step to {}, the next shorter that does",
+        ["control.physics_step=0.0003"],
+        ["control.physics_step=0.00025"],
+    ),
+    Case(
+        TIMES,
+        "set control.physics_step to {}, or correct the rig",
+        ["rig.bridge_time_constant=1e-4"],
+        ["rig.bridge_time_constant=1e-4", "control.physics_step=0.0001"],
+    ),
+    Case(TIMES, "raise duration, or lower {}", [PUSH.format("start=9.0")], [PUSH.format("start=2.0")]),
+    Case(TIMES, "set duration to {} or more", [segment("hold", "duration=9")], ["duration=9.0"]),
+    Case(TIMES, "set {} to {}, or change control.period", ["duration=1.0003"], ["duration=1.0"]),
+    Case(
+        "scenario/disturbances.py",
+        "raise its end, or leave it out",
+        [PUSH.format("start=0.5, end=0.3")],
+        [PUSH.format("start=0.5")],
+    ),
+    Case(
+        "scenario/disturbances.py",
+        "give joint and magnitude, or force, and leave the other out",
+        [PUSH.format("start=0.5, joint='alpha'")],
+        [PUSH.format("start=0.5")],
+    ),
+    Case(
+        ALONG,
+        "leave one of them out",
+        [segment("line", LINE, "duration=2.0", "time_law='minimum-time'")],
+        [segment("line", LINE, "duration=2.0")],
+    ),
+    Case(
+        ALONG,
+        "leave time_law out, or give the duration in seconds",
+        [segment("line", LINE, "duration='shortest'", "time_law='degree-5'")],
+        [segment("line", LINE, "duration=2.0", "time_law='degree-5'"), "reference.continuity=2"],
+    ),
+    Case(
+        ALONG,
+        "give it in seconds, or as 'shortest', or leave it to time_law = 'minimum-time'",
+        [segment("line", LINE)],
+        [segment("line", LINE, "duration=2.0")],
+    ),
+    Case(
+        ALONG,
+        "leave blend out, or leave the time to the plan: time_law = 'minimum-time'",
+        [segment("line", LINE, "duration=2.0", "blend=0.1")],
+        [segment("line", LINE, "duration=2.0")],
+    ),
+    Case(
+        ALONG,
+        "give one for each corner",
+        [segment("path", PARTS, "duration=4.0", "taken=[0.05, 0.05]")],
+        [segment("path", PARTS, "duration=4.0", "taken=[0.05]")],
+    ),
+    Case(
+        PLANNING,
+        "give a number below 1 and one above it, for example [0.2, 2.0]",
+        ["planning.tension=[1.2, 2.0]"],
+        ["planning.tension=[0.2, 2.0]"],
+    ),
+    Case(
+        PLANNING,
+        "exchange the two values of {}",
+        ["planning.load_box=[[2.0, 0.0], [0.0, 1.54], [-1.4, 0.0]]"],
+        ["planning.load_box=[[0.0, 2.0], [0.0, 1.54], [-1.4, 0.0]]"],
+    ),
+    Case(
+        PLANNING,
+        "exchange the values of the axes that it has no size along",
+        ["obstacles=[{name='box', low=[1.2, 1.0, -1.4], high=[1.0, 1.2, -1.2]}]"],
+        ["obstacles=[{name='box', low=[1.0, 1.0, -1.4], high=[1.2, 1.2, -1.2]}]"],
+    ),
+    Case(
+        SEGMENTS,
+        "leave duration out, or the others",
+        [segment("move", LINE, "plane=true", "duration='shortest'")],
+        [segment("move", LINE, "duration='shortest'")],
+    ),
+    Case(
+        SEGMENTS,
+        "give one of the two",
+        [segment("waypoints", POINTS, "speed=0.1", "file='points.csv'")],
+        [segment("waypoints", POINTS, "speed=0.1")],
+    ),
+    Case(
+        SEGMENTS,
+        "leave them out",
+        [segment("waypoints", POINTS, "speed=0.1", "topic='mujoco/load'")],
+        [segment("waypoints", POINTS, "speed=0.1")],
+    ),
+    Case(
+        SEGMENTS,
+        "give one of them",
+        [segment("waypoints", POINTS)],
+        [segment("waypoints", POINTS, "times=[0.0, 3.0]")],
+    ),
+    Case(
+        SEGMENTS,
+        "begin them at 0, and give each knot once",
+        [spline(5, FLAT, BREAKS.replace("0.5", "0.0"))],
+        [spline(5, FLAT, BREAKS)],
+    ),
+    Case(SEGMENTS, "give so many", [spline(5, FLAT[1:], BREAKS)], [spline(5, FLAT, BREAKS)]),
+    Case(
+        SEGMENTS,
+        "give both or none",
+        [spline(5, FLAT, BREAKS, "lasts=2.0")],
+        [spline(5, FLAT, BREAKS)],
+    ),
+    Case(
+        SEGMENTS,
+        "take degree 7 or 9",
+        [spline(5, PATH[:6], "breaks=[0.0, 1.0]", "time_law='degree-9'", "lasts=2.0")],
+        [spline(7, PATH, "breaks=[0.0, 1.0]", "time_law='degree-9'", "lasts=2.0")],
+    ),
+    Case(
+        SEGMENTS,
+        "leave time_law out, or take kind = 'waypoints'",
+        [
+            spline(5, FLAT, BREAKS, "time_law='degree-9'", "lasts=2.0")
+            .replace("degree=5", "degree=7")
+            .replace("0.5, 1.0, 1.5", "1.0")
+        ],
+        [spline(5, FLAT, BREAKS)],
+    ),
+    Case(RULE, "name it once", [*SHOW, "controllers=['lqr', 'lqr']"], [*SHOW, "controllers=['lqr']"]),
+    Case(RULE, "add 'runs'", NONE, [*NONE, "runs=2"]),
+    Case(
+        DISTRIBUTIONS,
+        "exchange the two",
+        [*SHOW, mass("'uniform', low=1.2, high=0.8")],
+        [*SHOW, mass("'uniform', low=0.8, high=1.2")],
+    ),
+    Case(
+        DISTRIBUTIONS,
+        "give it once, with a larger weight in weights",
+        [*SHOW, mass("'choice', values=[0.8, 0.8, 1.2]")],
+        [*SHOW, mass("'choice', values=[0.8, 1.2], weights=[2.0, 1.0]")],
+    ),
+    Case(
+        DISTRIBUTIONS,
+        "give as many, or leave weights out",
+        [*SHOW, mass("'choice', values=[0.8, 1.2], weights=[2.0]")],
+        [*SHOW, mass("'choice', values=[0.8, 1.2]")],
+    ),
+    Case(
+        DISTRIBUTIONS,
+        "leave levels out",
+        [*SHOW, mass("'choice', values=[0.8, 1.2], levels=3")],
+        [*SHOW, mass("'choice', values=[0.8, 1.2]")],
+    ),
+    Case(
+        DISTRIBUTIONS,
+        "leave relative out",
+        [*SHOW, "effects.wind={}", "uncertain.effects.wind.seed={distribution='integers', relative=true}"],
+        [*SHOW],
+    ),
+    *(
+        Case("campaign/benchmark/settings.py", remedy, benchmark(name), benchmark("right"))
+        for name, remedy in (
+            ("named", "name one of these, or add it to [scenarios]"),
+            ("spreads", "give them in increasing order, each once"),
+            ("plant", "name another second_plant"),
+            ("letters", "rename them"),
+            ("taken", "rename them"),
+            ("seed", "change tuning.seed"),
+        )
+    ),
+]
+files = written(FILES)
+
+
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    check(case, PLAN, capsys)

@@ -1,0 +1,241 @@
+"""Every command that an output suggests does what it is said to do, whatever the files are called."""
+
+import errno
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from cranectl.campaign.results import PARTS
+from cranectl.cli.main import main
+from cranectl.loaders.opening import close_laws
+from cranectl.log import read_log
+from cranectl.log.writer import unfinished
+from tests.cli.suggestions import commands_in, executed, suggested, suggested_by_page
+from tests.conftest import ROOT
+from tests.loaders.law_files import LAW
+
+LAWS = "crane's laws/own law.py"
+SHIP = """\
+name = "ship"
+duration = 0.3
+reference = { start = [1.0, 0.77, -0.7] }
+limits = { max_error_m = 0.0 }
+"""
+MANY = f"""\
+name = "many"
+scenario = "the ship.toml"
+controllers = ["{LAWS}:BridgeServo", "lqr"]
+plants = ["analytic", "elastic"]
+runs = 2
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.8
+high = 1.2
+"""
+ON = ["--plants", "analytic", "--drive", "ideal", "--set", "initial.load_offset=[0.001, 0, 0]"]
+OWN = ["--controller", f"{LAWS}:BridgeServo"]
+
+
+@pytest.fixture(autouse=True)
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Whose names a shell would take apart."""
+    monkeypatch.chdir(tmp_path)
+    Path(LAWS).parent.mkdir()
+    Path(LAWS).write_text(LAW)
+    Path("the ship.toml").write_text(SHIP)
+    Path("many ships.toml").write_text(MANY)
+    yield
+    close_laws()
+
+
+@pytest.mark.parametrize("keep", ["failed", "none"])
+def test_what_a_validation_suggests(keep: str) -> None:
+    controllers = ["--controller", f"{LAWS}:BridgeServo,{LAWS}:damper,lqr"]
+    validate = ["validate", "the ship.toml", *controllers, *ON, "--keep", keep, "--patience", "7"]
+    assert main([*validate, "--junit", "the cases.xml", "--report", "the cases.html"]) == 1
+    failures = list(ElementTree.parse("the cases.xml").getroot().iter("failure"))
+    again = [suggested(str(failure.text))[0] for failure in failures]
+    assert len(again) == 3
+    assert f"--controller '{LAWS}:damper'".replace("'s", "'\"'\"'s") in again[1]
+    shown = suggested_by_page(Path("the cases.html"))
+    assert [command.split()[1] for command in shown] == ["report" if keep == "failed" else "run"] * 3 + [
+        "validate"
+    ]
+    for command in (*again, *shown):
+        assert executed(command) == (0 if command.startswith("cranectl report") else 1), command
+
+
+def test_what_a_run_and_pages_of_logs_suggest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "the ship.toml", *OWN, *ON, "--out", "a log.mcap"]) == 1
+    assert main(["run", "the ship.toml", "--controller", "lqr", *ON, "--out", "b log.mcap"]) == 1
+    assert main(["log", "overlay", "a log.mcap", "b log.mcap", "--out", "over lay.mcap"]) == 0
+    commands = suggested(capsys.readouterr().out)
+    assert [command.split()[1] for command in commands] == ["log", "log"]
+    assert main(["report", "a log.mcap", "b log.mcap", "--out", "two logs.html"]) == 0
+    commands += suggested_by_page(Path("two logs.html"))
+    assert len(commands) == 3
+    for command in commands:
+        assert executed(command) == 0, command
+
+
+def test_what_a_rig_of_another_size_has_drawn(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its layout is made from the log."""
+    larger = [*ON, "--set", "rig.rope_range=[0.1, 3.0]"]
+    main(["run", "the ship.toml", *larger, "--out", "a log.mcap"])
+    (command,) = suggested(capsys.readouterr().out)
+    assert "--log 'a log.mcap'" in command
+    assert executed(command) == 0
+
+
+def test_what_a_ladder_suggests(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ["--set", "rig.load_mass=1.5", *ON[-2:], "--top", "sampled"]
+    assert main(["ladder", "the ship.toml", *OWN, *settings, "--report", "a page.html"]) == 0
+    commands = [*suggested(capsys.readouterr().out), *suggested_by_page(Path("a page.html"))]
+    assert [command.split()[1] for command in commands] == ["log", "ladder"]
+    before = Path("a page.html").read_bytes()
+    for command in commands:
+        assert executed(command) == 0, command
+    assert Path("a page.html").read_bytes() == before, "the page is made again with all that was set"
+
+
+def test_what_a_campaign_suggests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = ["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]
+    assert main(run) == 0
+    (tmp_path / "elsewhere").mkdir()
+    for folder, result in ((tmp_path, "the result"), (tmp_path / "elsewhere", "../the result")):
+        monkeypatch.chdir(folder)
+        close_laws()
+        assert main(["campaign", "report", result, "--out", "a page.html"]) == 0
+        commands = suggested_by_page(Path("a page.html"))
+        replays = [command for command in commands if command.startswith("cranectl campaign replay")]
+        assert len(replays) >= 6
+        assert any("own law.py:BridgeServo" in command for command in replays)
+        for command in (*replays[:2], *replays[-2:], commands[-1]):
+            assert executed(command) == 0, command
+
+
+@pytest.mark.parametrize("wrong", ["missing", "damaged"])
+def test_what_a_result_that_is_not_whole_suggests(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
+    run = ["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]
+    assert main(run) == 0
+    part = sorted(Path("the result", PARTS).iterdir())[-1]
+    whole = part.read_bytes()
+    if wrong == "missing":
+        part.unlink()
+        close_laws()
+        assert main(["campaign", "report", "the result", "--unfinished", "--out", "a page.html"]) == 0
+        (told,) = re.findall(r"Complete it with (cranectl [^<]*--resume)", Path("a page.html").read_text())
+        assert (
+            told
+            == "cranectl campaign run &#39;many ships.toml&#39; --trust --out &#39;the result&#39; --resume"
+        )
+    else:
+        part.write_bytes(whole[:-100])
+    close_laws()
+    capsys.readouterr()
+    assert main(["campaign", "report", "the result"]) == 2
+    (command,) = suggested(capsys.readouterr().err)
+    assert executed(command) == 0
+    assert part.read_bytes() == whole
+    assert main(["campaign", "report", "the result"]) == 0
+
+
+def test_what_a_damaged_log_suggests(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    main(["run", "the ship.toml", *ON, "--out", "a log.mcap", "--every", "1"])
+    part = Path("a log.mcap").rename("a log.mcap.4711.part")
+    part.write_bytes(part.read_bytes()[:-200])
+    capsys.readouterr()
+    assert main(["info", str(part)]) == 2
+    (command,) = suggested(capsys.readouterr().err)
+    monkeypatch.setattr("cranectl.log.writer.CHUNK_SIZE", 1000)
+    cut_short = unfinished(Path("a log.mcap"), part, OSError(errno.ENOSPC, "full"), remedy="")
+    assert suggested(cut_short.remedy) == [command]
+    assert executed(command) == 0
+    assert read_log("a log.mcap")
+
+
+def test_the_test_that_a_template_names(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "scenario", "first-move", "--in", "new files"]) == 0
+    (told,) = re.findall("try it: (.*)", capsys.readouterr().out)
+    assert told == "python -m pytest 'new files/test_first_move.py'"
+    assert Path("new files/test_first_move.py").is_file()
+
+
+@pytest.mark.parametrize("command", [["certify", "pid"], ["budget", "the ship.toml", "--controller", "pid"]])
+def test_what_is_judged_by_simulation(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(command) == 2
+    assert "judge it by simulation: cranectl ladder, cranectl campaign" in capsys.readouterr().err
+    assert main(["ladder", "the ship.toml", "--controller", "pid", *ON[-2:], "--top", "sampled"]) == 0
+    many = ["many ships.toml", "--controller", "pid", "--out", "a result"]
+    assert main(["campaign", "run", *many]) == 0
+
+
+def test_why_a_run_stopped_before_its_first_sample(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("law.py").write_text("def stops(parameters, measured, reference, memory, command):\n    return -1\n")
+    run = ["run", "the ship.toml", "--controller", "law.py:stops", "--plants", "analytic"]
+    assert main([*run, "--out", "a log.mcap"]) == 3
+    capsys.readouterr()
+    assert main(["render", "a log.mcap", "a picture.png"]) == 2
+    assert "cranectl info says why a run stopped" in capsys.readouterr().err
+    assert main(["info", "a log.mcap"]) == 0
+    assert "controller-failed" in capsys.readouterr().out
+
+
+def test_what_drives_are_asked_beyond_what_they_can_do(capsys: pytest.CaptureFixture[str]) -> None:
+    fast = ["run", "fast-diagonal", "--controller", "lqr", "--plants", "mujoco", "--out", "a log.mcap"]
+    fast += ["--set", "rig.effects.limits.acceleration=[0.1, 0.1, 0.1]"]
+    main(fast)
+    (options,) = re.findall("see what comes of it with (--drive .*)", capsys.readouterr().out)
+    assert main([*fast, *shlex.split(options)]) in (0, 1, 3)
+
+
+# Every text of the package that names a command: by what it is executed, or why by nothing.
+ORIGIN = "says what has written a file, and asks for nothing"
+ABOVE = "executed above"
+KNOWN = {
+    ("analysis/certificate/certify.py", "cranectl ladder"): ABOVE,
+    ("analysis/certificate/certify.py", "cranectl campaign"): ABOVE,
+    ("analysis/certificate/certify.py", "cranectl run"): "says what any other command does with a long delay",
+    ("campaign/benchmark/collecting.py", "cranectl benchmark"): ORIGIN,
+    ("campaign/benchmark/table.py", "cranectl benchmark"): ORIGIN,
+    ("campaign/benchmark/tuned.py", "cranectl"): "tests/campaign/benchmark/test_tuning.py",
+    ("campaign/benchmark/tuned.py", "cranectl tune"): ORIGIN,
+    ("campaign/manifest.py", "cranectl"): ABOVE,
+    ("campaign/results.py", "cranectl campaign"): ORIGIN,
+    ("cases/validation.py", "cranectl"): ABOVE,
+    ("cases/validation.py", "cranectl validate"): "the name of the suite in JUnit XML",
+    ("cli/benchmark/run.py", "cranectl tune"): ORIGIN,
+    ("cli/command.py", "cranectl"): ABOVE,
+    ("cli/ladder.py", "cranectl log"): ABOVE,
+    ("cli/overlay.py", "cranectl log"): ABOVE,
+    ("cli/report.py", "cranectl ladder"): ABOVE,
+    ("cli/run.py", "cranectl log"): ABOVE,
+    ("loaders/library.py", "cranectl new"): "tests/cli/test_new.py",
+    ("loaders/c_law.py", "cranectl new"): "tests/cli/test_new.py",
+    ("loaders/python_law.py", "cranectl new"): "tests/cli/test_new.py",
+    ("controllers/registry.py", "cranectl ladder"): ABOVE,
+    ("controllers/registry.py", "cranectl campaign"): ABOVE,
+    ("live/child_session.py", "cranectl run"): "the same scenario and options, which the session was given",
+    ("live/viewers.py", "cranectl live"): "the name of a server, as viewers show it",
+    ("log/overlay.py", "cranectl ladder"): ABOVE,
+    ("log/overlay.py", "cranectl log"): ABOVE,
+    ("log/writer.py", "cranectl log"): ABOVE,
+    ("mcap_columns/contents.py", "cranectl log"): ABOVE,
+    ("render/timeline.py", "cranectl info"): ABOVE,
+    ("report/benchmark/page.py", "cranectl benchmark"): "a sentence on what its options narrow down",
+    ("report/benchmark/page.py", "cranectl"): "tests/campaign/benchmark/test_commands.py",
+    ("report/campaign/wording.py", "cranectl"): ABOVE,
+    ("report/validation.py", "cranectl"): ABOVE,
+    ("report/viewer_layouts.py", "cranectl log"): ORIGIN,
+    ("report/viewer_layouts.py", "cranectl ladder"): ORIGIN,
+}
+
+
+def test_no_other_text_of_the_package_names_a_command() -> None:
+    assert set(commands_in(ROOT / "cranectl")) == set(KNOWN)

@@ -1,0 +1,72 @@
+"""The limits of drives that hold: one answer for planning, controllers and viewers."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cranectl import open_law
+from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.planning import load_scenario
+from cranectl.planning.limits import limits_of
+from cranectl.report.viewer_layouts import layout_json
+from cranectl.scenario import Scenario
+from cranectl.simulate import plan_reference, simulate_run
+from cranectl.simulate.runner import nominal_crane
+from tests.conftest import ROOT
+
+NUMBERS = {"velocity": [0.5, 0.4, 0.3], "acceleration": [0.2, 0.15, 6.0]}
+OF_RUN = [f"effects.limits.{name}={value}" for name, value in NUMBERS.items()]
+OF_RIG = [*(f"rig.{each}" for each in OF_RUN), "effects.limits={}"]
+LAWS = [
+    "lqr-offset-free",
+    *(
+        str(ROOT / "validation" / "benchmark" / law)
+        for law in ("lqg.py:LQG", "adrc.py:ADRC", "composite_nonlinear_feedback.py:CNF")
+    ),
+]
+
+
+def scenario(settings: list[str]) -> Scenario:
+    return load_scenario("fixed-position", overrides=["duration=1.0", "disturbances=[]", *settings])
+
+
+def parameters(law: str, settings: list[str]) -> np.ndarray:
+    name = law if law == "lqr-offset-free" else open_law(law)
+    asked = scenario(settings)
+    design = controller_design(name, asked)
+    controller = controller_of(design)
+    known = nominal_crane(asked, design, controller, "velocity", plan_reference(asked))
+    return controller.prepare(known)[0]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.rpartition("/")[2])
+def test_a_controller_is_told_the_limits_that_hold(law: str) -> None:
+    stated = parameters(law, OF_RUN)
+    assert np.isin(NUMBERS["acceleration"][:2], stated).all()
+    assert np.array_equal(stated, parameters(law, OF_RIG))
+    assert not np.array_equal(stated, parameters(law, ["effects.limits={}"]))
+
+
+def test_a_run_is_the_same_whether_the_scenario_or_its_rig_states_them() -> None:
+    push = ["disturbances=[{force=[3.0, -2.0, 0.0], start=0.1, end=0.4}]"]
+    runs = [
+        simulate_run(
+            scenario([*settings, *push]), plant="elastic", drive="velocity", controller="lqr-offset-free"
+        )
+        for settings in (OF_RUN, OF_RIG, ["effects.limits={}"])
+    ]
+    assert np.abs(runs[0].block("state") - runs[2].block("state")).max() > 1e-3, "limits act"
+    assert np.array_equal(runs[0].block("state"), runs[1].block("state"))
+
+
+def test_planning_and_the_panels_that_drive_by_hand_take_the_same() -> None:
+    stated, of_rig = scenario(OF_RUN), scenario(OF_RIG)
+    assert stated.drive_limits == of_rig.drive_limits == stated.limited_rig.effects.limits
+    assert np.array_equal(limits_of(stated).velocity, limits_of(of_rig).velocity)
+    panels = json.loads(layout_json("live", rig=stated.limited_rig))["configById"].values()
+    wishes = [abs(panel["upButton"]["value"]) for panel in panels if "upButton" in panel]
+    assert wishes
+    assert max(wishes) <= max(NUMBERS["velocity"])
+    assert scenario([]).limited_rig is not None
+    assert scenario([]).drive_limits == scenario([]).rig.effects.limits

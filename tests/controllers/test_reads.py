@@ -1,0 +1,84 @@
+"""Every controller that comes along reads of the nominal crane what it declares, no more and no less."""
+
+import importlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.controllers.controller import Controller
+from cranectl.controllers.preparation import prepared
+from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
+from cranectl.planning import load_scenario
+from cranectl.plants.plant import Drive
+from cranectl.scenario.effects import EffectNumbers
+from cranectl.scenario.rig import RigParameters
+from cranectl.simulate import plan_reference
+from cranectl.simulate.runner import nominal_crane
+from cranectl.support.arrays import Array
+from tests.conftest import ROOT
+
+
+class WatchedRig:
+    """A rig that notes which of its fields are read; of its effects which, such as limits."""
+
+    def __init__(self, rig: RigParameters | EffectNumbers, read: set[str]) -> None:
+        self._rig, self.read = rig, read
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._rig, name)
+        if isinstance(found, EffectNumbers):
+            return WatchedRig(found, self.read)
+        self.read.add(name)
+        return found
+
+
+class WatchedPath:
+    """A path that notes whether more of it is read than its first row."""
+
+    def __init__(self, path: Array, read: set[str]) -> None:
+        self._path, self.read = path, read
+
+    def __getitem__(self, at: Any) -> Any:
+        if (at[0] if isinstance(at, tuple) else at) != 0:
+            self.read.add("path")
+        return self._path[at]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        self.read.add("path")
+        return np.array(self._path, dtype=dtype, copy=copy)
+
+
+def shipped() -> Iterator[Controller]:
+    """Yield all controllers of the package and of the benchmark, but those in C."""
+    yield from map(load_controller, (*FLAT_FAMILY, *WHERE))
+    for file in sorted((ROOT / "validation" / "benchmark").glob("*.py")):
+        module = importlib.import_module(f"validation.benchmark.{file.stem}")
+        yield from (value for value in vars(module).values() if isinstance(value, Controller))
+
+
+SHIPPED = {controller.name: controller for controller in shipped()}
+
+
+def reads_of(controller: Controller, drive: Drive) -> set[str]:
+    """Return what `prepare` reads on the crane of a scenario."""
+    scenario = load_scenario("fixed-position")
+    design = controller.axis_design(scenario.design) if controller.axis_design else controller.designed({})
+    known = nominal_crane(scenario, design, controller, drive, plan_reference(scenario))
+    read: set[str] = set()
+    rig, path = WatchedRig(known.rig, read), WatchedPath(known.reference, read)
+    prepared(controller, known._replace(rig=rig, reference=path))  # type: ignore[arg-type]
+    return read
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("drive", ["velocity", "force"])
+def test_a_controller_reads_what_it_declares(name: str, drive: Drive) -> None:
+    assert SHIPPED[name].reads is not None
+    assert reads_of(SHIPPED[name], drive) == set(SHIPPED[name].reads)
+
+
+def test_all_controllers_of_the_benchmark_are_looked_at() -> None:
+    assert len(SHIPPED) >= 24
+    assert {"lqr-integral", "energy-coupling", "two-degree-of-freedom"} <= set(SHIPPED)

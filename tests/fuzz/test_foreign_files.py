@@ -1,0 +1,221 @@
+"""Files of other tools, changed in what they say of themselves: used, or refused by name."""
+
+import io
+import tomllib
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from cranectl.planning import load_scenario
+from cranectl.simulate.plan import Plan, plan_scenario
+from tests.fuzz.conftest import CAMPAIGN, SCENARIO, TEXTS
+from tests.fuzz.forked import check, forked
+from tests.fuzz.oracle import FEW, check_command, fuzzed
+from tests.fuzz.strategies import changed, damaged, toml
+from tests.fuzz.test_documents import read
+from tests.loaders.fmu_files import fmu
+from tests.log.test_foreign import FORMS, OTHERS, again
+from tests.reference.test_foreign_tables import READ, REFUSED
+
+# The same text in other clothes, and whether a command reads it.
+ENCODED: dict[str, Any] = {
+    "UTF-8": lambda text: text.encode(),
+    "lines of Windows": lambda text: text.replace("\n", "\r\n").encode(),
+    "no last line": lambda text: text.rstrip("\n").encode(),
+    "byte-order mark": lambda text: text.encode("utf-8-sig"),
+    "UTF-16": lambda text: text.encode("utf-16"),
+    "UTF-16 without mark": lambda text: text.encode("utf-16-le"),
+    "UTF-32": lambda text: text.encode("utf-32"),
+    "lines of old Macs": lambda text: text.replace("\n", "\r").encode(),
+    "Windows-1252": lambda text: text.replace('"', '"ö', 1).encode("cp1252"),
+    "EBCDIC": lambda text: text.encode("cp500"),
+    "gzip": lambda text: b"\x1f\x8b\x08\0\0\0\0\0\0\3" + text.encode(),
+    "zip": lambda text: b"PK\3\4" + text.encode(),
+    "XML": lambda text: f"<?xml version='1.0'?><mujoco>{text}</mujoco>".encode(),
+    "YAML": lambda text: text.replace(" = ", ": ").encode(),
+    "JSON": lambda _: b'{"name": "s", "duration": 0.02}',
+}
+ALWAYS_READ = ("UTF-8", "lines of Windows", "no last line")
+TAKEN = {
+    "scenario": (SCENARIO, ["run", "f.toml", "--plants", "analytic", "--out", "o.mcap"]),
+    "rig": (TEXTS["rig.toml"], ["run", "s.toml", "--rig", "f.toml", "--plants", "analytic"]),
+    "campaign": (CAMPAIGN, ["campaign", "show", "f.toml", "--no-estimate"]),
+    "tolerances": (
+        'end_s = 0.0\n[[limits]]\nsignals = "*"\nabsolute = 0.0\n',
+        ["compare", "x.mcap", "./x.mcap", "--tolerances", "f.toml"],
+    ),
+}  # fmt: skip
+
+
+@fuzzed(20, kind=st.sampled_from(sorted(TAKEN)), clothes=st.sampled_from(sorted(ENCODED)))
+def test_settings_in_other_encodings(template: Path, kind: str, clothes: str) -> None:
+    text, line = TAKEN[kind]
+    code, _ = check_command(template, line, files={"f.toml": ENCODED[clothes](text)})
+    assert code == 0 or clothes not in ALWAYS_READ
+
+
+def table_bytes(content: str | bytes) -> bytes:
+    return content.encode() if isinstance(content, str) else content
+
+
+TABLES = {name: (table_bytes(content), text) for name, (content, text) in READ.items()}
+TABLES |= {name: (content, READ["Excel"][1]) for name, (content, *_) in REFUSED.items()}
+SEGMENT = 'name = "t"\nduration = 10.0\n[reference]\nstart = [0.4, 0.5, -0.6]\n[[reference.segments]]\n'
+
+
+@fuzzed(30, name=st.sampled_from(sorted(TABLES)), other=st.sampled_from(sorted(READ)), data=st.data())
+def test_tables_of_other_tools(tmp_path: Path, name: str, other: str, data: st.DataObject) -> None:
+    """Damaged, or read as `other` is to be read."""
+    content, own = TABLES[name]
+    (tmp_path / "teach.csv").write_bytes(data.draw(st.one_of(st.just(content), damaged(content))))
+    text = SEGMENT + data.draw(st.sampled_from([own, READ[other][1]]))
+    plan: Plan | None = read(lambda path: plan_scenario(load_scenario(path)), tmp_path, text.encode())
+    assert plan is None or np.isfinite(plan.reference).all()
+
+
+@pytest.fixture(scope="module")
+def written(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """MCAP files that other tools have written, of our runs and of theirs."""
+    from mcap.writer import Writer
+
+    directory, made = tmp_path_factory.mktemp("written"), {}
+    for form, options in FORMS.items():
+        made[form] = again(template / "x.mcap", directory / "f.mcap", **options).read_bytes()
+    for name, (write, options) in OTHERS.items():
+        if "MiB" in name:
+            continue
+        out = io.BytesIO()
+        writer = Writer(out, **options)
+        writer.start(profile="ros2", library="another tool")
+        write(writer)
+        writer.finish()
+        made[f"theirs: {name}"] = out.getvalue()
+    return made
+
+
+MCAP = [["info"], ["compare", "x.mcap"], ["log", "export"], ["log", "recover"], ["log", "layout", "overlay"]]
+
+
+@fuzzed(
+    30,
+    form=st.sampled_from(sorted({*FORMS, *(f"theirs: {name}" for name in OTHERS if "MiB" not in name)})),
+    line=st.sampled_from(MCAP[:4]),
+    whole=st.booleans(),
+    data=st.data(),
+)
+def test_logs_of_other_tools(
+    template: Path, written: dict[str, bytes], form: str, line: list[str], whole: bool, data: st.DataObject
+) -> None:
+    content = written[form]
+    line = [*line, "f.mcap", *(["--out", "new.mcap"] if "recover" in line else [])]
+    content = content if whole else data.draw(damaged(content))
+    code, _ = check_command(template, line, files={"f.mcap": content})
+    assert not whole or code == (2 if form.startswith("theirs") else 0)
+
+
+@pytest.fixture(scope="module")
+def units(tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[str, bytes]]:
+    """What is in an FMU, by the version of FMI."""
+    found = {}
+    for fmi in (2, 3):
+        with zipfile.ZipFile(fmu(tmp_path_factory.mktemp("fmu") / "law.fmu", fmi)) as archive:
+            found[fmi] = {name: archive.read(name) for name in archive.namelist()}
+    return found
+
+
+WORDS = {
+    b'causality="input"': [b'causality="local"', b'causality="output"', b'causality="parameter"', b""],
+    b'causality="output"': [b'causality="calculatedParameter"', b'causality="input"', b""],
+    b'start="0"': [b'start="nan"', b'start="1e400"', b'start=""', b'start="x"', b""],
+    b"valueReference=": [b"valueReference=\"-1\" x=", b"valueReference=\"99999999999\" x=", b"x="],
+    b"Real": [b"Integer", b"Boolean", b"String", b"Enumeration"],
+    b"Float64": [b"Int32", b"Float32", b"Boolean", b"Binary"],
+    b"fmiVersion=": [b'fmiVersion="1.0" x=', b'fmiVersion="3.1" x=', b"x="],
+    b"modelIdentifier=": [b'modelIdentifier="../law" x=', b'modelIdentifier="" x=',
+                          b'modelIdentifier="l\xc3\xa4w" x='],
+    b"name=": [b'name="" x=', b'name="a" x=', b'name="&#27;[2J" x=',
+               b'unit="m" name=', b'declaredType="T" name='],
+    b"<CoSimulation": [b"<ModelExchange", b'<CoSimulation needsExecutionTool="true"',
+                       b'<CoSimulation canBeInstantiatedOnlyOncePerProcess="true"'],
+    b"<ModelVariables>": [b"<UnitDefinitions/><ModelVariables>", b"",
+                          b'<!DOCTYPE a [<!ENTITY b "c">]><ModelVariables>'],
+    b"guid=": [b'guid="&b;" x='], b"state.": [b"state_", b"State."], b"reference.": [b"x."],
+}  # fmt: skip
+
+
+@st.composite
+def description(draw: st.DrawFn, content: bytes) -> bytes:
+    """A modelDescription.xml with some words of the format changed, or damaged."""
+    for _ in range(draw(st.integers(1, 2))):
+        word = draw(st.sampled_from(sorted(WORDS)))
+        pieces = content.split(word)
+        if len(pieces) > 1:
+            k = draw(st.integers(1, len(pieces) - 1))
+            content = word.join(pieces[:k]) + draw(st.sampled_from(WORDS[word])) + word.join(pieces[k:])
+    return draw(damaged(content)) if draw(st.integers(0, 4)) == 0 else content
+
+
+BESIDE = """name = "f"
+every = 2
+[inputs]
+"state.rope_length" = "state.rope_length"
+[outputs]
+"command.rope" = "held"
+"""
+
+
+@fuzzed(6, factor=FEW, fmi=st.sampled_from([2, 3]), data=st.data())
+def test_fmus(
+    template: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    units: dict[int, dict[str, bytes]],
+    fmi: int,
+    data: st.DataObject,
+) -> None:
+    directory = tmp_path_factory.mktemp("fmu")
+    (directory / "s.toml").write_bytes((template / "s.toml").read_bytes())
+    with zipfile.ZipFile(directory / "f.fmu", "w") as archive:
+        for name, content in units[fmi].items():
+            archive.writestr(name, data.draw(description(content)) if name.endswith(".xml") else content)
+    if data.draw(st.booleans()):
+        table = data.draw(changed(tomllib.loads(BESIDE)))
+        lines = [f"{key!r} = {toml(value)}" for key, value in table.items() if isinstance(key, str)]
+        (directory / "f.toml").write_text("\n".join(lines), encoding="utf-8", errors="surrogateescape")
+    line = ["run", "s.toml", "--controller", "f.fmu", "--plants", "analytic", "--out", "o.mcap"]
+    check(forked(directory, line), line)
+
+
+PROGRAM = """import struct, sys
+while frame := sys.stdin.buffer.read(4 + 27 * 8):
+    sys.stdout.buffer.write(frame[:4] + struct.pack("<3d", 0.0, 0.0, 0.0))
+    sys.stdout.buffer.flush()
+"""
+REMOTE = {
+    "name": "remote",
+    "program": ["python3", "p.py"],
+    "files": ["p.py"],
+    "every": 5,
+    "measures": "state",
+    "logged": [],
+}
+
+
+@fuzzed(6, factor=FEW, data=st.data())
+def test_controllers_in_another_process(
+    template: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    table = data.draw(changed(REMOTE))
+    directory = tmp_path_factory.mktemp("remote")
+    (directory / "s.toml").write_bytes((template / "s.toml").read_bytes())
+    (directory / "p.py").write_text(PROGRAM)
+    words = table.get("program")
+    if isinstance(words, list) and words != REMOTE["program"]:  # nothing else is run
+        table["program"] = ["python3", "-c", "pass", *map(str, words)]
+    lines = [f"{key} = {toml(value)}" for key, value in table.items() if key in REMOTE]
+    (directory / "law.toml").write_text("\n".join(lines), encoding="utf-8", errors="surrogateescape")
+    line = ["run", "s.toml", "--controller", "law.toml", "--plants", "analytic", "--out", "o.mcap"]
+    check(forked(directory, line), line)

@@ -1,0 +1,84 @@
+"""What a law in C declares of tuning and size; libraries that were built before it could."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.controllers.controller import Parameter
+from cranectl.controllers.registry import controller_design, load_controller
+from cranectl.loaders.c_law import HEADER
+from cranectl.loaders.opening import close_laws, open_law
+from cranectl.planning import load_scenario
+from cranectl.simulate import simulate_run
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
+from tests.benchmark.linear_loop import nominal_at
+from tests.loaders.law_files import built
+
+DAMPING = Parameter("damping", 8.0, "1/s", "damper", 0.0, 1e4)
+STIFFNESS = Parameter("stiffness", 16.0, "1/s^2", "spring", 0.0, 1e4)
+
+
+def test_it_says_where_to_search_and_how_its_numbers_go_with_size(tmp_path: Path) -> None:
+    name = open_law(str(built(tmp_path, tuning=", {2.0, 100.0}, -1.0")))
+    searched = Parameter(
+        "stiffness", 16.0, "1/s^2", "spring", 0.0, 1e4, search=(2.0, 100.0), length_power=-1.0
+    )
+    assert load_controller(name).parameters == (searched, DAMPING)
+    design = controller_design(name, load_scenario("ship-to-shore"))
+    assert design.parameters == {"stiffness": pytest.approx(16.0 * 1.4 / 40.0, rel=5e-3), "damping": 8.0}
+
+
+@pytest.mark.parametrize("bounds", ["3.0, 0.3", "-1.0, 1.0", "1.0, 1.0 / 0.0", "0.0 / 0.0, 1.0", "1.0, 1.0"])
+def test_a_search_that_is_none_is_refused(bounds: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="search of stiffness"):
+        open_law(str(built(tmp_path, tuning=f", {{{bounds}}}")))
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_library_of_an_older_version_runs_as_ever(version: int, tmp_path: Path) -> None:
+    """Of version 1 parameters end with their bounds; before version 3 a declaration ends with its signals."""
+    header = HEADER.read_text(encoding="utf-8").replace("CRANECTL_ABI 3", f"CRANECTL_ABI {version}")
+    cuts = [("    const char *reads;", "} cranectl_declaration;")]
+    cuts += [("    double search[2];", "} cranectl_parameter;")] if version == 1 else []
+    for start, end in cuts:
+        before, _, after = header.partition(start)
+        header = before + end + after.partition(end)[2]
+    old = tmp_path / "old"
+    old.mkdir()
+    (old / HEADER.name).write_text(header)
+    assert f"CRANECTL_ABI {version}" in header
+    runs = []
+    for folder in (old, tmp_path):
+        name = open_law(str(built(folder)))
+        law = load_controller(name)
+        assert (law.parameters, law.reads) == ((STIFFNESS, DAMPING), None)
+        short = load_scenario("fast-diagonal", overrides=["duration=3.2", "disturbances=[]"])
+        runs.append(simulate_run(short, plant="analytic", controller=name))
+        close_laws()
+    assert np.array_equal(runs[0].table, runs[1].table)
+
+
+@pytest.mark.parametrize("reads", ["gravity load_mass", "gravity", ""])
+def test_a_library_gets_what_it_declares_to_read(reads: str, tmp_path: Path) -> None:
+    """The mass of the load is its third parameter; what it did not declare is NaN."""
+    law = load_controller(open_law(str(built(tmp_path, reads=f', .reads = "{reads}"'))))
+    assert law.reads == tuple(reads.split())
+    nominal = nominal_at(law, 0.8)
+    given = law.prepare(nominal)[0][2]
+    assert given == nominal.rig.load_mass if "load_mass" in reads else np.isnan(given)
+
+
+def test_a_library_that_reads_what_there_is_not_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="reads names 'mass', allowed is gravity, bridge_mass"):
+        open_law(str(built(tmp_path, reads=', .reads = "gravity mass"')))
+
+
+def test_the_header_names_every_status_that_a_step_may_return() -> None:
+    found = re.findall(r"CRANECTL_(\w+) = (\d+)", HEADER.read_text(encoding="utf-8"))
+    wanted = [status for status in RunStatus if status <= RunStatus.NON_FINITE]
+    assert [(name, int(number)) for name, number in found] == [
+        (status.name, status.value) for status in wanted if status != RunStatus.COMPLETED
+    ]

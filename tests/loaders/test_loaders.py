@@ -1,0 +1,324 @@
+"""Laws from outside: what a file must have, that all loaders give the same bits, what a broken law leaves."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.child_worker import Children, ChildWorker
+from cranectl.campaign.definition import Batch
+from cranectl.campaign.worker import Prepared, Worker
+from cranectl.campaign.workers import run_batches
+from cranectl.cli.main import main
+from cranectl.compare.runs import differing_fields
+from cranectl.controllers.registry import controller_design
+from cranectl.loaders.opening import close_laws, open_law
+from cranectl.log import read_log
+from cranectl.planning import load_scenario
+from cranectl.scenario import Scenario
+from cranectl.simulate import law_of, plan_scenario, simulate_run
+from cranectl.support.children import CAN_FORK, spawn_child
+from cranectl.support.errors import InputError
+from tests.campaign.campaigns import campaign, choice, fixed
+from tests.loaders.law_files import LAW, built
+
+SHORT = ["duration=3.2", "disturbances=[]"]
+
+
+def scenario(*overrides: str) -> Scenario:
+    return load_scenario("fast-diagonal", overrides=[*SHORT, *overrides])
+
+
+# The loaders
+
+
+def test_every_loader_gives_the_same_bits(law: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    references = [f"{law}:damper", f"{law}:BridgeServo", f"{law}:interpreted", str(built(law.parent))]
+    names = [open_law(reference) for reference in references]
+    assert names == ["damper", "bridge-servo", "interpreted", "c-servo"]
+    assert "called back" in capfd.readouterr().err
+    sensed = scenario("effects.sensing={}", "effects.delay.seconds=0.003")
+    for crane in (scenario(), sensed):
+        for plant in ("analytic", "mujoco"):
+            runs = [simulate_run(crane, plant=plant, controller=name, drive="velocity") for name in names]
+            width = runs[0].block("state").shape[0]
+            assert width == 3201
+            for run in runs[1:]:
+                assert np.array_equal(run.block("state"), runs[0].block("state"))
+                assert np.array_equal(run.block("load"), runs[0].block("load"))
+
+
+def test_a_law_is_logged_with_its_file_its_signals_and_its_parameters(law: Path) -> None:
+    log, asked = law.parent / "run.mcap", f"{law}:BridgeServo"
+    short = [part for text in SHORT for part in ("--set", text)]
+    stiff = ["--set", "controller.bridge-servo.stiffness=25", "--plants", "analytic,mujoco"]
+    assert main(["run", "fast-diagonal", "--controller", asked, *short, *stiff, "--out", str(log)]) == 0
+    close_laws()  # a log is read without its law
+    run = read_log(log)["mujoco"]
+    assert run.design.parameters == {"stiffness": 25.0, "damping": 8.0}
+    assert run.design.origin.reference == asked
+    assert run.design.origin.source == LAW
+    assert np.abs(run.signal("controller.bridge_error")).max() > 1e-3
+    assert main(["compare", str(log)]) == 0
+    law.write_text(LAW + "# edited\n")
+    again = law.parent / "again.mcap"
+    assert main(["run", "fast-diagonal", "--controller", asked, *short, *stiff, "--out", str(again)]) == 0
+    (told,) = differing_fields(read_log(log)["mujoco"], read_log(again)["mujoco"])
+    assert re.fullmatch(r"controller\.origin\.sha256: \w{64} and \w{64}", told)
+    view = law.parent / "view.json"
+    assert main(["log", "layout", "controller", str(view), "--log", str(log)]) == 0
+    drawn = [
+        plot["paths"] for name, plot in json.loads(view.read_text())["configById"].items() if "Plot" in name
+    ]
+    values = [path["value"] for paths in drawn for path in paths]
+    assert "/mujoco/controller.bridge_error" in values
+    assert not any("zeta" in value or "virtual_input" in value for value in values)
+
+
+def test_workers_know_what_their_parent_was_given(law: Path) -> None:
+    verdict = law.parent / "verdict.json"
+    asked = ["--controller", f"{law}:damper", "--controller", f"{law}:BridgeServo", "--keep", "none"]
+    short = [part for text in SHORT for part in ("--set", text)]
+    plants = ["--plants", "analytic,mujoco", "--drive", "ideal", "--jobs", "2"]
+    main(["validate", "fast-diagonal", *asked, *short, *plants, "--json", str(verdict)])
+    told = json.loads(verdict.read_text())
+    assert {run["controller"] for run in told["runs"]} == {"damper", "bridge-servo"}
+    assert all(agreement["passed"] for agreement in told["agreements"])
+
+
+def test_prepared_for_the_crane_or_not_at_all(law: Path) -> None:
+    name = open_law(str(built(law.parent)))
+    with pytest.raises(InputError, match="cannot be prepared"):
+        simulate_run(scenario("rig.load_mass=6.0"), plant="analytic", controller=name)
+
+
+SCENARIO = """
+name = "own"
+duration = 1.0
+[controller]
+name = "law.py:BridgeServo"
+bridge-servo = {stiffness = 25.0}
+[reference]
+start = [0.4, 0.4, -0.8]
+"""
+
+
+def test_a_scenario_runs_no_code_unless_it_is_trusted(
+    law: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    law.write_text("open('it_ran', 'w').close()\n" + LAW)
+    (law.parent / "own.toml").write_text(SCENARIO)
+    (law.parent / "elsewhere").mkdir()
+    monkeypatch.chdir(law.parent / "elsewhere")  # its file is named as seen from the scenario
+    run = ["run", "../own.toml", "--plants", "analytic", "--out", "own.mcap"]
+    assert main(run) == main(["ladder", "../own.toml"]) == 2
+    assert "--trust" in capsys.readouterr().err
+    assert not Path("it_ran").exists()
+    assert main([*run, "--trust"]) == 0
+    assert Path("it_ran").exists()
+    Path("it_ran").unlink()
+    close_laws()
+    assert main(["info", "own.mcap"]) == main(["report", "own.mcap"]) == 0
+    assert not Path("it_ran").exists()
+    described = f"bridge-servo, {law.parent}/law.py:BridgeServo, SHA-256 "
+    assert described.replace(f"{law.parent}/", "../") in capsys.readouterr().out
+    assert described.replace(f"{law.parent}/", "../") in Path("own.html").read_text()
+    assert read_log("own.mcap")["analytic"].design.parameters["stiffness"] == 25.0
+
+
+CAMPAIGN = """
+name = "own"
+scenario = "fast-diagonal"
+controllers = ["law.py:damper"]
+plants = ["analytic"]
+runs = 4
+set = ["duration=3.2", "disturbances=[]"]
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.8
+high = 1.2
+"""
+
+
+def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
+    law: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(law.parent)
+    Path("own.toml").write_text(CAMPAIGN)
+    assert main(["campaign", "run", "own.toml", "--out", "result"]) == 2
+    assert main(["campaign", "run", "own.toml", "--out", "result", "--trust"]) == 0
+    close_laws()
+    assert main(["campaign", "report", "result"]) == 0
+    replay = ["campaign", "replay", "result", "--worst", "1"]
+    capsys.readouterr()
+    assert main(replay) == 2
+    assert "law.py:NAME" in capsys.readouterr().err
+    assert main([*replay, "--controller", "law.py:damper"]) == 0
+    assert "law damper" not in capsys.readouterr().out
+    close_laws()
+    law.write_text(LAW.replace("16.0 * memory[axis]", "15.0 * memory[axis]"))
+    assert main([*replay, "--controller", "law.py:damper"]) == 1
+    assert "law damper" in capsys.readouterr().out
+
+
+def test_what_a_compiled_law_writes_where_it_must_not_harms_itself_only(law: Path) -> None:
+    name, short = open_law(f"{law}:greedy"), scenario("workspace.on_exit='record'")
+    design = controller_design(name, short)
+    plan = plan_scenario(short)
+    shared = {
+        "design": design,
+        "plan": plan,
+        "law": law_of(short, design, "ideal", plan),
+        "plant": "analytic",
+    }
+    first, second = (simulate_run(short, **shared) for _ in range(2))
+    assert np.array_equal(first.block("state"), second.block("state"))
+    assert np.array_equal(first.reference, plan_scenario(short).reference[: len(first.reference)])
+
+
+def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) -> None:
+    """Where the rope starts on one side; runs before and after are simulated."""
+    when = "(m[3] < 100.0 && q[6] > 0.01 && q[6] < 0.06)"
+    crash, hang = f"if {when} *(volatile int *)0 = 1;", f"while {when} u[0] = 0.5 * (u[0] + m[3]);"
+    for broken, found in (
+        (crash, "ended its process with SIGSEGV"),
+        (hang, "took more than 1 s for a block"),
+    ):
+        name = open_law(str(built(law.parent, broken=broken)))
+        side = {"initial.alpha_offset": choice(-0.03, 0.03)}
+        made = campaign(side, controllers=[name], plants=["analytic"], runs=3, set=SHORT)
+        with Children() as children:
+            worker = ChildWorker(Prepared(made), children, patience=1.0)
+            rows = worker.run_batch(Batch("analytic", name, 0, 3))
+            worker.close()
+        failing = [row["initial.alpha_offset"] > 0.0 for row in rows]
+        assert 0 < sum(failing) < 3
+        assert [row["reason"] for row in rows] == [f"{name} {found}" if each else "" for each in failing]
+        close_laws()
+
+
+def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    started = []
+
+    def counted(*given: Any) -> Any:
+        started.append(given)
+        return spawn_child(*given)
+
+    monkeypatch.setattr("cranectl.campaign.child_worker.spawn_child", counted)
+    name = open_law(str(built(law.parent)))
+    with Children() as children:
+        for mass in (0.5, 0.9):
+            made = campaign(
+                {"rig.load_mass": fixed(mass)}, controllers=[name], plants=["analytic"], runs=2, set=SHORT
+            )
+            batch = Batch("analytic", name, 0, 2)
+            ((_, rows),) = run_batches(made, [batch], children=children)
+            assert rows == Worker(Prepared(made)).run_batch(batch)
+        assert len(started) == 1
+
+
+# Broken ones
+
+
+@pytest.mark.parametrize(
+    ("text", "symbol", "found"),
+    [
+        (LAW, "two", "takes parameters, measured"),
+        (LAW, "three", "has no law 'three'"),
+        (LAW, "", "does not say which law"),
+        ("import nothing_of_this_name", "x", "law.py:1: ModuleNotFoundError"),
+        ("def x(:", "x", "law.py:1: SyntaxError"),
+        ("raise SystemExit(3)", "x", "law.py:1: SystemExit"),
+        ("import os\nos._exit(3)", "x", "law.py:2: SystemExit: 3"),
+    ],
+)
+def test_what_is_no_law_is_refused(text: str, symbol: str, found: str, law: Path) -> None:
+    law.write_text(text)
+    with pytest.raises(InputError, match=found.replace(".", r"\.")):
+        open_law(f"{law}:{symbol}" if symbol else str(law))
+
+
+@pytest.mark.parametrize(
+    ("declared", "broken", "step", "found"),
+    [
+        ("D.abi = 7;", "", "cranectl_step", "version 7 of the interface"),
+        ("D.size = 8;", "", "cranectl_step", "8 bytes"),
+        ("D.memory = -1;", "", "cranectl_step", "memory = -1"),
+        ("abort();", "", "cranectl_step", "with SIGABRT"),
+        ("for (volatile int k = 0;; k++) {}", "", "cranectl_step", "no answer within"),
+        ("", "", "other", "no function cranectl_step"),
+        (
+            "",
+            "if (steps > 3) return steps; u[0] = steps;",
+            "cranectl_step",
+            "cranectl new generated-controller",
+        ),
+        ("", "if (steps > 300) return steps;", "cranectl_step", "outside of its memory"),
+        ("", "((double *)r)[0] = 1.0;", "cranectl_step", "writes to reference"),
+    ],
+)
+def test_a_library_that_breaks_the_rules_is_refused(
+    declared: str, broken: str, step: str, found: str, law: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if found == "no answer within":
+        monkeypatch.setattr("cranectl.loaders.asking.DECLARATION_TIMEOUT", 2.0)
+    with pytest.raises(InputError, match=found):
+        open_law(str(built(law.parent, declared=declared, broken=broken, step=step)))
+
+
+def test_what_is_no_library_of_this_machine_is_refused(law: Path) -> None:
+    library = built(law.parent)
+    content = bytearray(library.read_bytes())
+    arm, intel = 0xB7, 0x3E
+    others = {"machine": (18, intel if content[18] == arm else arm), "bits": (4, 1)}
+    for name, (place, value) in others.items():
+        other = law.parent / f"{name}.so"
+        other.write_bytes(bytes([*content[:place], value, *content[place + 1 :]]))
+        with pytest.raises(InputError, match=rf"{name}\.so"):
+            open_law(str(other))
+    with pytest.raises(InputError, match=r"absent\.so"):
+        open_law(str(law.parent / "absent.so"))
+
+
+@pytest.mark.parametrize(
+    ("symbol", "said"),
+    [
+        ("raising", "failed in law.py:"),
+        ("Compiled", "Compiled.step failed in law.py:"),
+        ("leaving", "SystemExit: 1201 samples"),
+        ("not_a_number", ""),
+        ("endless", "took more than 2 s for a block"),
+        ("writing", "read-only"),
+        ("segfault", "ended its process with SIGSEGV"),
+    ],
+)
+def test_a_law_that_fails_ends_its_run_only(
+    symbol: str, said: str, law: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """With a sentence, exit code 3 and a closed log that has what came before."""
+    crash = "if (m[3] > 1200.0) *(volatile int *)0 = 1;"
+    asked = f"{law}:{symbol}" if symbol != "segfault" else str(built(law.parent, broken=crash))
+    short = [part for text in SHORT for part in ("--set", text)]
+    log = law.parent / "run.mcap"
+    assert CAN_FORK
+    run = [
+        "run",
+        "fast-diagonal",
+        "--controller",
+        asked,
+        "--plants",
+        "analytic",
+        *short,
+        "--every",
+        "1",
+        "--patience",
+        "2",
+    ]
+    assert main([*run, "--out", str(log)]) == 3
+    assert said in capfd.readouterr().err
+    (found,) = read_log(log).values()
+    assert found.status.label == "controller-failed"
+    assert len(found.time_ns) == {"writing": 0, "endless": 1000, "segfault": 1000}.get(symbol, 1200)

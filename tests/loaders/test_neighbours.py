@@ -1,0 +1,318 @@
+"""What a controller imports and reads from its folder: its own, part of its digest, and taken to workers."""
+
+import json
+import shutil
+import sys
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.benchmark.tuned import tuned_facts
+from cranectl.campaign.cluster import packed, unpacked
+from cranectl.campaign.results import PARTS
+from cranectl.cli.main import main
+from cranectl.controllers.open_controllers import OPEN, SharedControllers
+from cranectl.controllers.registry import controller_design, controller_of, law_digests, load_controller
+from cranectl.loaders.opening import close_laws, open_again, open_law
+from cranectl.planning import load_scenario
+from cranectl.simulate import simulate_run
+from cranectl.support.documents import toml_text
+from cranectl.support.errors import InputError
+from tests.loaders.test_process_law import PROGRAM
+
+STEP = """
+def NAME(parameters, measured, reference, memory, command):
+    for axis in range(3):
+        target = -reference[2] if axis == 2 else reference[axis]
+        rate = -reference[5] if axis == 2 else reference[3 + axis]
+        command[axis] = K * (target - measured[2 * axis]) + 8.0 * (rate - measured[2 * axis + 1])
+    return 0
+"""
+PARTS_OF_A_LAW = {  # ways to have K beside the file: imports of the file, then what lies beside it
+    "module": ("from gains import K", {"gains.py": "K = VALUE"}),
+    "named module": ("import gains as g\nK = g.K", {"gains.py": "K = VALUE"}),
+    "module of a module": ("from gains import K", {"gains.py": "from more import K", "more.py": "K = VALUE"}),
+    "package": (
+        "import tables.of.gains\nK = tables.of.gains.K",
+        {
+            "tables/__init__.py": "",
+            "tables/of/__init__.py": "from . import gains",
+            "tables/of/gains.py": "from ..more import K",
+            "tables/more.py": "K = VALUE",
+        },
+    ),
+    "folder without __init__": ("from tables.gains import K", {"tables/gains.py": "K = VALUE"}),
+    "name of the standard library": ("from statistics import K", {"statistics.py": "K = VALUE"}),
+    "folder of its own choice": (
+        "import sys\nfrom pathlib import Path\n"
+        "sys.path.insert(0, str(Path(__file__).parent / '../NAME-lib'))\nfrom gains import K",
+        {"../NAME-lib/gains.py": "K = VALUE"},
+    ),
+    "data": (
+        "import json\nfrom pathlib import Path\n"
+        "K = json.loads(Path(__file__).with_name('gains.json').read_text())",
+        {"gains.json": "VALUE"},
+    ),
+    "array": (
+        "import numpy as np\nfrom pathlib import Path\n"
+        "K = float(np.loadtxt(Path(__file__).parent / 'data' / 'gains.csv'))",
+        {"data/gains.csv": "VALUE"},
+    ),
+}
+ways = pytest.mark.parametrize("way", PARTS_OF_A_LAW)
+
+
+@pytest.fixture(autouse=True)
+def forgotten() -> Iterator[None]:
+    path = sys.path[:]
+    yield
+    close_laws()
+    assert sys.path == path
+
+
+def written(folder: Path, name: str, value: float, way: str = "module") -> str:
+    """A law `name` in `folder` whose gain is `value`; returns how it is named."""
+    folder.mkdir(exist_ok=True)
+    head, parts = PARTS_OF_A_LAW[way]
+    (folder / "law.py").write_text((head + STEP).replace("NAME", name))
+    for part, text in parts.items():
+        path = folder / part.replace("NAME", name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text.replace("VALUE", str(value)))
+    return f"{folder}/law.py:{name}"
+
+
+def gain_of(law: Any) -> float:
+    """What a step commands for a bridge 1 m away."""
+    command, memory = np.zeros(3), np.zeros(64)
+    law.step(np.zeros(1), np.zeros(12), np.eye(15)[0], memory, command)
+    return float(command[0])
+
+
+def gain(name: str) -> float:
+    return gain_of(load_controller(name))
+
+
+@ways
+def test_each_controller_has_the_modules_and_data_of_its_own_folder(way: str, tmp_path: Path) -> None:
+    before = set(sys.modules)
+    first = open_law(written(tmp_path / "a", "first", 16.0, way))
+    second = open_law(written(tmp_path / "b", "second", 4.25, way))
+    assert (gain(first), gain(second)) == (16.0, 4.25)
+    assert not {name for name in set(sys.modules) - before if name.partition(".")[0] in ("gains", "tables")}
+    assert not list(tmp_path.rglob("__pycache__"))
+
+
+@ways
+def test_what_lies_beside_it_counts_in_its_digest(way: str, tmp_path: Path) -> None:
+    """Whatever the time of the change: within the second, and of the same length."""
+    asked = written(tmp_path / "a", "first", 16.0, way)
+    name = open_law(asked)
+    before = law_digests([name])
+    (tmp_path / "a" / "unrelated.py").write_text("K = 3.0")
+    assert open_law(asked) == name
+    assert law_digests([name]) == before
+    written(tmp_path / "a", "first", 17.0, way)
+    assert open_law(asked) == name
+    assert law_digests([name]) != before
+    assert gain(name) == 17.0
+    written(tmp_path / "a", "first", 16.0, way)
+    assert open_law(asked) == name
+    assert law_digests([name]) == before
+
+
+def travelled(shared: SharedControllers) -> SharedControllers:
+    """As a cluster gets them."""
+    sent = json.loads(zlib.decompress(packed({}, shared.files)))["laws"]
+    return SharedControllers(tuple(map(unpacked, sent)))
+
+
+@ways
+@pytest.mark.parametrize("then", ["gone", "changed"])
+def test_workers_have_what_lay_beside_it_when_it_was_opened(way: str, then: str, tmp_path: Path) -> None:
+    asked = written(tmp_path / "a", "first", 16.0, way)
+    name = open_law(asked)
+    files, digests = travelled(OPEN.share()), law_digests([name])
+    close_laws()
+    for folder in tmp_path.iterdir():
+        shutil.rmtree(folder)
+    if then == "changed":
+        written(tmp_path / "a", "first", 17.0, way)
+    open_again(files)
+    open_again(files)
+    assert gain(name) == 16.0
+    assert law_digests([name]) == digests
+
+
+def test_a_worker_keeps_versions_of_one_name_apart(tmp_path: Path) -> None:
+    """One that serves two campaigns has both, whichever came last."""
+    scenario, sent, designs = load_scenario("fast-diagonal"), [], []
+    for value in (16.0, 4.25):
+        name = open_law(written(tmp_path / "a", "first", value))
+        sent.append(OPEN.share())
+        close_laws()
+    for shared in sent:
+        open_again(shared)
+        designs.append(controller_design(name, scenario))
+    assert [gain_of(controller_of(design)) for design in designs] == [16.0, 4.25]
+
+
+def test_the_same_text_in_two_folders_is_two_controllers(tmp_path: Path) -> None:
+    (tmp_path / "b").mkdir()
+    texts = {}
+    for folder, value in (("a", 16.0), ("b", 4.0)):
+        texts[folder] = written(tmp_path / folder, "first", value).rpartition(":")[0]
+    assert Path(texts["a"]).read_bytes() == Path(texts["b"]).read_bytes()
+    open_law(f"{texts['a']}:first")
+    with pytest.raises(InputError, match="are two controllers named 'first'"):
+        open_law(f"{texts['b']}:first")
+    assert gain("first") == 16.0
+
+
+def test_nothing_is_imported_from_there_later(tmp_path: Path) -> None:
+    """It would count in no digest; what the file has imported is there."""
+    asked = written(tmp_path / "a", "first", 16.0)
+    text = (
+        Path(tmp_path / "a" / "law.py")
+        .read_text()
+        .replace("    for axis", "    from MODULE import K\n    for axis")
+    )
+    (tmp_path / "a" / "later.py").write_text("K = 1.0")
+    for module in ("gains", "math"):
+        (tmp_path / "a" / "law.py").write_text(
+            text.replace("MODULE import K", f"{module} import {'K' if module == 'gains' else 'pi'}")
+        )
+        assert gain(open_law(asked)) == 16.0
+    (tmp_path / "a" / "law.py").write_text(text.replace("MODULE", "later"))
+    name = open_law(asked)
+    with pytest.raises(
+        ModuleNotFoundError, match=r"later lies beside the controller.*at the top of the file"
+    ):
+        gain(name)
+
+
+def test_a_module_that_fails_is_named_as_the_user_knows_it(tmp_path: Path) -> None:
+    asked = written(tmp_path / "a", "first", 16.0)
+    (tmp_path / "a" / "gains.py").write_text("from nowhere_at_all import K")
+    with pytest.raises(InputError, match=r"law\.py:1: ModuleNotFoundError: No module named 'nowhere_at_all'"):
+        open_law(asked)
+    (tmp_path / "a" / "gains.py").write_text("\nK = 1 +")
+    with pytest.raises(InputError, match=r"gains\.py:2: SyntaxError"):
+        open_law(asked)
+    (tmp_path / "a" / "gains.py").write_text("")
+    with pytest.raises(InputError, match=r"law\.py:1: ImportError: cannot import name 'K' from 'gains'"):
+        open_law(asked)
+
+
+# Processes
+
+
+def peer(folder: Path, *, gain: float, program: str = "peer.py", more: str = "") -> str:
+    """A program whose gain is in a module beside it; returns how it is named."""
+    folder.mkdir(exist_ok=True)
+    text = (
+        PROGRAM.replace("16.0", "K")
+        .replace("BROKEN", "pass")
+        .replace("import os", "from gains import K\nimport os")
+    )
+    (folder / "peer.py").write_text(text)
+    (folder / "gains.py").write_text(f"K = {gain}")
+    (folder / "law.toml").write_text(
+        f'name = "peer"\nprogram = ["{sys.executable}", "{program}"]\nlogged = ["error"]\n{more}'
+    )
+    return f"{folder}/law.toml"
+
+
+FILES = 'files = ["gains.py", "data/*.csv"]\n'
+
+
+def test_the_files_of_a_program_count_and_travel(tmp_path: Path) -> None:
+    short = load_scenario("fast-diagonal", overrides=["duration=3.2", "disturbances=[]"])
+    (tmp_path / "a" / "data").mkdir(parents=True)
+    (tmp_path / "a" / "data" / "table.csv").write_text("1,2")
+    asked = peer(tmp_path / "a", gain=16.0, more=FILES)
+    name = open_law(asked)
+    first = law_digests([name])
+    files, run = travelled(OPEN.share()), simulate_run(short, plant="analytic", controller=name)
+    for changed in ("peer.py", "gains.py", "data/table.csv"):
+        path = tmp_path / "a" / changed
+        text = path.read_text()
+        path.write_text(f"{text}MORE = 1\n")
+        assert open_law(asked) == name
+        assert law_digests([name]) != first
+        path.write_text(text)
+    assert open_law(asked) == name
+    assert law_digests([name]) == first
+    close_laws()
+    peer(tmp_path / "a", gain=4.0, more=FILES)
+    open_again(files)
+    again = simulate_run(short, plant="analytic", controller=name)
+    assert law_digests([name]) == first
+    assert np.array_equal(run.block("state"), again.block("state"))
+    close_laws()
+    other = simulate_run(short, plant="analytic", controller=open_law(asked))
+    assert not np.array_equal(run.block("state"), other.block("state"))
+
+
+def test_a_file_that_is_named_and_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no file is named by files = 'data/\*\.csv'"):
+        open_law(peer(tmp_path, gain=16.0, more=FILES))
+
+
+# Who must notice
+
+
+CAMPAIGN = """
+name = "own"
+scenario = "fast-diagonal"
+controllers = ["ASKED"]
+plants = ["analytic", "mujoco"]
+runs = 1
+set = ["duration=3.2", "disturbances=[]"]
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.8
+high = 1.2
+"""
+
+
+@pytest.mark.parametrize("kind", ["module", "data", "program"])
+def test_a_campaign_is_not_resumed_with_another_helper(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def law(value: float) -> str:
+        if kind == "program":
+            return peer(tmp_path / "a", gain=value, more='files = ["gains.py"]\n')
+        return written(tmp_path / "a", "first", value, kind)
+
+    monkeypatch.chdir(tmp_path)
+    Path("own.toml").write_text(CAMPAIGN.replace("ASKED", law(16.0)))
+    run = ["campaign", "run", "own.toml", "--out", "result", "--trust"]
+    assert main(run) == 0
+    last = sorted(Path("result", PARTS).glob("*.parquet"))[-1]
+    last.unlink()
+    close_laws()
+    law(4.0)
+    assert main([*run, "--resume"]) == 2
+    assert "made by other software: law " in capsys.readouterr().err
+    assert not last.exists()
+    close_laws()
+    law(16.0)
+    assert main([*run, "--resume"]) == 0
+    assert last.exists()
+
+
+def test_numbers_that_were_tuned_with_another_helper_are_refused(tmp_path: Path) -> None:
+    asked = written(tmp_path / "a", "first", 16.0)
+    law = load_controller(open_law(asked))
+    facts = {"runs": 1, "cost": {}, "failed": {}}
+    (tmp_path / "first.toml").write_text(toml_text({"law": "first", "code": law.code, "rules": "r", **facts}))
+    assert tuned_facts(tmp_path, "r", "first")["numbers"] == {}
+    written(tmp_path / "a", "first", 4.0)
+    open_law(asked)
+    with pytest.raises(InputError, match="numbers of another version of first"):
+        tuned_facts(tmp_path, "r", "first")

@@ -1,0 +1,51 @@
+"""What is open in a process is handed to its child processes, and nothing else tells them."""
+
+import os
+from math import inf
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from cranectl import open_law
+from cranectl.controllers.open_controllers import OPEN, OpenControllers, SharedControllers
+from cranectl.controllers.registry import law_digests
+from cranectl.loaders.law_file import copy_of
+from cranectl.loaders.opening import close_laws, open_again
+from cranectl.support.children import spawn_child
+
+
+def tell(connection: Connection, shared: SharedControllers) -> None:
+    """In a child: open what is shared, and say what is open, and where copies lie."""
+    open_again(shared)
+    copies = [copy_of(file) for file in shared.files]
+    connection.send((law_digests(OPEN.files), copies))
+
+
+def test_a_child_has_what_is_shared_and_copies_where_its_parent_removes_them(law: Path) -> None:
+    names = [open_law(f"{law}:damper"), open_law(f"{law}:BridgeServo")]
+    environment = dict(os.environ)
+    child = spawn_child(tell, OPEN.share(names[:1]))
+    digests, copies = child.receive(inf)
+    child.end()
+    assert digests == law_digests(names[:1])
+    assert [path.parents[1] for path in copies] == [OPEN.folder]
+    assert all(path.is_file() for path in copies)
+    assert dict(os.environ) == environment
+
+
+def test_nothing_is_shared_of_a_process_that_has_opened_nothing(law: Path) -> None:
+    opened = OpenControllers()
+    assert opened.share() == SharedControllers((), None)
+    open_law(f"{law}:damper")
+    assert len(OPEN.share().files) == 1
+    assert OPEN.share(["lqr"]).files == ()
+    close_laws()
+    assert OPEN.share().files == ()
+
+
+def test_a_process_makes_a_folder_of_its_own_where_its_parent_has_removed_that(tmp_path: Path) -> None:
+    opened = OpenControllers()
+    opened.take_folder(tmp_path / "removed")
+    assert opened.folder.is_dir()
+    assert opened.folder != tmp_path / "removed"
+    opened.take_folder(None)
+    assert opened.folder.is_dir()

@@ -1,0 +1,283 @@
+"""Laws in other processes: the same bits as here, missed samples counted, and what remains when one fails."""
+
+import contextlib
+import math
+import os
+import re
+import socket
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.child_worker import Children, ChildWorker
+from cranectl.campaign.definition import Batch
+from cranectl.campaign.worker import Prepared, Worker
+from cranectl.campaign.workers import estimated_seconds
+from cranectl.cli.main import main
+from cranectl.controllers.registry import controller_design
+from cranectl.live.child_session import ChildSession
+from cranectl.loaders.opening import close_laws, open_law
+from cranectl.log import read_log
+from cranectl.planning import load_scenario
+from cranectl.simulate import Run, simulate_run
+from cranectl.support.children import Timeout
+from cranectl.support.errors import InputError
+from tests.campaign.campaigns import campaign, fixed
+from tests.loaders.law_files import LAW
+from tests.pace import HANG
+
+SHORT = ["duration=3.2", "disturbances=[]"]
+QUESTION = struct.Struct("<I27d")
+PROGRAM = """
+import os, struct, sys, time
+QUESTION = struct.Struct("<I27d")
+while data := sys.stdin.buffer.read(QUESTION.size):
+    n, *v = QUESTION.unpack(data)
+    BROKEN
+    command = []
+    for axis in range(3):
+        target, rate = (-v[14], -v[17]) if axis == 2 else (v[12 + axis], v[15 + axis])
+        acceleration = 16.0 * (target - v[2 * axis])
+        acceleration += 8.0 * (rate - v[2 * axis + 1])
+        command.append(acceleration)
+    sys.stdout.buffer.write(struct.pack("<I4d", n, *command, v[12] - v[0]))
+    sys.stdout.buffer.flush()
+time.sleep(6000)
+"""
+
+Peer = Callable[[int, list[float]], bytes | None]
+
+
+def program(folder: Path, broken: str = "pass") -> Path:
+    """The file of a law whose program lies beside it."""
+    (folder / "law_program.py").write_text(PROGRAM.replace("BROKEN", broken))
+    path = folder / "law.toml"
+    command = f'["{sys.executable}", "law_program.py"]'
+    path.write_text(f'name = "peer"\nprogram = {command}\nlogged = ["bridge_error"]\n')
+    return path
+
+
+@pytest.fixture
+def listening() -> Iterator[Callable[[Peer], str]]:
+    """Answers what a function says, at the address that it returns."""
+    sockets = []
+
+    def start(peer: Peer) -> str:
+        here = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        here.bind(("127.0.0.1", 0))
+        sockets.append(here)
+
+        def serve() -> None:
+            with contextlib.suppress(OSError):  # at the end it is closed
+                while True:
+                    data, sender = here.recvfrom(4096)
+                    n, *values = QUESTION.unpack(data)
+                    if (answer := peer(n, values)) is not None:
+                        here.sendto(answer, sender)
+
+        threading.Thread(target=serve, daemon=True).start()
+        return f"udp://127.0.0.1:{here.getsockname()[1]}"
+
+    yield start
+    for each in sockets:
+        each.close()
+
+
+def servo(n: int, values: list[float]) -> bytes:
+    """As the law `damper` of a file."""
+    measured, reference = values[:12], values[12:]
+    reference[2], reference[5] = -reference[2], -reference[5]
+    command = []
+    for axis in range(3):
+        acceleration = 16.0 * (reference[axis] - measured[2 * axis])
+        acceleration += 8.0 * (reference[3 + axis] - measured[2 * axis + 1])
+        command.append(acceleration)
+    return struct.pack("<I3d", n, *command)
+
+
+def run(reference: str, *, plant: str = "mujoco") -> Run:
+    name = open_law(reference)
+    return simulate_run(load_scenario("fast-diagonal", overrides=SHORT), plant=plant, controller=name)
+
+
+def test_a_program_and_an_address_give_the_bits_of_the_law_in_this_process(
+    tmp_path: Path, listening: Callable[[Peer], str]
+) -> None:
+    (tmp_path / "law.py").write_text(LAW)
+    started = program(tmp_path)
+    for plant in ("analytic", "mujoco"):  # a run each: every one begins with sample 0
+        here = run(f"{tmp_path}/law.py:damper", plant=plant)
+        for reference in (str(started), listening(servo)):
+            there = run(reference, plant=plant)
+            assert np.array_equal(there.block("state"), here.block("state"))
+            assert not there.signal("controller.missed").any()
+            close_laws()
+    error = run(str(started)).signal("controller.bridge_error")
+    assert np.abs(error).max() > 1e-3
+
+
+def test_free_running_holds_the_last_command_and_counts_what_it_missed(
+    tmp_path: Path, listening: Callable[[Peer], str]
+) -> None:
+    def sluggish(n: int, values: list[float]) -> bytes | None:
+        """One answer of a hundred is late."""
+        answer = servo(n, values)
+        if n % 100 == 99:
+            time.sleep(0.03)
+        return answer
+
+    law = tmp_path / "law.toml"
+    law.write_text(f'address = "{listening(sluggish)}"\ndeadline = 0.01\n')
+    held = run(str(law))
+    assert held.status.label == "completed"
+    missed = held.signal("controller.missed")
+    assert 32 <= missed[-1] < len(missed)  # while a late one is worked at, more go unanswered
+    late = np.flatnonzero(np.diff(missed) > 0) + 1
+    assert 99 in late
+    command = held.block("input")[:, :3]
+    assert np.array_equal(command[late], command[late - 1])
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        ("if n == 1200: sys.exit(7)", "the program ended with exit code 7"),
+        ("if n == 1200: time.sleep(60)", "no answer to sample 1200 within 2 s"),
+        ("if n == 1200: n = 1199", "no answer to sample 1200"),
+        ("if n == 1200: v[12] = float('nan')", ""),
+    ],
+)
+def test_a_program_that_fails_ends_its_run_only(
+    broken: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cranectl.loaders.process_law.ANSWER_TIMEOUT", 2.0)
+    monkeypatch.chdir(tmp_path)
+    law = str(program(tmp_path, broken))
+    short = [part for text in SHORT for part in ("--set", text)]
+    asked = ["run", "fast-diagonal", "--controller", law, "--plants", "analytic", "--every", "1", *short]
+    assert main([*asked, "--out", "run.mcap"]) == 3
+    assert said in capfd.readouterr().err
+    (found,) = read_log("run.mcap").values()
+    assert found.status.label == "controller-failed"
+    assert len(found.time_ns) == 1200
+
+
+def test_a_program_ends_with_its_run_even_if_it_reads_nothing_more(tmp_path: Path) -> None:
+    run(str(program(tmp_path, "if n == 0: open('pid', 'w').write(str(os.getpid()))")))
+    number, deadline = int((tmp_path / "pid").read_text()), time.monotonic() + HANG
+    while time.monotonic() < deadline:
+        try:
+            os.kill(number, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.01)
+    pytest.fail("the program is still there")
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("", "needs an address or a program"),
+        ('address = "udp://localhost:1"\nprogram = ["x"]', "needs an address or a program"),
+        ('program = ["no-such-program"]', "no program 'no-such-program'"),
+        ('address = "tcp://localhost:1"', "the address 'tcp://localhost:1'"),
+        ('address = "udp://["', "the address 'udp://['"),
+        ('name = "\udcff"', "a controller named"),
+        ('address = "udp://localhost:99999"', "the address 'udp://localhost:99999'"),
+        ('address = "udp://localhost:1"\nspeed = 3', "unknown key 'speed'"),
+        ('address = "udp://localhost:1"\nname = "Mine"', "named 'Mine'"),
+        ("address =", "law.toml"),
+    ],
+)
+def test_what_tells_of_no_process_is_refused(text: str, found: str, tmp_path: Path) -> None:
+    law = tmp_path / "law.toml"
+    law.write_text(text, errors="surrogateescape")
+    with pytest.raises(InputError, match=re.escape(found)):
+        open_law(str(law))
+    with pytest.raises(InputError, match="holds one law"):
+        open_law(f"{law}:NAME")
+
+
+def test_an_address_is_asked_by_one_run_at_a_time(
+    tmp_path: Path, listening: Callable[[Peer], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    order: list[int] = []
+
+    def peer(n: int, values: list[float]) -> bytes:
+        order.append(n)
+        return servo(n, values)
+
+    short = [part for text in SHORT for part in ("--set", text)]
+    asked = ["validate", "fast-diagonal", "near-slack", "--controller", listening(peer), "--keep", "none"]
+    main([*asked, *short, "--plants", "analytic", "--drive", "ideal", "--jobs", "2"])
+    assert order.count(0) == 2
+    assert order == [n for _ in range(2) for n in range(len(order) // 2)]
+
+
+@pytest.mark.parametrize("where", ["simulate.child", "campaign.child_worker", "live.child_session"])
+def test_no_patience_counts_while_a_program_starts(
+    where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may import or compile. The patience of the run holds again from its first answer on."""
+    allowed: list[float] = []
+
+    class Noted(Timeout):
+        def __init__(self, pid: int, seconds: float) -> None:
+            allowed.append(seconds)
+            super().__init__(pid, math.inf)
+
+    monkeypatch.setattr("cranectl.support.children.Timeout", Noted)
+    name = open_law(str(program(tmp_path)))
+    if where == "simulate.child":
+        scenario = load_scenario("fast-diagonal", overrides=SHORT)
+        run = simulate_run(scenario, plant="analytic", controller=name, patience=7.0)
+        assert run.status.label == "completed"
+    elif where == "live.child_session":
+        scenario = load_scenario("fast-diagonal", overrides=SHORT)
+        design = controller_design(name, scenario)
+        session = ChildSession(scenario, design, plants=("analytic",), patience=7.0)
+        del allowed[:]
+        session.reset()
+        assert [len(run.time_ns) for run in session.advance(20)] == [20]
+        assert session._child is not None
+        session._child.end()
+        assert allowed.pop(0) == 7.0  # for the answer to `reset`
+    else:
+        made = campaign(
+            {"rig.load_mass": fixed(0.8)}, controllers=[name], plants=["analytic"], runs=1, set=SHORT
+        )
+        with Children() as children, closing(ChildWorker(Prepared(made), children, 7.0)) as worker:
+            (row,) = worker.run_batch(Batch("analytic", name, 0, 1))
+        assert row["status"] == "completed"
+        assert allowed.pop(0) == math.inf  # it imports and compiles itself
+    assert allowed[:3] == [7.0, math.inf, 7.0]
+    assert set(allowed[3:]) <= {7.0}
+
+
+def test_an_estimate_of_time_waits_for_as_long_as_a_run_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that is given up would be taken for one that is quick."""
+    given: list[float] = []
+
+    def noted(prepared: Prepared, _: Children, patience: float) -> Worker:
+        given.append(patience)
+        return Worker(prepared)
+
+    monkeypatch.setattr("cranectl.campaign.workers.made_worker", noted)
+    made = campaign({"rig.load_mass": fixed(0.8)}, plants=["analytic"], runs=1, set=SHORT)
+    assert 0.0 < estimated_seconds(made, workers=1) < math.inf
+    assert given == [math.inf]
+
+
+def test_a_word_of_a_program_may_be_longer_than_a_name_of_a_file(tmp_path: Path) -> None:
+    """As with `python -c CODE`."""
+    law = tmp_path / "law.toml"
+    law.write_text(f"name = 'long'\nprogram = ['{sys.executable}', '-c', '{'pass;' * 1000}']")
+    assert open_law(str(law)) == "long"

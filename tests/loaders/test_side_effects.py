@@ -1,0 +1,56 @@
+"""What a law does besides its step: it prints, and changes how numbers are rounded. Nothing else notices."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.loaders.opening import close_laws, open_law
+from cranectl.planning import load_scenario
+from cranectl.simulate import simulate_run
+from tests.loaders.law_files import LAW, built
+
+SHORT = ["duration=3.2", "disturbances=[]"]
+
+
+@pytest.mark.parametrize(
+    ("symbol", "said"),
+    [("talking", ["loading", "stepping 5"]), ("Talking", ["preparing", "stepping 5.0"]), ("", ["in C"])],
+)
+def test_what_a_law_prints_goes_to_standard_error(
+    symbol: str, said: list[str], law: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Without an end of the line, too; standard output has the JSON alone."""
+    declared, broken = 'printf("declaring");', 'if (m[3] == 5.0) printf("in C");'
+    asked = f"{law}:{symbol}" if symbol else str(built(law.parent, declared=declared, broken=broken))
+    short = [part for text in SHORT for part in ("--set", text)]
+    run = ["run", "fast-diagonal", "--controller", asked, "--plants", "analytic", *short]
+    assert main([*run, "--out", str(law.parent / "run.mcap"), "--json", "-"]) == 0
+    told = capfd.readouterr()
+    assert json.loads(told.out)["runs"][0]["status"] == "completed"
+    assert all(text in told.err for text in said)
+
+
+def test_a_library_that_changes_how_numbers_are_rounded_changes_no_plant(law: Path) -> None:
+    scenario, states = load_scenario("fast-diagonal", overrides=SHORT), []
+    for loaded in ("", "fesetround(FE_UPWARD);"):
+        name = open_law(str(built(law.parent, loaded=loaded)))
+        states.append(simulate_run(scenario, plant="analytic", controller=name).block("state"))
+        close_laws()
+    assert len(states[0]) == len(states[1]) == 3201
+    assert np.array_equal(*states)
+
+
+def test_a_file_that_takes_long_to_load_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cranectl.support.waiting.SLOW", 0.01)
+    path = tmp_path / "law.py"
+    path.write_text(
+        "import threading\n"
+        "[one.join() for one in threading.enumerate() if isinstance(one, threading.Timer)]\n" + LAW
+    )
+    open_law(f"{path}:damper")
+    assert "law.py:damper has been loading for 0.01 s" in capfd.readouterr().err

@@ -1,0 +1,303 @@
+"""MCAP files as other tools write them: our logs are read in any valid form, other files called foreign."""
+
+import io
+import json
+import re
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import foxglove
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType, Writer
+
+from cranectl.log import describe_log, read_log, read_signal, recover_log, write_log
+from cranectl.mcap_columns.contents import opened
+from cranectl.mcap_columns.rows import read_rows
+from cranectl.scenario import Scenario
+from cranectl.simulate import simulate_run
+from cranectl.support.errors import InputError, LogError
+from tests.log.test_log import assert_same
+from tests.reference.recordings import scenario_of
+
+PRIVATE = bytes([0x90]) + struct.pack("<Q", 3) + b"abc"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory, short_run: Any) -> Path:
+    return write_log(tmp_path_factory.mktemp("foreign") / "run.mcap", [short_run])
+
+
+@pytest.fixture(scope="module")
+def short_run() -> Any:
+    scenario = Scenario.model_validate_json(json.dumps(SHORT))
+    return simulate_run(scenario, plant="analytic", controller="lqr")
+
+
+SHORT = {
+    "name": "short",
+    "duration": 0.4,
+    "reference": {"start": [1.0, 0.7, -0.8], "segments": []},
+}
+
+
+def again(
+    source: Path,
+    path: Path,
+    add: Callable[[Writer], Any] | None = None,
+    keeps: Callable[[str], bool] = lambda _: True,
+    parts: str = "attachments metadata",
+    **options: Any,
+) -> Path:
+    """Write a log again as another tool does, records of the file last; `add` adds to it.
+
+    Only the topics that it `keeps` are written, and these `parts` of what is said of the file.
+    """
+    with source.open("rb") as stream, path.open("wb") as out:
+        reader = make_reader(stream)
+        writer = Writer(out, **options)
+        writer.start(profile="", library="another tool")
+        schemas: dict[int, int] = {}
+        channels: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if not keeps(channel.topic):
+                continue
+            if schema.id not in schemas:
+                schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
+            if channel.id not in channels:
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schemas[schema.id], channel.metadata
+                )
+            writer.add_message(
+                channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
+            )
+        if add:
+            add(writer)
+        for attachment in reader.iter_attachments() if "attachments" in parts else ():
+            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
+        for metadata in reader.iter_metadata() if "metadata" in parts else ():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        writer.finish()
+    return path
+
+
+def other_topics(writer: Writer) -> None:
+    """A topic in JSON, one in CDR, and one without a schema."""
+    schema = writer.register_schema("Pose", "jsonschema", b'{"type": "object"}')
+    pose = writer.register_channel("/pose", "json", schema)
+    ros = writer.register_channel("/ros", "cdr", writer.register_schema("a/msg/X", "ros2msg", b"float64 x"))
+    raw = writer.register_channel("/raw", "json", 0)
+    for k in range(3):
+        writer.add_message(pose, k, b'{"x": 1}', k)
+        writer.add_message(ros, k, b"\0\1\0\0" + bytes(8), k)
+        writer.add_message(raw, k, b"{}", k)
+
+
+FORMS: dict[str, dict[str, Any]] = {
+    "no chunks": {"use_chunking": False},
+    "uncompressed": {"compression": CompressionType.NONE},
+    "lz4": {"compression": CompressionType.LZ4},
+    "one chunk": {"chunk_size": 8 * 2**20},
+    "no statistics": {"use_statistics": False},
+    "no indexes": {"index_types": IndexType.NONE},
+    "no summary": {"use_statistics": False, "use_summary_offsets": False, "index_types": IndexType.NONE,
+                   "repeat_channels": False, "repeat_schemas": False},
+    "no checksums": {"enable_crcs": False, "enable_data_crcs": False},
+    "other topics": {"add": other_topics},
+    "other topics without chunks": {"add": other_topics, "use_chunking": False},
+    "other attachments": {"add": lambda writer: writer.add_attachment(0, 0, "notes.txt", "text/plain", b"x")},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_log_that_another_tool_has_written_again_is_read(
+    written: Path, short_run: Any, tmp_path: Path, form: str
+) -> None:
+    path = again(written, tmp_path / "again.mcap", **FORMS[form])
+    assert_same(read_log(path)["analytic"], short_run.every(4))
+    _, alpha = read_signal(path, "analytic/state.alpha")
+    assert np.array_equal(alpha, short_run.every(4).signal("state.alpha"))
+    assert describe_log(path).versions == describe_log(written).versions
+
+
+@pytest.mark.parametrize("form", ["no chunks", "no summary", "other topics", "other topics without chunks"])
+def test_a_log_that_another_tool_has_written_again_is_recovered(
+    written: Path, short_run: Any, tmp_path: Path, form: str
+) -> None:
+    path = again(written, tmp_path / "again.mcap", **FORMS[form])
+    recover_log(path, tmp_path / "saved.mcap")
+    assert_same(read_log(tmp_path / "saved.mcap")["analytic"], short_run.every(4))
+    with opened(tmp_path / "saved.mcap") as stream:
+        contents, _ = read_rows(tmp_path / "saved.mcap", stream, lambda _: True)
+    if "other" in form:
+        told = {channel.topic: channel for channel in contents.channels.values()}
+        assert [told[name].message_encoding for name in ("/pose", "/ros", "/raw")] == ["json", "cdr", "json"]
+        assert contents.schemas[told["/ros"].schema_id].encoding == "ros2msg"
+        assert told["/raw"].schema_id == 0
+
+
+def test_a_record_of_another_writers_own_is_passed_over(
+    written: Path, short_run: Any, tmp_path: Path
+) -> None:
+    path = again(
+        written, tmp_path / "again.mcap", enable_crcs=False, enable_data_crcs=False, **FORMS["no summary"]
+    )
+    content = path.read_bytes()
+    header = 8 + 9 + struct.unpack_from("<Q", content, 9)[0]
+    path.write_bytes(content[:header] + PRIVATE + content[header:])
+    assert_same(read_log(path)["analytic"], short_run.every(4))
+
+
+def large(writer: Writer, size: int = 17, count: int = 1) -> None:
+    """Messages of `size` MiB."""
+    channel = writer.register_channel("/image", "json", writer.register_schema("Image", "jsonschema", b"{}"))
+    for k in range(count):
+        writer.add_message(channel, k, bytes(size * 2**20), k)
+
+
+def notes(writer: Writer) -> None:
+    """What another tool adds, under one name twice."""
+    for content in (b"x", b"y"):
+        writer.add_attachment(0, 0, "notes.txt", "text/plain", content)
+        writer.add_metadata("notes", {"a": content.decode()})
+
+
+def test_names_that_a_log_has_twice_are_kept(written: Path, short_run: Any, tmp_path: Path) -> None:
+    path = again(written, tmp_path / "again.mcap", notes)
+    assert_same(read_log(path)["analytic"], short_run.every(4))
+    recover_log(path, tmp_path / "saved.mcap")
+    with (tmp_path / "saved.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        told = [each.data for each in reader.iter_attachments() if each.name == "notes.txt"]
+        assert told == [b"x", b"y"]
+        assert [each.metadata["a"] for each in reader.iter_metadata() if "notes" in each.name] == ["x", "y"]
+
+
+def merged(written: Path, path: Path) -> Path:
+    """Write a log with what is said of its runs once more, as a merge of two logs has it."""
+    with written.open("rb") as stream:
+        reader = make_reader(stream)
+        attachments, metadata = list(reader.iter_attachments()), list(reader.iter_metadata())
+
+    def add(writer: Writer) -> None:
+        for each in attachments:
+            writer.add_attachment(0, 0, each.name, each.media_type, each.data)
+        for one in metadata:
+            writer.add_metadata(one.name, one.metadata)
+
+    return again(written, path, add)
+
+
+UNREAD: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
+    "merged": (merged, "it has cranectl twice, as merged logs have"),
+    "topics left out": (
+        lambda log, path: again(log, path, keeps=lambda topic: topic != "/analytic/load"),
+        "0 of 101 samples of analytic/load",
+    ),
+    "no reference": (
+        lambda log, path: again(log, path, keeps=lambda topic: topic != "/reference/load"),
+        "the reference has 0 of 101 samples",
+    ),
+    "topics only": (
+        lambda log, path: again(log, path, parts=""),
+        "it has no metadata, as filtered logs have",
+    ),
+    "no attachments": (
+        lambda log, path: again(log, path, parts="metadata"),
+        "'scenario.json' is missing",
+    ),
+    "large chunks": (lambda log, path: again(log, path, large), "a chunk claims to unpack to 17"),
+    "a large record": (
+        lambda log, path: again(log, path, lambda writer: large(writer, 65), use_chunking=False),
+        "the message record at byte",
+    ),
+    "repetitive": (
+        lambda log, path: again(log, path, lambda writer: large(writer, 4, 60), chunk_size=2**22),
+        "unpack to far more than it has",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", UNREAD)
+def test_what_another_tool_made_of_a_log_is_never_called_damaged(
+    written: Path, tmp_path: Path, case: str
+) -> None:
+    write, found = UNREAD[case]
+    path = write(written, tmp_path / "again.mcap")
+    for attempt in (lambda: read_log(path), lambda: recover_log(path, tmp_path / "out.mcap")):
+        with pytest.raises(LogError, match="cannot be read") as error:
+            attempt()
+        assert "damaged" not in str(error.value)
+    with pytest.raises(LogError, match=re.escape(found)):
+        read_log(path)
+
+
+def messages(writer: Writer, size: int = 8, count: int = 20) -> None:
+    schema = writer.register_schema("Pose", "jsonschema", b'{"type": "object"}')
+    channel = writer.register_channel("/pose", "json", schema)
+    for k in range(count):
+        writer.add_message(channel, k * 10**7, bytes(size), k * 10**7)
+
+
+def twice(writer: Writer) -> None:
+    messages(writer)
+    for content in (b"x", b"y"):
+        writer.add_attachment(0, 0, "a.txt", "text/plain", content)
+        writer.add_metadata("m", {"a": content.decode()})
+
+
+OTHERS: dict[str, tuple[Callable[[Writer], Any], dict[str, Any]]] = {
+    "empty": (lambda _: None, {}),
+    "JSON": (messages, {}),
+    "no chunks": (messages, {"use_chunking": False}),
+    "no summary": (messages, FORMS["no summary"]),
+    "names twice": (twice, {}),
+    "a message of 20 MiB": (lambda writer: messages(writer, 20 * 2**20, 1), {}),
+    "other topics": (other_topics, {}),
+}
+
+
+@pytest.mark.parametrize("case", OTHERS)
+def test_a_file_of_another_program_is_called_foreign_not_damaged(tmp_path: Path, case: str) -> None:
+    write, options = OTHERS[case]
+    out = io.BytesIO()
+    writer = Writer(out, **options)
+    writer.start(profile="ros2", library="another tool")
+    write(writer)
+    writer.finish()
+    check_foreign(tmp_path, out.getvalue())
+    check_foreign(tmp_path, out.getvalue()[:-20])
+
+
+def test_a_file_of_foxglove_is_called_foreign(tmp_path: Path) -> None:
+    context = foxglove.Context()
+    with foxglove.open_mcap(tmp_path / "fox.mcap", context=context):
+        context._create_channel("/x", message_encoding="json").log(b"{}", log_time=1)
+    check_foreign(tmp_path, (tmp_path / "fox.mcap").read_bytes())
+
+
+def check_foreign(directory: Path, content: bytes) -> None:
+    path = directory / "teach.mcap"
+    path.write_bytes(content)
+    segment = "kind = 'samples'\nfile = 'teach.mcap'"
+    for attempt in (
+        lambda: read_log(path),
+        lambda: describe_log(path),
+        lambda: recover_log(path, directory / "out.mcap"),
+        lambda: scenario_of(directory, segment),
+    ):
+        with pytest.raises(InputError, match="is an MCAP file, but not of cranectl") as error:
+            attempt()
+        assert "damaged" not in str(error.value)
+        assert "log recover" not in error.value.remedy
+
+
+def test_a_damaged_log_of_ours_stays_damaged(written: Path, tmp_path: Path) -> None:
+    content = bytearray(written.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (tmp_path / "bad.mcap").write_bytes(content)
+    with pytest.raises(LogError, match="is damaged"):
+        read_log(tmp_path / "bad.mcap")

@@ -1,0 +1,116 @@
+"""What no command could read is refused before the run; what is allowed is read back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.controllers.controller import Controller, Logged
+from cranectl.controllers.open_controllers import OPEN
+from cranectl.controllers.registry import register_controller
+from cranectl.design.records import ControllerDesign, Origin
+from cranectl.loaders.opening import close_laws
+from cranectl.log import check_recordable, read_log, read_signal, schema, write_log
+from cranectl.scenario import Scenario
+from cranectl.signals import Signal, SignalGroup
+from cranectl.simulate import simulate_run
+from cranectl.support.documents import MAX_DOCUMENT_BYTES
+from cranectl.support.errors import InputError
+
+SERVO = """\
+class Chatty:
+    \"\"\"PD that logs much.\"\"\"
+    memory = 1500
+    logged = {f"signal_number_{k}": k for k in range(1500)}
+    @staticmethod
+    def step(parameters, measured, reference, memory, command):
+        for axis in range(3):
+            target = -reference[2] if axis == 2 else reference[axis]
+            command[axis] = 4.0 * (target - measured[2 * axis]) - 4.0 * measured[2 * axis + 1]
+        return 0
+"""
+
+
+ASKED = ["--set", "duration=4", "--set", "disturbances=[]"]
+
+
+def signals(*names: str) -> tuple[Signal, ...]:
+    return tuple(Signal(name, name, "", "") for name in names)
+
+
+def count_up(parameters, measured, reference, memory, command):
+    for axis in range(3):
+        command[axis] = parameters[0] * (measured[0] + reference[0])
+    for k in range(2100):
+        memory[k] += k
+    return 0
+
+
+def counter(*names: str) -> Controller:
+    """A controller that holds the crane and logs numbers of its own."""
+    return Controller(
+        name="counter",
+        title="counts",
+        step=count_up,
+        prepare=lambda _: (np.zeros(1), np.zeros(2100)),
+        logged=tuple(Logged(k, signal) for k, signal in enumerate(signals(*names))),
+    )
+
+
+def test_too_many_signals_are_refused_before_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    law, log = tmp_path / "law.py", tmp_path / "out" / "run.mcap"
+    law.write_text(SERVO)
+    arguments = ["--controller", f"{law}:Chatty", "--plants", "analytic", *ASKED]
+    try:
+        assert main(["run", "fixed-position", *arguments, "--out", str(log)]) == 2
+        told = capsys.readouterr().err
+        assert "the 1500 signals that chatty logs" in told
+        assert "log fewer signals" in told
+        assert not log.exists()
+        law.write_text(SERVO.replace("range(1500)", "range(1000)"))
+        close_laws()
+        assert main(["run", "fixed-position", *arguments, "--out", str(log)]) in (0, 1)
+    finally:
+        close_laws()
+    assert main(["info", str(log)]) == 0
+
+
+def test_as_many_signals_as_are_allowed_are_read_back(tmp_path: Path, short: Scenario) -> None:
+    """Beyond the 2047th the tag of a field takes three bytes."""
+    register_controller(counter(*(f"n{k}" for k in range(2100))))
+    try:
+        run = simulate_run(short, plant="analytic", controller="counter")
+        log = write_log(tmp_path / "counts.mcap", [run])
+    finally:
+        del OPEN.registered["counter"]
+    assert np.array_equal(read_log(log)["analytic"].block("controller"), run.every(4).block("controller"))
+    _, last = read_signal(log, "analytic/controller.n2099")
+    assert last[1] == 5 * 2099
+
+
+def test_a_long_source_is_refused_before_the_run(short: Scenario) -> None:
+    design = ControllerDesign(
+        "mine", {}, (), Origin("law.py:Mine", "0" * 64, "# 3\n" * (MAX_DOCUMENT_BYTES // 4))
+    )
+    with pytest.raises(InputError, match=r"the run of .* with mine cannot be logged: design\.json is larger"):
+        check_recordable(short, design, "ideal")
+
+
+@pytest.mark.parametrize(
+    "names", [("a b",), ("a.b",), ("",), ("ü",), ("1a",), ("x/y",), ("n\x00",), ("a", "a"), ("x" * 201,)]
+)
+def test_names_that_no_message_can_have_are_refused(names: tuple[str, ...]) -> None:
+    with pytest.raises(InputError, match=r"counter logs (a signal|two signals) named .*\n.*letters A to Z"):
+        counter(*names)
+
+
+@pytest.mark.parametrize(
+    "names", [("_hidden", "hidden"), ("__x", "_x", "x"), ("bridgeSpeed", "bridge_speed"), ("x" * 200,)]
+)
+def test_allowed_names_make_a_type_that_protobuf_accepts(names: tuple[str, ...]) -> None:
+    counter(*names)
+    definition = schema.group_schema(SignalGroup("controller", "Counter", "", signals(*names)))
+    assert schema.encode(definition, "Counter", dict.fromkeys(names, 1.0))

@@ -1,0 +1,63 @@
+"""The cases of `bang_bang` as tasks of the planner; where there are many of a kind, a share of them."""
+
+import itertools
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cranectl.planning import load_scenario
+from cranectl.planning.limits import Limits, limits_of
+from cranectl.planning.minimum_time import Task
+from cranectl.planning.plan import EXCESS_PRECISION, free_motion
+from cranectl.planning.route import stops
+from cranectl.planning.shortest import shortest
+from cranectl.reference.geometry import Straight
+from cranectl.scenario import Scenario
+from cranectl.scenario.planning import Obstacle
+from cranectl.scenario.segments import Move
+from tests.planning.bang_bang import CASES, Along
+from tests.planning.bang_bang import Move as Ends
+
+WALL = Obstacle(name="wall", low=(0.8, -1.0, -1.4), high=(1.2, 3.0, -0.6))  # wider than the rig
+CASES_OF_1000 = int(os.environ.get("PLAN_CASES", 1000))
+AT_MOST = 0.98  # share of the limits at which plans are held against bounds
+
+
+def share(cases: list[Any]) -> list[Any]:
+    """The first of `cases`: with PLAN_CASES=200 a fifth of them."""
+    return cases[: -(-len(cases) * CASES_OF_1000 // 1000)]
+
+
+def scenario(lag: bool = True, share: float = AT_MOST, obstacles: Sequence[Obstacle] = ()) -> Scenario:
+    """The laboratory's rig, empty."""
+    overrides = [f"planning.share={share}", f"control.lag_compensation={str(lag).lower()}", "duration=60.0"]
+    found = load_scenario("fixed-position", overrides=["disturbances=[]", *overrides])
+    return found.model_copy(update={"obstacles": tuple(obstacles)})
+
+
+def limits_for(points: Sequence[np.ndarray], of: Scenario) -> Limits:
+    """As the planner has them for a motion through `points`."""
+    size = sum(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points))
+    return limits_of(of)._replace(size=EXCESS_PRECISION * size)
+
+
+def move(name: str, of: Scenario | None = None, lag: bool = True, **options) -> Task:  # type: ignore[no-untyped-def]
+    """The task that a case becomes, a wall included; options as in a scenario's segment."""
+    case = CASES[name]
+    assert not isinstance(case, Along)
+    of = of or scenario(lag, obstacles=[WALL] if case.wall else [])
+    return task(case, of, **options)
+
+
+def task(ends: Ends, of: Scenario, **options) -> Task:  # type: ignore[no-untyped-def]
+    """A move between two points."""
+    segment = Move(kind="move", to=ends.end, **options)
+    points = [np.array(point) for point in (ends.start, *segment.via, ends.end)]
+    limits = limits_for(points, of)
+    corners = stops(points, limits, "")
+    durations = [shortest(Straight(a, b), limits) for a, b in itertools.pairwise(corners)]
+    assert all(isinstance(duration, float) for duration in durations), durations
+    longest = float(sum(durations))  # type: ignore[arg-type]
+    return free_motion(segment, points, corners, limits, longest)

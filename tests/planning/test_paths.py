@@ -1,0 +1,175 @@
+"""Blended paths and way points in minimum time: limits at fine samples, smoothness, what they gain, logs."""
+
+import functools
+from math import cos, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.log import read_log
+from cranectl.planning import load_scenario, planned
+from cranectl.planning.limits import excesses, limits_of, motion
+from cranectl.planning.problem import ORDERS
+from cranectl.planning.review import curve_of, reviews
+from cranectl.reference import build_trajectory
+from cranectl.reference.series import from_derivatives
+from cranectl.reference.time_laws import spline
+from cranectl.scenario import Scenario
+from cranectl.scenario.along_path import BlendedPath, SplineLaw
+from cranectl.scenario.held_files import held_files
+from cranectl.scenario.segments import Segment, Spline, seconds
+from cranectl.simulate import simulate_run
+
+SAMPLES = 100_000
+MINIMUM = "time_law='minimum-time'"
+THESIS = (
+    "[0.1, 0.1, -0.15]",
+    "{kind='line', to=[1.65, 0.77, -0.7], %s}",
+    "{kind='arc', centre=[1.0, 0.77], angle=-6.283185307179586, %s}",
+)
+SQUARE = (
+    "[0.4, 0.4, -0.7]",
+    "{kind='line', to=[1.4, 0.4, -0.6], %s}",
+    "{kind='line', to=[1.4, 1.2, -0.8], %s}",
+    "{kind='line', to=[0.4, 1.2, -0.7], %s}",
+)
+ARCS = (
+    "[0.5, 0.77, -0.8]",
+    "{kind='arc', centre=[0.75, 0.77], angle=-3.141592653589793, %s}",
+    "{kind='arc', centre=[1.2, 0.77], angle=2.0, %s}",
+)
+
+
+@functools.cache
+def scenario(path: tuple[str, ...], blend: float, timed: str = MINIMUM) -> Scenario:
+    return load_scenario(
+        "fixed-position", overrides=[*told(path, blend, timed), "duration=15.0", "disturbances=[]"]
+    )
+
+
+def told(path: tuple[str, ...], blend: float, timed: str = MINIMUM) -> list[str]:
+    start, *texts = path
+    blends = [f"{timed}, blend={blend}" if blend and k + 1 < len(texts) else timed for k in range(len(texts))]
+    segments = ", ".join(text % each for text, each in zip(texts, blends, strict=True))
+    return [f"reference.start={start}", f"reference.segments=[{segments}]"]
+
+
+def lasts(of: Scenario) -> float:
+    return sum(map(seconds, of.reference.segments))
+
+
+def worst(of: Scenario, segment: Segment) -> float:
+    """Of the first segment, over any limit at fine samples, in parts of it."""
+    curve = curve_of(segment, np.array(of.reference.start))
+    along = spline(curve.breaks, curve.coefficients, curve.degree)
+    at = np.linspace(0.0, curve.breaks[-1], SAMPLES)
+    rows = [along.derivative(k)(at)[:, 0] if k else along(at)[:, 0] for k in range(ORDERS)]
+    assert curve.to_load is not None
+    limits = limits_of(of)
+    over = excesses(motion(curve.to_load([from_derivatives(rows)]), limits.gravity), limits)
+    return max(float(each.max()) for each in over.values())
+
+
+@pytest.mark.parametrize(("path", "blend"), [(THESIS, 0.05), (THESIS, 0.1), (SQUARE, 0.04), (ARCS, 0.03)])
+def test_a_blended_path_is_within_limits_and_faster_than_with_stops(
+    path: tuple[str, ...], blend: float
+) -> None:
+    found = scenario(path, blend)
+    (segment,) = found.reference.segments
+    assert isinstance(segment, BlendedPath)
+    (review,) = reviews(found)
+    assert review.proof.holds
+    assert worst(found, segment) < 1e-9
+    assert lasts(found) < lasts(scenario(path, 0.0)) < lasts(scenario(path, 0.0, "duration='shortest'"))
+    coarse, fine = (steps_of_fourth_derivative(found, count) for count in (20_001, 40_001))
+    assert fine < 0.6 * coarse  # what is continuous steps by half; a jump stays
+
+
+def steps_of_fourth_derivative(of: Scenario, count: int) -> float:
+    samples = build_trajectory(of.reference).sample(np.linspace(0.0, lasts(of), count))
+    return float(np.abs(np.diff(samples[:, 12:], axis=0)).max())
+
+
+def test_the_thesis_s_path_is_as_fast_as_the_page_says() -> None:
+    found = [lasts(scenario(THESIS, blend)) for blend in (0.0, 0.05, 0.1)]
+    assert found == pytest.approx([6.121, 5.826, 5.431], rel=2e-3)
+
+
+def test_where_a_stop_is_faster_the_load_stops() -> None:
+    found = scenario(THESIS, 0.005)
+    assert [segment.kind for segment in found.reference.segments] == ["line", "arc"]
+    assert lasts(found) == lasts(scenario(THESIS, 0.0))
+
+
+POINTS = ((0.4, 0.5, -0.6), (0.8, 0.9, -0.5), (1.3, 0.9, -0.7), (1.4, 0.5, -0.6))
+ROUND = tuple(
+    (1.0 + 0.4 * cos(angle), 0.77 + 0.4 * sin(angle), -0.7 - 0.1 * sin(2.0 * angle))
+    for angle in np.linspace(0.0, 2.0 * np.pi, 13).tolist()
+)
+
+
+def through(points: tuple[tuple[float, ...], ...], timed: str = MINIMUM) -> Scenario:
+    asked = [f"reference.start={list(points[0])}", "duration=60.0", "disturbances=[]"]
+    way = f"{{kind='waypoints', points={list(map(list, points))}, {timed}}}"
+    return load_scenario("fixed-position", overrides=[*asked, f"reference.segments=[{way}]"])
+
+
+@pytest.mark.parametrize("points", [POINTS[:2], POINTS[:3], POINTS, ROUND], ids=["2", "3", "4", "13"])
+def test_way_points_are_passed_in_minimum_time(points: tuple[tuple[float, ...], ...]) -> None:
+    found = through(points)
+    (segment,) = found.reference.segments
+    assert isinstance(segment, Spline)
+    assert isinstance(segment.time_law, SplineLaw)
+    (review,) = reviews(found)
+    assert review.proof.holds
+    assert worst(found, segment) < 1e-9
+    time = np.linspace(0.0, segment.duration, 20_001)
+    trajectory = build_trajectory(found.reference)
+    samples = trajectory.sample(time)
+    for point in points:
+        nearest = np.clip(np.argmin(np.linalg.norm(samples[:, :3] - point, axis=1)), 1, 19_999)
+        fine = trajectory.sample(np.linspace(time[nearest - 1], time[nearest + 1], 20_001))
+        assert np.linalg.norm(fine[:, :3] - point, axis=1).min() < 1e-7  # samples are 1e-8 s apart
+    assert steps_of_fourth_derivative(found, 40_001) < 0.6 * steps_of_fourth_derivative(found, 20_001)
+    stops = [f"{{kind='line', to={list(point)}, %s}}" for point in points[1:]]
+    if len(points) < 5:  # dozens of stops take longer by far, and longer to plan
+        assert segment.duration < 1.03 * lasts(scenario((str(list(points[0])), *stops), 0.0))
+    assert trajectory.jumps() == []
+
+
+@pytest.mark.usefixtures("in_empty_directory")
+@pytest.mark.parametrize("path", ["blended", "way points"])
+def test_a_log_holds_the_path_and_runs_again_to_the_bit(path: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = told(SQUARE, 0.04)
+    if path == "way points":
+        np.savetxt("points.csv", POINTS, delimiter=",", header="x,y,z", comments="")
+        asked = [
+            f"reference.start={list(POINTS[0])}",
+            f"reference.segments=[{{kind='waypoints', file='points.csv', units={{length='m'}}, {MINIMUM}}}]",
+        ]
+    toml = "\n".join(['name = "path"', "duration = 8.0", *asked])
+    Path("path.toml").write_text(toml)
+    assert main(["run", "path.toml", "--plants", "analytic", "--out", "path.mcap"]) == 0
+    if path == "way points":
+        Path("points.csv").unlink()
+    run = read_log("path.mcap")["analytic"]
+    kept = {*held_files(run.scenario)}
+    assert "reference/plan.json" in kept  # what was proven when it was planned
+    assert len(kept) == 1 + (path == "way points")
+    (segment,) = run.scenario.reference.segments
+    assert isinstance(segment, BlendedPath if path == "blended" else Spline)
+    if isinstance(segment, BlendedPath):
+        assert [part.blend for part in segment.parts] == [0.04, 0.04, 0.0]
+    monkeypatch.delattr("cranectl.planning.programs.solve")
+    monkeypatch.delattr("cranectl.planning.blends.longest")
+    assert planned(run.scenario) is run.scenario
+    again = simulate_run(run.scenario, plant="analytic", design=run.design)
+    every = run.scenario.log.every
+    assert np.array_equal(again.reference[::every], run.reference)
+    assert np.array_equal(again.table[::every], run.table)
+    trajectory = build_trajectory(run.scenario.reference)
+    assert trajectory.jumps() == []
+    end = POINTS[-1] if path == "way points" else (0.4, 1.2, -0.7)
+    assert trajectory.sample(np.array([8.0]))[0, :3] == pytest.approx(end, abs=1e-15)

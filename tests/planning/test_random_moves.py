@@ -1,0 +1,17 @@
+"""A share of `validation/random_moves.py`."""
+
+import itertools
+
+import pytest
+
+from tests.planning.tasks import share
+from validation.random_moves import ROUNDING, random_moves, result
+
+
+# Quick ones; the first is through a point, the second beside an obstacle.
+@pytest.mark.parametrize("index", share([26, 7, 0, 4, 5, 15, 33, 35]))
+def test_a_random_move_is_within_its_limits_and_no_slower_than_degree_9(index: int) -> None:
+    found = result(next(itertools.islice(random_moves(1), index, None)))
+    assert found.told.startswith(("planned", "degree 9"))
+    assert found.excess <= ROUNDING
+    assert found.duration <= found.shortest * (1.0 + 1e-12)

@@ -1,0 +1,81 @@
+"""Series against closed forms: exact in small fractions, else to rounding."""
+
+from math import cosh, factorial, sinh
+
+import numpy as np
+import pytest
+
+from cranectl.reference import series
+
+A, B = [2.0, -3.0, 0.5, 4.0, -1.5], [4.0, 1.0, -2.0, 0.25, 3.0]
+ROUNDING = 1e-14
+
+
+def product(*factors: list[float]) -> list[float]:
+    """Of polynomials, cut to their length."""
+    found = np.ones(1)
+    for factor in factors:
+        found = np.convolve(found, factor)
+    return found[: len(factors[0])].tolist()
+
+
+def test_derivatives_become_coefficients_and_are_differentiated() -> None:
+    values = [3.0, -5.0, 7.0, 11.0, -13.0]
+    found = series.from_derivatives(values)
+    assert found == pytest.approx([value / factorial(k) for k, value in enumerate(values)], rel=ROUNDING)
+    assert series.differentiated(found, 0) == found
+    for times in (1, 2, 3):
+        rates = series.differentiated(found, times)
+        assert rates == pytest.approx(series.from_derivatives(values[times:]), rel=ROUNDING)
+
+
+def test_sums_are_as_long_as_the_shorter_one() -> None:
+    assert series.plus(A, B[:3]) == [6.0, -2.0, -1.5]
+    assert series.shifted(A, 0.5) == [2.5, *A[1:]]
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 5])
+def test_products_quotients_and_roots_undo_each_other(length: int) -> None:
+    a, b = A[:length], B[:length]
+    assert series.times(a, B) == pytest.approx(product(a, b), rel=ROUNDING)
+    assert product(series.over(A, b), b) == pytest.approx(a, rel=ROUNDING)
+    assert product(series.root(b), series.root(b)) == pytest.approx(b, rel=ROUNDING)
+    assert series.root(b)[0] == series.square_root(4.0) == 2.0
+    assert series.square_root(np.array([9.0])).tolist() == [3.0]
+
+
+def test_a_turn_is_that_of_complex_numbers() -> None:
+    """Of e^(i a) at a = a0 + a1 t + …, term by term of its powers."""
+    angle = [0.7, -1.3, 0.4, 0.9, -0.2]
+    power, whole = np.array([1.0 + 0.0j, 0, 0, 0, 0]), np.zeros(5, dtype=complex)
+    for k in range(5):
+        whole += power / factorial(k)
+        power = np.convolve(power, 1j * np.array([0.0, *angle[1:]]))[:5]
+    whole *= np.exp(1j * angle[0])
+    cosine, sine = series.turned(angle)
+    assert cosine == pytest.approx(whole.real.tolist(), abs=ROUNDING)
+    assert sine == pytest.approx(whole.imag.tolist(), abs=ROUNDING)
+
+
+class Symbol:
+    """A number that is no float: of an imaginary argument, so that another function shows."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def cos(self) -> float:
+        return cosh(self.value)
+
+    def sin(self) -> float:
+        return sinh(self.value)
+
+    def sqrt(self) -> float:
+        return 7.0 * self.value
+
+    def __mul__(self, factor: float) -> float:
+        return self.value * factor
+
+
+def test_functions_of_other_numbers_are_their_own() -> None:
+    assert series.turned([Symbol(0.5)]) == ([cosh(0.5)], [sinh(0.5)])
+    assert series.square_root(Symbol(2.0)) == 14.0

@@ -1,0 +1,167 @@
+"""Whether a straight line is clear of obstacles, decided at all its points; motions that are too long."""
+
+import numpy as np
+import pytest
+
+from cranectl.planning import load_scenario
+from cranectl.planning.limits import Box, limits_of
+from cranectl.planning.proof import PROOF_MARGIN
+from cranectl.planning.route import depth, is_blocked
+from cranectl.planning.shortest import shortest
+from cranectl.reference.geometry import Straight
+from cranectl.scenario import Scenario
+from cranectl.scenario.segments import seconds
+from cranectl.support.errors import InputError
+
+pytestmark = pytest.mark.processor
+
+WALL = ([0.8, 0.4, -1.4], [1.2, 0.8, -0.7])
+
+
+def planned(start: list[float], segment: str, *more: str) -> Scenario:
+    asked = [f"reference.start={start}", f"reference.segments=[{{{segment}}}]", "disturbances=[]"]
+    return load_scenario("fixed-position", overrides=[*asked, "duration=600", *more])
+
+
+def box(low: list[float], high: list[float]) -> str:
+    return f"obstacles=[{{name='wall', low={low}, high={high}}}]"
+
+
+def slices(start: np.ndarray, end: np.ndarray, wall: Box, radius: float) -> bool:
+    """Return True if a line meets the box grown by the radius, cutting it off at face after face."""
+    low, high = 0.0, 1.0
+    lowest = [*(wall.low[:2] - radius), -np.inf]
+    for at, to, least, most in zip(start, end, lowest, wall.high + radius, strict=True):
+        crossings = sorted([(least - at) / (to - at), (most - at) / (to - at)])
+        low, high = max(low, crossings[0]), min(high, crossings[1])
+    return low < high
+
+
+def test_a_line_is_blocked_where_it_leads_into_an_obstacle_however_short_that_is() -> None:
+    limits = limits_of(planned([0.4, 0.4, -0.9], "kind='hold', duration=1.0"))
+    wall = Box("wall", np.array(WALL[0]), np.array(WALL[1]))
+    limits = limits._replace(obstacles=(wall,), size=0.1)
+    random = np.random.default_rng(5)
+    corners = wall.low - limits.radius, wall.high + limits.radius
+    found = []
+    for k in range(2000):
+        edge = np.array([random.choice(axis) for axis in zip(*corners, strict=True)])
+        edge[2] = corners[1][2]
+        edge[random.integers(3)] += random.uniform(-0.3, 0.3)
+        near = edge + random.normal(0.0, 10.0 ** random.uniform(-8.0, -1.0), 3)
+        way, part = random.uniform(-0.3, 0.3, 3), random.uniform(0.0, 1.0)
+        start, end = near - part * way, near + (1.0 - part) * way
+        deep = depth(start, end, wall, limits.radius)
+        if abs(deep) > 10.0 * PROOF_MARGIN:
+            found.append(is_blocked(start, end, limits))
+            assert found[-1] == slices(start, end, wall, limits.radius) == (deep > 0.0), k
+    assert 500 < sum(found) < 1500
+
+
+@pytest.mark.parametrize("inward", [1e-3, 1e-7, -1e-7])
+def test_a_line_past_a_corner_is_proven_unless_it_is_blocked(inward: float) -> None:
+    limits = limits_of(planned([0.4, 0.4, -0.9], "kind='hold', duration=1.0"))
+    wall = Box("wall", np.array(WALL[0]), np.array(WALL[1]))
+    limits = limits._replace(obstacles=(wall,), size=0.02)
+    at, way = np.array([0.75 + inward, 0.35 + inward, -1.0]), np.array([0.15, -0.1, 0.0])
+    start, end = at - 0.4 * way, at + 0.6 * way
+    found = shortest(Straight(start, end), limits)
+    assert depth(start, end, wall, limits.radius) == pytest.approx(inward, rel=1e-6)
+    if is_blocked(start, end, limits):
+        assert isinstance(found, dict)
+        assert found["obstacle 'wall'"] <= inward / limits.size
+    else:
+        assert isinstance(found, float)
+
+
+def test_a_move_is_lifted_over_a_corner_that_is_met_for_a_moment_only() -> None:
+    corner = box([1.4403, 0.1818, -1.4], [1.5598, 0.3006, -0.7557])
+    move = "kind='move', to=[1.4576, 0.1519, -0.5523], duration='shortest'"
+    first, second = planned([1.5956, 0.4421, -0.7768], move, corner).reference.segments
+    assert first.to == (1.5956, 0.4421, -0.5523)  # type: ignore[union-attr]
+    assert seconds(first) + seconds(second) < 3.0
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [
+        ([0.75, 0.2, -1.0], [0.75, 1.0, -1.0]),  # along a face, touching it
+        ([0.75, 0.6, -1.0], [0.4, 1.0, -1.0]),  # from where it is touched
+        ([0.65, 0.45, -1.0], [0.85, 0.25, -1.0]),  # past a corner, touching it
+    ],
+)
+def test_a_load_may_touch_an_obstacle(start: list[float], end: list[float]) -> None:
+    segments = planned(start, f"kind='line', to={end}, duration='shortest'", box(*WALL)).reference.segments
+    assert seconds(segments[0]) < 3.0
+
+
+def test_points_that_are_given_twice_are_passed_once() -> None:
+    move = "kind='move', to=[0.8, 0.5, -0.7], via=[{via}], duration='shortest'"
+    start, via, end = [0.4, 0.5, -0.6], [0.6, 0.6, -0.6], [0.8, 0.5, -0.7]
+    once = planned(start, move.format(via=via))
+    again = planned(start, move.format(via=", ".join(map(str, [start, via, via, end]))))
+    assert again.reference == once.reference
+
+
+SLOW = ["effects.limits.acceleration=[4.0, 4.0, 6.0]", "effects.limits.force=[60.0, 40.0, 30.0]"]
+FAR = "to=[1.6, 1.0, -0.9]"
+
+
+@pytest.mark.parametrize(
+    ("segment", "speed", "found"),
+    [
+        (f"kind='move', {FAR}", 0.0019, "takes at least 664.8 s: the velocity of the bridge allows no less"),
+        (f"kind='line', {FAR}, time_law='minimum-time'", 1e-6, "takes at least 1.263e+06 s: the velocity"),
+        (f"kind='move', {FAR}, duration='shortest'", 0.004, "takes 777.1 s: the velocity of the bridge"),
+        ("kind='arc', centre=[0.7, 0.5], angle=6.0, duration='shortest'", 0.0019, " s: the velocity of the"),
+    ],
+)
+def test_a_motion_longer_than_a_run_is_told_with_what_decides_it(
+    segment: str, speed: float, found: str
+) -> None:
+    with pytest.raises(InputError) as told:
+        planned([0.4, 0.5, -0.6], segment, f"effects.limits.velocity=[{speed}, {speed}, 0.6]", *SLOW)
+    assert found in told.value.found
+    assert told.value.allowed.startswith("motions of at most 600 s")
+    assert told.value.remedy == "raise effects.limits.velocity, or ask for a shorter way"
+    quick = segment.split(", time_law")[0].split(", duration")[0] + ", duration='shortest'"
+    assert planned([0.4, 0.5, -0.6], quick, "effects.limits.velocity=[0.6, 0.6, 0.6]", *SLOW)
+
+
+@pytest.mark.parametrize(
+    ("limit", "remedied", "name"),
+    [
+        ("planning.lean=1e-6", "planning.lean=0.3", "the lean of the rope"),
+        ("planning.jerk=[1e-7, 1e-7, 1e-7]", "planning.jerk=[9.0, 9.0, 9.0]", "the jerk of the bridge"),
+    ],
+)
+def test_the_limit_that_makes_a_motion_long_is_named(limit: str, remedied: str, name: str) -> None:
+    line = f"kind='line', {FAR}, duration='shortest'"
+    with pytest.raises(InputError) as told:
+        planned([0.4, 0.5, -0.6], line, limit)
+    assert name in told.value.found
+    assert f"raise {limit.split('=')[0]}" in told.value.remedy
+    assert planned([0.4, 0.5, -0.6], line, remedied)
+
+
+@pytest.mark.parametrize(
+    ("holds", "settings", "remedy"),
+    [
+        ([1.7], ["control.period=0.0007", "control.physics_step=0.0007"], "duration = 3.6722 or more"),
+        ([1.7], [], "duration = 4 or more, or leave segments out"),
+        ([300.0, 300.0], [], "leave segments out"),
+    ],
+)
+def test_a_run_that_is_too_short_is_told_how_long_it_may_be(
+    holds: list[float], settings: list[str], remedy: str
+) -> None:
+    line = f"{{kind='line', {FAR}, duration='shortest'}}"
+    rests = ", ".join(f"{{kind='hold', duration={each}}}" for each in holds)
+    asked = ["reference.start=[0.4, 0.5, -0.6]", f"reference.segments=[{rests}, {line}]", "disturbances=[]"]
+    runs = f"duration={sum(holds) if len(holds) > 1 else 2.1}"
+    with pytest.raises(InputError) as told:
+        load_scenario("fixed-position", overrides=[*asked, runs, *settings])
+    assert told.value.remedy.startswith(remedy)
+    if remedy.startswith("duration"):
+        longer = remedy.split(" or")[0].replace(" ", "")
+        assert load_scenario("fixed-position", overrides=[*asked, longer, *settings])

@@ -1,0 +1,68 @@
+"""Velocity drives that stand still for set-points below a speed: all plants, to 1e-7 m and rad."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from cranectl.compare.runs import compare_runs
+from cranectl.planning import load_scenario
+from cranectl.plants.capabilities import check_effects
+from cranectl.scenario.effects import EffectSettings, Installation
+from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import InputError
+from tests.conftest import PLANTS
+
+ZONE = (0.02, 0.03, 0.01)
+
+
+@functools.cache
+def run_with(zone: tuple[float, ...], plant: str, controller: str, *more: str) -> Run:
+    overrides = [f"effects.installation.dead_zone={list(zone)}", "duration=6", *more]
+    scenario = load_scenario("fast-diagonal", overrides=overrides)
+    return simulate_run(scenario, plant=plant, drive="velocity", controller=controller)
+
+
+def assert_agrees(plant: str, controller: str) -> None:
+    first, second = run_with(ZONE, plant, controller), run_with(ZONE, "mujoco", controller)
+    assert (first.status, first.end_ns) == (second.status, second.end_ns)
+    found = compare_runs(first, second)
+    assert found.max_load_error_m < 1e-7
+    assert found.max_angle_error_rad < 1e-7
+    without = run_with((0.0,) * 3, plant, controller)
+    assert np.abs(first.load_position - without.load_position).max() > 1e-3
+
+
+@pytest.mark.parametrize("controller", ["lqr", "pid"])
+@pytest.mark.parametrize("plant", [name for name in PLANTS if name != "mujoco"])
+def test_plants_agree(plant: str, controller: str) -> None:
+    assert_agrees(plant, controller)
+
+
+def test_the_servo_gets_nothing_or_the_whole_set_point_times_its_gain() -> None:
+    run = run_with(ZONE, "elastic", "lqr", "effects.installation.drive_gain=[1.1, 0.9, 1.0]")
+    asked, given = run.block("input")[:, 3:6], run.block("command")[:, :3]
+    below = np.abs(asked) < ZONE
+    assert 0.05 < below.mean() < 0.95
+    assert given == pytest.approx(np.where(below, 0.0, asked * [1.1, 0.9, 1.0]), abs=1e-15)
+    assert not given[below].any()
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_below_it_nothing_moves(plant: str) -> None:
+    """And the integral of the set-points goes on, or no drive would ever leave its zone."""
+    run = run_with((1e6,) * 3, plant, "lqr", "disturbances=[]")
+    state = run.block("state")
+    assert state == pytest.approx(np.tile(state[0], (len(state), 1)), abs=1e-9)
+    assert np.abs(run.block("input")[:, 3:6]).max() > 0.5
+
+
+@pytest.mark.parametrize("drive", ["ideal", "force"])
+def test_drives_without_set_points_refuse_it(drive: str) -> None:
+    effects = EffectSettings(installation=Installation(dead_zone=ZONE))
+    with pytest.raises(InputError, match=f"dead_zone with {drive} drives, which take no set-points") as error:
+        check_effects(effects, plant="analytic", drive=drive)
+    assert error.value.remedy.startswith("take '--drive velocity'")
+    check_effects(effects, plant="analytic", drive="velocity")
+    none = EffectSettings(installation=Installation())
+    check_effects(none, plant="analytic", drive=drive)

@@ -1,0 +1,121 @@
+"""Way points that are given twice: the load rests there, or is told what to do instead."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.reference import build_trajectory
+from cranectl.scenario import Hold
+from cranectl.scenario.segments import Spline
+from cranectl.support.errors import InputError
+from tests.reference.recordings import scenario_of
+
+pytestmark = pytest.mark.processor
+
+START = [0.4, 0.5, -0.6]
+REST = [0.8, 0.9, -0.5]
+END = [1.3, 0.9, -0.7]
+
+
+def segment(points: list[list[float]], timing: str) -> str:
+    return f"kind = 'waypoints'\npoints = {points}\n{timing}"
+
+
+def kinds(points: list[list[float]], times: list[float], tmp_path: Path) -> list[tuple[str, float]]:
+    found = scenario_of(tmp_path, segment(points, f"times = {times}"), start=START, duration=20.0)
+    assert build_trajectory(found.reference).jumps() == []
+    return [(each.kind, each.duration) for each in found.reference.segments]
+
+
+def test_a_load_rests_at_a_point_that_is_given_for_two_times(tmp_path: Path) -> None:
+    asked = segment([START, REST, REST, END], "times = [1.0, 5.0, 8.0, 13.0]")
+    scenario = scenario_of(tmp_path, asked, start=START, duration=14.0)
+    before, rest, after = scenario.reference.segments
+    assert isinstance(before, Spline)
+    assert isinstance(rest, Hold)
+    assert isinstance(after, Spline)
+    trajectory = build_trajectory(scenario.reference)
+    assert trajectory.joints == pytest.approx([0.0, 4.0, 7.0, 12.0])
+    assert trajectory.jumps() == []
+    resting = trajectory.sample(np.linspace(4.0, 7.0, 301))
+    assert np.array_equal(resting, np.tile([*REST, *[0.0] * 12], (301, 1)))
+    assert np.linalg.norm(trajectory.sample(np.linspace(0.5, 3.5, 31))[:, 3:6], axis=1).min() > 1e-3
+
+
+def test_rests_may_be_long_at_the_ends_and_nearly_at_one_point(tmp_path: Path) -> None:
+    almost = [REST[0] + 5e-8, *REST[1:]]
+    times = [0.0, 1.0, 3.0, 4.0, 4.5, 8.0, 9.0]
+    found = kinds([START, START, REST, almost, REST, END, END], times, tmp_path)
+    rests = [("hold", 1.0), ("spline", 2.0), ("hold", 1.5), ("spline", 3.5), ("hold", 1.0)]
+    assert found == rests
+    assert kinds([START, START, START], [0.0, 1.0, 3.0], tmp_path) == [("hold", 3.0)]
+
+
+def test_a_rest_in_a_file_is_one_too(tmp_path: Path) -> None:
+    rows = [(0.0, *START), (4.0, *REST), (7.0, *REST), (12.0, *END)]
+    text = "".join(",".join(map(str, row)) + "\n" for row in rows)
+    (tmp_path / "points.csv").write_text(f"time,x,y,z\n{text}")
+    units = "units = {time = 's', length = 'm'}"
+    asked = f"kind = 'waypoints'\nfile = 'points.csv'\n{units}"
+    before, rest, after = scenario_of(tmp_path, asked, start=START, duration=14.0).reference.segments
+    assert isinstance(rest, Hold)
+    assert rest.duration == 3.0
+    assert isinstance(before, Spline)
+    assert isinstance(after, Spline)
+    assert before.source == after.source
+    assert before.held == after.held != b""
+
+
+def test_what_a_later_part_asks_of_the_drives_is_told_with_its_time(tmp_path: Path) -> None:
+    asked = segment([START, REST, REST, END], "times = [0.0, 4.0, 7.0, 7.8]")
+    with pytest.raises(InputError, match=r"near 7\.[0-8]"):
+        scenario_of(tmp_path, asked, start=START, duration=14.0)
+
+
+@pytest.mark.parametrize(
+    ("points", "timing", "remedy", "remedied"),
+    [
+        (
+            [START, REST, REST, END],
+            "speed = 0.2",
+            "leave out point 3; to rest there, give times in place of speeds",
+            ([START, REST, END], "speed = 0.2"),
+        ),
+        (
+            [START, REST, REST, END],
+            "speed = [0.0, 0.2, 0.2, 0.0]",
+            "leave out point 3 and the speeds there; to rest there, give times",
+            ([START, REST, REST, END], "times = [0.0, 4.0, 7.0, 12.0]"),
+        ),
+        (
+            [START, REST, REST, END, END],
+            "times = [0.0, 1.0, 2.0, 3.0, 4.0]\ntime_law = 'minimum-time'",
+            "leave out points 3, 5; to stop there, end the segment there and begin another",
+            (
+                [START, REST],
+                "time_law = 'minimum-time'\n[[reference.segments]]\nkind = 'waypoints'\n"
+                f"points = {[REST, END]}\ntime_law = 'minimum-time'",
+            ),
+        ),
+        ([START, START], "speed = 0.2", 'use kind = "hold"', None),
+        (
+            [START, REST, END],
+            "speed = [0.0, 0.0, 0.2]",
+            "raise the speed, or give times in place of speeds",
+            ([START, REST, END], "speed = [0.0, 0.2, 0.2]"),
+        ),
+    ],
+)
+def test_repeated_points_without_times_are_refused_with_what_to_do(
+    tmp_path: Path,
+    points: list[list[float]],
+    timing: str,
+    remedy: str,
+    remedied: tuple[list[list[float]], str] | None,
+) -> None:
+    with pytest.raises(InputError) as told:
+        scenario_of(tmp_path, segment(points, timing), start=START, duration=20.0)
+    assert remedy in told.value.remedy
+    asked = segment(*remedied) if remedied else "kind = 'hold'\nduration = 1.0"
+    assert scenario_of(tmp_path, asked, start=START, duration=20.0).reference.planned

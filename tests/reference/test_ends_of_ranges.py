@@ -1,0 +1,150 @@
+"""Both ends of every number of planning, rig and segments: a finite motion within its limits, or what to do.
+
+The cases come from the schemas, so that a key that is added is tried too (`tests.ranges`).
+"""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from cranectl.planning import load_scenario
+from cranectl.planning.limits import excesses, limits_of, motion
+from cranectl.planning.problem import series_along
+from cranectl.planning.review import curve_of
+from cranectl.reference import build_trajectory
+from cranectl.reference.trajectory import end_point
+from cranectl.scenario import Scenario
+from cranectl.scenario.along_path import Arc, Line
+from cranectl.scenario.driven import Driven
+from cranectl.scenario.effects import DriveLimits
+from cranectl.scenario.planning import PlanningSettings
+from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.segments import Hold, Move, WayPoints, seconds
+from cranectl.support.errors import InputError
+from tests.ranges import ends, put, share_of
+
+SHARE = 24
+START = [0.5, 0.5, -0.7]
+TABLES: dict[str, Any] = {
+    "planning": {
+        **PlanningSettings().model_dump(mode="json"),
+        "share": 0.9,
+        "jerk": [50.0, 50.0, 50.0],
+        "load_box": [[0.0, 2.0], [0.0, 1.54], [-1.4, 0.0]],
+    },
+    "rig": RigParameters().model_dump(mode="json", exclude={"effects"}),
+    "effects": {"limits": DriveLimits().model_dump(mode="json")},
+}
+POINTS = [START, [0.8, 0.8, -0.7], [1.2, 0.9, -0.9]]
+SEGMENTS: dict[str, tuple[type[BaseModel], dict[str, Any]]] = {
+    "move": (Move, {"kind": "move", "to": POINTS[2], "via": [POINTS[1]], "duration": "shortest"}),
+    "line": (Line, {"kind": "line", "to": POINTS[2], "duration": "shortest"}),
+    "arc": (Arc, {"kind": "arc", "centre": [0.9, 0.7], "angle": 1.0, "duration": "shortest"}),
+    "timed": (WayPoints, {"kind": "waypoints", "points": POINTS, "times": [0.0, 3.0, 6.0]}),
+    "with speeds": (WayPoints, {"kind": "waypoints", "points": POINTS, "speed": [0.1, 0.2, 0.1]}),
+    "with a speed": (WayPoints, {"kind": "waypoints", "points": POINTS, "speed": 0.1}),
+    "hold": (Hold, {"kind": "hold", "duration": 1.0}),
+    "driven": (
+        Driven,
+        {
+            "kind": "driven",
+            "duration": 8.0,
+            "period": 0.001,
+            "bandwidth": 8.0,
+            "speed": [0.3, 0.3, 0.2],
+            "low": [0.1, 0.1, -1.2],
+            "high": [1.8, 1.4, -0.2],
+            "wishes": [[0.1, 0.2, 0.1, 0.0], [0.5, 0.0, 0.0, 0.0]],
+        },
+    ),
+}
+
+
+def cases() -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
+    """By what is changed: the tables of the scenario, and its segment."""
+    found = []
+    for table, model in (("planning", PlanningSettings), ("rig", RigParameters), ("effects", DriveLimits)):
+        for key, value in ends(model):
+            whole = (table, *(("limits",) if table == "effects" else ()), *key)
+            if table == "rig" and key[0] == "effects":
+                continue
+            name = f"{'.'.join(map(str, whole))}={value!r}"
+            found.append((name, put(TABLES, whole, value), SEGMENTS["move"][1]))
+    for segment, (model, table) in SEGMENTS.items():
+        for key, value in ends(model):
+            for whole in (key, (*key[:-1], 2)):  # of a list the first and the last
+                try:
+                    changed = put(table, whole, value)
+                except (LookupError, TypeError):
+                    continue
+                found.append((f"{segment}: {'.'.join(map(str, whole))}={value!r}", TABLES, changed))
+    return list({name: (name, *rest) for name, *rest in found}.values())
+
+
+CASES = cases()
+# Those that ended in a traceback, a warning of NumPy's or all of the memory, or could not be told.
+FOUND = ("planning.lean", "planning.jerk.0", "hold: duration", "driven: period", "driven: wishes")
+
+
+def overrides(tables: dict[str, Any], segment: dict[str, Any]) -> list[str]:
+    def text(value: Any) -> str:
+        if isinstance(value, dict):
+            return "{" + ", ".join(f"{k}={text(v)}" for k, v in value.items() if v is not None) + "}"
+        return json.dumps(value)
+
+    given = [f"{name}={text(table)}" for name, table in tables.items()]
+    return [*given, "disturbances=[]", "duration=600", f"reference.start={START}",
+            f"reference.segments=[{text(segment)}]"]  # fmt: skip
+
+
+def scenario_or_error(asked: list[str]) -> Scenario | InputError:
+    try:
+        return load_scenario("fixed-position", overrides=asked)
+    except InputError as error:
+        return error
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("case", share_of(CASES, SHARE, FOUND), ids=lambda case: case[0])
+def test_a_motion_keeps_its_limits_or_is_refused_with_what_to_do(
+    case: tuple[str, dict[str, Any], dict[str, Any]],
+) -> None:
+    _, tables, segment = case
+    scenario = scenario_or_error(overrides(tables, segment))
+    if isinstance(scenario, InputError):
+        assert scenario.found
+        assert scenario.remedy
+        return
+    trajectory = build_trajectory(scenario.reference)
+    assert trajectory.jumps() == []
+    time = np.linspace(0.0, trajectory.joints[-1], 2001)
+    assert np.isfinite(trajectory.sample(time)).all()
+    reached = trajectory.sample(np.array([0.0, trajectory.joints[-1]]))[:, :3]
+    assert reached[0] == pytest.approx(START, abs=1e-12)
+    if wanted := segment.get("to") or segment.get("points", [None])[-1]:
+        assert reached[1] == pytest.approx(wanted, rel=1e-12)
+    if segment.get("duration") == "shortest":
+        assert largest_excess(scenario) <= 1e-8
+
+
+def largest_excess(scenario: Scenario) -> float:
+    """Over any limit at a thousand samples of each segment, in parts of it."""
+    limits, here, worst = limits_of(scenario), np.array(scenario.reference.start), -np.inf
+    for segment in scenario.reference.segments:
+        curve = curve_of(segment, here)
+        series = series_along(*curve[:3], np.linspace(0.0, seconds(segment), 1001))
+        assert curve.to_load is not None
+        moved = motion(curve.to_load(series), limits.gravity)
+        worst = max(worst, *(float(over.max()) for over in excesses(moved, limits).values()))
+        here = end_point(segment, here)
+    return worst
+
+
+def test_every_number_is_tried_at_both_ends() -> None:
+    names = {name.rpartition("=")[0] for name, *_ in CASES}
+    assert {"planning.lean", "rig.gravity", "rig.load_mass", "effects.limits.force.2", "arc: angle"} <= names
+    assert {"move: to.2", "move: via.0.1", "timed: times.2", "with a speed: speed", "driven: low.0"} <= names
+    assert len(CASES) > 150

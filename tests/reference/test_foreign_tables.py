@@ -1,0 +1,186 @@
+"""Reference files as other tools write them: read with the units that they state, or refused by name."""
+
+import datetime
+import io
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+from scipy.io import savemat
+
+from cranectl.reference import build_trajectory
+from cranectl.scenario import Scenario
+from cranectl.support.errors import InputError
+from tests.reference.recordings import motion, scenario_of
+
+TIME = np.linspace(0.0, 8.0, 801)
+PLAIN = "kind = 'samples'\nfile = 'teach.csv'\n"
+SI = f"{PLAIN}units = {{time = 's', length = 'm'}}\n"
+EPOCH = 1_789_452_000_000_000_000  # [ns]
+
+
+def positions(scenario: Scenario) -> np.ndarray:
+    return build_trajectory(scenario.reference).sample(TIME)[:, :3]
+
+
+def truth() -> np.ndarray:
+    return motion(rate=100.0)[:, 1:]
+
+
+def text(header: str, *, separator: str = ",", comma: str = ".", end: str = "\n") -> str:
+    lines = [separator.join(f"{number:.9f}".replace(".", comma) for number in row) for row in motion()]
+    return end.join([header, *lines, ""])
+
+
+def stamps() -> list[str]:
+    start = datetime.datetime(2026, 9, 15, 6, tzinfo=datetime.UTC)
+    times = [start + datetime.timedelta(milliseconds=round(1e3 * t)) for t in motion()[:, 0]]
+    return [time.isoformat(timespec="milliseconds") for time in times]
+
+
+def thousandths() -> str:
+    lines = [",".join(f"{1e3 * number:.6f}" for number in row) for row in motion()]
+    return "\n".join(["t_ms,x_mm,y_mm,z_mm", *lines, ""])
+
+
+def stamped(separator: str = ",", comma: str = ".") -> str:
+    lines = [separator.join(["time", "x", "y", "z"])]
+    for at, row in zip(stamps(), motion()[:, 1:], strict=True):
+        lines.append(separator.join([at, *(f"{x:.9f}".replace(".", comma) for x in row)]))
+    return "\n".join([*lines, ""])
+
+
+def table(
+    metadata: dict[str, str], *, scale: float = 1.0, time: pa.Array | None = None, decimals: bool = False
+) -> bytes:
+    rows, out = motion(), io.BytesIO()
+    columns = {"time": pa.array(rows[:, 0]) if time is None else time}
+    columns |= {axis: pa.array(scale * rows[:, k]) for k, axis in enumerate("xyz", 1)}
+    if decimals:
+        columns |= {axis: columns[axis].cast(pa.decimal128(15, 10), safe=False) for axis in "xyz"}
+    schema = pa.schema([pa.field(name, each.type, metadata=metadata) for name, each in columns.items()])
+    if metadata:
+        schema = schema.set(0, schema.field(0).with_metadata({"unit": "s"}))
+    parquet.write_table(pa.table(list(columns.values()), schema=schema), out)
+    return out.getvalue()
+
+
+def nanoseconds() -> pa.Array:
+    return pa.array(EPOCH + np.round(1e9 * motion()[:, 0]).astype(np.int64))
+
+
+READ = {
+    "Excel": ("﻿" + text("time;x;y;z", separator=";", comma=",", end="\r\n"), SI),
+    "a point in a name": (text("time;x;y;z;v. 2", separator=";", comma=",").replace("\n", ";0\n")
+                          .replace("v. 2;0", "v. 2"), SI),
+    "tabs and commas": (text("time\tx\ty\tz", separator="\t", comma=","), SI),
+    "units in names": (text("time [s],x [m],y (m),z/m"),
+                       f"{PLAIN}columns = {{time = 'time [s]', x = 'x [m]', y = 'y (m)', z = 'z/m'}}"),
+    "Excel's own line": ("sep=;\n" + text("time;x;y;z", separator=";", comma=","), SI),
+    "names of ROS": (text("%time,x,y,z"), SI),
+    "stamps and commas": (stamped(";", ","), f"{PLAIN}units = {{length = 'm'}}"),
+    "comments before": (f"// restarted\n# by hand\n{text('time,x,y,z')}", SI),
+    "a comment names": (f"# exported\n{text('# time,x,y,z')}", SI),
+    "index of pandas": (text(",time,x,y,z").replace("\n", "\n7,", 401), SI),
+    "without names by pandas": (text("0,1,2,3"), f"{SI}columns = {{time = '0', x = '1', y = '2', z = '3'}}"),
+    "time stamps": (stamped(), f"{PLAIN}units = {{length = 'm'}}"),
+    "units of Parquet": (table({"unit": "mm"}, scale=1e3), PLAIN),
+    "units after names": (thousandths(),
+                          f"{PLAIN}columns = {{time = 't_ms', x = 'x_mm', y = 'y_mm', z = 'z_mm'}}"),
+    "unit of MATLAB": (table({"Unit": "mm"}, scale=1e3), PLAIN),
+    "decimals": (table({"unit": "m"}, decimals=True), PLAIN),
+    "words of Parquet": (table({"units": "millimeter"}, scale=1e3), PLAIN),
+    "stamps of Parquet": (table({}, time=nanoseconds().cast(pa.timestamp("ns"))),
+                          f"{PLAIN}units.length = 'm'"),
+    "durations": (table({}, time=pa.array(np.round(1e6 * motion()[:, 0]).astype(np.int64))
+                        .cast(pa.duration("us"))), f"{PLAIN}units.length = 'm'"),
+    "nanoseconds since 1970": (table({}, time=nanoseconds()), SI.replace("'s'", "'ns'")),
+    "float32": (table({"unit": "m"}), PLAIN),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", READ)
+def test_what_other_tools_write_is_read(tmp_path: Path, case: str) -> None:
+    content, segment = READ[case]
+    (tmp_path / "teach.csv").write_bytes(content.encode() if isinstance(content, str) else content)
+    assert positions(scenario_of(tmp_path, segment)) == pytest.approx(truth(), abs=2e-6)
+
+
+def test_a_number_stands_for_a_column_that_a_file_lacks(tmp_path: Path) -> None:
+    """A planar crane has no y; the number is in the file's unit."""
+    rows = motion() * [1.0, 1e3, 0.0, 1e3]
+    lines = [f"{row[0]:.9f},{row[1]:.6f},{row[3]:.6f}" for row in rows]
+    (tmp_path / "teach.csv").write_text("\n".join(["time,x,z", *lines, ""]))
+    segment = f"{PLAIN}columns = {{y = 500}}\nunits = {{time = 's', length = 'mm'}}"
+    found = positions(scenario_of(tmp_path, segment))
+    assert found[:, 1] == pytest.approx(np.full(len(TIME), 0.5), abs=1e-12)
+    assert found[:, [0, 2]] == pytest.approx(truth()[:, [0, 2]], abs=2e-6)
+
+
+def test_a_hoist_that_counts_downwards_is_told_the_sign(tmp_path: Path) -> None:
+    rows = motion() * [1, 1, 1, -1]
+    lines = [",".join(f"{number:.9f}" for number in row) for row in rows]
+    (tmp_path / "teach.csv").write_text("\n".join(["time,x,y,z", *lines, ""]))
+    with pytest.raises(InputError, match="not below the trolley") as error:
+        scenario_of(tmp_path, SI)
+    remedy = error.value.remedy.partition(" if ")[0]
+    assert positions(scenario_of(tmp_path, f"{SI}{remedy}")) == pytest.approx(truth(), abs=2e-6)
+
+
+def mat() -> bytes:
+    out = io.BytesIO()
+    savemat(out, {"x": motion()})
+    return out.getvalue()
+
+
+REFUSED: dict[str, tuple[bytes, str, str]] = {
+    "no header": (b"0,0.4,0.5,-0.6\n0.02,0.4,0.5,-0.6\n", "has no line of names: its first", "time,x,y,z"),
+    "no header, commas": (b"0;0,4;0,5;-0,6\n0,02;0,4;0,5;-0,6\n", "has no line of names", "time;x;y;z"),
+    "comment first": (b"// restarted\n0, 0.4, 0.5\n10, 0.4, 0.5\n", "begins with a comment and has no", ""),
+    "blanks": (b"time x y z\n0 1 2 3\n", "blanks or bars part the names", "between its columns"),
+    "bars": (b"time|x|y|z\n0|1|2|3\n", "blanks or bars part the names", "between its columns"),
+    "quoted commas": (b'time,x,y,z\n"0,0","1,5","2","3"\n', "'time' holds the text '0,0', in row 1", ""),
+    "line of units": (b"time,x,y,z\ns,m,m,m\n0,1,2,3\n", "column 'time' holds the text 's', in row 1", ""),
+    "German time": (b"time,x,y,z\n15.09.2026 06:00,1,2,3\n", "the text '15.09.2026 06:00', in row 1", ""),
+    "thousands": (b"time;x;y;z\n0;1.234,5;1;1\n", "column 'x' holds the text '1.234,5'", "; between columns"),
+    "ragged": (b"time,x,y,z\n0,1,2,3\n1,2,3\n", "line 3 has 3 cells, the line of names has 4", "that line"),
+    "Windows-1252": ("time,x,y,z,Höhe\n0,1,2,3,4\n".encode("cp1252"), "no text in UTF-8", "CSV in UTF-8"),
+    "UTF-16": ("time,x,y,z\n0,1,2,3\n".encode("utf-16"), "is text in UTF-16", "CSV in UTF-8"),
+    "Excel": (b"PK\x03\x04rest", "is a zip archive, such as an Excel workbook", "as Parquet"),
+    "MATLAB": (mat(), "is a MATLAB file", "as Parquet"),
+    "JSON": (b'{"x": 1}', "is JSON", "as Parquet"),
+    "inches": (table({"unit": "inch"}), "the file says that 'x' is in 'inch'", "one of these units"),
+    "text": (table({}, time=pa.array(["0"] * 401)), "'time' holds values of the type string", "floating"),
+    "lists": (table({}, time=pa.array([[0.5]] * 401)), "'time' holds values of the type list", "floating"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_read_is_refused_by_name(tmp_path: Path, case: str) -> None:
+    content, found, remedy = REFUSED[case]
+    (tmp_path / "teach.csv").write_bytes(content)
+    with pytest.raises(InputError) as error:
+        scenario_of(tmp_path, SI if case != "inches" else PLAIN)
+    assert found in error.value.found
+    assert remedy in error.value.remedy
+    assert error.value.allowed
+
+
+def test_a_unit_other_than_that_of_the_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "teach.csv").write_bytes(table({"unit": "mm"}, scale=1e3))
+    with pytest.raises(InputError, match=r"units\.length = 'm', where the file says that 'x' is in 'mm'"):
+        scenario_of(tmp_path, SI)
+
+
+def test_types_are_looked_at_before_anything_is_unpacked(tmp_path: Path) -> None:
+    """A small file can unpack to gigabytes."""
+    rows = pa.DictionaryArray.from_arrays(np.zeros(100_000, dtype=np.int32), ["x" * 2000])
+    packed = pa.table(dict.fromkeys(("time", *"xyz"), rows))
+    parquet.write_table(packed, tmp_path / "teach.csv", compression="zstd", store_schema=False)
+    assert (tmp_path / "teach.csv").stat().st_size < 200e3
+    before = pa.default_memory_pool().max_memory()
+    with pytest.raises(InputError, match="holds values of the type string"):
+        scenario_of(tmp_path, SI)
+    assert pa.default_memory_pool().max_memory() - before < 100e6

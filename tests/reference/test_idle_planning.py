@@ -1,0 +1,195 @@
+"""Every setting of a segment and of its planning changes the motion, or is refused or reported."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.planning import load_scenario
+from cranectl.reference import build_trajectory
+from cranectl.scenario import read_scenario
+from cranectl.scenario.along_path import Arc, BlendedPath, Line
+from cranectl.scenario.driven import Driven
+from cranectl.scenario.planning import PlanningSettings
+from cranectl.scenario.segments import Hold, Move, Samples, Spline, WayPoints
+from cranectl.simulate.idle_settings import RunKind, idle_settings
+from cranectl.support.errors import InputError
+
+USE = RunKind("analytic", "velocity", "lqr")
+START = [0.5, 0.5, -0.7]
+BASE = [
+    "disturbances=[]", "duration=60", f"reference.start={START}",
+    "planning.jerk=[20.0,20.0,20.0]",
+]  # fmt: skip
+TO = [0.62, 0.56, -0.66]
+POINTS = [START, [0.6, 0.55, -0.68], TO]
+SEGMENTS: dict[str, dict[str, Any]] = {
+    "line": {"kind": "line", "to": TO, "duration": 2.0},
+    "shortest": {"kind": "line", "to": TO, "duration": "shortest"},
+    "quickest": {"kind": "line", "to": TO, "time_law": "minimum-time"},
+    "arc": {"kind": "arc", "centre": [0.6, 0.6], "angle": 1.0, "duration": 3.0},
+    "hold": {"kind": "hold", "duration": 1.0},
+    "move": {"kind": "move", "to": [0.62, 0.5, -0.7]},
+    "short move": {"kind": "move", "to": [0.62, 0.5, -0.7], "duration": "shortest"},
+    "timed": {"kind": "waypoints", "points": POINTS, "times": [0.0, 1.5, 3.0]},
+    "at a speed": {"kind": "waypoints", "points": POINTS, "speed": 0.05},
+    "file": {
+        "kind": "waypoints",
+        "file": "points.csv",
+        "units": {"time": "s", "length": "m"},
+        "offset": [0.0, 0.0, 0.0],
+    },
+    "samples": {"kind": "samples", "file": "samples.csv", "units": {"time": "s", "length": "m"}, "spans": 8},
+    "spline": {
+        "kind": "spline",
+        "degree": 9,
+        "breaks": [0.0, 2.0],
+        "coefficients": [START] * 5 + [TO] * 5,
+    },
+    "driven": {
+        "kind": "driven", "duration": 12.0, "period": 0.001, "bandwidth": 8.0, "speed": [0.3, 0.3, 0.2],
+        "low": [0.45, 0.45, -0.75], "high": [0.55, 0.55, -0.65],
+        "wishes": [[0.1, 0.2, 0.1, 0.1], [0.8, -0.3, -0.2, -0.1], [1.5, 0.0, 0.0, 0.0], [6.0, 0.0, 0.0, 0.0]],
+        "goals": [[2.0, 0.5, 0.5, -0.7]],
+    },
+}  # fmt: skip
+CHANGES: list[tuple[str, str, Any]] = [
+    ("line", "to", [0.62, 0.56, -0.6]), ("line", "duration", 2.5), ("line", "time_law", "degree-5"),
+    ("line", "blend", 0.01), ("quickest", "blend", 0.01), ("arc", "blend", 0.01),
+    ("arc", "centre", [0.6, 0.7]), ("arc", "angle", 0.5), ("arc", "duration", 2.5),
+    ("arc", "time_law", "degree-5"),
+    ("hold", "duration", 2.0),
+    ("move", "to", [0.6, 0.5, -0.7]), ("move", "via", [[0.55, 0.52, -0.7]]), ("move", "plane", True),
+    ("move", "constant_rope", True), ("move", "duration", "shortest"),
+    ("short move", "plane", True), ("short move", "constant_rope", True),
+    ("short move", "via", [[0.55, 0.52, -0.7]]),
+    ("timed", "points", [START, [0.6, 0.6, -0.68], TO]), ("timed", "times", [0.0, 1.4, 3.0]),
+    ("timed", "time_law", "minimum-time"), ("timed", "offset", [0.01, 0.0, 0.0]),
+    ("timed", "signs", [1, 1, -1]),
+    ("timed", "topic", "mujoco/load"), ("timed", "units", {"time": "ms"}), ("timed", "columns", {"x": "X"}),
+    ("at a speed", "speed", 0.06),
+    *((of, key, value) for of in ("file", "samples") for key, value in (
+        ("file", "other.csv"), ("columns", {"x": "y"}), ("units", {"time": "s", "length": "cm"}),
+        ("units", {"time": "ms", "length": "m"}), ("topic", "mujoco/load"), ("signs", [1, 1, -1]),
+        ("offset", [0.01, 0.0, 0.0]),
+    )),
+    ("file", "columns", {"speed": "v"}), ("file", "units", {"time": "s", "length": "m", "speed": "m/s"}),
+    ("file", "times", [0.0, 1.0, 3.0]), ("file", "speed", 0.05),
+    ("samples", "spans", 6),
+    ("spline", "degree", 7), ("spline", "breaks", [0.0, 3.0]),
+    ("spline", "coefficients", [START] * 5 + [POINTS[1]] * 5),
+    ("spline", "time_law", "minimum-time"), ("spline", "lasts", 3.0),
+    ("driven", "duration", 13.0), ("driven", "period", 0.002), ("driven", "bandwidth", 7.0),
+    ("driven", "speed", [0.1, 0.3, 0.2]), ("driven", "low", [0.49, 0.45, -0.75]),
+    ("driven", "high", [0.51, 0.55, -0.65]),
+    ("driven", "wishes", [[0.1, 0.1, 0.1, 0.1], [1.5, 0.0, 0.0, 0.0], [6.0, 0.0, 0.0, 0.0]]),
+    ("driven", "goals", [[2.0, 0.52, 0.5, -0.7]]),
+]  # fmt: skip
+# What is made, not given, or tried with files of other kinds.
+ELSEWHERE = {
+    "kind": "it is the segment",
+    "made_from": "what a plan was made of, for logs",
+    "source": "what a plan was made of, for logs",
+    "fit": "what a plan was made of, for logs",
+    "taken": "of parts that were planned",
+    "parts": "the segments themselves, as they were given",
+}
+OTHER_PLAN: dict[str, Any] = {
+    "share": 0.5, "lean": 0.02, "tension": [0.97, 1.02], "jerk": [0.5, 0.5, 0.5], "clearance": 0.68,
+    "load_box": [[0.45, 0.65], [0.45, 0.61], [-0.75, -0.699]], "refinement": 2,
+}  # fmt: skip
+
+
+def moved(overrides: list[str]) -> bytes:
+    """The reference at 101 times, and how it is said."""
+    trajectory = build_trajectory(load_scenario("fixed-position", overrides=overrides).reference)
+    times = np.linspace(0.0, trajectory.joints[-1], 101)
+    return trajectory.sample(times).tobytes() + times.tobytes()
+
+
+def written(segment: dict[str, Any]) -> str:
+    def text(value: Any) -> str:
+        if isinstance(value, dict):
+            return "{" + ", ".join(f"{key}={text(below)}" for key, below in value.items()) + "}"
+        return json.dumps(value)
+
+    return f"reference.segments=[{text(segment)}]"
+
+
+def place(segment: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The segment with its file in `folder`."""
+    return {**segment, "file": str(folder / segment["file"])} if "file" in segment else segment
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("files")
+    for name, shift in (("points", 0.0), ("other", 0.02)):
+        rows = [(1.5 * k, *point[:2], point[2] + shift * (k == 1)) for k, point in enumerate(POINTS)]
+        (made / f"{name}.csv").write_text(
+            "time,x,y,z\n" + "".join(f"{','.join(map(str, row))}\n" for row in rows)
+        )
+    time = np.linspace(0.0, 4.0, 81)
+    s = np.clip((time - 0.5) / 3.0, 0.0, 1.0)
+    bump = 0.1 * s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4)
+    columns = np.column_stack([time, START[0] + bump, START[1] + 0.5 * bump, START[2] + 0.2 * bump])
+    np.savetxt(made / "samples.csv", columns, delimiter=",", header="time,x,y,z", comments="")
+    return made
+
+
+@pytest.mark.parametrize(("name", "key", "value"), CHANGES, ids=lambda each: str(each)[:20])
+def test_a_setting_of_a_segment_changes_the_motion_or_is_refused(
+    name: str, key: str, value: Any, folder: Path
+) -> None:
+    asked = place(SEGMENTS[name], folder)
+    changed = place({**SEGMENTS[name], key: value}, folder)
+    usual = moved([*BASE, written(asked)])
+    try:
+        assert moved([*BASE, written(changed)]) != usual
+    except InputError as error:
+        assert error.found  # noqa: PT017 - one that says nothing is no refusal
+
+
+@pytest.mark.parametrize("name", ["line", "shortest", "quickest"])
+@pytest.mark.parametrize("key", PlanningSettings.model_fields)
+def test_a_setting_of_plans_changes_the_motion_or_is_reported(name: str, key: str) -> None:
+    usual = moved([*BASE, written(SEGMENTS[name])])
+    asked = [*BASE, written(SEGMENTS[name]), f"planning.{key}={json.dumps(OTHER_PLAN[key])}"]
+    read = read_scenario("fixed-position", overrides=asked)
+    try:
+        changed = moved(asked) != usual
+    except InputError as error:
+        assert error.remedy  # noqa: PT017
+        return
+    told = idle_settings(load_scenario("fixed-position", overrides=asked), read, [f"planning.{key}"], [USE])
+    assert bool(told) != changed
+
+
+def test_the_ends_of_a_rig_are_no_limit_beside_a_box() -> None:
+    asked = [*BASE, written(SEGMENTS["shortest"]), "planning.load_box=[[0.4,0.7],[0.4,0.7],[-0.8,-0.6]]"]
+    more = [*asked, "planning.clearance=0.3"]
+    assert moved(more) == moved(asked)
+    read = read_scenario("fixed-position", overrides=more)
+    assert idle_settings(load_scenario("fixed-position", overrides=more), read, ["planning.clearance"], [USE])
+
+
+def test_every_setting_of_every_segment_is_tried() -> None:
+    kinds = (Line, Arc, BlendedPath, Hold, Move, WayPoints, Samples, Spline, Driven)
+    fields = {
+        (kind.model_fields["kind"].annotation.__args__[0], key) for kind in kinds for key in kind.model_fields
+    }
+    tried = {(SEGMENTS[name]["kind"], key) for name, key, _ in CHANGES}
+    left = {(kind, key) for kind, key in fields - tried if key not in ELSEWHERE}
+    assert left == {("path", "duration"), ("path", "time_law")}  # as of a line, once it is planned
+
+
+def test_a_move_that_cannot_keep_its_rope_is_refused() -> None:
+    """Straight lines, with which a plan begins, have a rope that varies."""
+    tight = [*BASE[:-1], "planning.tension=[0.995,1.01]", "planning.share=0.9"]
+    move = {"kind": "move", "to": [0.6, 0.5, -0.7], "constant_rope": True}
+    with pytest.raises(InputError, match="no motion with constant_rope") as raised:
+        moved([*tight, written(move)])
+    assert raised.value.remedy.startswith("leave constant_rope out")
+    moved([*tight, written({**move, "constant_rope": False})])

@@ -1,0 +1,71 @@
+"""As many samples as a file may have are read and fitted in less than 1 GiB, in a process of their own."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import csv as arrow_csv
+from pyarrow import parquet
+
+from cranectl.reference.tables import MOST_ROWS
+from tests.reference.recordings import motion
+
+LIMIT = 2**30  # [bytes]
+SCALE = 4  # a fit takes memory by the sample: a quarter of the samples tells what all take
+SCENARIO = """\
+name = "taken"
+duration = 10.0
+[reference]
+start = [0.4, 0.5, -0.6]
+[[reference.segments]]
+kind = "samples"
+spans = 40
+file = "{file}"
+units = {{time = "s", length = "m"}}
+"""
+# What a process that has everything loaded takes, then what it takes for the file.
+CHILD = """\
+import re, sys
+from pathlib import Path
+from cranectl.planning import load_scenario
+from cranectl.reference.files import read_motion
+from cranectl.scenario.segments import Samples
+
+def most():
+    return 1024 * int(re.search(r"VmHWM:\\s*(\\d+) kB", Path("/proc/self/status").read_text())[1])
+
+def take(name):
+    if sys.argv[1] == "fit":
+        return load_scenario(name + ".toml")
+    segment = Samples(kind="samples", file=name, units={"time": "s", "length": "m"})
+    return read_motion(Path(name), segment, ("time", "x", "y", "z"), "here")
+
+take("few")
+before = most()
+take("many")
+print(before, most())
+"""
+
+
+def write(path: Path, rows: int, kind: str) -> None:
+    """Write a motion of so many samples, and a scenario with it."""
+    columns = dict(zip(("time", "x", "y", "z"), motion(rate=rows / 8.0).T, strict=True))
+    if kind == "CSV":
+        arrow_csv.write_csv(pa.table({name: np.round(column, 3) for name, column in columns.items()}), path)
+    else:
+        parquet.write_table(pa.table(columns), path, compression="zstd")
+    path.with_suffix(".toml").write_text(SCENARIO.format(file=path.name))
+
+
+@pytest.mark.parametrize(("does", "kind"), [("fit", "Parquet"), ("read", "CSV")])
+def test_all_rows_would_take_less_than_the_limit(does: str, kind: str, tmp_path: Path) -> None:
+    write(tmp_path / "few", 20_000, kind)
+    write(tmp_path / "many", MOST_ROWS // SCALE, kind)
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD, does], cwd=tmp_path, check=True, capture_output=True, text=True
+    )
+    before, after = map(int, done.stdout.split())
+    assert before + SCALE * (after - before) < LIMIT

@@ -1,0 +1,90 @@
+"""Both ends of every number of the effects: plants that know nothing of each other agree, or say what to do.
+
+The cases come from the schema, so that a key that is added is tried too. `make test` takes a share of them,
+the same each time; RANGE_CASES=all takes all.
+"""
+
+import json
+import os
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.planning import load_scenario
+from cranectl.scenario.effects import EffectNumbers
+from cranectl.simulate import Run, simulate_run
+from cranectl.support.errors import InputError
+from tests.reference.test_ends_of_ranges import ends, put
+
+SHARE = 20
+PAIR = ("elastic", "mujoco")
+# Steps at rest, at which plants with other integrators differ by their rounding only.
+MOVED = ["duration=0.2", "disturbances=[{force=[0.5, -0.3, 0.2], start=0.05}]"]
+
+
+def cases() -> list[tuple[str, str, dict[str, Any]]]:
+    found = []
+    for effect, field in EffectNumbers.model_fields.items():
+        model: Any = field.annotation
+        table = model().model_dump(mode="json")
+        for key, value in ends(model):
+            for whole in {key, (*key[:-1], 2)} if isinstance(key[-1], int) else {key}:
+                try:
+                    found.append((f"{effect}.{'.'.join(map(str, whole))}={value!r}", effect,
+                                  put(table, whole, value)))  # fmt: skip
+                except (LookupError, TypeError):
+                    continue
+    return sorted({name: (name, *rest) for name, *rest in found}.values(), key=lambda case: case[0])
+
+
+CASES = cases()
+ALL = os.environ.get("RANGE_CASES") == "all"
+CHOSEN = sorted(np.random.default_rng(1).permutation(len(CASES))[: len(CASES) if ALL else SHARE])
+FOUND = ("friction.viscous.0=1", "body.swing_damping=1", "frame.frequency.0=1")  # remedies that were refused
+
+
+def run_or_error(plant: str, effect: str, table: dict[str, Any]) -> Run | InputError:
+    values = ", ".join(f"{key}={json.dumps(value)}" for key, value in table.items() if value is not None)
+    try:
+        asked = load_scenario("fixed-position", overrides=[*MOVED, f"effects.{effect}={{{values}}}"])
+        return simulate_run(asked, plant=plant, drive="velocity", controller="lqr")
+    except InputError as error:
+        return error
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "case",
+    [case for k, case in enumerate(CASES) if k in CHOSEN or case[0].startswith(FOUND)],
+    ids=lambda case: case[0],
+)
+def test_plants_agree_or_both_say_what_to_do(case: tuple[str, str, dict[str, Any]]) -> None:
+    _, effect, table = case
+    elastic, mujoco = (run_or_error(plant, effect, table) for plant in PAIR)
+    if isinstance(elastic, InputError) or isinstance(mujoco, InputError):
+        assert isinstance(elastic, InputError)
+        assert isinstance(mujoco, InputError)
+        for error in (elastic, mujoco):
+            assert error.found
+            assert error.remedy
+            _, asked, step = error.remedy.partition("set control.physics_step to ")
+            assert not asked or float(step.split()[0]) >= 1e-6
+        return
+    for run in (elastic, mujoco):
+        assert np.isfinite(run.table).all()
+    if elastic.status == mujoco.status and not elastic.status.stopped:
+        assert elastic.load_position == pytest.approx(mujoco.load_position, abs=1e-5)
+
+
+def test_every_number_is_tried_at_both_ends() -> None:
+    names = {name.rpartition("=")[0] for name, *_ in CASES}
+    assert {"limits.force.2", "sensing.angle_noise", "delay.seconds", "friction.pivot_viscous"} <= names
+    assert {
+        "rope.stiffness",
+        "body.inertia",
+        "wind.mean.2",
+        "frame.frequency.1",
+        "installation.tilt.0",
+    } <= names
+    assert len(CASES) > 80

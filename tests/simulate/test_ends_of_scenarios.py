@@ -1,0 +1,132 @@
+"""Both ends of every number of a scenario go through a run: finite results, or what to do.
+
+The cases come from the schema. Numbers that other commands read first have tests beside those, `ELSEWHERE`.
+"""
+
+import math
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.metrics import run_metrics
+from cranectl.metrics.limits import judge_limits, limits_of
+from cranectl.planning import load_scenario, planned
+from cranectl.scenario import Scenario
+from cranectl.scenario.settings import parse_settings
+from cranectl.simulate import Run, simulate_run
+from cranectl.support.documents import leaves
+from cranectl.support.errors import InputError
+from tests.conftest import ROOT
+from tests.ranges import Key, ends, put, share_of
+
+SHARE = 30
+BASE: dict[str, Any] = load_scenario(
+    "fixed-position",
+    overrides=[
+        "duration=0.02", "reference.segments=[]", "initial.load_offset=[0.01, 0.0, 0.0]",
+        "disturbances=[{joint='alpha', magnitude=1.0, start=0.005, end=0.01}, "
+        "{force=[1.0, 1.0, 1.0], start=0.01}]",
+        "obstacles=[{name='box', low=[1.0, 0.8, -1.4], high=[1.2, 1.0, -0.9]}]",
+        "limits.rms_error_m=0.05", "limits.min_rope_tension_n=0.1",
+    ],
+).model_dump(mode="json", exclude_none=True)  # fmt: skip
+# By the beginning of a key: the tests that try both of its ends, or why none does.
+ELSEWHERE = {
+    "planning": "tests/reference/test_ends_of_ranges.py",
+    "reference.segments": "tests/reference/test_ends_of_ranges.py",
+    "rig.effects": "tests/simulate/test_ends_of_effects.py, as the numbers of effects",
+    "rig.look": "drawn only",
+    "rig": "tests/reference/test_ends_of_ranges.py",
+    "effects": "tests/simulate/test_ends_of_effects.py",
+    "design": "tests/design/test_ends_of_ranges.py",
+    "controller": "tests/controllers/test_ends_of_ranges.py",
+}
+# What a number goes with, so that steps are few and fit into it.
+WITH: dict[tuple[str, float], dict[str, float]] = {
+    ("duration", 600.0): {"control.period": 0.02, "control.physics_step": 0.02},
+    ("duration", 1e-6): {"control.period": 1e-6, "control.physics_step": 1e-6},
+    ("control.period", 600.0): {"duration": 600.0, "control.physics_step": 0.02},
+    ("control.period", 1e-6): {"control.physics_step": 1e-6},
+    ("control.physics_step", 1e-6): {"control.period": 1e-6},
+}
+
+
+def name_of(key: Key) -> str:
+    return ".".join(map(str, key))
+
+
+def where_else(name: str) -> str | None:
+    fitting = [place for place in ELSEWHERE if f"{name}.".startswith(f"{place}.")]
+    return ELSEWHERE[max(fitting, key=len)] if fitting else None
+
+
+def label(name: str) -> str:
+    """Return a name without the places in lists."""
+    return ".".join(part for part in name.split(".") if not part.isdecimal())
+
+
+def cases() -> list[tuple[str, dict[str, Any]]]:
+    found = {}
+    limits = [(("limits", "rms_error_m"), value) for value in (0.0, sys.float_info.max)]  # no bound above
+    for key, value in (*ends(Scenario), *limits):
+        name = name_of(key)
+        if where_else(name) is not None:
+            continue
+        for whole in (key, *((*key[:k], 1, *key[k + 1 :]) for k, part in enumerate(key) if part == 0)):
+            try:
+                table = put(BASE, whole, value)
+            except (LookupError, TypeError):
+                continue  # a disturbance has either of two kinds of numbers
+            for other, number in WITH.get((name, value), {}).items():
+                table = put(table, tuple(other.split(".")), number)
+            if name in ("duration", "control.period", "control.physics_step"):
+                table["disturbances"] = []
+            found[f"{name_of(whole)}={value!r}"] = table
+    return list(found.items())
+
+
+CASES = cases()
+
+
+def run_or_error(table: dict[str, Any]) -> Run | InputError:
+    try:
+        scenario = planned(parse_settings(Scenario, table, "s.toml"))
+        return simulate_run(scenario, plant="analytic", controller="lqr")
+    except InputError as error:
+        return error
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("case", share_of(CASES, SHARE, ("duration", "control")), ids=lambda case: case[0])
+def test_a_run_is_finite_and_whole_or_is_refused_with_what_to_do(case: tuple[str, dict[str, Any]]) -> None:
+    run = run_or_error(case[1])
+    if isinstance(run, InputError):
+        assert run.found
+        assert run.allowed
+        assert run.remedy
+        return
+    assert np.isfinite(run.table).all()
+    if not run.status.stopped:
+        assert len(run.time_ns) == run.scenario.steps + 1
+        assert run.time_ns[-1] == run.scenario.steps * run.scenario.period_ns
+    metrics = run_metrics(run)
+    assert metrics is not None
+    numbers = [value for _, value in leaves(metrics.to_json()) if isinstance(value, float)]
+    assert not any(map(math.isnan, numbers))
+    for verdict in judge_limits(metrics, limits_of(run.scenario, ["analytic"])["analytic"]):
+        assert isinstance(verdict.kept, bool)
+
+
+def test_every_number_of_a_scenario_is_tried_or_has_a_reason() -> None:
+    tried = {label(name.rpartition("=")[0]) for name, _ in CASES}
+    numbers = {name_of(key) for key, _ in ends(Scenario)}
+    assert {name for name in numbers if label(name) not in tried and where_else(name) is None} == set()
+    assert {place for place in ELSEWHERE if not any(f"{n}.".startswith(f"{place}.") for n in numbers)} == {
+        "controller"  # whose parameters the schema does not know
+    }
+    files = [ROOT / each.partition(",")[0] for each in ELSEWHERE.values() if each.startswith("tests/")]
+    assert all(file.is_file() for file in files)
+    assert {"duration", "control.period", "metrics.settling_tolerance", "log.every"} <= tried
+    assert {"disturbances.start", "disturbances.force", "obstacles.low", "limits.rms_error_m"} <= tried

@@ -1,0 +1,133 @@
+"""What a run will hold is counted before it begins: never too little, never much too much."""
+
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from cranectl.analysis.ladder import evaluate_levels
+from cranectl.campaign.load import load_campaign
+from cranectl.campaign.worker import Prepared
+from cranectl.cases.case import make_case, run_case
+from cranectl.cli.main import main
+from cranectl.controllers.registry import controller_design
+from cranectl.planning import load_scenario
+from cranectl.scenario import Scenario
+from cranectl.simulate import memory, simulate_run
+from cranectl.support.errors import InputError
+
+FINE = ("control.period=1e-6", "control.physics_step=1e-6")
+ENDLESS = (*FINE, "duration=600", "disturbances=[]")
+OVERHEAD = 8e6  # [bytes] of all but arrays
+
+
+def scenario(*asked: str, duration: float = 15.0) -> Scenario:
+    return load_scenario("fixed-position", overrides=[f"duration={duration}", "disturbances=[]", *asked])
+
+
+def peak(work: Callable[[], object]) -> int:
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """What is counted, in the order in which it is asked for."""
+    found: list[float] = []
+    check = memory.check_held
+
+    def noted(scenario: Scenario, held: float, what: str, **given: object) -> None:
+        found.append(held)
+        check(scenario, held, what, **given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(memory, "check_held", noted)
+    return found
+
+
+CASES = [
+    ("lqr", ("analytic",), "ideal", ()),
+    ("lqr", ("analytic", "elastic", "mujoco"), "ideal", ()),
+    ("lqr", ("analytic", "mujoco"), "ideal", ("log.every=1",)),
+    ("lqr", ("analytic", "mujoco"), "ideal", ("log.every=7",)),
+    ("lqr+loop-shaping", ("elastic", "mujoco"), "velocity", ("effects={sensing={}, delay={}, wind={}}",)),
+]
+
+
+@pytest.mark.parametrize(("controller", "plants", "drive", "asked"), CASES)
+def test_a_case_takes_what_is_counted(
+    controller: str, plants: tuple[str, ...], drive: str, asked: tuple[str, ...], tmp_path: Path,
+    counted: list[float],
+) -> None:  # fmt: skip
+    case = make_case(
+        scenario(*asked), controller=controller, drive=drive, plants=plants, log=tmp_path / "a.mcap"
+    )  # type: ignore[arg-type]
+    run_case(make_case(scenario(*asked, duration=0.1), controller=controller, drive=drive, plants=plants,
+                       log=tmp_path / "b.mcap"))  # type: ignore[arg-type]  # fmt: skip
+    counted.clear()
+    found = peak(lambda: run_case(case))
+    assert 0.6 * max(counted) < found < max(counted) + OVERHEAD
+
+
+def test_a_ladder_takes_what_is_counted(counted: list[float]) -> None:
+    asked = scenario(duration=4.0)
+    list(evaluate_levels(asked, "lqr", top="engine"))
+    counted.clear()
+    assert peak(lambda: list(evaluate_levels(asked, "lqr", top="engine"))) < max(counted) + OVERHEAD
+
+
+@pytest.mark.usefixtures("in_empty_directory")
+@pytest.mark.parametrize(
+    "command",
+    [
+        "run fixed-position --plants analytic",
+        "run fixed-position",
+        "run fixed-position --drive velocity --plants mujoco",
+        "ladder fixed-position",
+        "budget fixed-position",
+        "live fixed-position --port 0",
+    ],
+)
+def test_what_cannot_be_held_is_refused_before_it_is_made(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sets = [part for each in ENDLESS for part in ("--set", each)]
+    codes: list[int] = []
+    assert peak(lambda: codes.append(main([*command.split(), *sets]))) < 1e8
+    assert codes == [2]
+    told = capsys.readouterr().err
+    assert "would take" in told
+    assert "control.period" in told.partition("remedy:")[2]
+    assert not list(Path().rglob("*.mcap"))
+
+
+def test_its_remedies_hold() -> None:
+    with pytest.raises(InputError, match="would take") as caught:
+        simulate_run(scenario(*ENDLESS), controller="lqr")
+    period = caught.value.remedy.split()[3].rstrip(",")
+    memory.check_planned(scenario(*ENDLESS[1:], f"control.period={period}"))
+
+
+def test_ten_minutes_at_a_millisecond_are_held() -> None:
+    asked = scenario(duration=600.0)
+    design = controller_design("lqr", asked)
+    memory.check_runs(asked, design, "ideal", 2, logged=True)
+    with pytest.raises(InputError, match="fewer plants"):
+        memory.check_runs(asked, design, "ideal", 9, logged=True)
+
+
+def test_the_control_periods_of_a_campaign_are_counted_together(tmp_path: Path) -> None:
+    (tmp_path / "many.toml").write_text(
+        'name = "many"\nscenario = "fixed-position"\ncontrollers = ["lqr"]\nruns = 1\n'
+        'set = ["duration=600", "disturbances=[]", "control.physics_step=5e-5"]\n'
+        '[uncertain.control.period]\ndistribution = "choice"\n'
+        f"values = {[1e-3 * k for k in (1, 2, 3, 4, 5, 6, 8, 10)] + [0.0005, 0.00025, 0.0002]}\n"
+        "[uncertain.rig.load_mass]\n"
+        'distribution = "uniform"\nlow = 0.9\nhigh = 1.1\n'
+    )
+    with pytest.raises(InputError, match="would take"):
+        Prepared(load_campaign(tmp_path / "many.toml"))

@@ -1,0 +1,164 @@
+"""Numbers that bound one another: a result refuses a pair of them that contradicts itself."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.analysis.certificate.certify import PointVerdict
+from cranectl.analysis.certificate.operating_points import OperatingPoint
+from cranectl.analysis.ladder import Size
+from cranectl.campaign import statistics
+from cranectl.campaign.benchmark.standings import checked_standing
+from cranectl.campaign.benchmark.tuning import Point, consistent_points
+from cranectl.campaign.summary import GroupSummary, _summary, summarize
+from cranectl.cases.pairwise import WorstPair
+from cranectl.cases.validation import Validation
+from cranectl.cases.workers import CasesOutcome
+from cranectl.compare.agreement import Agreement, AgreementLimits, NoLimits, judge
+from cranectl.compare.runs import compare_runs
+from cranectl.log.describe import LogDescription, TopicDescription
+from cranectl.planning.review import check_duration
+from cranectl.scenario import Scenario
+from cranectl.simulate import simulate_run
+from cranectl.support.consistency import InconsistentError
+
+GROUP = GroupSummary(
+    plant="analytic",
+    controller="lqr",
+    runs=10,
+    failures=3,
+    stopped={"failed": 1, "rope-slack": 1},
+    not_run={"no licence": 1},
+    broken={"max_error_m": 1},
+    failure_rate=0.3,
+    failure_rate_interval=(0.1, 0.6),
+    median_max_error_m=0.01,
+    q95_max_error_m=0.02,
+    worst_sample=4,
+    worst_max_error_m=0.03,
+)
+POINT = OperatingPoint(rope_length=1.0)
+VERDICT = PointVerdict(POINT, 0.4, 1.0, 0.1, 1.0, "whole-gap", 0.3, 0.9)
+TOPIC = TopicDescription("/wish", "wish", 3, None)
+LOG = LogDescription("a.mcap", 10, "cranectl", 1, 1.0, 3, {}, (TOPIC,), {})
+AGREED = Agreement("", "lqr", "analytic", "mujoco", "ideal", 0.1, 0.1, 0.1, 0.1, passed=True, limits="")
+POINTS = [Point((1.0,), cost, 0.0) for cost in (3.0, 2.0, 1.0)]  # untuned, half, full
+
+
+def test_results_that_agree_with_themselves_pass() -> None:
+    Size(0.1, 0.1, 0.1)
+    Size(np.inf, 1e160, 1e160)  # squares that overflow
+    checked_standing("lqr", 10, 10, 1.0, 0.0, 1.0, 1.0)
+    assert list(consistent_points(*POINTS)) == ["untuned", "half", "full"]
+    check_duration(1.0, 1.0, "a move")
+
+
+BAD: dict[str, Callable[[], Any]] = {
+    "failures is 11, above runs, which is 10": lambda: replace(GROUP, failures=11),
+    "stopped runs is 4, above failures": lambda: replace(GROUP, stopped={"rope-slack": 3, "failed": 1}),
+    "could not be run is 1, and its parts add up to 2": lambda: replace(GROUP, not_run={"no licence": 2}),
+    "low end is 0.4, above the failure rate": lambda: replace(GROUP, failure_rate_interval=(0.4, 0.6)),
+    "the failure rate is 0.3, above its interval's high": lambda: replace(
+        GROUP, failure_rate_interval=(0.1, 0.2)
+    ),
+    "median of max_error_m is 0.05, above": lambda: replace(GROUP, median_max_error_m=0.05),
+    "95 % quantile is 0.04, above its largest value": lambda: replace(GROUP, q95_max_error_m=0.04),
+    "the nu-gap is 1.5, above one": lambda: replace(VERDICT, gap=1.5),
+    "left of the margin is 0.5, above the margin": lambda: replace(VERDICT, left=0.5),
+    "largest pole of a certified loop is 1.1, above one": lambda: replace(VERDICT, closed_loop_radius=1.1),
+    "the RMS deviation is 0.2, above the largest deviation": lambda: Size(0.2, 0.1, 0.0),
+    "the final deviation is 0.2, above": lambda: Size(0.1, 0.1, 0.2),
+    "failures is 11, above runs of lqr": lambda: checked_standing("lqr", 10, 11, 0.5, 0.5, 1.0, 1.0),
+    "share that settled is 1.5, above one": lambda: checked_standing("lqr", 10, 1, 1.5, 0.5, 1.0, 1.0),
+    "cost with the whole budget is 3, above that with half": lambda: consistent_points(*POINTS[::-1]),
+    "least time of the drives .* is 2, above the planned duration of a move": lambda: check_duration(
+        2.0, 1.0, "a move"
+    ),
+    "difference of a load that passed is 0.2, above its limit": lambda: replace(AGREED, max_load_error_m=0.2),
+    "difference of an angle that passed is 0.2, above its limit": lambda: replace(
+        AGREED, max_angle_error_rad=0.2
+    ),
+    "failed or were not judged is 4, above cases, which is 3": lambda: WorstPair(
+        "ideal", "analytic", "mujoco", 3, 2, 2, 0.1, 0.1, 0.1, "", ""
+    ),
+    "stopped or broke one limit is 4, above failures": lambda: replace(GROUP, broken={"max_error_m": 2}),
+    "number of messages is 4, and its parts add up to 3": lambda: replace(LOG, messages=4),
+    "number of cases is 0, and its parts add up to 1": lambda: Validation(
+        (), CasesOutcome([None], interrupted=False), {}, ("analytic",)
+    ),
+}
+
+
+@pytest.mark.parametrize("found", BAD)
+def test_results_that_contradict_themselves_are_internal_errors(found: str) -> None:
+    with pytest.raises(InconsistentError, match=found):
+        BAD[found]()
+
+
+def test_quantiles_that_do_not_ascend_are_an_internal_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(np, "quantile", lambda *_: np.array([3.0, 2.0, 1.0]))
+    with pytest.raises(InconsistentError, match=r"the 0\.05 quantile is 3, above the 0\.5 quantile"):
+        statistics.quantiles(np.arange(5.0))
+
+
+def numbers(rng: np.random.Generator) -> float:
+    """One as results have them, at times none."""
+    return float(rng.choice([0.0, 1e-300, rng.exponential(), 1e300, np.inf, np.nan]))
+
+
+def test_verdicts_that_are_judged_never_contradict_themselves(short: Scenario) -> None:
+    a, b = (simulate_run(short, plant=plant) for plant in ("analytic", "elastic"))
+    usual, rng = compare_runs(a, b, signals=()), np.random.default_rng(3)
+    passed = []
+    for _ in range(300):
+        found = replace(usual, max_load_error_m=numbers(rng), max_angle_error_rad=numbers(rng))
+        limits = AgreementLimits(*np.nan_to_num([numbers(rng), numbers(rng), 1.0], nan=1.0).tolist(), "")
+        passed.append(judge(a, b, limits=limits, comparison=found).passed)
+    assert {*passed} == {True, False}
+    assert judge(a, b, limits=NoLimits("unknown"), comparison=usual).passed is None
+
+
+def test_groups_of_any_runs_never_contradict_themselves() -> None:
+    """Of none to some runs, with ends of all kinds and errors of all sizes."""
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        runs = int(rng.integers(0, 6))
+        table = {
+            "status": rng.choice(["completed", "failed", "slack-rope"], runs),
+            "reason": rng.choice(["a", "b"], runs),
+            "max_error_m": rng.choice([0.0, 1e-300, 0.1, 0.3, 1e300, np.nan], runs),
+            "sample": np.arange(runs),
+        }
+        limits = SimpleNamespace(given={"max_error_m": float(rng.choice([0.0, 1.0, 1e300]))})
+        settings = SimpleNamespace(limits=limits, sampling="monte-carlo")
+        results: Any = SimpleNamespace(
+            campaign=SimpleNamespace(settings=settings, groups=[("analytic", "lqr")]),
+            rows=lambda *_, runs=runs: np.arange(runs),
+            column=table.__getitem__,
+        )
+        _summary(results, "analytic", "lqr")
+
+
+def test_groups_that_leave_runs_out_are_an_internal_error() -> None:
+    class Results:
+        campaign = SimpleNamespace(
+            settings=SimpleNamespace(limits=SimpleNamespace(given={}), sampling="grid"),
+            groups=[("analytic", "lqr")],
+        )
+
+        def __len__(self) -> int:
+            return 3
+
+        def rows(self, *_: str) -> Any:
+            return np.arange(2)
+
+        def column(self, name: str) -> Any:
+            return np.array(["completed"] * 3) if name in ("status", "reason") else np.arange(3.0)
+
+    results: Any = Results()
+    with pytest.raises(InconsistentError, match="number of runs is 3, and its parts add up to 2"):
+        summarize(results)

@@ -1,0 +1,220 @@
+"""What is told apart, and by what: content and place, never a name or a text alone.
+
+Each case makes one thing twice in two folders, and says by what the package knows it again. The name is the
+same everywhere. Either its content differs, or its content is the same and what lies beside it differs.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.campaign.benchmark.tuned import tuned_facts
+from cranectl.campaign.manifest import software_of
+from cranectl.controllers.controller import Controller
+from cranectl.controllers.open_controllers import OPEN
+from cranectl.controllers.registry import law_digests, load_controller, register_controller
+from cranectl.loaders.law_file import LawFile, whole_copy_of
+from cranectl.loaders.opening import close_laws, open_law
+from cranectl.planning import load_scenario, plan
+from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
+from cranectl.support import jit, kept
+from cranectl.support.documents import toml_text
+from cranectl.support.errors import InputError
+
+Identity = Callable[[Path, str], object]  # of the thing in a folder, of which a file has this content
+
+LAW = """
+from beside import K
+def law(parameters, measured, reference, memory, command):
+    VALUE
+    return 0
+"""
+PROGRAM = "import beside\nVALUE\n"
+TABLE = f'name = "law"\nprogram = ["{sys.executable}", "program.py"]\nfiles = ["beside.py"]\n'
+PLANT = "import beside\nVALUE\nclass Plant:\n    pass\n"
+SCENARIO = """\
+name = "own"
+duration = 9.0
+rig = "crane.toml"
+[reference]
+start = [0.5, 0.5, -0.7]
+[[reference.segments]]
+kind = "waypoints"
+file = "path.csv"
+units = {length = "m"}
+time_law = "minimum-time"
+"""
+
+
+def put(folder: Path, name: str, template: str, value: str) -> Path:
+    """A file, and the module that it imports beside it, which says where it is."""
+    folder.mkdir(exist_ok=True)
+    path = folder / name
+    path.write_text(template.replace("VALUE", value))
+    if not (folder / "beside.py").exists():
+        (folder / "beside.py").write_text(f"K = {float(len(folder.name))}")
+    return path
+
+
+def opened(path: Path, symbol: str = "") -> str:
+    close_laws()
+    return open_law(f"{path}:{symbol}" if symbol else str(path))
+
+
+def controller(folder: Path, value: str) -> object:
+    return law_digests([opened(put(folder, "law.py", LAW, value), "law")])
+
+
+def process(folder: Path, value: str) -> object:
+    put(folder, "program.py", PROGRAM, value)
+    return law_digests([opened(put(folder, "law.toml", TABLE, value))])
+
+
+def helper(folder: Path, value: str) -> object:
+    """What the controller computes with."""
+    name = opened(put(folder, "law.py", LAW.replace("VALUE", "command[0] = K; VALUE"), value), "law")
+    command = np.zeros(3)
+    load_controller(name).step(np.zeros(1), np.zeros(12), np.zeros(15), np.zeros(9), command)
+    return command.tolist()
+
+
+def copied(folder: Path, value: str) -> object:
+    """Where a worker has the files once those of its parent are gone."""
+    opened(put(folder, "law.py", LAW, value), "law")
+    (file,) = OPEN.files.values()
+    for path in folder.iterdir():
+        path.unlink()
+    return whole_copy_of(file)
+
+
+def version(folder: Path, value: str) -> object:
+    """What a design is run by, also where a newer file has the name."""
+    design = load_controller(opened(put(folder, "law.py", LAW, value), "law")).designed({})
+    return design.origin
+
+
+def tuned(folder: Path, value: str) -> object:
+    """Whether numbers are taken that were found for the controller in another folder."""
+    law = load_controller(opened(put(folder, "law.py", LAW, value), "law"))
+    numbers = folder.parent / "law.toml"
+    if not numbers.exists():
+        facts = {"runs": 1, "cost": {}, "failed": {}}
+        numbers.write_text(toml_text({"law": "law", "code": law.code, "rules": "r", **facts}))
+    try:
+        return tuned_facts(folder.parent, "r", "law")
+    except InputError:
+        return "of another version"
+
+
+def imported(folder: Path, value: str, name: str) -> None:
+    sys.modules.pop(name, None)
+    sys.modules.pop("beside", None)
+    sys.path.insert(0, str(put(folder, f"{name}.py", PLANT, value).parent))
+
+
+def plant(folder: Path, value: str) -> object:
+    imported(folder, value, "own_plant")
+    PLANTS["own"] = PlantEntry("own", "own", "series-1", "own_plant:Plant", 1)
+    return plant_sources(["own"])
+
+
+def registered(folder: Path, value: str) -> object:
+    """A controller that a module has registered, as a campaign's result tells it."""
+    imported(folder, value, "own_law")
+    module = __import__("own_law")
+    close_laws()
+    OPEN.registered.pop("own", None)
+    law = Controller("own", "own", module.Plant, lambda _: (np.zeros(1), np.zeros(1)))
+    register_controller(law)
+    return software_of([], ["own"])["sources of own_law"]
+
+
+def compiled(folder: Path, value: str) -> object:
+    """What a cache of compiled code is of; a package is another one in another folder."""
+    jit._PACKAGE = folder
+    return jit.sources_digest(put(folder, "kernel.py", "from cranectl.beside import K\nVALUE", value))
+
+
+def planned(folder: Path, value: str) -> object:
+    """A motion through the points of a file, with the limits of a rig beside it; what was kept is taken."""
+    shift = 0.1 * len(value)
+    put(folder, "path.csv", "x,y,z\n0.5,0.5,-0.7\n0.6,0.6,-0.7\nVALUE\n", f"{0.6 + shift:g},0.7,-0.7")
+    (folder / "crane.toml").write_text(f"effects.limits.velocity = [{0.1 * len(folder.name):g}, 0.3, 0.3]\n")
+    scenario = put(folder, "own.toml", SCENARIO, "")
+    before = set(folder.parent.rglob("plans/*"))
+    first = load_scenario(scenario)
+    assert set(folder.parent.rglob("plans/*")) - before, "no plan of another scenario is taken"
+    plan._PLANNED.clear()
+    assert load_scenario(scenario) == first
+    return [segment.model_dump(exclude={"source"}) for segment in first.reference.segments]
+
+
+IDENTITIES: dict[str, Identity] = {
+    each.__name__: each
+    for each in (
+        controller, process, helper, copied, version, tuned, plant, registered, compiled, planned
+    )
+}  # fmt: skip
+# Of these the content beside counts only where it is taken, which the helper itself shows.
+BY_NEIGHBOUR_ONLY = ("helper",)
+
+
+@pytest.fixture(autouse=True)
+def forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
+    monkeypatch.setattr(jit, "_PACKAGE", jit._PACKAGE)
+    monkeypatch.setattr(sys, "path", sys.path[:])
+    yield
+    close_laws()
+    plan._PLANNED.clear()
+    PLANTS.pop("own", None)
+    OPEN.registered.pop("own", None)
+    for name in ("own_plant", "own_law", "beside"):
+        sys.modules.pop(name, None)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in IDENTITIES if kind not in BY_NEIGHBOUR_ONLY])
+def test_the_same_name_with_other_content(kind: str, tmp_path: Path) -> None:
+    """In folders whose names are as long, so that all else is the same."""
+    identity = IDENTITIES[kind]
+    first, second = identity(tmp_path / "a", "pass"), identity(tmp_path / "b", "x = 1")
+    assert first != second
+
+
+@pytest.mark.parametrize("kind", IDENTITIES)
+def test_the_same_content_in_another_place_with_another_neighbour(kind: str, tmp_path: Path) -> None:
+    identity = IDENTITIES[kind]
+    first, second = identity(tmp_path / "a", "pass"), identity(tmp_path / "longer", "pass")
+    assert first != second
+
+
+def test_a_comment_makes_no_other_controller(tmp_path: Path) -> None:
+    """Numbers that were tuned before it are taken, and a campaign goes on."""
+    assert tuned(tmp_path / "a", "pass  # as before") == tuned(tmp_path / "a", "pass")
+    first = tuned(tmp_path / "a", "x = 1")
+    assert first == "of another version"
+
+
+@pytest.mark.parametrize("kind", ["controller", "process", "helper", "tuned", "plant", "registered"])
+def test_the_same_content_with_the_same_neighbour_is_the_same(kind: str, tmp_path: Path) -> None:
+    """Wherever it lies: results may be resumed on another machine."""
+    identity = IDENTITIES[kind]
+    assert identity(tmp_path / "a", "pass") == identity(tmp_path / "b", "pass")
+
+
+def test_a_copy_of_an_fmu_or_library_is_known_by_its_content(tmp_path: Path) -> None:
+    """Names of files and folders are no part of it; the table beside an FMU is."""
+    files = [
+        LawFile("law.fmu", Path("law.fmu"), "", content, table, str(tmp_path / folder / "law.fmu"))
+        for content, table, folder in (
+            (b"1", b"", "a"),
+            (b"1", b"", "b"),
+            (b"2", b"", "a"),
+            (b"1", b"t", "a"),
+        )
+    ]
+    assert files[0].digest == files[1].digest
+    assert len({file.digest for file in files}) == 3

@@ -1,0 +1,69 @@
+"""Answers are the same whichever kernels the linear algebra of this processor runs.
+
+OpenBLAS takes other kernels on other processors, and OPENBLAS_CORETYPE chooses them. Where another BLAS is
+installed, the variable changes nothing. `make test-processors` runs all tests that are marked.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tests.conftest import ROOT
+
+pytestmark = pytest.mark.processor
+
+KERNELS = ("Nehalem", "Sandybridge", "Haswell")
+ANSWERS = """
+import json
+from cranectl.design.controllers import _computed  # what is kept on disk would hide a difference
+from cranectl.planning import load_scenario
+from cranectl.support.errors import InputError
+from validation.benchmark.lmi_regions import gains
+from validation.benchmark.multi_objective_hinf import controller
+
+numbers = {"lmi-regions": gains(1.028, 4.158, 0.231, 0.264)[0].tolist()}
+k, _ = controller(4.0, 1.0, 2.0)
+numbers["multi-objective-hinf"] = [*abs(k([0.1j, 1j, 10j])).tolist()]
+settings = load_scenario("fixed-position").design
+for name in ("lqr", "lqr+hinf", "lqr+loop-shaping", "pole-placement+hinf"):
+    design = _computed(name, settings)
+    numbers[name] = [*design.gain.tolist(), *design.robustifier.b.tolist(), *design.robustifier.c.tolist()]
+
+refused = []
+for first in (1.2e-2, 1.4e-2, 1.6e-2):
+    points = [[0.5, 0.5, -0.7], [0.5 + first, 0.5, -0.7], [0.9, 0.9, -0.7]]
+    points += [[1.2, 0.5, -0.7], [1.3, 0.5, -0.7]]
+    segment = f"reference.segments=[{{kind='waypoints', points={points}, time_law='minimum-time'}}]"
+    try:
+        load_scenario("fixed-position", overrides=["reference.start=[0.5, 0.5, -0.7]", segment])
+        refused.append("")
+    except InputError as error:
+        refused.append(str(error))
+print(json.dumps([numbers, refused]))
+"""
+
+
+def test_designs_and_refusals_are_the_same_with_every_kernel() -> None:
+    """Designs to 1e-7: the fast pole of an H-infinity controller magnifies rounding."""
+    answers = []
+    for kernel in KERNELS:
+        done = subprocess.run(
+            [sys.executable, "-c", ANSWERS],
+            env={**os.environ, "OPENBLAS_CORETYPE": kernel},
+            cwd=ROOT,
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        answers.append(json.loads(done.stdout))
+    numbers, refused = zip(*answers, strict=True)
+    for name, found in numbers[0].items():
+        size = np.abs(found).max()
+        for others in numbers[1:]:
+            np.testing.assert_allclose(others[name], found, rtol=0.0, atol=1e-7 * size, err_msg=name)
+    assert refused == (refused[0],) * len(KERNELS)
+    assert len(set(refused[0])) > 1, "some are refused, some are not"
