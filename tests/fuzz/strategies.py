@@ -200,7 +200,8 @@ def _value(parameter: click.Parameter) -> st.SearchStrategy[str]:
     if "=" in shown:
         return assignments()
     usual = {"FILE": PLACES, "DIR": PLACES, "N": AMOUNTS, "S": AMOUNTS, "X": AMOUNTS}.get(shown, NAMES)
-    return st.one_of(st.sampled_from(usual), st.sampled_from(usual), st.sampled_from(PLACES + AMOUNTS), TEXTS)
+    texts = TEXTS.filter(lambda text: not text.startswith("/"))  # where one says, files are written
+    return st.one_of(st.sampled_from(usual), st.sampled_from(usual), st.sampled_from(PLACES + AMOUNTS), texts)
 
 
 def _argument(parameter: click.Parameter, command: str) -> st.SearchStrategy[str]:
