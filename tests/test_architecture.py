@@ -117,6 +117,41 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.stdout.splitlines()[-1] == "HEAVY []"
 
 
+def test_a_command_loads_no_module_of_another_command() -> None:
+    """Nor do the list of all commands and the answer to a typo."""
+    script = (
+        "import sys; from cranectl.cli.main import NAMES, cli, main\n"
+        "def loaded(): return {n.split('.')[2] for n in sys.modules if n.startswith('cranectl.cli.')}\n"
+        "assert main(['--help']) == 0 and main(['rnu']) == 2\n"
+        "print('LOADED', *loaded() & {*NAMES})\n"
+        "for name in NAMES:\n"
+        "    for old in [n for n in sys.modules if n.startswith('cranectl.cli.')]: del sys.modules[old]\n"
+        "    assert cli.commands[name].name == name\n"
+        "    print('LOADED', *loaded() & {*NAMES} - {name})"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    others = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("LOADED")]
+    assert "Did you mean 'run'?" in done.stderr
+    assert len(others) == 21
+    assert [each for each in others if each] == [["benchmark"]], "whose rules hold for `tune`"
+
+
+def test_a_run_loads_no_tool_that_it_does_not_need(tmp_path: Path) -> None:
+    run = "run fixed-position --plants analytic --controller lqr --set duration=0.1 --set disturbances=[]"
+    script = (
+        "import sys; from cranectl.cli.main import main\n"
+        f"assert main({[*run.split(), '--out', 'a.mcap']!r}) == 0\n"
+        "print('ROOMS', *{name.split('.')[1] for name in sys.modules if name.startswith('cranectl.')})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    rooms = done.stdout.splitlines()[-1].split()[1:]
+    tools = {"analysis", "campaign", "export", "live", "loaders", "render", "thesis"}
+    assert "simulate" in rooms
+    assert not tools & set(rooms)
+
+
 def test_an_analytic_run_does_not_import_mujoco() -> None:
     script = (
         "import sys; from cranectl import load_scenario, simulate_run\n"

@@ -1,38 +1,21 @@
 """`cranectl`: entry point, and how errors become messages and exit codes.
 
-Command modules import what they need inside their functions, so that `--help` stays fast.
+Each command is loaded when it is called. Its module imports what computes inside its functions, so that
+`--help` stays fast.
 """
 
+import importlib
 import io
 import os
 import sys
 import traceback
+from collections.abc import Iterator, Mapping
 
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.advise import advise_command
-from cranectl.cli.benchmark import benchmark_command
-from cranectl.cli.budget import budget_command
-from cranectl.cli.campaign import campaign_command
-from cranectl.cli.certify import certify_command
 from cranectl.cli.command import Invocation
-from cranectl.cli.compare import compare_command
-from cranectl.cli.design import design_command
-from cranectl.cli.info import info_command
-from cranectl.cli.ladder import ladder_command
-from cranectl.cli.list import list_command
-from cranectl.cli.live import live_command
-from cranectl.cli.log import log_command
-from cranectl.cli.new import new_command
-from cranectl.cli.plan import plan_command
-from cranectl.cli.render import render_command
-from cranectl.cli.report import report_command
-from cranectl.cli.run import run_command
 from cranectl.cli.streams import steady_streams
-from cranectl.cli.thesis import thesis_command
-from cranectl.cli.tune import tune_command
-from cranectl.cli.validate import validate_command
 from cranectl.support.environment import MachineError, is_of_machine
 from cranectl.support.errors import CranectlError, InputError, describe_error, printable
 from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, interrupt
@@ -50,36 +33,69 @@ Exit codes:
 """ + "\n".join(f"  {code:3}  {meaning}" for code, meaning in exit_codes.MEANINGS.items())
 
 
-COMMANDS: dict[str, tuple[click.Command, ...]] = {
-    "Run": (new_command, plan_command, run_command, live_command, campaign_command, tune_command),
-    "Look": (
-        list_command,
-        info_command,
-        compare_command,
-        report_command,
-        render_command,
-        log_command,
-    ),
-    "Judge": (validate_command, benchmark_command, certify_command, advise_command),
-    "Explain": (design_command, ladder_command, budget_command, thesis_command),
+# Name of each command, which is that of its module too, and the first line of its help.
+COMMANDS = {
+    "Run": {
+        "new": "Write a small working example of a file, and its test.",
+        "plan": "Plan the motions of SCENARIO and show them, without a run.",
+        "run": "Run SCENARIO, a name or a TOML file, and compare the plants.",
+        "live": "Run SCENARIO in real time, to be watched and steered.",
+        "campaign": "Run one scenario many times under stated uncertainty.",
+        "tune": "Find the numbers of LAW, a controller or the file of one.",
+    },
+    "Look": {
+        "list": "List scenarios, rigs, controllers, plants and drives.",
+        "info": "Say what LOG holds, what made it, and whether it is whole.",
+        "compare": "Compare the plants of one LOG, or the same plants of two LOGs.",
+        "report": "Write runs, or the thesis, as one page of figures and tables.",
+        "render": "Draw LOG as a video, or one moment of it as a picture.",
+        "log": "Export a log, recover one, overlay several, lay out a viewer.",
+    },
+    "Judge": {
+        "validate": "Run scenarios on all plants and judge their agreement.",
+        "benchmark": "Measure laws on the same cranes, by rules that favour none.",
+        "certify": "Say at which operating points CONTROLLER is certainly stable.",
+        "advise": "Say which controller to take for SCENARIO, what to improve first.",
+    },
+    "Explain": {
+        "design": "Design the controller NAME, or several, and say what it achieves.",
+        "ladder": "Measure what each effect of the real rig costs, one by one.",
+        "budget": "Predict what each effect does to the load, run it and compare.",
+        "thesis": "Run chapter 5 of the thesis again, its numbers beside ours.",
+    },
 }
+NAMES = [name for summaries in COMMANDS.values() for name in summaries]
+
+
+class Commands(Mapping[str, click.Command]):
+    """All commands by name; each is imported when it is looked up."""
+
+    def __getitem__(self, name: str) -> click.Command:
+        if name not in NAMES:
+            raise KeyError(name)
+        command: click.Command = getattr(importlib.import_module(f"cranectl.cli.{name}"), f"{name}_command")
+        return command
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(NAMES)
+
+    def __len__(self) -> int:
+        return len(NAMES)
 
 
 class CommandTree(click.Group):
     """All commands, grouped by purpose in `--help`."""
 
     def format_commands(self, _context: click.Context, formatter: click.HelpFormatter) -> None:
-        width = max(map(len, self.commands))
-        for purpose, commands in COMMANDS.items():
+        width = max(map(len, NAMES))
+        for purpose, summaries in COMMANDS.items():
             with formatter.section(purpose):
-                summaries = [each.get_short_help_str(formatter.width) for each in commands]
-                names = [f"{each.name:{width}}" for each in commands]
-                formatter.write_dl(list(zip(names, summaries, strict=True)))
+                formatter.write_dl([(f"{name:{width}}", summary) for name, summary in summaries.items()])
 
 
 cli = CommandTree(
     "cranectl",
-    [command for commands in COMMANDS.values() for command in commands],
+    Commands(),  # type: ignore[arg-type]  # click reads it only
     help=HELP,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.main import COMMANDS
+from cranectl.cli.main import cli
 from tests.remedies import HOLE, PACKAGE
 
 NAMED = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z]")
@@ -18,7 +18,7 @@ OF_PYTEST = "--cranectl-update"
 
 def texts_with_options(folder: Path = PACKAGE) -> set[tuple[str, str]]:
     """Return the file and the text, with holes, of each message that names an option to take."""
-    ours = {*_options(command for group in COMMANDS.values() for command in group), OF_PYTEST}
+    ours = {*_options(iter(cli.commands.values())), OF_PYTEST}
     return {
         (path.relative_to(folder).as_posix(), text)
         for path in sorted(folder.rglob("*.py"))

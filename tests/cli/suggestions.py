@@ -7,11 +7,11 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from cranectl.cli.main import COMMANDS, main
+from cranectl.cli.main import NAMES, main
 from cranectl.loaders.opening import close_laws
 
-NAMES = "|".join(str(command.name) for commands in COMMANDS.values() for command in commands)
-SUGGESTED = re.compile(rf"cranectl (?:{NAMES})\b[^\n;]*")
+ANY_NAME = "|".join(NAMES)
+SUGGESTED = re.compile(rf"cranectl (?:{ANY_NAME})\b[^\n;]*")
 
 
 def suggested(text: str) -> list[str]:
@@ -50,7 +50,7 @@ def commands_in(package: Path) -> Iterator[tuple[str, str]]:
         place = path.relative_to(package).as_posix()
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in described:
-                yield from ((place, found) for found in re.findall(rf"cranectl (?:{NAMES})\b", node.value))
+                yield from ((place, found) for found in re.findall(rf"cranectl (?:{ANY_NAME})\b", node.value))
             elif isinstance(node, ast.List) and len(node.elts) > 1:
                 first = node.elts[0]
                 if isinstance(first, ast.Constant) and first.value == "cranectl":
