@@ -4,13 +4,16 @@ A signal that is ignored when a process starts stays ignored: so does `nohup` wi
 Ctrl-C for what it starts in the background.
 """
 
+import _thread
 import contextlib
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 from typing import Any
 
+RETRY = 0.01  # [s] until an interrupt that was swallowed is raised again
 SIGNALS = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -35,13 +38,47 @@ def came_of_interrupt(error: BaseException) -> bool:
     return cause is not None
 
 
+def _raise_in_main_thread(number: signal.Signals) -> None:
+    main = threading.main_thread().ident
+    if main is not None and hasattr(signal, "pthread_kill"):  # which ends a system call there too
+        signal.pthread_kill(main, number)
+    else:
+        _thread.interrupt_main(number)
+
+
+class _RaiseAgain:
+    """A `sys.unraisablehook` that raises an interrupt again where the interpreter could only report it.
+
+    It can where the signal comes in a callback of a library or in a destructor: nothing there can take an
+    exception, and the run would go on.
+    """
+
+    def __init__(self) -> None:
+        self.report = sys.unraisablehook
+        self.handler: Any = None
+        self.number = signal.SIGINT
+
+    def __call__(self, unraisable: Any) -> None:
+        if self.handler is None or not isinstance(unraisable.exc_value, Interruption):
+            self.report(unraisable)
+            return
+        signal.signal(self.number, self.handler)
+        retry = threading.Timer(RETRY, _raise_in_main_thread, [self.number])
+        retry.daemon = True
+        retry.start()
+
+
 def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
-    """Have `act` called at each signal that is not ignored; returns the handlers before.
+    """Have `act` called at each signal that is not ignored; return the handlers before.
 
     Once a run ends a hang-up says nothing new, and a terminal that is closed tells more than once.
     """
+    if not isinstance(sys.unraisablehook, _RaiseAgain):
+        sys.unraisablehook = _RaiseAgain()
+    hook = sys.unraisablehook
 
-    def interrupted(_signal: int, _frame: FrameType | None) -> None:
+    def interrupted(number: int, _frame: FrameType | None) -> None:
+        hook.handler, hook.number = interrupted, signal.Signals(number)
         if hasattr(signal, "SIGHUP"):
             signal.signal(signal.SIGHUP, signal.SIG_IGN)
         act()

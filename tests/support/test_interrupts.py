@@ -38,6 +38,19 @@ def test_each_of_them_interrupts_once(number: signal.Signals) -> None:
     os.kill(os.getpid(), signal.SIGHUP)
 
 
+@pytest.mark.parametrize("number", SIGNALS)
+def test_an_interrupt_in_a_callback_is_raised_again(number: signal.Signals) -> None:
+    """A library that calls Python reports exceptions and goes on: LLVM does, while it compiles."""
+    script = (
+        "import ctypes, os, time; from cranectl.support.interrupts import *\n"
+        f"heed_interrupts(interrupt); end = lambda: os.kill(os.getpid(), {number:d})\n"
+        "callback = ctypes.CFUNCTYPE(None)(end)\n"
+        f"try:\n    callback(); time.sleep({HANG})\nexcept KeyboardInterrupt: print('interrupted')"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+
+
 def test_the_handlers_before_can_be_put_back() -> None:
     assert heed_interrupts(interrupt) == {
         signal.SIGINT: signal.default_int_handler,
