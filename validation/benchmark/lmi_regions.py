@@ -29,12 +29,12 @@ from math import ceil, floor, log10, sqrt
 
 import numpy as np
 from numba import carray
+from semidefinite import analytic_centre, minimise
 
 from cranectl.controllers.common import rope_acceleration, state_on_path
 from cranectl.controllers.controller import Controller, Parameter
 from cranectl.controllers.slots import Slots
 from cranectl.design.discretisation import check_sampled, zero_order_hold
-from cranectl.design.semidefinite import analytic_centre, minimise
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
 from cranectl.status import RunStatus
 

@@ -27,12 +27,12 @@ import control
 import numpy as np
 from numba import carray
 from scipy.linalg import svd
+from semidefinite import minimise
 
 from cranectl.controllers.common import middle_depth, state_on_path
 from cranectl.controllers.controller import Controller, Parameter
 from cranectl.controllers.slots import Slots
 from cranectl.design.linear_systems import closed_loop_norm, slowed_and_sampled
-from cranectl.design.semidefinite import minimise
 from cranectl.model.dynamics import rope_direction
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
 from cranectl.status import RunStatus

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cranectl.design.semidefinite import Inequalities, analytic_centre, minimise
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from validation.benchmark.semidefinite import Inequalities, analytic_centre, minimise
 
 pytestmark = pytest.mark.processor
 
