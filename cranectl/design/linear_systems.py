@@ -98,8 +98,14 @@ def closed_loop_norm(generalised: control.StateSpace, k: control.StateSpace) -> 
     return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)
 
 
-def check_swept(name: str, swept: float, achieved: float) -> None:
-    """Raise InputError unless a norm that was swept over all frequencies is the `achieved` one."""
+def check_swept(
+    name: str, achieved: float, magnitude: Callable[[Array], Array], loop: control.StateSpace, high: float
+) -> None:
+    """Raise InputError unless the norm of a `loop` that is swept over all frequencies is the `achieved` one.
+
+    `magnitude` and its limit `high` for high frequencies as for `peak_over_frequency`.
+    """
+    swept = peak_over_frequency(magnitude, closed_loop_poles(loop), high)
     if not abs(swept - achieved) <= SWEPT_AGREEMENT * achieved:
         raise ill_conditioned(name)
 
@@ -255,7 +261,6 @@ def peak_over_frequency(
         Of the closed loop. Samples reach three decades beyond them, and lie closely about each resonance.
     at_infinity
         Its limit for high frequencies.
-
     """
     sizes = _sizes(poles)
     first, last = np.log10(sizes.min() / OUTSIDE), np.log10(sizes.max() * OUTSIDE)

@@ -16,11 +16,9 @@ from cranectl.design.linear_systems import (
     check_regulable,
     check_swept,
     closed_loop_norm,
-    closed_loop_poles,
     frequency_response,
     inner_loop,
     open_loop,
-    peak_over_frequency,
     poles_text,
     real_modal_form,
 )
@@ -96,8 +94,7 @@ def loop_shaping_robustifier(gain: Array, settings: LoopShapingSettings) -> Synt
         return stacked
 
     high = np.hypot(1.0, np.abs(design.controller.D[0, 0]))  # the shaped plant vanishes there
-    swept = peak_over_frequency(norm, closed_loop_poles(open_loop(gain, modal)), float(high))
-    check_swept("loop-shaping", swept, design.gamma)
+    check_swept("loop-shaping", design.gamma, norm, open_loop(gain, modal), float(high))
     return Synthesised(robustifier, modal, design.gamma_min, design.gamma)
 
 

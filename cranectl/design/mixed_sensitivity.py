@@ -9,17 +9,15 @@ import control
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from cranectl.design.full_information import (
-    FullInformation,
-    central_controller,
-    full_information,
-    in_own_units,
-    smallest_gamma,
-)
 from cranectl.design.hinf_synthesis import (
     GAMMA_ROUNDING,
+    FullInformation,
+    central_controller,
     checked_controller,
+    full_information,
     hinf_controller,
+    in_own_units,
+    smallest_gamma,
     wanted_gamma,
 )
 from cranectl.design.linear_systems import (
@@ -28,13 +26,11 @@ from cranectl.design.linear_systems import (
     check_regulable,
     check_swept,
     closed_loop_norm,
-    closed_loop_poles,
     frequency_response,
     hinf_norm,
     ill_conditioned,
     inner_loop,
     open_loop,
-    peak_over_frequency,
     poles_text,
     real_modal_form,
     unstable_poles,
@@ -137,8 +133,7 @@ def _robustifier(gain: Array, settings: HinfSettings) -> Synthesised:
         stacked: Array = np.hypot(error, effort) / np.abs(1.0 + frequency_response(plant, omega) * response)
         return stacked
 
-    swept = peak_over_frequency(norm, closed_loop_poles(open_loop(gain, modal)), direct)
-    check_swept(NAME, swept, design.gamma)
+    check_swept(NAME, design.gamma, norm, open_loop(gain, modal), direct)
     return Synthesised(design.controller, modal, design.gamma_min, design.gamma)
 
 
