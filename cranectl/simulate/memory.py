@@ -32,26 +32,22 @@ DRAWN, TRAIL = 30_000, 200_000
 
 def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> None:
     """Raise InputError if the plan of `scenario`, with those of `others`, takes too much memory."""
-    samples = sum(_samples(each) for each in (scenario, *others))
+    samples = sum(each.steps + 1 for each in (scenario, *others))
     check_held(scenario, PLANNING * samples * NUMBER, "the reference")
 
 
-def check_run(scenario: Scenario, design: ControllerDesign, drive: Drive) -> None:
-    """Raise InputError if one run of `scenario` takes too much memory."""
-    check_held(scenario, _plan_and_path(scenario) + _simulated(scenario, design, drive), "a run")
-
-
 def check_runs(
-    scenario: Scenario, design: ControllerDesign, drive: Drive, plants: int, *, logged: bool
+    scenario: Scenario, design: ControllerDesign, drive: Drive, plants: int = 1, *, logged: bool = False
 ) -> None:
     """Raise InputError if runs on so many plants, held together, take too much memory.
 
     `logged`: whether they are written to a log of every n-th sample, as the scenario says.
     """
-    columns = _recorded(scenario, design, drive)
-    samples = _samples(scenario)
-    held = _plan_and_path(scenario) + plants * columns * samples * NUMBER
-    last = _simulated(scenario, design, drive) - columns * samples * NUMBER
+    samples, columns = scenario.steps + 1, _recorded(scenario, design, drive)
+    held = NUMBER * (samples * (PLANNED + plants * columns) + COMMAND_UNDER_WAY * scenario.delay_samples)
+    # The last run has the parts of its record besides, until they are put together.
+    parted = has_signal_path(scenario.effects, drive) or scenario.forced
+    last = NUMBER * samples * ((columns if parted else 0) + (NOISE if scenario.effects.sensing else 0))
     written = 0.0
     if logged:
         every = scenario.log.every
@@ -67,7 +63,7 @@ def check_runs(
 def fits(run: Run, *, more: int) -> bool:
     """Return True if `more` runs like `run` can be held beside it and another."""
     columns = PLANNED + (2 + more) * _recorded(run.scenario, run.design, run.drive)
-    return columns * _samples(run.scenario) * NUMBER <= MAX_BYTES
+    return columns * (run.scenario.steps + 1) * NUMBER <= MAX_BYTES
 
 
 def check_several(
@@ -78,7 +74,8 @@ def check_several(
     `columns`: numbers for each sample that come on top of the runs.
     """
     whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
-    check_held(scenario, NUMBER * _samples(scenario) * (PLANNING + runs * whole + columns), what, most=most)
+    held = NUMBER * (scenario.steps + 1) * (PLANNING + runs * whole + columns)
+    check_held(scenario, held, what, most=most)
 
 
 def check_held(
@@ -87,11 +84,11 @@ def check_held(
     """Raise InputError if `what` of `scenario`, of `held` bytes, takes more than `most`."""
     if held <= most:
         return
-    times = math.ceil(held / most)
+    times, samples = math.ceil(held / most), scenario.steps + 1
     raise InputError(
-        f"{what} of {scenario.name} with {_samples(scenario)} control samples would take "
+        f"{what} of {scenario.name} with {samples} control samples would take "
         f"{held / 2**30:.3g} GiB of memory",
-        allowed=f"at most {most / 2**30:g} GiB, which is {int(most / held * _samples(scenario))} samples",
+        allowed=f"at most {most / 2**30:g} GiB, which is {int(most / held * samples)} samples",
         remedy=f"set control.period to {_longer_period(scenario, times):g}, or shorten duration"
         + (", or name fewer plants" if fewer_plants else ""),
     )
@@ -107,21 +104,5 @@ def _longer_period(scenario: Scenario, times: int) -> float:
     return next(fitting, times) * scenario.period_ns / NANOSECONDS
 
 
-def _samples(scenario: Scenario) -> int:
-    return scenario.steps + 1
-
-
 def _recorded(scenario: Scenario, design: ControllerDesign, drive: Drive) -> int:
     return sum(map(len, groups_of(scenario, design, drive)))
-
-
-def _plan_and_path(scenario: Scenario) -> int:
-    return NUMBER * (PLANNED * _samples(scenario) + COMMAND_UNDER_WAY * scenario.delay_samples)
-
-
-def _simulated(scenario: Scenario, design: ControllerDesign, drive: Drive) -> int:
-    """Bytes of a run while it is simulated: its record, and its parts until they are put together."""
-    columns = _recorded(scenario, design, drive)
-    if has_signal_path(scenario.effects, drive) or scenario.forced:
-        columns *= 2
-    return NUMBER * _samples(scenario) * (columns + (NOISE if scenario.effects.sensing else 0))

@@ -22,7 +22,7 @@ from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
 from cranectl.simulate.actuation import Actuation, make_actuation
 from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import AdvanceBlock, LoopInputs, compiled_loop, python_loop
-from cranectl.simulate.memory import check_run
+from cranectl.simulate.memory import check_runs
 from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
@@ -72,12 +72,12 @@ def simulate_run(
     nominal = nominal or scenario
     design = design or controller_design(controller or nominal.controller.name, nominal)
     kind = checked_drive(drive)
-    check_run(scenario, design, kind)
+    check_runs(scenario, design, kind)
     plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, kind)
     law = law or law_of(nominal, design, crane.drive, plan)
     samples, width = len(plan.time_ns), record_width(design)
-    outside = law_from_outside(design) if compiled and CAN_FORK else None
+    outside = controller_of(design) if design.origin and compiled and CAN_FORK else None
     zeros = np.zeros if outside is None else shared_zeros
     path_record = None if outside is None else shared_zeros((samples, PATH_WIDTH))
     run = start_run(
@@ -232,11 +232,6 @@ def inputs_of(
         recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",
         slack=np.zeros(1),
     )
-
-
-def law_from_outside(design: ControllerDesign) -> Controller | None:
-    """The law of a file; None: the package's, or another package's."""
-    return controller_of(design) if design.origin else None
 
 
 def _run_blocks(
