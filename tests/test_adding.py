@@ -29,7 +29,7 @@ class Hinge(Effect):
 ''',
     },
     "plants/registry.py": {
-        'where="cranectl.plants.mujoco.plant:MujocoPlant",\n': '        shows=(*COMMON, "hinge"),\n'
+        '"cranectl.plants.mujoco.plant:MujocoPlant", batch=16': ', shows=(*COMMON, "hinge")'
     },
     "plants/mujoco/effects.py": {
         "MADE = {\n": """\

@@ -29,8 +29,6 @@ STILL, BREEZE = Wind(gust=0.0), Wind(gust=0.0, drag_area=0.02)
 AIR = 10.0  # [m/s]
 TENSION, LOAD_VELOCITY = 6, 3  # columns of what a plant says of its load
 
-Numbers = Mapping[int, float]
-
 
 @dataclass(frozen=True)
 class ProbeRun:
@@ -40,8 +38,8 @@ class ProbeRun:
     effects: EffectSettings = NO_EFFECTS
     swinging: bool = False
     driven: bool = False
-    disturbance: Numbers = field(default_factory=dict)
-    wind: Numbers = field(default_factory=dict)
+    disturbance: tuple[float, ...] = (0.0, 0.0)
+    wind: tuple[float, ...] = (0.0,) * 6
 
 
 Outcome = tuple[Array, Array]  # state (10,), load (7,)
@@ -79,10 +77,9 @@ def check_honest(name: str, drive: Drive) -> None:
 def _declaration(ignored: tuple[str, ...]) -> str:
     lacks = [f"'{name}': 'which has none'" for name in ignored if not name.startswith("rig.")]
     rig = [name.removeprefix("rig.") for name in ignored if name.startswith("rig.")]
-    parts = [f"lacks={{{', '.join(lacks)}}}"] if lacks else []
-    if rig:
-        parts.append("fixed={" + ", ".join(f"'{name}': {getattr(RIG, name):g}" for name in rig) + "}")
-    return ", ".join(parts)
+    fixed = [f"'{name}': {getattr(RIG, name):g}" for name in rig]
+    told = (("lacks", lacks), ("fixed", fixed))
+    return ", ".join(f"{field}={{{', '.join(numbers)}}}" for field, numbers in told if numbers)
 
 
 def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
@@ -107,12 +104,13 @@ def _probes(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
 
 def _pushes() -> Iterator[Probe]:
     rest = ProbeRun()
-    for joint, angle in enumerate((ALPHA, BETA)):
-        pushed = ProbeRun(disturbance={joint: 1.0})
+    for disturbance, angle in (((1.0, 0.0), ALPHA), ((0.0, 1.0), BETA)):
+        pushed = ProbeRun(disturbance=disturbance)
         yield Probe("disturbances", rest, pushed, _grows(0, angle + 1, 1.0 * SECONDS))
+    blow = 0.5 * BREEZE.density * BREEZE.drag_area * AIR**2  # [N]
     for setting, wind, acting, force in (
-        ("disturbances.force", STILL, {3: 1.0}, 1.0),
-        ("wind", BREEZE, {0: AIR}, 0.5 * BREEZE.density * BREEZE.drag_area * AIR**2),
+        ("disturbances.force", STILL, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0), 1.0),
+        ("wind", BREEZE, (AIR, 0.0, 0.0, 0.0, 0.0, 0.0), blow),
     ):
         still = ProbeRun(effects=EffectSettings(wind=wind))
         expected = force / RIG.load_mass * SECONDS
@@ -122,15 +120,12 @@ def _pushes() -> Iterator[Probe]:
 def _parameters(drive: Drive) -> Iterator[Probe]:
     rest, moving = ProbeRun(), ProbeRun(swinging=True, driven=True)
     for name, factor in (("load_mass", 2.0), ("gravity", 1.5)):
-        yield Probe(f"rig.{name}", rest, _with_rig(rest, name, factor), _grows(1, TENSION, RIG.weight))
+        given = replace(rest, scaled={name: factor})
+        yield Probe(f"rig.{name}", rest, given, _grows(1, TENSION, RIG.weight))
     part = "time_constant" if DRIVES[drive].is_servo else "mass"
     for axis in () if DRIVES[drive].is_prescribed else ("bridge", "trolley", "winch"):
         name = f"{axis}_{part}"
-        yield Probe(f"rig.{name}", moving, _with_rig(moving, name, 2.0), _differs)
-
-
-def _with_rig(trial: ProbeRun, name: str, factor: float) -> ProbeRun:
-    return replace(trial, scaled={name: factor})
+        yield Probe(f"rig.{name}", moving, replace(moving, scaled={name: 2.0}), _differs)
 
 
 def _effects(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
@@ -184,15 +179,8 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Outcome:
         command = 10.0 * command
         command[2] -= RIG.weight  # holds the load
     load = np.zeros(7)
-    disturbance, wind = _filled(2, trial.disturbance), _filled(6, trial.wind)
+    disturbance, wind = np.array(trial.disturbance), np.array(trial.wind)
     for _ in range(PROBE_PERIODS):
         plant.advance(command, disturbance, wind, load)
     plant.measure(state)
     return state, load
-
-
-def _filled(size: int, numbers: Numbers) -> Array:
-    filled = np.zeros(size)
-    for place, number in numbers.items():
-        filled[place] = number
-    return filled

@@ -4,6 +4,7 @@ Other packages declare a `PlantEntry` with an entry point of the group `cranectl
 finds, or call `register_plant`, which is known where their module is imported.
 """
 
+import functools
 from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -167,43 +168,25 @@ class Plants(MutableMapping[str, PlantEntry]):
 _RIGID = "which has a rigid rope without mass, a point load and a rigid frame"
 _SLIDES = "whose joints have viscous friction only"
 
+_own = functools.partial(PlantEntry, drives=tuple(DRIVES), servos=True)
+
 PLANTS = Plants(
-    PlantEntry(
-        name="analytic",
-        label="analytic",
-        colour="series-1",
-        where="cranectl.plants.analytic:AnalyticPlant",
+    _own(
+        "analytic",
+        "analytic",
+        "series-1",
+        "cranectl.plants.analytic:AnalyticPlant",
         batch=64,
-        drives=tuple(DRIVES),
-        servos=True,
         lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose axes know no such forces"},
     ),
-    PlantEntry(
-        name="elastic",
-        label="elastic",
-        colour="series-3",
-        where="cranectl.plants.elastic.plant:ElasticPlant",
-        batch=32,
-        drives=tuple(DRIVES),
-        servos=True,
-    ),
-    PlantEntry(
-        name="mujoco",
-        label="MuJoCo",
-        colour="series-2",
-        where="cranectl.plants.mujoco.plant:MujocoPlant",
-        batch=16,
-        drives=tuple(DRIVES),
-        servos=True,
-    ),
-    PlantEntry(
-        name="drake",
-        label="Drake",
-        colour="series-4",
-        where="cranectl.plants.drake.plant:DrakePlant",
+    _own("elastic", "elastic", "series-3", "cranectl.plants.elastic.plant:ElasticPlant", batch=32),
+    _own("mujoco", "MuJoCo", "series-2", "cranectl.plants.mujoco.plant:MujocoPlant", batch=16),
+    _own(
+        "drake",
+        "Drake",
+        "series-4",
+        "cranectl.plants.drake.plant:DrakePlant",
         batch=0,
-        drives=tuple(DRIVES),
-        servos=True,
         lacks={
             "rope": "which has a rigid rope without mass",
             "limits.force": "whose drives give any force",
