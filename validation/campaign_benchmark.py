@@ -25,8 +25,8 @@ from cranectl.campaign.worker import BLOCK, Prepared, Worker
 from cranectl.campaign.workers import run_batches
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
+from cranectl.plants.mujoco.disturbed_step import mj_step
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
-from cranectl.plants.mujoco.step import mj_step
 from cranectl.simulate import law_of, make_plant, plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import start_run, stream_run

@@ -58,8 +58,10 @@ TARGETS = {
     "cranectl.plants.analytic": """
         drive_accelerations derivative observe_load outer_force passive_accelerations pivot_torque
     """,
-    "cranectl.plants.elastic.motion": "dot cross sum_of rope_directions rate_of_turn derivative n_squared",
-    "cranectl.plants.elastic.axes": "move_axes given rail_force load_pull add_axes solve hold",
+    "cranectl.plants.elastic.motion": """
+        dot cross sum_of rope_directions rate_of_turn derivative n_squared
+        move_axes given rail_force load_pull add_axes solve hold
+    """,
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance apply_drag turn_rate",
     "cranectl.plants.mujoco.effects": "body_entries",
     "cranectl.plants.mujoco.model": "ideal_inertia _set_ideal_drives _set_velocity_drives",

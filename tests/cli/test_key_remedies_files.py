@@ -44,7 +44,7 @@ PULLS = "effects.limits={velocity=[1.0, 1.0, 1.0], acceleration=[1e9, 1e9, 1e9],
 FREELY = PULLS.replace("[1.0, 1.0, 1.0]", "[1000000000.0, 1000000000.0, 1000000000.0]")
 STIFF = ["duration=0.05", "effects.rope.stiffness=1e8"]
 HOOK = ["duration=0.05", "effects.body.hook_offset=0.8"]
-CAPABLE, STABLE = "plants/capabilities.py", "plants/stability.py"
+CAPABLE, STABLE = "plants/capabilities.py", "plants/plant.py"
 FROM_FILE, TABLES, TOML, NAMES = (
     "reference/files.py",
     "reference/tables.py",

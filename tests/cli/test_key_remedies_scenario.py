@@ -135,7 +135,7 @@ CASES = [
         for plants, more in (("analytic", ""), ("analytic,elastic", ", or name fewer plants"))
     ),
     Case(
-        "plants/stability.py",
+        "plants/plant.py",
         "choose a softer rope or frame, a heavier winch, or a body with more inertia",
         [*RIGID, "effects.frame.frequency=[1e9, 12.0]"],
         [*RIGID, "effects.frame.frequency=[9.0, 12.0]"],

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from cranectl.plants.capabilities import check_effects
-from cranectl.plants.mujoco.model import JOINTS, drive_addresses, model_spec
+from cranectl.plants.mujoco.model import JOINTS, drive_addresses, fastest_rate, model_spec
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.mujoco.stability import fastest_rate
-from cranectl.plants.plant import DRIVES
-from cranectl.plants.stability import LARGEST
+from cranectl.plants.plant import DRIVES, MAX_RATE_STEP
 from cranectl.scenario.effects import (
     NO_EFFECTS,
     NO_LIMIT,
@@ -246,7 +244,7 @@ def test_too_fast_a_motion_is_refused_and_the_step_named_is_short_enough(effects
 
 def test_beyond_its_limit_the_integrator_really_is_unstable() -> None:
     """A frame of a rate half again above the limit: without the check it would run away."""
-    frequency = 1.5 * LARGEST / 1e-3 / (2 * np.pi)
+    frequency = 1.5 * MAX_RATE_STEP / 1e-3 / (2 * np.pi)
     frame = Frame(frequency=(frequency, frequency), damping_ratio=0.0)
     plant = MujocoPlant(
         RigParameters(load_mass=1e-3), drive="ideal", step=1e-3, substeps=1,

@@ -14,8 +14,7 @@ from pydrake.multibody.tree import RigidBody
 from scipy.integrate import RK45
 
 from cranectl.plants.drake.model import AXES, HOOK, JOINTS, LOAD, build_crane, drive_forces
-from cranectl.plants.plant import Drive
-from cranectl.plants.stability import check_hook, check_rate
+from cranectl.plants.plant import Drive, check_hook, check_rate
 from cranectl.plants.surroundings import FORCE, air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import RK45
 
-from cranectl.plants.elastic.runge_kutta import STAGES
 from cranectl.plants.plant import DRIVES, Drive, Triple
 from cranectl.plants.surroundings import air_drag, gravity_in_rig
 from cranectl.scenario.effects import EffectSettings, Frame
@@ -25,6 +25,10 @@ from cranectl.support.arrays import Array
 
 STRETCH, STRETCH_RATE, BODY, SPIN, RAILS, STATES = 10, 11, 12, 15, 18, 22
 JOINTS = 5  # bridge, trolley, winch, alpha, beta: position at twice their number, rate behind it
+# The method of Dormand and Prince of order 5, with SciPy's coefficients: Hairer, Nørsett, Wanner: Solving
+# Ordinary Differential Equations I, 2nd ed., table II.5.2.
+STAGES = RK45.n_stages
+A, B = np.ascontiguousarray(RK45.A[:STAGES, :STAGES]), np.ascontiguousarray(RK45.B)
 SHORTEST = 1e-3  # [m], so that a rope wound in completely gives no infinite stiffness
 
 

@@ -19,8 +19,7 @@ from cranectl.plants.elastic.crane import (
 )
 from cranectl.plants.elastic.motion import rope_directions
 from cranectl.plants.elastic.step import finish_step, settle
-from cranectl.plants.plant import DRIVES, Drive, Kernels
-from cranectl.plants.stability import check_hook, check_rate
+from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TENSION, TROLLEY, VELOCITY

@@ -7,10 +7,8 @@ integrator keeps its order.
 
 from math import sqrt
 
-from cranectl.plants.elastic.axes import hold
-from cranectl.plants.elastic.crane import BODY, JOINTS
-from cranectl.plants.elastic.motion import derivative
-from cranectl.plants.elastic.runge_kutta import STAGES, A, B
+from cranectl.plants.elastic.crane import BODY, JOINTS, STAGES, A, B
+from cranectl.plants.elastic.motion import derivative, hold
 from cranectl.support.jit import jit
 
 PARTS = 20  # of a step at most

@@ -10,11 +10,9 @@ from typing import Any, NamedTuple
 
 import mujoco
 
-from cranectl.plants.mujoco.entries import Entry
+from cranectl.plants.mujoco.entries import Entry, Setting
 from cranectl.plants.mujoco.rope import add_rope, rope_entries
-from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import Body, DriveLimits, Frame, Friction
-from cranectl.scenario.rig import RigParameters
 
 DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 CARDAN_JOINTS = ("alpha", "beta")
@@ -25,7 +23,7 @@ HOOK_MASS = 1e-9  # of the load's mass
 HOOK_INERTIA = 1e-15  # [kg m²]
 
 
-def hang_body(spec: mujoco.MjSpec) -> None:
+def hang_body(spec: mujoco.MjSpec, _body: Body, _of: Setting) -> None:
     """Part the filed point load in hook and load, joined by a ball joint `hook_offset` above the load."""
     hook = spec.body("load")
     geoms = [(g.name, g.type, g.size.copy(), g.fromto.copy(), g.material) for g in hook.geoms]
@@ -41,21 +39,6 @@ def hang_body(spec: mujoco.MjSpec) -> None:
     for name, kind, size, fromto, material in geoms:
         load.add_geom(name=name, type=kind, size=size, fromto=fromto, material=material)
     load.add_site(name="load")
-    _draw_rope_to_hook(spec)
-
-
-def body_entries(body: Body, load_mass: float) -> list[Entry]:
-    """Hook, load and the joint between them; the load's own mass is the rig's."""
-    return [
-        Entry("body", "hook", "mass", max(body.hook_mass, HOOK_MASS * load_mass)),
-        Entry("body", "load", "pos", (0.0, 0.0, -body.hook_offset)),
-        Entry("body", "load", "inertia", (body.inertia,) * 3),
-        Entry("joint", "swing", "pos", (0.0, 0.0, body.hook_offset)),
-        Entry("joint", "swing", "damping", body.swing_damping),
-    ]
-
-
-def _draw_rope_to_hook(spec: mujoco.MjSpec) -> None:
     filed = spec.tendon("rope")
     width, material = filed.width, filed.material
     spec.delete(filed)
@@ -64,21 +47,32 @@ def _draw_rope_to_hook(spec: mujoco.MjSpec) -> None:
     rope.wrap_site("hook")
 
 
+def body_entries(body: Body, of: Setting) -> list[Entry]:
+    """Hook, load and the joint between them; the load's own mass is the rig's."""
+    return [
+        Entry("body", "hook", "mass", max(body.hook_mass, HOOK_MASS * of.rig.load_mass)),
+        Entry("body", "load", "pos", (0.0, 0.0, -body.hook_offset)),
+        Entry("body", "load", "inertia", (body.inertia,) * 3),
+        Entry("joint", "swing", "pos", (0.0, 0.0, body.hook_offset)),
+        Entry("joint", "swing", "damping", body.swing_damping),
+    ]
+
+
 FRAME = {"frame_x": (1.0, 0.0, 0.0), "frame_y": (0.0, 1.0, 0.0)}  # joints and their axes
 
 
-def add_frame(spec: mujoco.MjSpec) -> None:
+def add_frame(spec: mujoco.MjSpec, _frame: Frame, _of: Setting) -> None:
     """Put the bridge on a damped spring along x and along y; its joints stay relative to the rails."""
     for name, axis in FRAME.items():
         spec.body("bridge").add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
 
 
-def frame_entries(frame: Frame, rig: RigParameters) -> list[Entry]:
+def frame_entries(frame: Frame, of: Setting) -> list[Entry]:
     """The frame's mass, which is the inertia (armature) of the two joints, and their springs.
 
     Its frequency is the empty rig's: no load, bridge and trolley standing on it.
     """
-    mass = frame.mass + rig.bridge_mass + rig.trolley_mass
+    mass = frame.mass + of.rig.bridge_mass + of.rig.trolley_mass
     found: list[Entry] = []
     for name, frequency in zip(FRAME, frame.frequency, strict=True):
         omega = 2.0 * pi * frequency
@@ -99,23 +93,20 @@ STEPS = 2.0
 TOLERANCE = 1e-30
 
 
-def add_friction(spec: mujoco.MjSpec, *, on_axes: bool) -> None:
-    """Friction of the engine's own: Coulomb's as a constraint that holds at rest, viscous as damping.
-
-    `on_axes` is false for ideal drives, which no friction can hold.
-    """
-    for name in (*CARDAN_JOINTS, *(DRIVEN_JOINTS if on_axes else ())):
+def add_friction(spec: mujoco.MjSpec, _friction: Friction, of: Setting) -> None:
+    """Friction of the engine's own: Coulomb's as a constraint that holds at rest, viscous as damping."""
+    for name in (*CARDAN_JOINTS, *(DRIVEN_JOINTS if of.is_moved_by_force else ())):
         joint = spec.joint(name)
         joint.solref_friction = (STEPS * spec.option.timestep, 1.0)
         joint.solimp_friction[:2] = IMPEDANCE
     spec.option.tolerance = TOLERANCE
 
 
-def friction_entries(friction: Friction, *, on_axes: bool) -> list[Entry]:
+def friction_entries(friction: Friction, of: Setting) -> list[Entry]:
     """Coulomb's and viscous friction of each joint."""
     pivot = (friction.pivot_coulomb, friction.pivot_viscous)
     axes = zip(DRIVEN_JOINTS, friction.coulomb, friction.viscous, strict=True)
-    found = [(name, *pivot) for name in CARDAN_JOINTS] + (list(axes) if on_axes else [])
+    found = [(name, *pivot) for name in CARDAN_JOINTS] + (list(axes) if of.is_moved_by_force else [])
     return [
         entry
         for name, coulomb, viscous in found
@@ -123,30 +114,16 @@ def friction_entries(friction: Friction, *, on_axes: bool) -> list[Entry]:
     ]
 
 
-def limit_forces(spec: mujoco.MjSpec) -> None:
+def limit_forces(spec: mujoco.MjSpec, _limits: DriveLimits, _of: Setting) -> None:
     """Limit the whole force of each drive, the weight that the winch holds included."""
     for name in ACTUATORS:
         spec.actuator(name).forcelimited = True
 
 
-def limit_entries(limits: DriveLimits) -> list[Entry]:
+def limit_entries(limits: DriveLimits, _of: Setting) -> list[Entry]:
     """The largest force of each drive."""
     forces = zip(ACTUATORS, limits.force, strict=True)
     return [Entry("actuator", name, "forcerange", (-force, force)) for name, force in forces]
-
-
-class Setting(NamedTuple):
-    """What an effect is part of."""
-
-    rig: RigParameters
-    drive: Drive
-    drawn: float  # length of rope in the file, measured to the load [m]
-    length: float  # and to the hook
-
-    @property
-    def is_moved_by_force(self) -> bool:
-        """False for ideal drives, which no force can hold."""
-        return not DRIVES[self.drive].is_prescribed
 
 
 class Made(NamedTuple):
@@ -160,28 +137,13 @@ class Made(NamedTuple):
 
 _BIT = mujoco.mjtDisableBit
 MADE = {
-    "body": Made(
-        lambda spec, _, __: hang_body(spec),
-        lambda body, of: body_entries(body, of.rig.load_mass),
-        needs=(_BIT.mjDSBL_DAMPER,),
-    ),
-    "rope": Made(
-        lambda spec, rope, _: add_rope(spec, heavy=rope.mass > 0.0),
-        lambda rope, of: rope_entries(rope, of.rig, of.drawn, of.length),
-    ),
-    "frame": Made(
-        lambda spec, _, __: add_frame(spec),
-        lambda frame, of: frame_entries(frame, of.rig),
-        needs=(_BIT.mjDSBL_SPRING, _BIT.mjDSBL_DAMPER),
-    ),
+    "body": Made(hang_body, body_entries, needs=(_BIT.mjDSBL_DAMPER,)),
+    "rope": Made(add_rope, rope_entries),
+    "frame": Made(add_frame, frame_entries, needs=(_BIT.mjDSBL_SPRING, _BIT.mjDSBL_DAMPER)),
     "friction": Made(
-        lambda spec, _, of: add_friction(spec, on_axes=of.is_moved_by_force),
-        lambda friction, of: friction_entries(friction, on_axes=of.is_moved_by_force),
+        add_friction,
+        friction_entries,
         needs=(_BIT.mjDSBL_CONSTRAINT, _BIT.mjDSBL_WARMSTART, _BIT.mjDSBL_DAMPER),
     ),
-    "limits": Made(
-        lambda spec, _, __: limit_forces(spec),
-        lambda limits, _: limit_entries(limits),
-        is_shown=lambda of: of.is_moved_by_force,
-    ),
+    "limits": Made(limit_forces, limit_entries, is_shown=lambda of: of.is_moved_by_force),
 }

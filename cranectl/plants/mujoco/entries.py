@@ -4,13 +4,14 @@ Each effect lists its numbers once, beside what it builds. So a model that takes
 becomes, bit for bit, the one that would be compiled for them.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
-from cranectl.support.arrays import Array
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.scenario.rig import RigParameters
 
 COMPILED = {"ref": "qpos0"}  # fields that have another name in a compiled model
 
@@ -24,6 +25,20 @@ class Entry(NamedTuple):
     value: float | tuple[float, ...]
 
 
+class Setting(NamedTuple):
+    """What an effect is part of."""
+
+    rig: RigParameters
+    drive: Drive
+    drawn: float  # length of rope in the file, measured to the load [m]
+    length: float  # and to the hook
+
+    @property
+    def is_moved_by_force(self) -> bool:
+        """False for ideal drives, which no force can hold."""
+        return not DRIVES[self.drive].is_prescribed
+
+
 def write_spec(spec: mujoco.MjSpec, entries: Iterable[Entry]) -> None:
     """Set all entries before compiling."""
     for element, name, field, value in entries:
@@ -35,21 +50,13 @@ def write_spec(spec: mujoco.MjSpec, entries: Iterable[Entry]) -> None:
             setattr(owner, field, value)
 
 
-def views_of(model: mujoco.MjModel, entries: Iterable[Entry]) -> list[Array]:
-    """Where each entry is in `model`."""
-    return [_view(model, entry) for entry in entries]
-
-
-def write_views(views: Sequence[Array], entries: Sequence[Entry]) -> None:
+def write_model(model: mujoco.MjModel, entries: Iterable[Entry]) -> None:
     """Set all entries in a compiled model, but nothing that follows from them."""
-    for view, entry in zip(views, entries, strict=True):
-        view[:] = entry.value
-
-
-def _view(model: mujoco.MjModel, entry: Entry) -> Array:
-    owner = model.opt if entry.element == "option" else getattr(model, entry.element)(entry.name)
-    view: Array = getattr(owner, COMPILED.get(entry.field, entry.field))
-    return view[: len(entry.value)] if isinstance(entry.value, tuple) else view  # of a ball joint, all three
+    for element, name, field, value in entries:
+        owner = model.opt if element == "option" else getattr(model, element)(name)
+        view = getattr(owner, COMPILED.get(field, field))
+        size = len(value) if isinstance(value, tuple) else len(view)  # one number: of a ball joint, all three
+        view[:size] = value
 
 
 def derive_constants(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -7,12 +7,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.disturbed_step import StageWork, stage_work, step_in_stages
+from cranectl.plants.mujoco.disturbed_step import StageWork, mj_step, stage_work, step_in_stages
 from cranectl.plants.mujoco.effects import MADE
-from cranectl.plants.mujoco.entries import derive_constants, views_of, write_views
+from cranectl.plants.mujoco.entries import derive_constants, write_model
 from cranectl.plants.mujoco.model import (
     compiled_model,
     drive_addresses,
+    fastest_rate,
     model_description,
     model_entries,
     rate_addresses,
@@ -27,10 +28,7 @@ from cranectl.plants.mujoco.rope import (
     set_damping,
     start_taut,
 )
-from cranectl.plants.mujoco.stability import fastest_rate
-from cranectl.plants.mujoco.step import mj_step
-from cranectl.plants.plant import DRIVES, Drive, Kernels
-from cranectl.plants.stability import check_hook, check_rate
+from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
 from cranectl.plants.surroundings import air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
@@ -169,8 +167,7 @@ class MujocoPlant:
         if structure_of(physical) != structure_of(self.effects):
             return False
         self.parameters, self.effects = rig, physical
-        entries = model_entries(rig, self.drive, physical)
-        write_views(views_of(self.model, entries), entries)
+        write_model(self.model, model_entries(rig, self.drive, physical))
         derive_constants(self.model, self.data)
         self.rig = self.rig._replace(
             load_mass=rig.load_mass,
@@ -182,9 +179,8 @@ class MujocoPlant:
 
     def reset(self, state: Array) -> None:
         if self.effects.rope:
-            set_damping(
-                self.rig.rope, self.effects.rope, self.parameters.hanging_mass(self.effects), state[4]
-            )
+            hanging = self.parameters.hanging_mass(self.effects)
+            set_damping(self.rig.rope, self.effects.rope, hanging, state[4])
         self.check_length(state[4])
         # A first step through the binding: were the model broken, the compiled loop would end the process.
         self._set_state(state)
@@ -213,9 +209,7 @@ class MujocoPlant:
             if DRIVES[self.drive].at_rest == "rates":
                 data.ctrl[self.rig.drives] = state[1:6:2]  # else they would brake, and the rope with them
             elif DRIVES[self.drive].at_rest == "weight":
-                data.ctrl[
-                    self.rig.drives[2]
-                ] = -self.parameters.weight  # else the winch would fall with the load
+                data.ctrl[self.rig.drives[2]] = -self.parameters.weight  # else the load would fall
             start_taut(self.model, data, self.rig.rope)
 
     @property

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.entries import Entry
+from cranectl.plants.mujoco.entries import Entry, Setting
 from cranectl.scenario.effects import EffectSettings, Rope
-from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
@@ -42,7 +41,7 @@ class ElasticRope(NamedTuple):
     inertia: Array  # (3,) about it [kg m²]
 
 
-def add_rope(spec: mujoco.MjSpec, *, heavy: bool) -> None:
+def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:
     """Part the filed rope joint in winch and distance, and pull with a tendon between them."""
     distance = spec.joint("rope_length")
     distance.name = DISTANCE
@@ -54,12 +53,6 @@ def add_rope(spec: mujoco.MjSpec, *, heavy: bool) -> None:
     stretch = spec.add_tendon(name=ELASTICITY)
     stretch.wrap_joint(DISTANCE, 1.0)
     stretch.wrap_joint("rope_length", -1.0)
-    _add_tension(spec)
-    if heavy:
-        distance.parent.add_body(name=MASS).explicitinertial = True
-
-
-def _add_tension(spec: mujoco.MjSpec) -> None:
     pull = spec.add_actuator(name=ELASTICITY, target=ELASTICITY, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     pull.gear[0] = -1.0  # a positive force pulls
     pull.gaintype, pull.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
@@ -73,18 +66,19 @@ def _add_tension(spec: mujoco.MjSpec) -> None:
         objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
         objname=ELASTICITY,
     )
+    if rope.mass > 0.0:
+        distance.parent.add_body(name=MASS).explicitinertial = True
 
 
-def rope_entries(rope: Rope, rig: RigParameters, drawn: float, length: float) -> list[Entry]:
+def rope_entries(rope: Rope, of: Setting) -> list[Entry]:
     """The rope in a model as compiled: without tension; with mass, if any.
 
-    `drawn` is measured to the load, `length` hangs out [m]. The rope's mass is a thin rod above its end, cut
-    off at the pivot: it moves with what the winch pays out.
+    Its mass is a thin rod above its end, cut off at the pivot: it moves with what the winch pays out.
     """
-    density = rope.mass
+    density, length = rope.mass, of.length
     found = [
-        Entry("joint", DISTANCE, "ref", drawn),
-        Entry("joint", DISTANCE, "range", rig.rope_range),
+        Entry("joint", DISTANCE, "ref", of.drawn),
+        Entry("joint", DISTANCE, "range", of.rig.rope_range),
         Entry("actuator", ELASTICITY, "biasprm", (0.0, 0.0, 0.0)),
     ]
     if density == 0.0:

@@ -6,8 +6,8 @@ import pytest
 from cranectl.plants.elastic.crane import RAILS, STRETCH
 from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.elastic.step import settle
+from cranectl.plants.mujoco.model import fastest_rate
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.mujoco.stability import fastest_rate
 from cranectl.plants.plant import DRIVES, Drive, StepError
 from cranectl.scenario.effects import EffectNumbers, EffectSettings
 from cranectl.scenario.rig import RigParameters
