@@ -25,8 +25,7 @@ from cranectl.controllers.declarations import (
     check_callable,
     check_choice,
     check_items,
-    check_parameter_names,
-    check_signal_names,
+    check_names,
     check_whole,
 )
 from cranectl.design.records import ControllerDesign, Design, Origin, Value
@@ -48,8 +47,6 @@ _WHOLE = (  # numbers that a controller declares: their range, and what each is
     ("every", 1, MAX_EVERY, "how many control periods lie between two steps"),
     ("preview", 0, MAX_PREVIEW, "how many rows of the reference it looks ahead"),
 )
-
-
 PLACE = "a place of the memory, from 0 on"
 
 
@@ -189,16 +186,16 @@ class Controller:
         for key, lowest, highest, meaning in _WHOLE:
             check_whole(f"{self.name}.{key}", getattr(self, key), lowest, highest, meaning)
         check_items(f"{self.name}.parameters", self.parameters, Parameter, "{name: number}")
-        check_parameter_names(self.name, (parameter.name for parameter in self.parameters))
+        check_names(self.name, "parameter", (parameter.name for parameter in self.parameters))
         check_items(f"{self.name}.logged", self.logged, Logged, "{name: place of the memory}")
-        check_signal_names(self.name, (logged.signal.name for logged in self.logged))
+        check_names(self.name, "signal", (logged.signal.name for logged in self.logged))
         for name in self.reads or ():
             check_choice(f"{self.name}.reads", name, READABLE)
-        for place, signal in self.logged:
-            what = f"{self.name}.logged: the place of '{signal.name}'"
-            check_whole(what, place, 0, MAX_MEMORY - 1, PLACE)
+        places = {f"logged: the place of '{signal.name}'": place for place, signal in self.logged}
         if self.slack_place is not None:
-            check_whole(f"{self.name}.slack_place", self.slack_place, 0, MAX_MEMORY - 1, PLACE)
+            places["slack_place"] = self.slack_place
+        for what, place in places.items():
+            check_whole(f"{self.name}.{what}", place, 0, MAX_MEMORY - 1, "a place of the memory, from 0 on")
 
     def designed(self, given: Mapping[str, Value], length: float = 1.0) -> ControllerDesign:
         """With every parameter `given` or its default, on a rig `length` times as large as the laboratory's.

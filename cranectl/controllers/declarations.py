@@ -13,6 +13,15 @@ LONGEST_SHOWN = 200  # letters of a value in a message
 MAX_EVERY = 10**6  # control periods between two steps
 MAX_PREVIEW = 10**6  # rows of the reference
 MAX_MEMORY = 10**6  # numbers, and as many parameters
+_NAMES = {  # by what has a name: how its owner has it, what the name must match, and that in words
+    "parameter": ("has", r"(?s).+", "a name of its own for each parameter, one character or more"),
+    "signal": (
+        "logs",
+        rf"(?a)[A-Za-z_]\w{{0,{LONGEST_SIGNAL - 1}}}",
+        "a name of its own for each signal: letters A to Z, digits and '_', no digit first, "
+        f"at most {LONGEST_SIGNAL} characters",
+    ),
+}
 
 
 def is_whole(value: Any, lowest: int, highest: int) -> bool:
@@ -54,33 +63,15 @@ def check_callable(what: str, value: Any, *, remedy: str) -> None:
         raise InputError(f"{what} = {shown(value)}", allowed="a function", remedy=remedy)
 
 
-def check_parameter_names(owner: str, names: Iterable[Any]) -> None:
-    """Raise InputError for a name of a parameter that is no text, is empty, or is there twice."""
-    allowed = "a name of its own for each parameter, one character or more"
-    _check_names(f"{owner} has {{}} named", names, r"(?s).+", allowed, ("a parameter", "two parameters"))
-
-
-def check_signal_names(owner: str, names: Iterable[Any]) -> None:
-    """Raise InputError for a name of a logged signal that a log or a column of a table cannot have."""
-    allowed = (
-        "a name of its own for each signal: letters A to Z, digits and '_', no digit first, "
-        f"at most {LONGEST_SIGNAL} characters"
-    )
-    pattern = rf"(?a)[A-Za-z_]\w{{0,{LONGEST_SIGNAL - 1}}}"
-    _check_names(f"{owner} logs {{}} named", names, pattern, allowed, ("a signal", "two signals"))
-
-
-def _check_names(
-    what: str, names: Iterable[Any], pattern: str, allowed: str, one_or_two: tuple[str, str]
-) -> None:
-    """Raise InputError for a name that does not match `pattern`, or is there twice."""
+def check_names(owner: str, kind: str, names: Iterable[Any]) -> None:
+    """Raise InputError for a name of a parameter or signal that cannot be, or is there twice."""
+    verb, pattern, allowed = _NAMES[kind]
     seen = set()
     for name in names:
         fits = isinstance(name, str) and re.fullmatch(pattern, name) is not None
         if not fits or name in seen:
-            raise InputError(
-                f"{what.format(one_or_two[fits])} {shown(name)}", allowed=allowed, remedy="take another name"
-            )
+            found = f"{owner} {verb} {f'two {kind}s' if fits else f'a {kind}'} named {shown(name)}"
+            raise InputError(found, allowed=allowed, remedy="take another name")
         seen.add(name)
 
 

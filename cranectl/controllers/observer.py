@@ -74,20 +74,11 @@ def predict(observer, accelerations, memory):
     a period, and the disturbances would make up for it.
     """
     period = observer.period
-    u_x, u_y = (
-        accelerations[0] + memory[EXPECTED.disturbance],
-        accelerations[1] + memory[EXPECTED.disturbance + 1],
-    )
-    length, alpha, beta = (
-        memory[EXPECTED.position + 2],
-        memory[EXPECTED.position + 3],
-        memory[EXPECTED.position + 4],
-    )
-    length_rate, alpha_rate, beta_rate = (
-        memory[EXPECTED.velocity + 2],
-        memory[EXPECTED.velocity + 3],
-        memory[EXPECTED.velocity + 4],
-    )
+    u_x = accelerations[0] + memory[EXPECTED.disturbance]
+    u_y = accelerations[1] + memory[EXPECTED.disturbance + 1]
+    length, length_rate = memory[EXPECTED.position + 2], memory[EXPECTED.velocity + 2]
+    alpha, alpha_rate = memory[EXPECTED.position + 3], memory[EXPECTED.velocity + 3]
+    beta, beta_rate = memory[EXPECTED.position + 4], memory[EXPECTED.velocity + 4]
     alpha_ddot, beta_ddot = angular_accelerations(
         length, length_rate, alpha, alpha_rate, beta, beta_rate, u_x, u_y, observer.gravity
     )

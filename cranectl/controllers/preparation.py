@@ -24,7 +24,17 @@ def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
     anything else or returns no such pair, and where it logs a place that the memory does not have.
     """
     returned = _run_own_code(controller, "prepare", controller.prepare, PAIR, nominal)
-    parameters, memory = _checked_pair(controller, returned)
+    found = f"prepare of {controller.name} returns "
+    if not isinstance(returned, tuple | list) or len(returned) != 2:
+        raise InputError(found + shown(returned), allowed=PAIR, remedy="return both, an empty one too")
+    try:
+        parameters, memory = map(real_numbers, returned)
+    except (TypeError, ValueError, MemoryError) as error:
+        raise InputError(
+            f"{found}{shown(returned)}: {error}",
+            allowed=PAIR,
+            remedy=f"return real numbers, at most {MAX_MEMORY} in each",
+        ) from error
     for place, signal in controller.logged:
         if place >= len(memory):
             raise InputError(
@@ -62,8 +72,11 @@ def real_numbers(values: Any) -> Array:
 def _run_own_code(
     controller: Controller, name: str, function: Callable[..., Any], allowed: str, *given: Any
 ) -> Any:
-    """Return what a function of the controller returns; raise InputError for anything that it raises."""
-    if _is_ours(function):
+    """Return what a function of the controller returns; raise InputError for anything that it raises.
+
+    What a function of this package raises is reported as it is.
+    """
+    if str(getattr(function, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]:
         return function(*given)
     try:
         with contained(), reported_when_slow(f"{name} of {controller.name} has been running"):
@@ -76,30 +89,6 @@ def _run_own_code(
             allowed=f"{allowed}, or raises cranectl.InputError with what the controller cannot do",
             remedy="correct it; in a class it has no self",
         ) from error
-
-
-def _checked_pair(controller: Controller, returned: Any) -> tuple[Array, Array]:
-    if not isinstance(returned, tuple | list) or len(returned) != 2:
-        raise InputError(
-            f"prepare of {controller.name} returns {shown(returned)}",
-            allowed=PAIR,
-            remedy="return both, an empty one too",
-        )
-    try:
-        parameters, memory = map(real_numbers, returned)
-    except (TypeError, ValueError, MemoryError) as error:
-        raise InputError(
-            f"prepare of {controller.name} returns {shown(returned)}: {error}",
-            allowed=PAIR,
-            remedy=f"return real numbers, at most {MAX_MEMORY} in each",
-        ) from error
-    return parameters, memory
-
-
-def _is_ours(function: Callable[..., Any]) -> bool:
-    """Return True if `function` is of this package: what it raises is to be reported as it is."""
-    module = str(getattr(function, "__module__", ""))
-    return module.partition(".")[0] == __name__.partition(".")[0]
 
 
 def _where(error: BaseException) -> str:

@@ -5,6 +5,7 @@ only happens not to matter in a run, such as a limit that is not reached, is no 
 """
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from fnmatch import fnmatchcase
 from typing import NamedTuple
 
@@ -75,10 +76,12 @@ def idle_settings(
         Settings that are given.
     uses
         The runs; those whose controller cannot be designed say so themselves and are passed over.
-
     """
     found: dict[str, list[str]] = {}
-    runs = [(use, design) for use in uses if (design := _designed(use.controller, scenario)) is not None]
+    runs = []
+    for use in uses:
+        with suppress(InputError):
+            runs.append((use, controller_design(use.controller, scenario)))
     numbers = (each for each in leaves(scenario.model_dump()) if isinstance(each[1], int | float))
     zero = {name: value == 0 for name, value in numbers}
     for name in names:
@@ -109,13 +112,6 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
         if names and all(zero[each] for each in names):
             return f"{', '.join(names)} is 0 in all runs"
     return None
-
-
-def _designed(controller: str, scenario: Scenario) -> ControllerDesign | None:
-    try:
-        return controller_design(controller, scenario)
-    except InputError:
-        return None
 
 
 def _why_idle(
