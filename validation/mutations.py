@@ -153,7 +153,7 @@ def _elements(value: ast.expr) -> Iterator[ast.expr]:
 
 
 # What they are given is a term of the model that they build.
-_BUILDERS = ("_add_body", "_slide", "_turn", "_add_rotor", "PrismaticSpring")
+_BUILDERS = ("_add_body", "_slide", "_add_rotor", "PrismaticSpring")
 # No terms: indices, status codes, views of arrays, objects.
 _NOT_A_TERM = (
     "status",

@@ -123,16 +123,8 @@ FLAT_VELOCITY = Controller(
     reads=("gravity", "time_constants"),
     command="velocity",
     parameters=tuple(
-        Parameter(
-            name,
-            -2.5,
-            "1/s",
-            "a pole of the load's error, real",
-            -FASTEST,
-            -SLOWEST,
-            search=(0.8, 8.0),
-            length_power=-0.5,
-        )
+        Parameter(name, -2.5, "1/s", "a pole of the load's error, real", -FASTEST, -SLOWEST,
+                  search=(0.8, 8.0), length_power=-0.5)
         for name in POLES
     ),
     logged=tuple(
@@ -144,4 +136,4 @@ FLAT_VELOCITY = Controller(
         for place, signal in enumerate(signals, first)
     ),
     linearise=linearise,
-)
+)  # fmt: skip

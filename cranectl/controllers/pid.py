@@ -114,36 +114,18 @@ PID = Controller(
     measures="encoders",
     parameters=(
         Parameter("shaper", "zv", "", "impulses that the path is convolved with", choices=SHAPERS),
-        Parameter(
-            "rope_length", 0.0, "m", "for which the shaper is made; 0: that of the path's start", 0.0, 1e4
-        ),
-        Parameter(
-            "proportional",
-            4.0,
-            "1/s",
-            "k_p, velocity for an error of position",
-            0.0,
-            1e4,
-            search=(0.4, 40.0),
-            length_power=-0.5,
-        ),
-        Parameter(
-            "integral",
-            2.0,
-            "1/s²",
-            "k_i, velocity for the integral of the error",
-            0.0,
-            1e6,
-            search=(0.1, 40.0),
-            length_power=-1.0,
-        ),
+        Parameter("rope_length", 0.0, "m", "for which the shaper is made; 0: that of the path's start",
+                  0.0, 1e4),
+        Parameter("proportional", 4.0, "1/s", "k_p, velocity for an error of position", 0.0, 1e4,
+                  search=(0.4, 40.0), length_power=-0.5),
+        Parameter("integral", 2.0, "1/s²", "k_i, velocity for the integral of the error", 0.0, 1e6,
+                  search=(0.1, 40.0), length_power=-1.0),
         Parameter("derivative", 0.0, "1", "k_d, velocity for the rate of the error", 0.0, 1e2),
-        Parameter(
-            "filter_time", 0.02, "s", "time constant of the filter of the rate", 0.0, 1e2, length_power=0.5
-        ),
+        Parameter("filter_time", 0.02, "s", "time constant of the filter of the rate", 0.0, 1e2,
+                  length_power=0.5),
     ),
     logged=MEMORY.logged(
         shaped=[Signal(f"shaped_{n}_position", f"r_{s}", "m", f"shaped path of the {n}") for n, s in _AXES],
         integral=[Signal(f"{n}_error_integral", f"∫e_{s}", "m s", f"of the {n}'s error") for n, s in _AXES],
     ),
-)
+)  # fmt: skip

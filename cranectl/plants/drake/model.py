@@ -59,8 +59,10 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
         _slide(crane, AXES[1], bridge.body_frame(), trolley, (0, 1, 0), damping=slowed[1]),
         _slide(crane, AXES[2], top, end, (0, 0, -1), damping=slowed[2]),
     )
-    _turn(crane, "alpha", trolley, outer, (1, 0, 0), damping=turned)
-    _turn(crane, "beta", outer, inner, (0, -1, 0), damping=turned)
+    crane.AddJoint(
+        RevoluteJoint("alpha", trolley.body_frame(), outer.body_frame(), (1, 0, 0), damping=turned)
+    )
+    crane.AddJoint(RevoluteJoint("beta", outer.body_frame(), inner.body_frame(), (0, -1, 0), damping=turned))
     for axis, inertia in zip(axes, rotor_inertias(rig, drive), strict=True):
         _add_rotor(crane, axis, inertia)
     crane.Finalize()
@@ -151,17 +153,4 @@ def _slide(
     *,
     damping: float,
 ) -> PrismaticJoint:
-    joint = PrismaticJoint(name, below, body.body_frame(), axis, damping=damping)
-    return crane.AddJoint(joint)
-
-
-def _turn(
-    crane: MultibodyPlant,
-    name: str,
-    below: RigidBody,
-    body: RigidBody,
-    axis: tuple[int, int, int],
-    *,
-    damping: float,
-) -> None:
-    crane.AddJoint(RevoluteJoint(name, below.body_frame(), body.body_frame(), axis, damping=damping))
+    return crane.AddJoint(PrismaticJoint(name, below, body.body_frame(), axis, damping=damping))
