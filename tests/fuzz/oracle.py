@@ -197,7 +197,8 @@ def _audit(event: str, arguments: tuple[Any, ...]) -> None:
     if writes and isinstance(path, str | bytes | os.PathLike):
         box, seen = _watching[-1]
         full = os.path.realpath(os.fsdecode(path))
-        known = full.startswith((os.path.realpath(box), "/dev/")) or "cache" in full
+        temporary = f"{os.path.realpath(tempfile.gettempdir())}/cranectl-{os.geteuid()}/"
+        known = full.startswith((os.path.realpath(box), "/dev/", temporary)) or "cache" in full
         if not known and not (event == "os.mkdir" and Path(full).is_dir()):
             seen.append(f"{event} {full}")
 
@@ -207,7 +208,7 @@ sys.addaudithook(_audit)
 
 @contextlib.contextmanager
 def _watched(box: Path) -> Iterator[None]:
-    """Fails if anything is written outside `box`, but for caches."""
+    """Fail if anything is written outside `box`, but for caches and temporary files of the process."""
     seen: list[str] = []
     _watching.append((box, seen))
     try:
