@@ -7,7 +7,6 @@ loading what computes it takes longer than most runs.
 import functools
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.kept import kept
-
-if TYPE_CHECKING:
-    import control
 
 FEEDBACKS = {
     "pole-placement": "flatness-based tracker, poles placed",
@@ -56,14 +52,22 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
 
 
 def _computed(name: str, settings: DesignSettings) -> Design:
-    # python-control takes more than a second to import
-    from cranectl.design.linear_systems import closed_loop_poles, loop_margins, open_loop
+    # python-control takes more than a second to import, and each synthesis some more
+    from cranectl.design.linear_systems import NOTHING, closed_loop_poles, loop_margins, open_loop
     from cranectl.design.state_feedback import lqr_gain, pole_placement_gain
 
     feedback, _, kind = name.partition("+")
     gain = {"pole-placement": pole_placement_gain, "lqr": lqr_gain}[feedback](settings)
-    robustifier, modal, gamma, achieved = _robustifier(kind, gain, settings)
-    loop = open_loop(gain, robustifier)
+    made = NOTHING
+    if kind == "hinf":
+        from cranectl.design.mixed_sensitivity import hinf_robustifier
+
+        made = hinf_robustifier(gain, settings.hinf)
+    elif kind == "loop-shaping":
+        from cranectl.design.loop_shaping import loop_shaping_robustifier
+
+        made = loop_shaping_robustifier(gain, settings.loop_shaping)
+    loop, modal = open_loop(gain, made.system), made.modal
     record = Robustifier(modal.A, modal.B.ravel(), modal.C.ravel(), float(modal.D[0, 0]))
     return Design(
         name=name,
@@ -71,28 +75,10 @@ def _computed(name: str, settings: DesignSettings) -> Design:
         closed_loop_poles=closed_loop_poles(loop),
         margins=loop_margins(loop),
         robustifier=record if record.order else NO_ROBUSTIFIER,
-        gamma=gamma,
-        gamma_achieved=achieved,
-        stability_margin=1.0 / achieved if achieved is not None and kind == "loop-shaping" else None,
+        gamma=made.gamma_min,
+        gamma_achieved=made.gamma,
+        stability_margin=1.0 / made.gamma if made.gamma is not None and kind == "loop-shaping" else None,
     )
-
-
-def _robustifier(
-    name: str, gain: np.ndarray, settings: DesignSettings
-) -> tuple["control.StateSpace", "control.StateSpace", float | None, float | None]:
-    """Return a robustifier as `Synthesised`, without norms where there is none."""
-    if name == "hinf":
-        from cranectl.design.mixed_sensitivity import hinf_robustifier
-
-        return hinf_robustifier(gain, settings.hinf)
-    if name == "loop-shaping":
-        from cranectl.design.loop_shaping import loop_shaping_robustifier
-
-        return loop_shaping_robustifier(gain, settings.loop_shaping)
-    import control
-
-    nothing = control.ss([], [], [], [[0.0]])
-    return nothing, nothing, None, None
 
 
 def with_gain(design: Design, gain: np.ndarray) -> Design:

@@ -39,8 +39,11 @@ class Synthesised(NamedTuple):
 
     system: control.StateSpace  # as the synthesis gives it
     modal: control.StateSpace  # the same in `real_modal_form`
-    gamma_min: float
-    gamma: float
+    gamma_min: float | None = None
+    gamma: float | None = None
+
+
+NOTHING = Synthesised(*(control.ss([], [], [], [[0.0]]),) * 2)
 
 
 def balanced(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:

@@ -5,7 +5,7 @@ import pytest
 
 from cranectl.plants.drake.plant import DrakePlant
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario.effects import Body, EffectSettings, Frame
+from cranectl.scenario.effects import NO_EFFECTS, Body, EffectSettings, Frame
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
@@ -13,7 +13,8 @@ from tests.plants.test_books import HOOK, NUMBERS, Manner, misses
 
 
 def test_a_load_at_the_pivot_has_no_numbers_and_ends_no_process() -> None:
-    plant, load = DrakePlant(RigParameters(), drive="ideal", step=1e-3, substeps=1), np.zeros(7)
+    plant = DrakePlant(RigParameters(), drive="ideal", step=1e-3, substeps=1, effects=NO_EFFECTS)
+    load = np.zeros(7)
     plant.reset(np.zeros(10))
     for _ in range(2):
         plant.advance(np.zeros(3), np.zeros(2), STILL, load)
@@ -37,7 +38,7 @@ def test_a_frame_too_stiff_for_the_steps_is_refused_with_the_step_that_would_do(
 def test_periods_are_as_long_as_said(substeps: int) -> None:
     """The load falls on with the winch's free rotor: v t + g t² / 2, rotor and load."""
     rig = RigParameters()
-    plant = DrakePlant(rig, drive="force", step=1e-2 / substeps, substeps=substeps)
+    plant = DrakePlant(rig, drive="force", step=1e-2 / substeps, substeps=substeps, effects=NO_EFFECTS)
     plant.reset(np.array([1.0, 0.0, 0.7, 0.0, 0.5, 0.2, 0.0, 0.0, 0.0, 0.0]))
     for _ in range(10):
         plant.advance(np.zeros(3), np.zeros(2), STILL, load := np.zeros(7))

@@ -14,6 +14,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.mujoco.model import JOINTS, model_spec, state_addresses
 from cranectl.plants.mujoco.plant import MujocoPlant
+from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -55,7 +56,7 @@ def test_level_0_mass_matrix_bias_and_acceleration(force_model: tuple[mujoco.MjM
 
 def test_level_0_cardan_accelerations_and_tension_with_ideal_drives() -> None:
     """The ideal drives realise the commanded accelerations; the rest follows the mass-free equations."""
-    plant = MujocoPlant(RIG, drive="ideal", step=STEP, substeps=1)
+    plant = MujocoPlant(RIG, drive="ideal", step=STEP, substeps=1, effects=NO_EFFECTS)
     joints = plant.rig.joints
     rng = np.random.default_rng(11)
     for state in random_states(1000, seed=11):

@@ -15,6 +15,7 @@ from cranectl.plants.mujoco.disturbed_step import push_load
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
 from cranectl.scenario.effects import (
+    NO_EFFECTS,
     NO_LIMIT,
     DriveLimits,
     EffectSettings,
@@ -35,7 +36,7 @@ RIG = RigParameters(load_mass=1.7, winch_mass=0.3)
 def test_plants_accelerate_alike_under_forces_and_a_disturbance() -> None:
     """At 1000 states, tension included."""
     analytic = AnalyticPlant(RIG, drive="force", step=1e-3, substeps=1)
-    engine = MujocoPlant(RIG, drive="force", step=1e-3, substeps=1)
+    engine = MujocoPlant(RIG, drive="force", step=1e-3, substeps=1, effects=NO_EFFECTS)
     joints, rates, rng = engine.rig.joints, engine.rig.rates, np.random.default_rng(3)
     rate, load = np.zeros(10), np.zeros(7)
     for state in random_states(1000, seed=3):

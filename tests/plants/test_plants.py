@@ -143,7 +143,7 @@ def test_drag_forces_and_friction_of_the_joint_enter_as_generalised_forces() -> 
 
 def test_disturbance_torques_are_those_of_the_state() -> None:
     """Exactly m l² cos² beta d_alpha and m l² d_beta."""
-    plant = MujocoPlant(RIG, drive="ideal", step=2e-3, substeps=1)
+    plant = MujocoPlant(RIG, drive="ideal", step=2e-3, substeps=1, effects=NO_EFFECTS)
     state = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.5, 0.4, 0.5, -0.3, 1.6])
     plant._set_state(state)
     apply_disturbance(plant.rig, np.array([0.7, -1.3]))

@@ -7,6 +7,7 @@ from cranectl.compare.agreement import judge
 from cranectl.metrics import run_metrics
 from cranectl.planning import load_scenario
 from cranectl.plants.registry import plant_entry
+from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -87,7 +88,7 @@ def test_the_servo_yields_to_the_load_by_force_over_gain(name: str) -> None:
     rig = RigParameters(
         trolley_mass=250.0, bridge_mass=600.0, winch_mass=400.0, load_mass=10.0, trolley_time_constant=0.002
     )
-    plant = plant_entry(name).load()(rig, drive="velocity", step=1e-4, substeps=1)  # type: ignore[call-arg]
+    plant = plant_entry(name).load()(rig, drive="velocity", step=1e-4, substeps=1, effects=NO_EFFECTS)
     state, load = np.zeros(10), np.zeros(7)
     plant.reset(np.array([1.0, 0, 0.7, 0, 1.0, 0, 0.2, 0, 0, 0]))
     for _ in range(200):

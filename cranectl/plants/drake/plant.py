@@ -16,7 +16,7 @@ from scipy.integrate import RK45
 from cranectl.plants.drake.model import AXES, HOOK, JOINTS, LOAD, build_crane, drive_forces
 from cranectl.plants.plant import Drive, check_hook, check_rate
 from cranectl.plants.surroundings import FORCE, air_drag
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
+from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 
@@ -30,13 +30,7 @@ class DrakePlant:
     kernels = None
 
     def __init__(
-        self,
-        rig: RigParameters,
-        *,
-        drive: Drive,
-        step: float,
-        substeps: int,
-        effects: EffectSettings = NO_EFFECTS,
+        self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings
     ) -> None:
         self.drive, self.effects = drive, effects
         self.step, self.substeps = step, substeps

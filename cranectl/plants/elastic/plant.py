@@ -20,7 +20,7 @@ from cranectl.plants.elastic.crane import (
 from cranectl.plants.elastic.motion import rope_directions
 from cranectl.plants.elastic.step import finish_step, settle
 from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
+from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TENSION, TROLLEY, VELOCITY
 from cranectl.support.arrays import Array
@@ -82,13 +82,7 @@ class ElasticPlant:
     description = "cranectl.plants.elastic, fixed steps of the method of Dormand and Prince of order 5"
 
     def __init__(
-        self,
-        rig: RigParameters,
-        *,
-        drive: Drive,
-        step: float,
-        substeps: int,
-        effects: EffectSettings = NO_EFFECTS,
+        self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings
     ) -> None:
         self.drive, self.effects = drive, effects
         self.crane = make_crane(rig, effects, drive, step=step, substeps=substeps)

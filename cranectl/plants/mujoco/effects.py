@@ -1,22 +1,88 @@
 """Effects that are parts of the model: each adds what it is made of, then lists the numbers of it.
 
-A load that swings under its hook, a frame that gives way under its bridge, friction, limits of force; the
-rope has a file of its own. MADE has them all.
+Numbers that follow from parameters are written alike into a spec and into what is compiled of it. So a model
+that takes other parameters in place becomes, bit for bit, the one that would be compiled for them. Effects
+are a load that swings under its hook, a rope that gives, a frame that gives way under its bridge, friction,
+limits of force. MADE has them all.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import pi
 from typing import Any, NamedTuple
 
 import mujoco
+import numpy as np
 
-from cranectl.plants.mujoco.entries import Entry, Setting
-from cranectl.plants.mujoco.rope import add_rope, rope_entries
-from cranectl.scenario.effects import Body, DriveLimits, Frame, Friction
+from cranectl.plants.mujoco.rope import DISTANCE, ELASTICITY, MASS
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.scenario.effects import Body, DriveLimits, Frame, Friction, Rope
+from cranectl.scenario.rig import RigParameters
 
 DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 CARDAN_JOINTS = ("alpha", "beta")
 ACTUATORS = ("bridge_drive", "trolley_drive", "winch_drive")
+
+COMPILED = {"ref": "qpos0"}  # fields that have another name in a compiled model
+
+
+class Entry(NamedTuple):
+    """A number of one element, or the first numbers of a list, by their names in MJCF."""
+
+    element: str  # body, joint, actuator; or option, which has no name
+    name: str
+    field: str
+    value: float | tuple[float, ...]
+
+
+class Setting(NamedTuple):
+    """What an effect is part of."""
+
+    rig: RigParameters
+    drive: Drive
+    drawn: float  # length of rope in the file, measured to the load [m]
+    length: float  # and to the hook
+
+    @property
+    def is_moved_by_force(self) -> bool:
+        """False for ideal drives, which no force can hold."""
+        return not DRIVES[self.drive].is_prescribed
+
+
+def write_spec(spec: mujoco.MjSpec, entries: Iterable[Entry]) -> None:
+    """Set all entries before compiling."""
+    for element, name, field, value in entries:
+        owner: Any = spec.option if element == "option" else getattr(spec, element)(name)
+        if isinstance(getattr(owner, field), np.ndarray):
+            numbers = np.atleast_1d(value)
+            getattr(owner, field)[: len(numbers)] = numbers
+        else:
+            setattr(owner, field, value)
+
+
+def write_model(model: mujoco.MjModel, entries: Iterable[Entry]) -> None:
+    """Set all entries in a compiled model, but nothing that follows from them."""
+    for element, name, field, value in entries:
+        owner = model.opt if element == "option" else getattr(model, element)(name)
+        view = getattr(owner, COMPILED.get(field, field))
+        size = len(value) if isinstance(value, tuple) else len(view)  # one number: of a ball joint, all three
+        view[:size] = value
+
+
+def derive_constants(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Bring what the compiler derives from entries up to date: `mj_setConst`, and what that leaves alone.
+
+    That is the mean inertia, by which the solver of friction stops, the mean mass, and the tendons' lengths
+    at rest. `data` is left anyhow.
+    """
+    mujoco.mj_resetData(model, data)
+    mujoco.mj_setConst(model, data)
+    model.stat.meaninertia = np.cumsum(model.dof_M0)[-1] / model.nv  # summed in the engine's order
+    model.stat.meanmass = np.cumsum(model.body_mass[1:])[-1] / (model.nbody - 1)
+    data.qpos[:] = model.qpos_spring
+    for positions in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon):
+        positions(model, data)
+    model.tendon_lengthspring[:] = data.ten_length[:, np.newaxis]
+
 
 # A hook has at least so much mass: MuJoCo wants some of every body that moves.
 HOOK_MASS = 1e-9  # of the load's mass
@@ -55,6 +121,62 @@ def body_entries(body: Body, of: Setting) -> list[Entry]:
         Entry("body", "load", "inertia", (body.inertia,) * 3),
         Entry("joint", "swing", "pos", (0.0, 0.0, body.hook_offset)),
         Entry("joint", "swing", "damping", body.swing_damping),
+    ]
+
+
+WINCH_MASS = 1e-9  # [kg] of the winch's body; the rotor's inertia is the joint's armature
+LARGEST_FORCE = 1e12  # [N]
+SLENDER = 1e-6  # inertia of the rope about itself, of that across
+
+
+def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:
+    """Part the filed rope joint in winch and distance, and pull with a tendon between them."""
+    distance = spec.joint("rope_length")
+    distance.name = DISTANCE
+    distance.armature = 0.0
+    winch = spec.body("trolley").add_body(name="winch")
+    winch.explicitinertial, winch.ipos = True, (0.0, 0.0, 0.0)
+    winch.mass, winch.inertia = WINCH_MASS, (WINCH_MASS,) * 3
+    winch.add_joint(name="rope_length", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0.0, 0.0, -1.0))
+    stretch = spec.add_tendon(name=ELASTICITY)
+    stretch.wrap_joint(DISTANCE, 1.0)
+    stretch.wrap_joint("rope_length", -1.0)
+    pull = spec.add_actuator(name=ELASTICITY, target=ELASTICITY, trntype=mujoco.mjtTrn.mjTRN_TENDON)
+    pull.gear[0] = -1.0  # a positive force pulls
+    pull.gaintype, pull.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+    pull.gainprm[0] = 0.0
+    pull.forcelimited = True
+    pull.forcerange = (0.0, LARGEST_FORCE)
+    spec.delete(spec.sensor("rope_force"))
+    spec.add_sensor(
+        name="rope_force",
+        type=mujoco.mjtSensor.mjSENS_ACTUATORFRC,
+        objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
+        objname=ELASTICITY,
+    )
+    if rope.mass > 0.0:
+        distance.parent.add_body(name=MASS).explicitinertial = True
+
+
+def rope_entries(rope: Rope, of: Setting) -> list[Entry]:
+    """The rope in a model as compiled: without tension; with mass, if any.
+
+    Its mass is a thin rod above its end, cut off at the pivot: it moves with what the winch pays out.
+    """
+    density, length = rope.mass, of.length
+    found = [
+        Entry("joint", DISTANCE, "ref", of.drawn),
+        Entry("joint", DISTANCE, "range", of.rig.rope_range),
+        Entry("actuator", ELASTICITY, "biasprm", (0.0, 0.0, 0.0)),
+    ]
+    if density == 0.0:
+        return found
+    across = density * length**3 / 12.0
+    return [
+        *found,
+        Entry("body", MASS, "mass", density * length),
+        Entry("body", MASS, "ipos", (0.0, 0.0, 0.5 * length)),
+        Entry("body", MASS, "inertia", (across, across, SLENDER * across)),
     ]
 
 

@@ -8,8 +8,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.effects import ACTUATORS, CARDAN_JOINTS, DRIVEN_JOINTS, MADE, Made
-from cranectl.plants.mujoco.entries import Entry, Setting, write_spec
+from cranectl.plants.mujoco.effects import (
+    ACTUATORS,
+    CARDAN_JOINTS,
+    DRIVEN_JOINTS,
+    MADE,
+    Entry,
+    Made,
+    Setting,
+    write_spec,
+)
 from cranectl.plants.mujoco.geometry import draw_to_scale
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.surroundings import gravity_in_rig

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.disturbed_step import StageWork, mj_step, stage_work, step_in_stages
-from cranectl.plants.mujoco.effects import MADE
-from cranectl.plants.mujoco.entries import derive_constants, write_model
+from cranectl.plants.mujoco.effects import MADE, derive_constants, write_model
 from cranectl.plants.mujoco.model import (
     compiled_model,
     drive_addresses,
@@ -117,13 +116,7 @@ class MujocoPlant:
     kernels = Kernels(measure_joints, advance, count_warnings)
 
     def __init__(
-        self,
-        rig: RigParameters,
-        *,
-        drive: Drive,
-        step: float,
-        substeps: int,
-        effects: EffectSettings = NO_EFFECTS,
+        self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings
     ) -> None:
         self.drive = drive
         self.parameters, self.effects = rig, _physical(effects)

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.entries import Entry, Setting
 from cranectl.scenario.effects import EffectSettings, Rope
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
@@ -18,11 +17,8 @@ from cranectl.support.jit import jit
 DISTANCE = "hook_distance"  # joint: from the pivot to the end of the rope
 ELASTICITY = "rope_elasticity"  # actuator, and the tendon that it pulls
 MASS = "rope_mass"  # body
-WINCH_MASS = 1e-9  # [kg] of the winch's body; the rotor's inertia is the joint's armature
 SHORTEST = 1e-3  # [m], so that a rope wound in completely gives no infinite stiffness
-LARGEST_FORCE = 1e12  # [N]
 ROUNDS = 4  # in which the tension of a rope at rest is found where a winch may stick
-SLENDER = 1e-6  # inertia of the rope about itself, of that across
 
 
 class ElasticRope(NamedTuple):
@@ -39,57 +35,6 @@ class ElasticRope(NamedTuple):
     mass: Array  # (1,) [kg]
     centre: Array  # (3,) in the frame of the rope's end [m]
     inertia: Array  # (3,) about it [kg m²]
-
-
-def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:
-    """Part the filed rope joint in winch and distance, and pull with a tendon between them."""
-    distance = spec.joint("rope_length")
-    distance.name = DISTANCE
-    distance.armature = 0.0
-    winch = spec.body("trolley").add_body(name="winch")
-    winch.explicitinertial, winch.ipos = True, (0.0, 0.0, 0.0)
-    winch.mass, winch.inertia = WINCH_MASS, (WINCH_MASS,) * 3
-    winch.add_joint(name="rope_length", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0.0, 0.0, -1.0))
-    stretch = spec.add_tendon(name=ELASTICITY)
-    stretch.wrap_joint(DISTANCE, 1.0)
-    stretch.wrap_joint("rope_length", -1.0)
-    pull = spec.add_actuator(name=ELASTICITY, target=ELASTICITY, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-    pull.gear[0] = -1.0  # a positive force pulls
-    pull.gaintype, pull.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-    pull.gainprm[0] = 0.0
-    pull.forcelimited = True
-    pull.forcerange = (0.0, LARGEST_FORCE)
-    spec.delete(spec.sensor("rope_force"))
-    spec.add_sensor(
-        name="rope_force",
-        type=mujoco.mjtSensor.mjSENS_ACTUATORFRC,
-        objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
-        objname=ELASTICITY,
-    )
-    if rope.mass > 0.0:
-        distance.parent.add_body(name=MASS).explicitinertial = True
-
-
-def rope_entries(rope: Rope, of: Setting) -> list[Entry]:
-    """The rope in a model as compiled: without tension; with mass, if any.
-
-    Its mass is a thin rod above its end, cut off at the pivot: it moves with what the winch pays out.
-    """
-    density, length = rope.mass, of.length
-    found = [
-        Entry("joint", DISTANCE, "ref", of.drawn),
-        Entry("joint", DISTANCE, "range", of.rig.rope_range),
-        Entry("actuator", ELASTICITY, "biasprm", (0.0, 0.0, 0.0)),
-    ]
-    if density == 0.0:
-        return found
-    across = density * length**3 / 12.0
-    return [
-        *found,
-        Entry("body", MASS, "mass", density * length),
-        Entry("body", MASS, "ipos", (0.0, 0.0, 0.5 * length)),
-        Entry("body", MASS, "inertia", (across, across, SLENDER * across)),
-    ]
 
 
 def elastic_rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
