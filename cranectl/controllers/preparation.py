@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, LinearLaw, Nominal
-from cranectl.controllers.declarations import MAX_MEMORY, shown
+from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearLaw, Nominal, shown
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
 from cranectl.support.foreign_code import contained

@@ -7,8 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from cranectl.controllers.controller import Parameter
-from cranectl.controllers.declarations import LONGEST_SIGNAL
+from cranectl.controllers.controller import LONGEST_SIGNAL, Parameter
 from cranectl.loaders.fmu_step import HELD, MEASURED
 from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.law_file import LawFile

@@ -17,8 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
-from cranectl.controllers.declarations import MAX_MEMORY, is_whole, shown
+from cranectl.controllers.controller import (
+    MAX_MEMORY,
+    Controller,
+    Logged,
+    Nominal,
+    Parameter,
+    is_whole,
+    shown,
+)
 from cranectl.controllers.preparation import real_numbers
 from cranectl.controllers.slots import Slots
 from cranectl.loaders.called_back import called_back

@@ -48,7 +48,7 @@ FILES = {
     "speechless.toml": "name = 'peer'\naddress = 'tcp://127.0.0.1:9'\n",
 }
 PYTHON, PROCESS, OPENING = (f"loaders/{name}.py" for name in ("python_law", "process_law", "opening"))
-DECLARED, PREPARED = (f"controllers/{name}.py" for name in ("declarations", "preparation"))
+DECLARED, PREPARED = (f"controllers/{name}.py" for name in ("controller", "preparation"))
 INTEGRAL, OFFSET_FREE = "controller.lqr-integral", "controller.lqr-offset-free"
 SAMPLED = "control.period=0.05"
 BOTH = ["cranectl", "validate", "s.toml", "--plants", "analytic", "--controller"]
