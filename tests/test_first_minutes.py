@@ -75,8 +75,7 @@ def test_progress_goes_into_a_pipe_too(
 ) -> None:
     monkeypatch.setattr(output, "LINE_EVERY", 0.01)
     told = ""
-    with output.progress_bar(20.0) as (advance, describe):
-        describe("fixed-position, lqr")
+    with output.progress_bar(20.0, "fixed-position, lqr") as advance:
         advance(5.0)
         while "cranectl: fixed-position, lqr  5/20 s simulated\n" not in told:  # for ever, if it is not said
             told += capsys.readouterr().err

@@ -19,7 +19,7 @@ from cranectl.cases.case import Case, make_case
 from cranectl.cases.pairwise import pairwise
 from cranectl.cases.validation import Validation
 from cranectl.cases.workers import available_cores, run_cases
-from cranectl.cli.output import console
+from cranectl.cli.output import Screen
 from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
 from cranectl.plants.capabilities import check_effects
@@ -121,7 +121,7 @@ def main() -> int:
     parser.add_argument("--seed", default=commit(), help="hexadecimal digits; by default the commit's")
     parser.add_argument("--plants", default="analytic,elastic,mujoco")
     options = parser.parse_args()
-    screen = console(None)
+    screen = Screen()
     screen.print(f"{options.cases} random cases, seed {options.seed}")
     drawn = random_cases(options.seed, plants_to_run(options.plants.split(",")))
     cases = tuple(next(drawn) for _ in range(options.cases))

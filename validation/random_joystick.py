@@ -15,7 +15,7 @@ import numpy as np
 from cranectl.cases.case import Case, make_case
 from cranectl.cases.validation import Validation
 from cranectl.cases.workers import available_cores, run_cases
-from cranectl.cli.output import console
+from cranectl.cli.output import Screen
 from cranectl.live.hand import Hand
 from cranectl.live.hand_limits import hand_limits
 from cranectl.model.flatness import states_and_inputs
@@ -96,7 +96,7 @@ def main() -> int:
     parser.add_argument("--seed", default=commit(), metavar="HEX")
     parser.add_argument("--runs", type=int, default=50)
     options = parser.parse_args()
-    say = console(None).print
+    say = Screen().print
     say(f"{options.runs} runs of a minute by hand, seed {options.seed}")
     drawn = random_drives(options.seed)
     scenarios = [next(drawn) for _ in range(options.runs)]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.cli.output import console
+from cranectl.cli.output import Screen
 from cranectl.metrics.clearance import clearance
 from cranectl.planning import load_scenario, planned
 from cranectl.planning.limits import limits_of, motion, quantities
@@ -147,7 +147,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--first", type=int, default=0)
     options = parser.parse_args()
-    bad, done, screen = 0, [], console(None)
+    bad, done, screen = 0, [], Screen()
     screen.print(f"{'':>4}{'T [s]':>9}{'degree 9':>10}{'CPU [s]':>9}{'excess':>10}  (* with an obstacle)")
     for k, scenario in enumerate(random_moves(options.seed)):
         if k >= options.first + options.runs:

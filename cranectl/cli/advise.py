@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, command_given, json_option, output_option, scenario_options
+from cranectl.cli.command import Asked, Command, command_given, json_option, output_option, scenario_options
+from cranectl.cli.idle import tell_idle_in_analysis
+from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import HTML
 
 if TYPE_CHECKING:
@@ -30,12 +32,10 @@ if TYPE_CHECKING:
 )
 @json_option
 def advise_command(
-    scenario: str,
+    asked: Asked,
     controllers: tuple[str, ...],
-    rig: Path | None,
-    overrides: tuple[str, ...],
     report: Path | None,
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Say which controller to take for SCENARIO, what to improve first.
 
@@ -50,29 +50,24 @@ def advise_command(
     cranectl advise fixed-position --set effects.delay.seconds=0.03 --set rig.bridge_time_constant=0.05
     """
     from cranectl.analysis.advice import IMPROVEMENTS, advise
-    from cranectl.cli.idle import tell_idle_in_analysis
-    from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import flat_design
     from cranectl.design import CONTROLLERS
-    from cranectl.planning import load_scenario
     from cranectl.report.rig.tables import controllers_table, improvements_table, recommendation
 
-    loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    loaded = asked.load()
     chosen = [flat_design(name, loaded).name for name in controllers] or list(CONTROLLERS)
-    with progress_bar(len(chosen) + IMPROVEMENTS, done="assessed") as (advance, describe):
-        describe(loaded.name)
+    with progress_bar(len(chosen) + IMPROVEMENTS, loaded.name, done="assessed") as advance:
         found = advise(loaded, chosen, progress=advance)
-    screen = console(json_file)
     screen.print(controllers_table(found))
     if found.best is not None:
         screen.print(improvements_table(found))
     for line in recommendation(found):
         screen.print(line)
-    tell_idle_in_analysis(screen, loaded, (scenario, rig, overrides), chosen)
+    tell_idle_in_analysis(screen, loaded, asked, chosen)
     if report is not None and found.best is not None:
         _write_report(found, report, command_given())
         screen.print(f"report: {report}")
-    write_json(json_file, found.to_json())
+    screen.write_json(found.to_json())
     if found.best is None:
         return exit_codes.RUN_STOPPED
     return exit_codes.GOOD if found.best.guaranteed else exit_codes.LIMIT_EXCEEDED

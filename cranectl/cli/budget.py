@@ -1,12 +1,12 @@
 """`cranectl budget`."""
 
-from pathlib import Path
-
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, json_option, scenario_options
+from cranectl.cli.command import Asked, Command, json_option, scenario_options
+from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import controller_option
+from cranectl.cli.output import Screen, progress_bar
 
 
 @click.command("budget", cls=Command)
@@ -16,12 +16,10 @@ from cranectl.cli.laws import controller_option
 @scenario_options
 @json_option
 def budget_command(
-    scenario: str,
+    asked: Asked,
     controller: str | None,
     top: str,
-    rig: Path | None,
-    overrides: tuple[str, ...],
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Predict what each effect does to the load, run it and compare.
 
@@ -49,21 +47,16 @@ def budget_command(
     cranectl budget near-slack --controller lqr --top servos --json -
     """
     from cranectl.analysis.budget.error_budget import SENSING, error_budget, simulated_seconds
-    from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
-    from cranectl.cli.output import console, progress_bar, write_json
-    from cranectl.planning import load_scenario
     from cranectl.report.rig.tables import budget_table
     from cranectl.scenario.effects import EffectSettings
 
-    loaded = load_scenario(scenario, rig=rig, overrides=overrides)
-    with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
-        describe(f"{loaded.name}, budget")
+    loaded = asked.load()
+    with progress_bar(simulated_seconds(loaded, top), f"{loaded.name}, budget") as advance:
         budget = error_budget(loaded, controller, top=top, progress=advance)
-    screen = console(json_file)
     screen.print(budget_table(budget))
     levels = ["sensing" if each.level in SENSING else each.level for each in budget.entries]
     unread = [*OF_RUNS, "metrics.*", "obstacles.*"]
     unread += [f"effects.{each}.*" for each in EffectSettings.model_fields if each not in levels]
-    tell_idle_in_analysis(screen, loaded, (scenario, rig, overrides), [budget.controller], unread=unread)
-    write_json(json_file, budget.to_json())
+    tell_idle_in_analysis(screen, loaded, asked, [budget.controller], unread=unread)
+    screen.write_json(budget.to_json())
     return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED

@@ -4,9 +4,18 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, drive_option, json_option, output_option, scenario_options
+from cranectl.cli import exit_codes
+from cranectl.cli.command import (
+    Asked,
+    Command,
+    drive_option,
+    json_option,
+    output_option,
+    scenario_options,
+)
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
+from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import PLOTS
 
 # Of the laboratory rig, and on another one scaled by similarity.
@@ -63,7 +72,6 @@ UNREAD = (
 @json_option
 def certify_command(
     controller: str,
-    scenario: str | None,
     drive: str,
     time_constant: float | None,
     delay: float | None,
@@ -72,10 +80,9 @@ def certify_command(
     hoisting_speeds: tuple[float, ...],
     open_at: str | None,
     limits: bool,
-    rig: Path | None,
-    overrides: tuple[str, ...],
+    asked: Asked,
     plot: Path | None,
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Say at which operating points CONTROLLER is certainly stable.
 
@@ -96,23 +103,16 @@ def certify_command(
     from cranectl.analysis.certificate.linear_plant import LINEAR, NOT_LINEAR, present
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
     from cranectl.analysis.certificate.structured import drive_margins
-    from cranectl.cli import exit_codes
-    from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import controller_design
-    from cranectl.planning import load_scenario
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
-    from cranectl.scenario import default_scenario
     from cranectl.scenario.similarity import length_scale, rounded
     from cranectl.simulate import checked_drive
 
-    overrides += tuple(
-        f"rig.{name}_time_constant={time_constant!r}" for name in DRIVES if time_constant is not None
-    )
-    overrides += () if delay is None else (f"effects.delay.seconds={delay!r}",)
-    if scenario is None:
-        loaded = default_scenario(rig=rig, overrides=overrides)
-    else:
-        loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    if time_constant is not None:
+        asked = asked.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVES))
+    if delay is not None:
+        asked = asked.having(f"effects.delay.seconds={delay!r}")
+    loaded = asked.load()
     checked = checked_drive(drive)
     design = controller_design(controller, loaded)
     flat = design.axis_design is not None
@@ -128,8 +128,7 @@ def certify_command(
         hoisting_speeds=hoisting_speeds or (scaled_speeds if flat else (0.0,)),
     )
     nominal_loops = make_nominal_loops(loaded, design, points, open_at)
-    with progress_bar(len(points), done="points") as (advance, describe):
-        describe(design.name)
+    with progress_bar(len(points), design.name, done="points") as advance:
         found = certify(nominal_loops, loaded, points, drive=checked, progress=advance)
     nominal_loop = nominal_loops[found.worst.point.rope_length]
     inner = nominal_loop.inner_loop(loaded, found.worst.point, checked)
@@ -137,7 +136,6 @@ def certify_command(
     lengths = sorted({point.rope_length for point in points})
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(nominal_loops[end.rope_length], loaded, end, checked) for end in ends]
-    screen = console(json_file)
     screen.print(map_table(found))
     for line in summary_lines(found):
         screen.print(line)
@@ -148,8 +146,7 @@ def certify_command(
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:
             screen.print(f"{what}: {', '.join(names)}")
-    given = scenario, rig, overrides
-    tell_idle_in_analysis(screen, loaded, given, [controller], drive=checked, unread=UNREAD)
+    tell_idle_in_analysis(screen, loaded, asked, [controller], drive=checked, unread=UNREAD)
     if plot is not None:
         from cranectl.report.rig.page import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.theme import save_figure
@@ -163,5 +160,5 @@ def certify_command(
     }
     if limit_list:
         data["limits"] = [found_limits.to_json() for found_limits in limit_list]
-    write_json(json_file, data)
+    screen.write_json(data)
     return exit_codes.GOOD if found.certified else exit_codes.LIMIT_EXCEEDED

@@ -2,7 +2,8 @@
 
 import functools
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -12,6 +13,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.files import JSON, Kind, check_place, kind_of
 
 if TYPE_CHECKING:
+    from cranectl.scenario import Scenario
     from cranectl.scenario.rig import RigParameters
 
 try:
@@ -20,6 +22,9 @@ except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
 LEAST_MEMORY = 10**9  # [bytes]; a run takes 850 MB of addresses
+PATH = click.Path(path_type=Path)
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Invocation(NamedTuple):
@@ -50,14 +55,6 @@ class OutputFile(click.Path):
         super().__init__(path_type=None if dash else Path)
         self.kind, self.endings, self.dash = kind, endings, dash
 
-    def to_stdout(self, value: Any) -> bool:
-        """Whether `value` stands for standard output."""
-        return self.dash and str(value) == "-"
-
-    def kind_of(self, path: Path) -> Kind:
-        """The kind of file to be written to `path`; raises InputError for an ending that names none."""
-        return self.kind or kind_of(path, self.endings)
-
 
 class Command(click.Command):
     """A command that never writes onto what it reads, nor twice to one place."""
@@ -66,16 +63,18 @@ class Command(click.Command):
         _check_memory()
         given = [(each, context.params.get(each.name or "")) for each in context.command.params]
         inputs = [
-            path for each, value in given if not isinstance(each.type, OutputFile) for path in _named(value)
+            path for each, value in given if not isinstance(each.type, OutputFile) for path in _files(value)
         ]
         outputs = [
             (each.opts[0], each.type, Path(value))
             for each, value in given
-            if isinstance(each.type, OutputFile) and value is not None and not each.type.to_stdout(value)
+            if isinstance(each.type, OutputFile) and value is not None
+            if not (each.type.dash and value == "-")
         ]
         for option, to, path in outputs:
             others = [other for that, _, other in outputs if that != option]
-            check_place(path, to.kind_of(path), inputs=[*inputs, *others], option=option)
+            kind = to.kind or kind_of(path, to.endings)
+            check_place(path, kind, inputs=[*inputs, *others], option=option)
         return super().invoke(context)
 
 
@@ -99,32 +98,33 @@ def _check_memory() -> None:
         )
 
 
-def _named(value: Any) -> list[Path]:
-    """The files that the value of a parameter names, or could name."""
-    values = value if isinstance(value, tuple) else (value,)
-    return [path for path in map(_file, values) if path is not None]
+def _files(value: Any) -> list[Path]:
+    """Return the files that the value of a parameter names, or could name."""
+    found = []
+    for each in value if isinstance(value, tuple) else (value,):
+        with suppress(OSError, ValueError):  # no name of a file
+            if isinstance(each, str | Path) and Path(each).is_file():
+                found.append(Path(each))
+    return found
 
 
-def _file(value: Any) -> Path | None:
-    if not isinstance(value, str | Path):
-        return None
-    path = Path(value)
-    try:
-        return path if path.is_file() else None
-    except (OSError, ValueError):  # no name of a file
-        return None
+def json_option(function: F) -> F:
+    """Add `--json`; the command gets a `screen` that prints, and writes JSON where that is asked for."""
 
+    @click.option(
+        "--json",
+        "json_file",
+        metavar="FILE",
+        type=OutputFile(JSON, dash=True),
+        help="Write the result as JSON; - is standard output, tables then go to standard error.",
+    )
+    @functools.wraps(function)
+    def command(*, json_file: str | None, **given: Any) -> Any:
+        from cranectl.cli.output import Screen
 
-F = TypeVar("F", bound=Callable[..., Any])
+        return function(screen=Screen(json_file), **given)
 
-
-json_option = click.option(
-    "--json",
-    "json_file",
-    metavar="FILE",
-    type=OutputFile(JSON, dash=True),
-    help="Write the result as JSON; - is standard output, tables then go to standard error.",
-)
+    return command  # type: ignore[return-value]
 
 
 def _refuse_predict(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
@@ -150,54 +150,76 @@ def output_option(
     return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
 
 
-def every_option(function: F) -> F:
-    """`--every`."""
-    return click.option(
-        "--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them)."
-    )(function)
+class Asked(NamedTuple):
+    """A scenario as a command is asked for it."""
+
+    source: str | None  # its name or file; None: the default one
+    rig: str | Path | None
+    overrides: Sequence[str]
+
+    def read(self) -> "Scenario":
+        """Return the scenario as it is written; raises InputError."""
+        from cranectl.scenario import default_scenario, read_scenario
+
+        if self.source is None:
+            return default_scenario(rig=self.rig, overrides=self.overrides)
+        return read_scenario(self.source, rig=self.rig, overrides=self.overrides)
+
+    def load(self) -> "Scenario":
+        """Return the scenario with its motions planned; raises InputError."""
+        from cranectl.planning import load_scenario
+
+        if self.source is None:
+            return self.read()
+        return load_scenario(self.source, rig=self.rig, overrides=self.overrides)
+
+    def having(self, *overrides: str) -> "Asked":
+        """Return the same with more overrides."""
+        return self._replace(overrides=(*self.overrides, *overrides))
 
 
 def scenario_options(function: F) -> F:
-    """`--rig` and `--set`."""
-    rig = click.option(
-        "--rig",
-        metavar="FILE",
-        type=click.Path(path_type=Path),
-        help="Name or TOML file of a rig, in place of the scenario's.",
+    """Add `--rig` and `--set`; the command gets them as `asked`, with its scenario where it has one."""
+
+    @click.option(
+        "--rig", metavar="FILE", type=PATH, help="Name or TOML file of a rig, in place of the scenario's."
     )
-    assign = click.option(
+    @click.option(
         "--set",
         "overrides",
         metavar="KEY=VALUE",
         multiple=True,
         help="Override any field of the scenario, e.g. rig.load_mass=2.5; repeatable.",
     )
-    return rig(assign(function))
+    @functools.wraps(function)
+    def command(
+        *, rig: Path | None, overrides: tuple[str, ...], scenario: str | None = None, **given: Any
+    ) -> Any:
+        return function(asked=Asked(scenario, rig, overrides), **given)
+
+    return command  # type: ignore[return-value]
 
 
-def plants_option(help_text: str, *, check: str = "") -> Callable[[F], F]:
+def every_option(function: F) -> F:
+    """Add `--every`, of a command with `scenario_options`, which gets it as an override."""
+
+    @click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
+    @functools.wraps(function)
+    def command(*, every: int | None, asked: Asked, **given: Any) -> Any:
+        return function(asked=asked if every is None else asked.having(f"log.every={every}"), **given)
+
+    return command  # type: ignore[return-value]
+
+
+def plants_option(help_text: str, *, check: str = "", of_logs: bool = False) -> Callable[[F], F]:
     """`--plants`: names with commas, or all; nothing is () and means what the command says.
 
-    `check`: a method of plants' entries that raises InputError for those that `all` leaves out.
+    `check`: a method of plants' entries that raises InputError for those that `all` leaves out. `of_logs`:
+    names are as given, for `plants_of_logs`: a log tells of plants only when it is read.
     """
-    return _named_plants(help_text, functools.partial(_plants, check=check))
-
-
-def logged_plants_option(help_text: str) -> Callable[[F], F]:
-    """`--plants` as given, for `plants_of_logs`: a log tells of plants only when it is read."""
-    return _named_plants(help_text, names_given)
-
-
-def _named_plants(help_text: str, callback: Callable[..., tuple[str, ...]]) -> Callable[[F], F]:
-    return click.option(
-        "--plants",
-        "--plant",
-        "plants",
-        metavar="A,B|all",
-        multiple=True,
-        callback=callback,
-        help=help_text,
-    )
+    callback = names_given if of_logs else functools.partial(_plants, check=check)
+    named: dict[str, Any] = {"metavar": "A,B|all", "multiple": True, "callback": callback}
+    return click.option("--plants", "--plant", "plants", help=help_text, **named)
 
 
 def _plants(

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, json_option, output_option, predict_option
+from cranectl.cli.command import PATH, Command, json_option, output_option, predict_option
+from cranectl.cli.output import FAILED, PASSED, Screen, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import MCAP, exists, short_names
 
 if TYPE_CHECKING:
-    from cranectl.cli.output import Screen
     from cranectl.compare.runs import Comparison
     from cranectl.simulate import Run
 
 
 @click.command("compare", cls=Command)
-@click.argument("logs", metavar="LOG [LOG]", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("logs", metavar="LOG [LOG]", nargs=-1, required=True, type=PATH)
 @click.option(
     "--tolerances",
     metavar="NAME",
@@ -39,7 +39,7 @@ def compare_command(
     tolerances: str | None,
     merge: Path | None,
     despite_differences: bool,
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Compare the plants of one LOG, or the same plants of two LOGs.
 
@@ -76,17 +76,16 @@ def compare_command(
         )
     if tolerances is not None:
         judge = _judge_directories if directories else _judge
-        return judge(logs[0], logs[1], tolerances, json_file)
+        return judge(logs[0], logs[1], tolerances, screen)
     if one:
         from cranectl.log.overlay import is_overlay, read_layers
 
         layers = read_layers(logs[0])
         runs = {name: layer.run for name, layer in layers.items()}
         if is_overlay(layers):
-            return _compare_labelled(runs, json_file)
-        return _compare_plants(logs[0], runs, json_file)
+            return _compare_labelled(runs, screen)
+        return _compare_plants(logs[0], runs, screen)
     from cranectl.cases.regression import software_differences
-    from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import compare_runs, differing_fields
 
     if merge is None:
@@ -95,7 +94,6 @@ def compare_command(
         pairs, software = [_merged(logs[0], logs[1], merge, despite_differences)], []
     differing = differing_fields(*pairs[0])
     comparisons = [compare_runs(a, b) for a, b in pairs]
-    screen = console(json_file)
     for difference in differing:
         screen.print(f"the runs differ in {difference}")
     a, b = short_names(logs)
@@ -107,15 +105,14 @@ def compare_command(
     if merge is not None:
         screen.print(f"log: {merge}")
     compared = [comparison.to_json() for comparison in comparisons]
-    write_json(
-        json_file, {"comparisons": compared, "differing_fields": differing, "software_differences": software}
+    screen.write_json(
+        {"comparisons": compared, "differing_fields": differing, "software_differences": software}
     )
     return exit_codes.GOOD
 
 
-def _print(screen: "Screen", comparison: "Comparison", title: str = "") -> None:
+def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
     """Every signal, then the largest distances; `title` in place of what the runs are called."""
-    from cranectl.cli.output import styled
     from cranectl.report.run.differences import comparison_table
 
     screen.print(comparison_table(title or f"{comparison.b} minus {comparison.a}", comparison))
@@ -128,22 +125,20 @@ def _print(screen: "Screen", comparison: "Comparison", title: str = "") -> None:
         screen.print(styled("the runs did not end at the same time", "yellow"))
 
 
-def _compare_labelled(runs: dict[str, "Run"], json_file: str | None) -> int:
+def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
     """Every run of an overlay with the first."""
-    from cranectl.cli.output import console, write_json
     from cranectl.compare.runs import against_first
     from cranectl.report.run.differences import distances_table
 
     comparisons = against_first(runs)
-    console(json_file).print(distances_table(next(iter(runs)), comparisons))
-    write_json(json_file, {"comparisons": [comparison.to_json() for comparison in comparisons.values()]})
+    screen.print(distances_table(next(iter(runs)), comparisons))
+    screen.write_json({"comparisons": [comparison.to_json() for comparison in comparisons.values()]})
     return exit_codes.GOOD
 
 
-def _compare_plants(log: Path, held: dict[str, "Run"], json_file: str | None) -> int:
+def _compare_plants(log: Path, held: dict[str, "Run"], screen: Screen) -> int:
     """The plants of one log, judged as by the run that wrote it."""
     from cranectl.cases.case import RunSummary
-    from cranectl.cli.output import console, write_json
     from cranectl.compare.agreement import against_reference, ended_as_expected, judge, least_good
     from cranectl.compare.runs import compare_runs
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
@@ -165,7 +160,6 @@ def _compare_plants(log: Path, held: dict[str, "Run"], json_file: str | None) ->
     agree = all(agreement.passed is not False for agreement in agreements)
     kept = all(summary.limits_kept is not False for summary in summaries)
     good = agree and kept and not unexpected
-    screen = console(json_file)
     for comparison in comparisons:
         _print(screen, comparison)
     screen.print(agreement_table(agreements))
@@ -175,8 +169,7 @@ def _compare_plants(log: Path, held: dict[str, "Run"], json_file: str | None) ->
         screen.print(f"  {note}")
     for run in unexpected:
         screen.print(f"  {run.plant} ended with {run.status.label}, expected {run.scenario.expected}")
-    write_json(
-        json_file,
+    screen.write_json(
         {
             "passed": good,
             "plants_agree": agree,
@@ -191,14 +184,12 @@ def _compare_plants(log: Path, held: dict[str, "Run"], json_file: str | None) ->
     return exit_codes.GOOD if good else exit_codes.LIMIT_EXCEEDED
 
 
-def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | None) -> int:
+def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
     from cranectl.cases.regression import regression_of
-    from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.compare.golden import load_tolerances
     from cranectl.report.run.differences import regression_table
 
     found = regression_of(new_log, golden_log, load_tolerances(tolerances))
-    screen = console(json_file)
     for verdict in found.verdicts:
         screen.print(regression_table(verdict))
     for plant, only in found.unshared.items():
@@ -208,14 +199,13 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, json_file: str | No
     for difference in found.software_differences:
         screen.print(f"golden was made by other software: {difference}")
     screen.print(f"{new_log.name}:", PASSED if found.passed else FAILED)
-    write_json(json_file, found.to_json())
+    screen.write_json(found.to_json())
     return exit_codes.GOOD if found.passed else exit_codes.LIMIT_EXCEEDED
 
 
-def _judge_directories(new: Path, golden: Path, tolerances: str, json_file: str | None) -> int:
+def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen) -> int:
     """The logs in and below two directories, by relative path; one that only GOLDEN has fails."""
     from cranectl.cases.regression import Regression, regression_of
-    from cranectl.cli.output import FAILED, PASSED, console, write_json
     from cranectl.compare.golden import load_tolerances
     from cranectl.report.run.differences import regressions_table
 
@@ -235,15 +225,8 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, json_file: str 
         except InputError as error:
             outcomes[str(path)] = error.found
     passed = all(isinstance(outcome, Regression) and outcome.passed for outcome in outcomes.values())
-    screen = console(json_file)
-    screen.print(
-        regressions_table(
-            {
-                path: outcome if isinstance(outcome, str) else outcome.verdicts
-                for path, outcome in outcomes.items()
-            }
-        )
-    )
+    judged = {path: each if isinstance(each, str) else each.verdicts for path, each in outcomes.items()}
+    screen.print(regressions_table(judged))
     for path in sorted(held[0] - held[1]):
         screen.print(f"not compared: {path}, only in {new}")
     screen.print(f"{new}:", PASSED if passed else FAILED)
@@ -251,7 +234,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, json_file: str 
         path: {"passed": False, "problem": outcome} if isinstance(outcome, str) else outcome.to_json()
         for path, outcome in outcomes.items()
     }
-    write_json(json_file, {"passed": passed, "logs": logs})
+    screen.write_json({"passed": passed, "logs": logs})
     return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED
 
 

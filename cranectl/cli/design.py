@@ -5,9 +5,10 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.cli.command import Asked, Command, json_option, output_option, scenario_options
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
+from cranectl.cli.output import Screen
 from cranectl.support.files import PLOTS
 
 # What only runs read, and what designs of the flat family do not read either.
@@ -30,11 +31,9 @@ OF_LAWS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "r
 @json_option
 def design_command(
     names: tuple[str, ...],
-    scenario: str | None,
-    rig: Path | None,
-    overrides: tuple[str, ...],
+    asked: Asked,
     plot: Path | None,
-    json_file: str | None,
+    screen: Screen,
 ) -> None:
     """Design the controller NAME, or several, and say what it achieves.
 
@@ -47,33 +46,21 @@ def design_command(
     cranectl design lqr+loop-shaping --scenario fixed-position
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     """
-    from cranectl.cli.output import console, write_json
     from cranectl.controllers.registry import controller_design, load_controller, only_flat
     from cranectl.report.design_tables import design_tables, designs_table, law_tables
-    from cranectl.scenario import default_scenario, read_scenario
     from cranectl.simulate import linearised_law, tracker_of
 
-    if scenario is None:
-        loaded = default_scenario(rig=rig, overrides=overrides)
-    else:
-        loaded = read_scenario(scenario, rig=rig, overrides=overrides)
+    loaded = asked.read()
     designs = [controller_design(name, loaded) for name in dict.fromkeys(names)]
-    screen = console(json_file)
     tell = functools.partial(
-        tell_idle_in_analysis,
-        screen,
-        loaded,
-        (scenario, rig, overrides),
-        names,
-        plant="analytic",
-        drive="ideal",
+        tell_idle_in_analysis, screen, loaded, asked, names, plant="analytic", drive="ideal"
     )
     if designs[0].axis_design is None and len(designs) == 1 and plot is None:
         law = designs[0]
         for table in law_tables(law, load_controller(law.name), linearised_law(loaded, law)):
             screen.print(table)
         tell(unread=UNREAD)
-        write_json(json_file, law.to_json())
+        screen.write_json(law.to_json())
         return
     flat = [only_flat(design) for design in designs]
     for design in flat:
@@ -90,4 +77,4 @@ def design_command(
     if plot is not None:
         screen.print(f"picture: {plot}")
     results = [design.to_json() for design in flat]
-    write_json(json_file, results[0] if len(flat) == 1 else {"designs": results})
+    screen.write_json(results[0] if len(flat) == 1 else {"designs": results})

@@ -7,10 +7,13 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cranectl.cli.command import Asked
+from cranectl.cli.output import Screen, styled
+from cranectl.support.errors import InputError
+
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
     from cranectl.campaign.benchmark.settings import Benchmark
-    from cranectl.cli.output import Screen
     from cranectl.plants.plant import Drive
     from cranectl.scenario import Scenario
     from cranectl.simulate.idle_settings import RunKind
@@ -21,10 +24,8 @@ LABELS = ("name", "title", "controller.name")  # told where they are shown
 OF_RUNS = ("log.*", "limits.*", "expected")
 
 
-def tell_idle(screen: "Screen", lines: Sequence[str]) -> None:
+def tell_idle(screen: Screen, lines: Sequence[str]) -> None:
     """Print what `idle_lines` and `idle_patience` say, as much as is read."""
-    from cranectl.cli.output import styled
-
     for line in lines[:SHOWN_NAMES]:
         screen.print(styled(f"  {line}", "yellow"))
     if len(lines) > SHOWN_NAMES:
@@ -33,9 +34,7 @@ def tell_idle(screen: "Screen", lines: Sequence[str]) -> None:
 
 def idle_lines(
     scenario: "Scenario",
-    source: str | None,
-    rig: str | Path | None,
-    overrides: Sequence[str],
+    asked: Asked,
     uses: Iterable[tuple[str, "Drive", str]],
     *,
     unread: Sequence[str] = (),
@@ -47,8 +46,8 @@ def idle_lines(
     ----------
     scenario
         As it is run, planned.
-    source, rig, overrides
-        By which it was read; without a source the default scenario.
+    asked
+        How the user asks for it.
     uses
         Plant, drive and controller of each run.
     unread
@@ -58,19 +57,18 @@ def idle_lines(
         The command takes numbers of the rig for effects that the scenario does not have.
 
     """
-    from cranectl.scenario import given_settings, idle_effects, read_scenario
+    from cranectl.scenario import given_settings, idle_effects
     from cranectl.simulate.idle_settings import RunKind, idle_settings
 
-    given = [name for name in given_settings(source, rig, overrides) if name not in LABELS]
+    given = [name for name in given_settings(*asked) if name not in LABELS]
     if not given:
         return []
-    keys = [each.partition("=")[0].strip() for each in overrides]
+    keys = [each.partition("=")[0].strip() for each in asked.overrides]
     options = [*keys, *(f"{key}.*" for key in keys)]
     read = [name for name in given if not _fits(name, unread)]
     found = {"the command does not read it": [n for n in given if n not in read and _fits(n, options)]}
-    asked = scenario if source is None else read_scenario(source, rig=rig, overrides=overrides)
     runs = [RunKind(*each) for each in uses]
-    for why, names in idle_settings(scenario, asked, read, runs).items():
+    for why, names in idle_settings(scenario, asked.read(), read, runs).items():
         found.setdefault(why, []).extend(names)
     lines = [
         f"{scenario.name}: {_listed(names)} nothing here: {why}" for why, names in found.items() if names
@@ -80,21 +78,18 @@ def idle_lines(
 
 
 def tell_idle_in_analysis(
-    screen: "Screen",
+    screen: Screen,
     scenario: "Scenario",
-    given: tuple[str | None, str | Path | None, Sequence[str]],
+    asked: Asked,
     controllers: Iterable[str],
     *,
     plant: str = "mujoco",
     drive: "Drive" = "velocity",
     unread: Sequence[str] = OF_RUNS,
 ) -> None:
-    """Print what changes nothing in a command that takes the effects of a rig and keeps no log.
-
-    `given`: source, rig and overrides of `idle_lines`.
-    """
+    """Print what changes nothing in a command that takes the effects of a rig and keeps no log."""
     uses = [(plant, drive, each) for each in controllers]
-    tell_idle(screen, idle_lines(scenario, *given, uses, unread=unread, all_effects=True))
+    tell_idle(screen, idle_lines(scenario, asked, uses, unread=unread, all_effects=True))
 
 
 def idle_in_campaign(campaign: "Campaign") -> list[str]:
@@ -104,8 +99,8 @@ def idle_in_campaign(campaign: "Campaign") -> list[str]:
 
     told = campaign.settings
     uses = product(told.plants, (checked_drive(told.drive),), told.controllers)
-    scenario = campaign.nominal, told.scenario, told.rig, told.set
-    lines = idle_lines(*scenario, uses, unread=("limits.*", "expected"))
+    asked = Asked(told.scenario, told.rig, told.set)
+    lines = idle_lines(campaign.nominal, asked, uses, unread=("limits.*", "expected"))
     if "seed" in told.model_fields_set and told.sampling in COUNTED:
         lines.append(f"{told.name}: seed changes nothing here: {told.sampling} sampling draws nothing")
     return lines
@@ -119,16 +114,15 @@ def idle_in_benchmark(
     `runs`: scenario of the benchmark, plant and controller of each.
     """
     from cranectl.campaign.benchmark.pieces import scenario_place
-    from cranectl.planning import load_scenario
     from cranectl.support.resources import BENCHMARK_DIRECTORY
 
     lines: list[str] = []
     listed = list(runs)
     for name, measured in benchmark.scenarios.items() if directory != BENCHMARK_DIRECTORY else ():
         if uses := [(plant, benchmark.drive, law) for each, plant, law in listed if each == name]:
-            source, overrides = scenario_place(measured.file, directory), [*benchmark.set, *measured.set]
-            scenario = load_scenario(source, overrides=overrides)
-            lines += idle_lines(scenario, source, None, overrides, uses, unread=("log.*", "expected"))
+            place = scenario_place(measured.file, directory)
+            asked = Asked(place, None, [*benchmark.set, *measured.set])
+            lines += idle_lines(asked.load(), asked, uses, unread=("log.*", "expected"))
     return lines
 
 
@@ -139,7 +133,6 @@ def _fits(name: str, patterns: Iterable[str]) -> bool:
 def _effects_line(scenario: "Scenario", idle: Sequence[str], uses: Iterable["RunKind"]) -> str:
     """Say which numbers of the rig no run uses, and the options that add their effects."""
     from cranectl.plants.capabilities import check_effects
-    from cranectl.support.errors import InputError
 
     options = ""
     added = scenario.effects.model_copy(update={name: getattr(scenario.rig.effects, name) for name in idle})

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.command import Command, json_option, predict_option
+from cranectl.cli.command import PATH, Command, json_option, predict_option
+from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
     from cranectl.compare.agreement import Agreement
@@ -16,10 +17,10 @@ if TYPE_CHECKING:
 
 
 @click.command("info", cls=Command)
-@click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
+@click.argument("log", metavar="LOG", type=PATH)
 @predict_option
 @json_option
-def info_command(log: Path, json_file: str | None) -> None:
+def info_command(log: Path, screen: Screen) -> None:
     """Say what LOG holds, what made it, and whether it is whole.
 
     Scenario, design, parameters, versions, topics, verdict. Every message and checksum is read; a damaged
@@ -28,7 +29,6 @@ def info_command(log: Path, json_file: str | None) -> None:
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap
     """
-    from cranectl.cli.output import console, write_json
     from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.log import describe_log
     from cranectl.log.overlay import is_overlay, read_layers
@@ -40,20 +40,18 @@ def info_command(log: Path, json_file: str | None) -> None:
     runs = {name: layer.run for name, layer in layers.items()}
     description = describe_log(log)
     if is_overlay(layers):
-        _print_overlay(description, layers, json_file)
+        _print_overlay(description, layers, screen)
         return
     held = list(runs.values())
     pairs = against_reference([run for run in held if len(run.time_ns)], runs)
     agreements = [judge(a, b) for a, b in pairs]
     software = provenance_differences(description.versions, provenance())
-    screen = console(json_file)
     for line in _lines(description, held, agreements, software):
         screen.print(line)
     _, settings = what_was_run({"": runs}, {})
     screen.print(settings if settings.rows else "All settings have their defaults.")
     screen.print(topic_table(description))
-    write_json(
-        json_file,
+    screen.write_json(
         {
             **description.to_json(),
             "scenario": held[0].scenario.model_dump(mode="json"),
@@ -69,18 +67,14 @@ def info_command(log: Path, json_file: str | None) -> None:
 WIDEST = 4  # runs whose settings are told beside each other
 
 
-def _print_overlay(
-    description: "LogDescription", layers: Mapping[str, "Layer"], json_file: str | None
-) -> None:
+def _print_overlay(description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen) -> None:
     from cranectl.cases.case import RunSummary
-    from cranectl.cli.output import console, write_json
     from cranectl.planning.review import with_claims
     from cranectl.reference.origin import origins
     from cranectl.report.run.differences import what_differs
     from cranectl.report.run.tables import run_table, topic_table
     from cranectl.support.provenance import other_software
 
-    screen = console(json_file)
     made_by = {label: layer.versions for label, layer in layers.items()}
     made_of: dict[str, list[str]] = {}
     for label, layer in layers.items():
@@ -113,7 +107,7 @@ def _print_overlay(
         }
         for name, layer in layers.items()
     ]
-    write_json(json_file, {**description.to_json(), "runs": runs})
+    screen.write_json({**description.to_json(), "runs": runs})
 
 
 def _lines(

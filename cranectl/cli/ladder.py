@@ -7,8 +7,10 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, command_given, json_option, output_option, scenario_options
+from cranectl.cli.command import Asked, Command, command_given, json_option, output_option, scenario_options
+from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import controller_option
+from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
@@ -35,14 +37,12 @@ class LadderCommand(Command):
 @output_option("--report", HTML, "HTML page of it.")
 @json_option
 def ladder_command(
-    scenario: str,
+    asked: Asked,
     controller: str | None,
     top: str | None,
-    rig: Path | None,
-    overrides: tuple[str, ...],
     out: Path | None,
     report: Path | None,
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Measure what each effect of the real rig costs, one by one.
 
@@ -59,34 +59,30 @@ def ladder_command(
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
     from cranectl.analysis.levels import LEVELS, NAMES
     from cranectl.cases.places import LOG_DIRECTORY
-    from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
-    from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import controller_design
     from cranectl.log import check_recordable, check_writable
     from cranectl.log.overlay import Layer, write_overlay
-    from cranectl.planning import load_scenario
     from cranectl.report.rig.tables import ladder_table
     from cranectl.scenario.effects import EffectSettings
     from cranectl.support.provenance import provenance
 
     top = top or NAMES[-1]
-    loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    loaded = asked.load()
     name = controller or loaded.controller.name
     log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     check_writable(log)
     check_recordable(loaded, controller_design(name, loaded), LEVELS[-1].drive)
     results = []
-    with progress_bar(simulated_seconds(loaded, top)) as (advance, describe):
+    with progress_bar(simulated_seconds(loaded, top)) as advance:
         for result in evaluate_levels(loaded, name, top=top, progress=advance):
-            describe(f"{loaded.name}, {result.level.name}")
+            advance(0.0, f"{loaded.name}, {result.level.name}")
             results.append(result)
     made_by = provenance()
     write_overlay(log, {r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results})
-    screen = console(json_file)
     screen.print(ladder_table(results))
     added = [result.level.name for result in results]
     unread = [*OF_RUNS, *(f"effects.{each}.*" for each in EffectSettings.model_fields if each not in added)]
-    tell_idle_in_analysis(screen, loaded, (scenario, rig, overrides), [name], unread=unread)
+    tell_idle_in_analysis(screen, loaded, asked, [name], unread=unread)
     screen.print(f"log: {log}")
     screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
     if report is not None:
@@ -95,8 +91,7 @@ def ladder_command(
 
         write_page(ladder_page(loaded, name, results, command_given()), report)
         screen.print(f"report: {report}")
-    write_json(
-        json_file,
+    screen.write_json(
         {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]},
     )
     return exit_codes.RUN_STOPPED if any(result.run.status.stopped for result in results) else exit_codes.GOOD

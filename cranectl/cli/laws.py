@@ -4,13 +4,11 @@ import functools
 from collections.abc import Callable
 from math import isnan
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
-from cranectl.cli.command import names_given
-
-F = TypeVar("F", bound=Callable[..., Any])
+from cranectl.cli.command import F, names_given
 
 
 class Law(click.ParamType):  # type: ignore[type-arg]

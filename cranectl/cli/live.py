@@ -10,13 +10,16 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
+    Asked,
     Command,
     drive_option,
     output_option,
     run_plants_option,
     scenario_options,
 )
+from cranectl.cli.idle import idle_lines, tell_idle
 from cranectl.cli.laws import controller_option
+from cranectl.cli.output import Screen
 from cranectl.support.errors import printable
 from cranectl.support.files import JSON, MCAP, write_text, writing
 from cranectl.support.interrupts import heed_interrupts, interrupt
@@ -41,7 +44,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 @output_option("--layout", JSON, "Write a layout of this session for its viewer: its rig, what steers it.")
 @scenario_options
 def live_command(
-    scenario: str,
+    asked: Asked,
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,
@@ -51,8 +54,6 @@ def live_command(
     origins: tuple[str, ...],
     record: Path | None,
     layout: Path | None,
-    rig: Path | None,
-    overrides: tuple[str, ...],
 ) -> int:
     """Run SCENARIO in real time, to be watched and steered.
 
@@ -66,8 +67,6 @@ def live_command(
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases.places import LOG_DIRECTORY, default_log
-    from cranectl.cli.idle import idle_lines, tell_idle
-    from cranectl.cli.output import console
     from cranectl.controllers.open_controllers import OPEN
     from cranectl.controllers.registry import controller_design, controller_names
     from cranectl.live.child_session import ChildSession
@@ -77,11 +76,10 @@ def live_command(
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
-    from cranectl.planning import load_scenario
     from cranectl.plants.registry import plants_to_run
     from cranectl.simulate import checked_drive
 
-    loaded = load_scenario(scenario, rig=rig, overrides=overrides)
+    loaded = asked.load()
     design = controller_design(controller or loaded.controller.name, loaded)
     controls = Controls(loaded, design, drive=drive, speed=speed)
     plants = plants_to_run(plants)
@@ -96,7 +94,7 @@ def live_command(
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     wanted = record or log.with_stem(f"{log.stem}-live")
     every = [(plant, session.drive, law) for plant in plants for law in {design.name, *controller_names()}]
-    tell_idle(console(None), idle_lines(loaded, scenario, rig, overrides, every))  # of which one may choose
+    tell_idle(Screen(), idle_lines(loaded, asked, every))  # of which one may choose
     with _until_ended() as stop, complaints(_warn), own_place(wanted, numbered=record is None) as place:
         server = LiveServer(session, controls, address, place)
         if host not in HERE:

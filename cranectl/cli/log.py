@@ -5,19 +5,21 @@ from pathlib import Path
 import click
 
 from cranectl.cli.command import (
+    PATH,
     Command,
     CommandGroup,
     OutputFile,
     json_option,
-    logged_plants_option,
     output_option,
+    plants_option,
 )
+from cranectl.cli.output import Screen
 from cranectl.cli.overlay import overlay_command
-from cranectl.support.files import JSON, MCAP
+from cranectl.support.files import JSON, MCAP, check_place, write_text, writing
 
 
 @click.command("export", cls=Command)
-@click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
+@click.argument("log", metavar="LOG", type=PATH)
 @click.option(
     "--format",
     "format_name",
@@ -31,12 +33,7 @@ from cranectl.support.files import JSON, MCAP
     multiple=True,
     help="Shell pattern of the columns wanted, e.g. 'mujoco.state.*'; repeatable. Default: all.",
 )
-@click.option(
-    "--out",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="Default: beside LOG, with the format's ending.",
-)
+@click.option("--out", metavar="FILE", type=PATH, help="Default: beside LOG, with the format's ending.")
 def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], out: Path | None) -> None:
     """Write the signals of LOG as a table for pandas, MATLAB or Excel.
 
@@ -49,10 +46,8 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     cranectl log export logs/fixed-position/lqr-ideal.mcap
     cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
-    from cranectl.cli.output import console
     from cranectl.export import chosen_exporter, export_table, write_table
     from cranectl.log.overlay import read_layers
-    from cranectl.support.files import check_place
 
     exporter = chosen_exporter(format_name, out)
     path = out or log.parent / f"{log.stem}.{exporter.name}"
@@ -60,7 +55,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     table = export_table({name: layer.run for name, layer in read_layers(log).items()}, patterns)
     write_table(table, path, exporter)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
-    screen = console(None)
+    screen = Screen()
     screen.print(f"export: {path}, {size}")
     for name, new in exporter.renamed(table).items():
         screen.print(f"renamed: {name} is {new}")
@@ -69,11 +64,13 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
 @click.command("layout", cls=Command)
 @click.argument("name")
 @click.argument("out", type=OutputFile(JSON))
-@logged_plants_option("Whose runs the log holds. Default: the usual; what shows one run then shows mujoco's.")
+@plants_option(
+    "Whose runs the log holds. Default: the usual; what shows one run then shows mujoco's.", of_logs=True
+)
 @click.option(
     "--log",
     metavar="LOG",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="What is to be shown: its plants or labels, what its law logs, and a camera that sees the whole of "
     "its rig. Default: a log of the flat family on the laboratory's rig.",
 )
@@ -94,12 +91,10 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     cranectl log layout comparison view.json --log logs/harbour/lqr-ideal.mcap
     cranectl log layout overlay view.json --log logs/fixed-position/overlay.mcap
     """
-    from cranectl.cli.output import console
     from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.plants.registry import plants_of_logs
     from cranectl.report.viewer_layouts import layout_json
     from cranectl.scenario.drawn_size import LABORATORY
-    from cranectl.support.files import write_text, writing
 
     layers = read_layers(log) if log else {}
     rigs = [layer.run.scenario.limited_rig for layer in layers.values()]
@@ -117,14 +112,14 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     )
     with writing(out):
         write_text(out, content)
-    console(None).print(f"layout: {out}; in Foxglove: Layouts, Import from file")
+    Screen().print(f"layout: {out}; in Foxglove: Layouts, Import from file")
 
 
 @click.command("recover", cls=Command)
-@click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
+@click.argument("file", metavar="FILE", type=PATH)
 @output_option("--out", MCAP, "Log file. Default: the place the log should have had, if it is free")
 @json_option
-def recover_log_command(file: Path, out: Path | None, json_file: str | None) -> None:
+def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     """Save what is whole in FILE, a log that was cut off.
 
     Its process was killed, or its disk full. At most the last chunk of 64 KiB is missing.
@@ -133,11 +128,9 @@ def recover_log_command(file: Path, out: Path | None, json_file: str | None) -> 
     \b
     cranectl log recover logs/fixed-position/lqr-ideal.mcap.4711.part
     """
-    from cranectl.cli.output import console, write_json
     from cranectl.log import recover_log
 
     recovery = recover_log(file, out)
-    screen = console(json_file)
     screen.print(f"{recovery.messages} messages of {file} are whole")
     for run in recovery.runs:
         expected = f" of {run.expected}" if run.expected is not None else ""
@@ -145,7 +138,7 @@ def recover_log_command(file: Path, out: Path | None, json_file: str | None) -> 
     if recovery.lost:
         screen.print(f"  the last {recovery.lost} of {recovery.size} bytes are no whole chunk, and lost")
     screen.print(f"log: {recovery.log}")
-    write_json(json_file, recovery.to_json())
+    screen.write_json(recovery.to_json())
 
 
 log_command = CommandGroup(

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command
+from cranectl.cli.command import PATH, Command
+from cranectl.support.errors import InputError
+from cranectl.support.files import exists, write_text, writing
 
 TEMPLATES = Path(__file__).parent / "templates"
 ENDINGS = {
@@ -23,12 +25,7 @@ ENDINGS = {
 @click.argument("kind", type=click.Choice(list(ENDINGS)))
 @click.argument("name")
 @click.option(
-    "--in",
-    "directory",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    default=Path(),
-    help="Where to write. Default: here.",
+    "--in", "directory", metavar="DIR", type=PATH, default=Path(), help="Where to write. Default: here."
 )
 def new_command(kind: str, name: str, directory: Path) -> None:
     """Write a small working example of a file, and its test.
@@ -45,9 +42,7 @@ def new_command(kind: str, name: str, directory: Path) -> None:
     cranectl new campaign unknown-load
     """
     from cranectl.loaders.c_law import HEADER
-    from cranectl.support.errors import InputError
     from cranectl.support.extensions import check_name
-    from cranectl.support.files import exists, write_text, writing
 
     check_name(kind, name)
     module = name.replace("-", "_")

@@ -33,14 +33,17 @@ from cranectl.support.files import write_text, writing
 
 LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
+PREPARING = "preparing; the first time this compiles code"
 COLOURS = {"good": "green", "open": "yellow", "bad": "bold red", "head": "bold"}
 
 
 class Screen(Console):
     """A console that takes every string for text: one line without markup or control characters."""
 
-    def __init__(self, *, stderr: bool) -> None:
-        super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
+    def __init__(self, json_file: str | None = None, *, stderr: bool = False) -> None:
+        """Print on standard error where `json_file` is `-`, so that standard output carries only JSON."""
+        super().__init__(stderr=stderr or json_file == "-", highlight=False, markup=False, emoji=False)
+        self._json_file = json_file
         if not self.is_terminal:  # into a file or a CI log: as wide as the tables are
             self.width = FILE_WIDTH
 
@@ -57,6 +60,18 @@ class Screen(Console):
                 self.width = width
         else:
             super().print(*objects, **{"soft_wrap": True, **options})
+
+    def write_json(self, data: dict[str, Any]) -> None:
+        """Write `data` to the file that is asked for, if any; `-` is standard output."""
+        if self._json_file is None:
+            return
+        text = json.dumps(mapped(data, _finite), indent=2)
+        if self._json_file == "-":
+            print(text)
+            return
+        place = Path(self._json_file)
+        with writing(place, remedy="choose another place with --json"):
+            write_text(place, text + "\n")
 
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:
         """`table`, dense if need be, or tables of its first column and as many others as fit."""
@@ -174,23 +189,6 @@ def _print_lines(shown: Progress, ended: threading.Event, stream: TextIO) -> Non
 PASSED, FAILED = styled("passed", "green"), styled("FAILED", "bold red")
 
 
-def console(json_file: str | None) -> Screen:
-    """Where tables go: standard error when standard output carries JSON."""
-    return Screen(stderr=json_file == "-")
-
-
-def write_json(json_file: str | None, data: dict[str, Any]) -> None:
-    """Write `data` to a file or, for `-`, to standard output."""
-    if json_file is None:
-        return
-    text = json.dumps(mapped(data, _finite), indent=2)
-    if json_file == "-":
-        print(text)
-        return
-    with writing(Path(json_file), remedy="choose another place with --json"):
-        write_text(Path(json_file), text + "\n")
-
-
 def _finite(value: Any) -> Any:
     """`value`, null in place of infinities and NaN, which JSON does not have."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -198,9 +196,12 @@ def _finite(value: Any) -> Any:
 
 @contextmanager
 def progress_bar(
-    total: float, *, unit: str = "s", done: str = "simulated"
-) -> Iterator[tuple[Callable[[float], None], Callable[[str], None]]]:
-    """Show a bar on standard error, or lines as `progress`; yield (advance, describe)."""
+    total: float, text: str = PREPARING, *, unit: str = "s", done: str = "simulated"
+) -> Iterator[Callable[..., None]]:
+    """Show a bar on standard error, or lines as `progress`; yield `advance(amount, text)`.
+
+    `text` is what it says, from then on where `advance` is given one.
+    """
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -208,8 +209,9 @@ def progress_bar(
         TimeRemainingColumn(),
     )
     with progress(*columns) as shown:
-        task = shown.add_task("preparing; the first time this compiles code", total=total)
-        yield (
-            lambda amount: shown.advance(task, amount),
-            lambda text: shown.update(task, description=printable(text)),
-        )
+        task = shown.add_task(printable(text), total=total)
+
+        def advance(amount: float, now: str | None = None) -> None:
+            shown.update(task, advance=amount, description=None if now is None else printable(now))
+
+        yield advance

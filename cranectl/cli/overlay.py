@@ -5,23 +5,24 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, json_option, label_option, logged_plants_option, output_option
+from cranectl.cli.command import PATH, Command, json_option, label_option, output_option, plants_option
+from cranectl.cli.output import Screen, styled
 from cranectl.support.errors import InputError
-from cranectl.support.files import MCAP
+from cranectl.support.files import MCAP, check_place
 
 
 @click.command("overlay", cls=Command)
-@click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=PATH)
 @output_option("--out", MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
 @label_option
-@logged_plants_option("Whose runs to take of each LOG. Default: MuJoCo's.")
+@plants_option("Whose runs to take of each LOG. Default: MuJoCo's.", of_logs=True)
 @json_option
 def overlay_command(
     logs: tuple[Path, ...],
     out: Path | None,
     labels: tuple[str, ...],
     plants: tuple[str, ...],
-    json_file: str | None,
+    screen: Screen,
 ) -> None:
     """Lay the runs of several LOGs on top of each other, in one log.
 
@@ -34,11 +35,9 @@ def overlay_command(
     cranectl log overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
     """
     from cranectl.cases.places import LOG_DIRECTORY
-    from cranectl.cli.output import console, styled, write_json
     from cranectl.compare.runs import against_first
     from cranectl.log.overlay import gathered, write_overlay
     from cranectl.report.run.differences import distances_table
-    from cranectl.support.files import check_place
 
     layers = gathered(logs, labels=labels, plants=plants)
     runs = {label: layer.run for label, layer in layers.items()}
@@ -52,18 +51,11 @@ def overlay_command(
     check_place(path, MCAP, inputs=logs, option="--out")
     comparisons = against_first(runs)
     write_overlay(path, layers)
-    screen = console(json_file)
     scenarios = dict.fromkeys(run.scenario.name for run in runs.values())
     if len(scenarios) > 1:
         screen.print(styled(f"scenarios differ: {', '.join(scenarios)}", "yellow"))
     screen.print(distances_table(next(iter(runs)), comparisons))
     screen.print(f"log: {path}")
     screen.print(f"view: cranectl log layout overlay view.json --log {shlex.quote(str(path))}")
-    write_json(
-        json_file,
-        {
-            "log": str(path),
-            "labels": [*runs],
-            "comparisons": [comparison.to_json() for comparison in comparisons.values()],
-        },
-    )
+    compared = [comparison.to_json() for comparison in comparisons.values()]
+    screen.write_json({"log": str(path), "labels": [*runs], "comparisons": compared})

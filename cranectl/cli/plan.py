@@ -5,7 +5,9 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, json_option, output_option, scenario_options
+from cranectl.cli.command import Asked, Command, json_option, output_option, scenario_options
+from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
+from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
 from cranectl.support.files import PLOTS
 
@@ -25,12 +27,10 @@ UNREAD = (
 @scenario_options
 @json_option
 def plan_command(
-    scenario: str,
+    asked: Asked,
     plot: Path | None,
     bound: bool,
-    rig: Path | None,
-    overrides: tuple[str, ...],
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Plan the motions of SCENARIO and show them, without a run.
 
@@ -42,39 +42,34 @@ def plan_command(
     cranectl plan fast-diagonal-shortest --bound
     cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
     """
-    from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
-    from cranectl.cli.output import console, write_json
     from cranectl.planning import planned
     from cranectl.planning.finer import least_durations
     from cranectl.planning.review import reviews
     from cranectl.report.plan import plan_json, plan_tables
-    from cranectl.scenario import read_scenario, scenario_file
+    from cranectl.scenario import scenario_file
     from cranectl.scenario.effects import EFFECTS
 
-    asked = read_scenario(scenario, rig=rig, overrides=overrides)
-    directory = scenario_file(scenario).parent
-    ready = planned(asked, directory)
+    written, directory = asked.read(), scenario_file(str(asked.source)).parent
+    ready = planned(written, directory)
     found = reviews(ready)
-    least = least_durations(ready, asked, directory) if bound and found else ()
+    least = least_durations(ready, written, directory) if bound and found else ()
     if plot is not None and not found:
         raise InputError(
             f"nothing to draw: all segments of {ready.name} say themselves when the load is where",
             allowed="a scenario with a segment in minimum time",
             remedy="take kind = 'move', or time_law = 'minimum-time' instead of a duration",
         )
-    screen = console(json_file)
     for table in plan_tables(ready, found, least):
         screen.print(table)
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
     unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
-    given = scenario, rig, overrides
-    tell_idle_in_analysis(screen, ready, given, [ready.controller.name], unread=unread)
+    tell_idle_in_analysis(screen, ready, asked, [ready.controller.name], unread=unread)
     if plot is not None:
         from cranectl.report.plan import plan_figure
         from cranectl.report.theme import save_figure
 
         save_figure(plan_figure(found, ready), plot)
         screen.print(f"picture: {plot}")
-    write_json(json_file, plan_json(ready, found, least))
+    screen.write_json(plan_json(ready, found, least))
     holds = all(review.proof.holds for review in found)
     return exit_codes.GOOD if holds else exit_codes.LIMIT_EXCEEDED

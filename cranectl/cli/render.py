@@ -5,12 +5,13 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, OutputFile, label_option
+from cranectl.cli.command import PATH, Command, OutputFile, label_option
+from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import VIDEOS
 
 
 @click.command("render", cls=Command)
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=PATH)
 @click.argument("out", metavar="OUT.mp4|.gif|.png", type=OutputFile(endings=VIDEOS))
 @click.option(
     "--time",
@@ -53,16 +54,14 @@ def render_command(
     cranectl render logs/fixed-position/lqr-ideal.mcap run.png --time 7 --camera top --size 1600x1200
     cranectl render lqr.mcap pid.mcap both.mp4 --plots
     """
-    from cranectl.cli.output import console, progress_bar
     from cranectl.log.overlay import gathered, read_layers
     from cranectl.render.draw import draw_runs, render_settings
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
     layers = gathered(logs, labels=labels) if labels or len(logs) > 1 else read_layers(logs[0])
     runs = {name: layer.run for name, layer in layers.items()}
-    with progress_bar(max(run.end_s for run in runs.values()), done="drawn") as (advance, describe):
-        describe(out.name)
+    with progress_bar(max(run.end_s for run in runs.values()), out.name, done="drawn") as advance:
         shown = draw_runs(runs, settings, progress=advance)
     what = f"picture at {shown:g} s" if settings.ending == ".png" else f"video of {shown:g} s"
-    console(None).print(f"{what}: {out}")
+    Screen().print(f"{what}: {out}")
     return exit_codes.GOOD

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, command_given, output_option, predict_option
+from cranectl.cli.command import PATH, Command, command_given, output_option, predict_option
+from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
-from cranectl.support.files import HTML, short_names
+from cranectl.support.files import HTML, check_place, short_names
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("report", cls=Command)
-@click.argument("logs", metavar="[LOG]...", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("logs", metavar="[LOG]...", nargs=-1, type=PATH)
 @output_option("--out", HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
 @predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
@@ -35,7 +36,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
     if not logs:
         from cranectl.cli.thesis import run_thesis
 
-        return run_thesis(None, out or Path("thesis.html"))
+        return run_thesis(Screen(), out or Path("thesis.html"))
     _check_number(len(logs))
     name = "-and-".join(label.replace("/", "-") for label in short_names(logs))
     _report_logs(logs, out or logs[0].parent / f"{name}.html")
@@ -43,12 +44,10 @@ def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
 
 
 def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
-    from cranectl.cli.output import console
     from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.render.draw import draw_worst_moment
     from cranectl.report.page import write_page
     from cranectl.report.run.page import log_page
-    from cranectl.support.files import check_place
     from cranectl.support.provenance import other_software
 
     check_place(out, HTML, inputs=logs, option="--out")
@@ -77,8 +76,8 @@ def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
         notes.append(f"No picture of the crane: {error.found}")
     write_page(log_page(of_logs, command_given(), notes, versions=versions, worst=worst), out)
     for note in notes:
-        console(None).print(note)
-    console(None).print(f"report: {out}")
+        Screen().print(note)
+    Screen().print(f"report: {out}")
 
 
 def _check_number(logs: int) -> None:

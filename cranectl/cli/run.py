@@ -7,6 +7,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
+    Asked,
     Command,
     drive_option,
     every_option,
@@ -17,7 +18,9 @@ from cranectl.cli.command import (
     run_plants_option,
     scenario_options,
 )
+from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
 from cranectl.cli.laws import controller_option, patience_option
+from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.support.files import MCAP
 
 
@@ -33,16 +36,13 @@ from cranectl.support.files import MCAP
 @predict_option
 @json_option
 def run_command(
-    scenario: str,
+    asked: Asked,
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,
-    rig: Path | None,
-    overrides: tuple[str, ...],
-    every: int | None,
     patience: float,
     out: Path | None,
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Run SCENARIO, a name or a TOML file, and compare the plants.
 
@@ -54,9 +54,6 @@ def run_command(
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity
     """
     from cranectl.cases.case import make_case, run_case
-    from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
-    from cranectl.cli.output import console, progress_bar, styled, write_json
-    from cranectl.planning import load_scenario
     from cranectl.report.run.tables import (
         agreement_table,
         limit_notes,
@@ -67,10 +64,8 @@ def run_command(
     )
     from cranectl.simulate import checked_drive
 
-    if every is not None:
-        overrides = (*overrides, f"log.every={every}")
     case = make_case(
-        load_scenario(scenario, rig=rig, overrides=overrides),
+        asked.load(),
         controller=controller,
         drive=checked_drive(drive),
         plants=plants,
@@ -78,17 +73,15 @@ def run_command(
         patience=patience,
     )
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
-    with progress_bar(case.simulated_seconds) as (advance, describe):
-        describe(f"{case.scenario.name}, {case.controller}")
+    with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = run_case(case, progress=advance)
-    screen = console(json_file)
     screen.print(run_table({case.log.stem: result.runs}))
     for note in run_notes([result]):
         screen.print(f"  {note}")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
-    idle = idle_lines(case.scenario, scenario, rig, overrides, uses)
+    idle = idle_lines(case.scenario, asked, uses)
     tell_idle(screen, [*idle, *idle_patience([case.controller], patience)])
     screen.print(metrics_table({"": result.runs}))
     if (limits := limits_table(result.runs)) is not None:
@@ -103,8 +96,7 @@ def run_command(
         f"view: cranectl log layout {layout}; open the log in Foxglove or Lichtblick and "
         f"import the layout, or: rerun {shlex.quote(str(case.log))}"
     )
-    write_json(
-        json_file,
+    screen.write_json(
         {
             "runs": [run.to_json() for run in result.runs],
             "agreements": [agreement.to_json() for agreement in result.agreements],

@@ -6,13 +6,14 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, command_given, json_option, output_option
+from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
 from cranectl.support.files import HTML
 
 
 @click.command("thesis", cls=Command)
 @output_option("--report", HTML, "Also write tables and all figures of the thesis as one HTML page.")
 @json_option
-def thesis_command(report: Path | None, json_file: str | None) -> int:
+def thesis_command(report: Path | None, screen: Screen) -> int:
     """Run chapter 5 of the thesis again, its numbers beside ours.
 
     Every run of the chapter, on the analytic plant, on MuJoCo with ideal and with velocity drives. Exit code
@@ -23,12 +24,11 @@ def thesis_command(report: Path | None, json_file: str | None) -> int:
     cranectl thesis
     cranectl thesis --json thesis.json --report thesis.html
     """
-    return run_thesis(json_file, report)
+    return run_thesis(screen, report)
 
 
-def run_thesis(json_file: str | None, report: Path | None) -> int:
+def run_thesis(screen: Screen, report: Path | None) -> int:
     """Run, print, write what is asked for; returns the exit code."""
-    from cranectl.cli.output import FAILED, PASSED, console, progress_bar, write_json
     from cranectl.thesis.reproduction import reproduce, total_simulated_seconds
     from cranectl.thesis.tables import printed_tables
 
@@ -37,14 +37,10 @@ def run_thesis(json_file: str | None, report: Path | None) -> int:
         from cranectl.thesis.page import ChapterFigures  # matplotlib, only where it is asked for
 
         figures = ChapterFigures()
-    with progress_bar(total_simulated_seconds()) as (advance, describe):
-
-        def progress(name: str, seconds: float) -> None:
-            describe(name)
-            advance(seconds)
-
-        result = reproduce(progress, figures.watch if figures is not None else None)
-    screen = console(json_file)
+    with progress_bar(total_simulated_seconds()) as advance:
+        result = reproduce(
+            lambda name, seconds: advance(seconds, name), figures.watch if figures is not None else None
+        )
     for table in printed_tables(result).values():
         screen.print(table)
     for line in result.notes():
@@ -57,5 +53,5 @@ def run_thesis(json_file: str | None, report: Path | None) -> int:
 
         write_page(thesis_page(result, figures, command_given()), report)
         screen.print(f"report: {report}")
-    write_json(json_file, result.to_json())
+    screen.write_json(result.to_json())
     return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED

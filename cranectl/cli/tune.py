@@ -7,7 +7,9 @@ import click
 
 from cranectl.cli.benchmark.laws import measured_laws
 from cranectl.cli.command import Command, json_option
+from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
 from cranectl.cli.laws import patience_option, trust_option
+from cranectl.cli.output import Screen, progress_bar
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.tuning import Tuned
@@ -52,7 +54,7 @@ def tune_command(
     runs: int | None,
     patience: float,
     trust: bool,
-    json_file: str | None,
+    screen: Screen,
 ) -> None:
     """Find the numbers of LAW, a controller or the file of one.
 
@@ -70,19 +72,14 @@ def tune_command(
     from cranectl.campaign.benchmark.tuned import tuned_files, tuned_table, write_tuned
     from cranectl.campaign.benchmark.tuning import tune
     from cranectl.cases.workers import available_cores
-    from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
-    from cranectl.cli.output import console, progress_bar, write_json
 
     benchmark, file = read_benchmark(benchmark_name), benchmark_file(benchmark_name)
     (name,) = measured_laws([law], benchmark, file, trust)
     directory = file.parent
     files, rules = tuned_files(out, name), rules_of(benchmark, directory)
-    screen = console(json_file)
     runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
-    idle = [*idle_in_benchmark(benchmark, directory, runs_of), *idle_patience([name], patience)]
-    tell_idle(screen, idle)
-    with progress_bar(runs or benchmark.tuning.runs, unit="runs", done="done") as (advance, describe):
-        describe(name)
+    tell_idle(screen, [*idle_in_benchmark(benchmark, directory, runs_of), *idle_patience([name], patience)])
+    with progress_bar(runs or benchmark.tuning.runs, name, unit="runs", done="done") as advance:
         tuned = tune(
             benchmark,
             directory,
@@ -98,7 +95,7 @@ def tune_command(
         screen.print(f"{name} has nothing to tune: none of its parameters says where to search")
     screen.print(_table(tuned))
     screen.print(f"numbers: {files[0]}, every point: {files[1]}")
-    write_json(json_file, {**table, "files": [str(path) for path in files]})
+    screen.write_json({**table, "files": [str(path) for path in files]})
 
 
 def _table(tuned: "Tuned") -> "Table":

@@ -9,6 +9,8 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
+    PATH,
+    Asked,
     Command,
     command_given,
     drive_option,
@@ -19,12 +21,14 @@ from cranectl.cli.command import (
     run_plants_option,
     scenario_options,
 )
+from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
 from cranectl.cli.laws import controllers_option, patience_option
-from cranectl.support.files import HTML, XML
+from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
+from cranectl.support.errors import InputError
+from cranectl.support.files import HTML, XML, exists, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
-    from cranectl.cases.pairwise import Pairwise
     from cranectl.cases.validation import Validation
     from cranectl.scenario import Scenario
 
@@ -38,12 +42,7 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @drive_option(default="both")
 @scenario_options
 @click.option(
-    "--out",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    default=Path("logs"),
-    show_default=True,
-    help="Directory for the logs.",
+    "--out", metavar="DIR", type=PATH, default="logs", show_default=True, help="Directory for the logs."
 )
 @click.option(
     "--jobs", metavar="N", type=click.IntRange(min=1), help="Worker processes. Default: one for each core."
@@ -69,17 +68,15 @@ def validate_command(
     controllers: tuple[str, ...],
     plants: tuple[str, ...],
     drive: str,
-    rig: Path | None,
-    overrides: tuple[str, ...],
+    asked: Asked,
     out: Path,
     jobs: int | None,
-    every: int | None,
     patience: float,
     keep: "Keep",
     pairwise: bool,
     junit: Path | None,
     report: Path | None,
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Run scenarios on all plants and judge their agreement.
 
@@ -101,28 +98,25 @@ def validate_command(
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
     from cranectl.cases.case import check_logs_differ, make_case
+    from cranectl.cases.pairwise import pairwise as pairwise_of
     from cranectl.cases.places import default_log
     from cranectl.cases.validation import Validation, junit_xml
     from cranectl.cases.workers import available_cores, run_cases
-    from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
-    from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.controllers.registry import chosen_controllers
     from cranectl.log import check_writable
     from cranectl.plants.plant import DRIVES, Drive
     from cranectl.plants.registry import default_plants
+    from cranectl.report.validation import pair_tables
     from cranectl.scenario import scenario_names
     from cranectl.simulate import checked_drive
     from cranectl.simulate.child import BLOCK_TIMEOUT
-    from cranectl.support.files import write_text, writing
 
-    if every is not None:
-        overrides = (*overrides, f"log.every={every}")
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)
     chosen = plants or default_plants()
     sources = dict.fromkeys(_sources(scenarios) or scenario_names())
-    loaded, unloaded = _loaded(tuple(sources), rig, overrides, chosen)
+    loaded, unloaded = _loaded(asked, tuple(sources), chosen)
     cases = [
         make_case(
             scenario,
@@ -142,53 +136,41 @@ def validate_command(
     check_logs_differ(cases)
     if cases:
         check_writable(out / "any.mcap")  # once, not by every case
-    with progress_bar(sum(case.simulated_seconds for case in cases)) as (advance, describe):
+    with progress_bar(sum(case.simulated_seconds for case in cases)) as advance:
 
         def done(case: "Case") -> None:
-            describe(f"{case.scenario.name}, {case.controller}")
-            advance(case.simulated_seconds)
+            advance(case.simulated_seconds, f"{case.scenario.name}, {case.controller}")
 
         outcome = run_cases(cases, jobs=jobs or available_cores(), done=done)
     validation = Validation(tuple(cases), outcome, unloaded, chosen)
     code = _exit_code(validation)
-    pairs = _all_pairs(validation, json_file) if pairwise else None
-    _tell(validation, code, out, json_file)
+    pairs = pairwise_of(validation) if pairwise else None
+    for table in pair_tables(pairs) if pairs and pairs.pairs else ():
+        screen.print(table)
+    _tell(validation, code, out, screen)
     idle = idle_patience(names, patience)
     for source, scenario in loaded.items():
         uses, unread = product(chosen, drives, names), ("log.*",) * (keep == "none")
-        idle += idle_lines(scenario, source, rig, overrides, uses, unread=unread)
-    tell_idle(console(json_file), idle)
+        idle += idle_lines(scenario, asked._replace(source=source), uses, unread=unread)
+    tell_idle(screen, idle)
     told = validation.to_json(passed=code == exit_codes.GOOD)
-    write_json(json_file, told if pairs is None else {**told, "pairwise": pairs.to_json()})
+    screen.write_json(told if pairs is None else {**told, "pairwise": pairs.to_json()})
     options = [
-        *(("--rig", str(rig)) if rig else ()),
-        *(part for each in overrides for part in ("--set", each)),
+        *(("--rig", str(asked.rig)) if asked.rig else ()),
+        *(part for each in asked.overrides for part in ("--set", each)),
         *(("--patience", f"{patience:g}") if patience != BLOCK_TIMEOUT else ()),
     ]
     if junit is not None:
         with writing(junit):
             write_text(junit, junit_xml(validation.verdicts, options))
-        console(json_file).print(f"JUnit: {junit}")
+        screen.print(f"JUnit: {junit}")
     if report is not None:
         from cranectl.report.page import write_page
         from cranectl.report.validation import validation_page
 
-        page = validation_page(validation, options, command_given(), pairs)
-        write_page(page, report)
-        console(json_file).print(f"report: {report}")
+        write_page(validation_page(validation, options, command_given(), pairs), report)
+        screen.print(f"report: {report}")
     return code
-
-
-def _all_pairs(validation: "Validation", json_file: str | None) -> "Pairwise":
-    """Every plant against every other, told on the screen."""
-    from cranectl.cases.pairwise import pairwise
-    from cranectl.cli.output import console
-    from cranectl.report.validation import pair_tables
-
-    found = pairwise(validation)
-    for table in pair_tables(found) if found.pairs else ():
-        console(json_file).print(table)
-    return found
 
 
 def _sources(names: Sequence[str]) -> list[str]:
@@ -197,9 +179,6 @@ def _sources(names: Sequence[str]) -> list[str]:
     Rigs and campaigns there are left out; whatever else is no scenario fails as one. Raises InputError for a
     directory without any.
     """
-    from cranectl.support.errors import InputError
-    from cranectl.support.files import exists
-
     sources = []
     for name in names:
         if not exists(Path(name)) or not Path(name).is_dir():
@@ -220,7 +199,6 @@ def _sources(names: Sequence[str]) -> list[str]:
 def _is_rig_or_campaign(file: Path) -> bool:
     from cranectl.scenario.rig import RigParameters
     from cranectl.support.documents import read_toml
-    from cranectl.support.errors import InputError
 
     try:
         keys = set(read_toml(file))
@@ -230,17 +208,16 @@ def _is_rig_or_campaign(file: Path) -> bool:
 
 
 def _loaded(
-    names: Sequence[str], rig: Path | None, overrides: Sequence[str], plants: Sequence[str]
+    asked: Asked, names: Sequence[str], plants: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """The scenarios by the names they were asked for, and why others cannot be loaded."""
     from cranectl.cases.case import Failure
     from cranectl.metrics.limits import limits_of
-    from cranectl.planning import load_scenario
 
     loaded, unloaded = {}, {}
     for name in names:
         try:
-            scenario = load_scenario(name, rig=rig, overrides=overrides)
+            scenario = asked._replace(source=name).load()
             limits_of(scenario, plants)
             loaded[name] = scenario
         except Exception as error:
@@ -248,14 +225,12 @@ def _loaded(
     return loaded, unloaded
 
 
-def _tell(validation: "Validation", code: int, out: Path, json_file: str | None) -> None:
+def _tell(validation: "Validation", code: int, out: Path, screen: Screen) -> None:
     """What came of the cases on the screen, and on standard error why some could not be run."""
-    from cranectl.cli.output import FAILED, PASSED, console, styled
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes
 
     finished, lost = validation.finished, validation.lost
     if finished or lost:
-        screen = console(json_file)
         agreements, runs = validation.agreements, validation.runs
         unjudged = sum(agreement.passed is None for agreement in agreements)
         screen.print(agreement_table(agreements, validation.other_failures))
@@ -279,9 +254,7 @@ def _tell(validation: "Validation", code: int, out: Path, json_file: str | None)
 
 def _tell_failures(validation: "Validation") -> None:
     """Why cases could not be run, each reason once for a scenario."""
-    from cranectl.cli.output import console
-
-    screen = console("-")
+    screen = Screen(stderr=True)
     alike: dict[tuple[str, Failure], list[str]] = {}
     for scenario, case, failure in validation.failures:
         name = scenario if case is None else f"{scenario}, {case.controller}, {case.drive}"

@@ -8,6 +8,7 @@ from cranectl.cli.benchmark.laws import measured_laws
 from cranectl.cli.benchmark.run import tuned_option
 from cranectl.cli.command import Command, command_given, json_option, output_option
 from cranectl.cli.laws import controllers_option, opened, trust_option
+from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import HTML, PARQUET, exists
 
 
@@ -38,7 +39,7 @@ def report_benchmark(
     out: Path | None,
     table: Path | None,
     trust: bool,
-    json_file: str | None,
+    screen: Screen,
 ) -> None:
     """Say how the laws of RESULT stand, here and on an HTML page.
 
@@ -55,7 +56,6 @@ def report_benchmark(
     from cranectl.campaign.benchmark.rules import rules_of
     from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
     from cranectl.campaign.benchmark.table import check_comparable, joined, of_laws, read_table, write_table
-    from cranectl.cli.output import console, progress_bar, write_json
     from cranectl.report.benchmark.division import TITLES
     from cranectl.report.benchmark.page import benchmark_page, judged_divisions
     from cranectl.report.benchmark.sets import standing_table
@@ -70,8 +70,7 @@ def report_benchmark(
     else:
         laws = measured_laws(controllers, settings, file, trust)
         begun = pieces_there(settings, result, laws)
-        with progress_bar(len(begun), unit="pieces", done="read") as (advance, describe):
-            describe(settings.name)
+        with progress_bar(len(begun), settings.name, unit="pieces", done="read") as advance:
             found = collected(
                 settings,
                 file,
@@ -89,7 +88,6 @@ def report_benchmark(
     write_page(benchmark_page(settings, found, command_given(), results), page)
     if table is not None:
         write_table(table, found)
-    screen = console(json_file)
     told: dict[str, dict[str, list[dict[str, object]]]] = {}
     for judged in judged_divisions(settings, found):
         told[judged.division] = {}
@@ -100,7 +98,7 @@ def report_benchmark(
                 title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
                 screen.print(standing_table(judged, standings, title))
     screen.print(f"report: {page}")
-    write_json(json_file, {"benchmark": settings.name, **found.about, "divisions": told})
+    screen.write_json({"benchmark": settings.name, **found.about, "divisions": told})
 
 
 def _table_place(path: Path) -> Path:

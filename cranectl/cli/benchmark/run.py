@@ -12,7 +12,7 @@ from cranectl.cli.benchmark.laws import measured_laws
 from cranectl.cli.command import Command
 from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
 from cranectl.cli.laws import controllers_option, patience_option, trust_option
-from cranectl.cli.output import console, progress
+from cranectl.cli.output import Screen, progress
 from cranectl.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def run_benchmark(
         )
     rules = rules_of(settings, file.parent)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
-    screen = console(None)
+    screen = Screen()
     idle = idle_in_benchmark(
         settings, file.parent, [(each.scenario, each.plant, each.law) for each in pieces]
     )

@@ -7,6 +7,7 @@ import click
 
 from cranectl.cli.campaign.options import campaign_argument
 from cranectl.cli.command import Command, json_option
+from cranectl.cli.output import Screen, progress_bar
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign, UncertainParameter
@@ -17,7 +18,7 @@ QUANTILES = (0.05, 0.95)
 
 @click.command("list", cls=Command)
 @json_option
-def list_campaigns(json_file: str | None) -> None:
+def list_campaigns(screen: Screen) -> None:
     """List the campaigns that come with cranectl.
 
     \b
@@ -25,7 +26,6 @@ def list_campaigns(json_file: str | None) -> None:
     cranectl campaign list --json -
     """
     from cranectl.campaign import campaign_names, load_campaign
-    from cranectl.cli.output import console, write_json
     from cranectl.report.table import Table, cells
 
     campaigns = [load_campaign(name) for name in campaign_names()]
@@ -34,18 +34,17 @@ def list_campaigns(json_file: str | None) -> None:
         cells(each.name, each.scenario, each.sampling, str(len(campaign.parameters)), str(campaign.runs))
         for campaign, each in ((campaign, campaign.settings) for campaign in campaigns)
     )
-    screen = console(json_file)
     screen.print(Table("Campaigns", headings, rows, labels=3))
     for each in campaigns:
         screen.print(f"{each.settings.name}: {each.settings.title}")
-    write_json(json_file, {"campaigns": [_facts(each) for each in campaigns]})
+    screen.write_json({"campaigns": [_facts(each) for each in campaigns]})
 
 
 @click.command("show", cls=Command)
 @campaign_argument
 @click.option("--no-estimate", is_flag=True, help="Do not run anything to say how long it takes.")
 @json_option
-def show_campaign(campaign: "Campaign", no_estimate: bool, json_file: str | None) -> None:
+def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> None:
     """Say what is uncertain in CAMPAIGN, and how long it takes here.
 
     The time is that of nominal runs, one with each controller on each plant, times their number.
@@ -55,9 +54,7 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, json_file: str | None
     cranectl campaign show mine.toml --runs 10000 --no-estimate
     """
     from cranectl.cli.idle import idle_in_campaign, tell_idle
-    from cranectl.cli.output import console, progress_bar, write_json
 
-    screen = console(json_file)
     screen.print(_parameters_table(campaign))
     for line in _lines(campaign):
         screen.print(line)
@@ -68,12 +65,11 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, json_file: str | None
         from cranectl.cases.workers import available_cores
 
         cores = available_cores()
-        with progress_bar(1.0, done="measured") as (_, describe):
-            describe("running the nominal scenario")
+        with progress_bar(1.0, "running the nominal scenario", done="measured"):
             seconds = estimated_seconds(campaign, workers=cores)
         screen.print(f"time: about {duration(seconds)} on {cores} cores")
         facts |= {"estimated_s": seconds, "workers": cores}
-    write_json(json_file, facts)
+    screen.write_json(facts)
 
 
 def duration(seconds: float) -> str:

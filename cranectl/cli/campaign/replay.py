@@ -7,6 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, json_option, plants_option
 from cranectl.cli.laws import controllers_option
+from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
 
 
 @click.command("replay", cls=Command)
@@ -37,7 +38,7 @@ def replay_campaign(
     plants: tuple[str, ...],
     every: int | None,
     out: Path | None,
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Run some of RESULT's runs again and log each in full.
 
@@ -52,7 +53,6 @@ def replay_campaign(
     """
     from cranectl.campaign.replay import chosen_rows, replay_run
     from cranectl.campaign.results import REPLAYS, read_results
-    from cranectl.cli.output import FAILED, PASSED, console, progress_bar, write_json
 
     if samples and worst is not None:
         raise click.UsageError("--run and --worst exclude each other")
@@ -61,15 +61,14 @@ def replay_campaign(
         results, samples=samples, worst=worst or 3, metric=metric, plants=plants, controllers=controllers
     )
     replays = []
-    with progress_bar(results.campaign.nominal.duration * len(rows)) as (advance, describe):
+    with progress_bar(results.campaign.nominal.duration * len(rows)) as advance:
         for row in rows:
-            describe(f"run {results.row(row)['sample']}")
+            advance(0.0, f"run {results.row(row)['sample']}")
             replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
-    screen = console(json_file)
     for replay in replays:
         screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
         software = (f"made by other software: {each}" for each in replay.software_differences)
         for line in (*replay.differences, *software):
             screen.print(f"  {line}")
-    write_json(json_file, {"replays": [replay.to_json() for replay in replays]})
+    screen.write_json({"replays": [replay.to_json() for replay in replays]})
     return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED

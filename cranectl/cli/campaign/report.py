@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cranectl.cli.command import Command, command_given, json_option, output_option
+from cranectl.cli.output import Screen
 from cranectl.support.files import HTML
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 @output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
 @json_option
-def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file: str | None) -> None:
+def report_campaign(result: Path, out: Path | None, unfinished: bool, screen: Screen) -> None:
     """Say how the runs of RESULT went, here and on an HTML page.
 
     RESULT is a directory that `campaign run` has written. The page shows failures, distributions, controllers
@@ -31,7 +32,6 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     """
     from cranectl.campaign.evaluation import analyse, analysis_json
     from cranectl.campaign.results import read_results
-    from cranectl.cli.output import console
     from cranectl.report.campaign.page import campaign_page
     from cranectl.report.page import write_page
     from cranectl.support.files import check_place
@@ -41,19 +41,17 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, json_file:
     check_place(page, HTML, option="--out")
     analysis = analyse(results)
     write_page(campaign_page(analysis, command_given()), page)
-    show_result(results, json_file, analysis_json(analysis))
-    console(json_file).print(f"report: {page}")
+    show_result(results, screen, analysis_json(analysis))
+    screen.print(f"report: {page}")
 
 
-def show_result(results: "Results", json_file: str | None, more: dict[str, Any] | None = None) -> None:
+def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None = None) -> None:
     """Print the summary of a result and write it as JSON, with what is `more`, where asked for."""
     from cranectl.campaign.summary import makers, software_notes, summarize
-    from cranectl.cli.output import console, write_json
     from cranectl.report.campaign.tables import failure_notes, summary_table
 
     groups = summarize(results)
     settings = results.campaign.settings
-    screen = console(json_file)
     for plant in settings.plants:
         of_plant = [group for group in groups if group.plant == plant]
         screen.print(summary_table(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
@@ -72,4 +70,4 @@ def show_result(results: "Results", json_file: str | None, more: dict[str, Any] 
         "software": [asdict(maker) for maker in makers(results)],
         "groups": [asdict(group) for group in groups],
     }
-    write_json(json_file, summary | (more or {}))
+    screen.write_json(summary | (more or {}))

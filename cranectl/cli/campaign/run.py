@@ -14,7 +14,7 @@ from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import campaign_argument
 from cranectl.cli.command import Command, arguments_given, json_option
 from cranectl.cli.laws import patience_option
-from cranectl.cli.output import progress
+from cranectl.cli.output import Screen, progress
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
@@ -75,7 +75,7 @@ def run_campaign(
     despite_differences: bool,
     overwrite: bool,
     patience: float,
-    json_file: str | None,
+    screen: Screen,
 ) -> int:
     """Run CAMPAIGN, a name or a TOML file; keep what every run did.
 
@@ -98,7 +98,6 @@ def run_campaign(
     from cranectl.campaign.table import FAILED
     from cranectl.cli.campaign.report import show_result
     from cranectl.cli.idle import idle_in_campaign, idle_patience, tell_idle
-    from cranectl.cli.output import console
 
     if resume and overwrite:
         raise click.UsageError("--resume and --overwrite exclude each other")
@@ -108,7 +107,6 @@ def run_campaign(
         raise click.UsageError("--scheduler has workers of its own: it excludes --workers and --cluster")
     directory = out or Path("logs") / f"campaign-{campaign.settings.name}"
     options = {"resume": resume, "despite_differences": despite_differences, "overwrite": overwrite}
-    screen = console(json_file)
     controllers, elsewhere = campaign.settings.controllers, bool(scheduler or cluster)
     tell_idle(screen, [*idle_in_campaign(campaign), *idle_patience(controllers, patience, cluster=elsewhere)])
     with (
@@ -119,7 +117,7 @@ def run_campaign(
             screen.print(f"  {note}")
         interrupted = _run(campaign, store, engine)
         results = read_results(directory, unfinished=interrupted)
-    show_result(results, json_file)
+    show_result(results, screen)
     if interrupted:
         again = resume_command(results.manifest) or "the same command and --resume"
         kept = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
