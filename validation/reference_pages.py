@@ -23,7 +23,7 @@ from cranectl.campaign.benchmark.standings import points_of
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
-from cranectl.cli.schema import DOCUMENTS, json_schema
+from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS

@@ -1,23 +1,31 @@
-"""What tests assert of the closed loops that they ran; a failure names signal, time, size and limit."""
+"""What tests assert of the closed loops that they ran, and how a log is judged by its golden one.
+
+A failed assertion names signal, time, size and limit.
+"""
 
 import functools
 from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
-from typing import ParamSpec
+from typing import Any, NamedTuple, ParamSpec
 
 from cranectl.cases.case import Case, prepare_case, simulate_case
 from cranectl.compare.agreement import (
     AgreementLimits,
     NoLimits,
-    PairLimits,
     against_reference,
     ended_as_expected,
     judge,
     judge_steps,
     limits_for,
 )
-from cranectl.compare.golden import judge_regression, load_tolerances, worst_first
+from cranectl.compare.golden import (
+    RegressionVerdict,
+    Tolerances,
+    judge_regression,
+    load_tolerances,
+    worst_first,
+)
 from cranectl.compare.runs import compare_runs, differing_fields
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.metrics import run_metrics
@@ -87,14 +95,19 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
             f"a run of {', '.join(runs)} only", allowed="two plants or more", remedy="name more in 'plants'"
         )
     given = load_m is not None or angle_rad is not None
-    known = {} if given else _known(runs)
+    case = runs.case
+    known = {} if given else limits_for(case.scenario, case.drive, case.plants)
     faults, hints = _endings(runs), []
     for a, b in pairs:
         found = compare_runs(a, b, signals=("state.alpha", "state.beta"))
         limits = known.get((a.plant, b.plant)) or _given(runs, load_m, angle_rad)
         agreement = judge(a, b, limits=limits, comparison=found)
         if isinstance(limits, NoLimits):
-            raise _unknown(limits.reason)
+            raise InputError(
+                f"nobody knows how far the plants may differ: {limits.reason}",
+                allowed="scenarios, controllers and drives of which it is known, or limits of your own",
+                remedy="say how far, as assert_agree(runs, load_m=0.01, angle_rad=0.02)",
+            )
         place = ("load position", "m", found.max_load_error_m, found.max_load_error_at_s, limits.load_m)
         angles = [(s.signal, s.unit, s.max_abs, s.at_s, limits.angle_rad) for s in found.signals]
         pair = f"{a.plant} and {b.plant} differ in"
@@ -162,11 +175,6 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         _fail_for(faults, [*differing, *software, where])
 
 
-def _known(runs: CaseRuns) -> PairLimits:
-    case = runs.case
-    return limits_for(case.scenario, case.drive, case.plants)
-
-
 def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> AgreementLimits:
     """Limits of any pair; runs that stop do so at most the lag of the slowest drive apart."""
     return AgreementLimits(
@@ -174,14 +182,6 @@ def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> Agr
         angle_rad=inf if angle_rad is None else angle_rad,
         end_s=float(runs.case.scenario.rig.time_constants.max()),
         reason="given",
-    )
-
-
-def _unknown(reason: str) -> InputError:
-    return InputError(
-        f"nobody knows how far the plants may differ: {reason}",
-        allowed="scenarios, controllers and drives of which it is known, or limits of your own",
-        remedy="say how far, as assert_agree(runs, load_m=0.01, angle_rad=0.02)",
     )
 
 
@@ -202,3 +202,56 @@ def _fail_for(faults: Sequence[str], hints: Sequence[str] = ()) -> None:
     """Raise AssertionError if there are faults."""
     if faults:
         raise AssertionError("\n".join([*faults, *hints]))
+
+
+class Regression(NamedTuple):
+    """What came of it."""
+
+    verdicts: list[RegressionVerdict]
+    unshared: dict[str, Path]  # plants that only one log has, and which
+    differing_fields: list[str]
+    software_differences: list[str]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every plant that both have keeps its limits."""
+        return all(verdict.passed for verdict in self.verdicts)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "passed": self.passed,
+            "differing_fields": self.differing_fields,
+            "software_differences": self.software_differences,
+            "verdicts": [verdict.to_json() for verdict in self.verdicts],
+        }
+
+
+def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Regression:
+    """Judge `new_log`; raises InputError for logs that cannot be read or have no plant in common."""
+    new, golden = read_log(new_log), read_log(golden_log)
+    shared = [plant for plant in new if plant in golden]
+    if not shared:
+        raise nothing_shared()
+    return Regression(
+        verdicts=[judge_regression(new[plant], golden[plant], tolerances) for plant in shared],
+        unshared={
+            plant: new_log if plant in new else golden_log for plant in sorted(new.keys() ^ golden.keys())
+        },
+        differing_fields=list(differing_fields(golden[shared[0]], new[shared[0]])),
+        software_differences=software_differences(golden_log, new_log),
+    )
+
+
+def software_differences(log: Path, other: Path) -> list[str]:
+    """What may make the numbers of two logs differ besides their runs, by `log` and by `other`."""
+    return provenance_differences(describe_log(log).versions, describe_log(other).versions, word="other")
+
+
+def nothing_shared() -> InputError:
+    """The error of two logs that cannot be compared."""
+    return InputError(
+        "the logs share no plant",
+        allowed="logs of the same plant",
+        remedy="run one of them again, with a plant of the other",
+    )

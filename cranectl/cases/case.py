@@ -4,11 +4,10 @@ import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
-from cranectl.cases.places import LOG_DIRECTORY, default_log
 from cranectl.compare.agreement import (
     Agreement,
     against_reference,
@@ -18,21 +17,21 @@ from cranectl.compare.agreement import (
     limits_for,
 )
 from cranectl.compare.runs import compare_runs
-from cranectl.controllers.addressed import AddressedLaw
 from cranectl.controllers.registry import controller_design
-from cranectl.design import ControllerDesign
 from cranectl.log import check_recordable, check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import Scenario
-from cranectl.simulate import Plan, Run, law_of, plan_scenario, simulate_run
+from cranectl.simulate import Run, law_of, plan_scenario, simulate_run
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.simulate.memory import check_runs
 from cranectl.status import RunStatus
 from cranectl.support.environment import tried_again
 from cranectl.support.errors import InputError, describe_error
+
+LOG_DIRECTORY = Path("logs")
 
 Keep = Literal["all", "failed", "none"]
 
@@ -80,33 +79,19 @@ class RunSummary:
     @classmethod
     def of(cls, run: Run, log: Path | None) -> "RunSummary":
         """The summary of a run that is in `log`; raises InputError for limits that no run can have."""
-        metrics = run_metrics(run)
-        return cls(
-            scenario=run.scenario.name,
-            controller=run.design.name,
-            plant=run.plant,
-            drive=run.drive,
-            status=run.status,
-            end_s=run.end_s,
-            log=log,
-            metrics=metrics,
-            limits=judge_limits(metrics, limits_of(run.scenario, [run.plant])[run.plant]),
-            beyond_drives=_beyond_drives(run),
-        )
+        metrics, asked = run_metrics(run), limits_of(run.scenario, [run.plant])[run.plant]
+        names = run.scenario.name, run.design.name, run.plant, run.drive
+        limits, beyond = judge_limits(metrics, asked), _beyond_drives(run)
+        return cls(*names, run.status, run.end_s, log, metrics, limits, beyond)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
         return {
-            "scenario": self.scenario,
-            "controller": self.controller,
-            "plant": self.plant,
-            "drive": self.drive,
+            **vars(self),
             "status": self.status.label,
-            "end_s": self.end_s,
             "log": None if self.log is None else str(self.log),
             "metrics": self.metrics.to_json() if self.metrics is not None else None,
             "limits": [verdict.to_json() for verdict in self.limits],
-            "beyond_drives": self.beyond_drives,
         }
 
 
@@ -224,6 +209,11 @@ def make_case(
     return Case(scenario, controller, drive, plants, log, source or scenario.name, keep, pairwise, patience)
 
 
+def default_log(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:
+    """Return `DIRECTORY/SCENARIO/CONTROLLER-DRIVE.mcap`."""
+    return directory / scenario.name / f"{controller}-{drive}.mcap"
+
+
 def check_logs_differ(cases: Sequence[Case]) -> None:
     """Raise InputError if two cases have one log: the later one would replace the earlier one's."""
     places: dict[Path, Case] = {}
@@ -237,30 +227,22 @@ def check_logs_differ(cases: Sequence[Case]) -> None:
             )
 
 
-class PreparedCase(NamedTuple):
-    """What all runs of a case share."""
-
-    design: ControllerDesign
-    plan: Plan
-    law: AddressedLaw
-
-
-def prepare_case(case: Case) -> PreparedCase:
-    """Raises InputError for whatever is wrong with the case."""
+def prepare_case(case: Case) -> dict[str, Any]:
+    """Return what all runs of a case share, for `simulate_run`; raises InputError for a wrong case."""
     design = controller_design(case.controller, case.scenario)
     check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
-    return PreparedCase(design, plan, law_of(case.scenario, design, case.drive, plan))
+    law = law_of(case.scenario, design, case.drive, plan)
+    return {"drive": case.drive, "design": design, "plan": plan, "law": law, "patience": case.patience}
 
 
 def simulate_case(
-    case: Case, prepared: PreparedCase, *, progress: Callable[[float], None] | None = None
+    case: Case, shared: dict[str, Any], *, progress: Callable[[float], None] | None = None
 ) -> list[Run]:
-    """A run on each plant; an interrupted one is the last."""
+    """Return a run on each plant, by what `prepare_case` has made; an interrupted one is the last."""
     runs: list[Run] = []
-    shared = {**prepared._asdict(), "patience": case.patience}
     for plant in case.plants:
-        runs.append(simulate_run(case.scenario, plant=plant, drive=case.drive, progress=progress, **shared))
+        runs.append(simulate_run(case.scenario, plant=plant, progress=progress, **shared))
         if runs[-1].status == RunStatus.INTERRUPTED:
             break
     return runs
@@ -272,12 +254,12 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     `progress` is called with simulated seconds. Raises InputError for wrong input, before anything is
     simulated. An interrupted run is logged and ends the case.
     """
-    prepared = prepare_case(case)
+    shared = prepare_case(case)
     if case.keep != "none":
         check_writable(case.log)
-        check_recordable(case.scenario, prepared.design, case.drive)
+        check_recordable(case.scenario, shared["design"], case.drive)
     limits = limits_for(case.scenario, case.drive, case.plants)
-    runs = simulate_case(case, prepared, progress=progress)
+    runs = simulate_case(case, shared, progress=progress)
     log = None if case.keep == "none" else case.log
     if log is not None:
         write_log(log, runs, limits=limits)

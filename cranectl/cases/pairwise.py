@@ -96,7 +96,8 @@ def pairwise(validation: Validation) -> Pairwise:
         for drive in dict.fromkeys(drive for other, drive in cases if other == plant):
             case = cases[plant, drive][1]
             drift.setdefault(plant, energy_drift(plant, case.scenario))
-            alone.append(_alone(plant, case, drift[plant]))
+            steps = convergence(plant, case)
+            alone.append(PlantAlone(plant, drive, case.scenario.name, case.controller, *steps, drift[plant]))
     return Pairwise(rows, tuple(alone))
 
 
@@ -116,13 +117,6 @@ def _worst(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstP
         tension_n=max(pair.max_tension_error_n for pair in pairs),
         scenario=farthest.scenario,
         controller=farthest.controller,
-    )
-
-
-def _alone(plant: str, case: Case, drift: float) -> PlantAlone:
-    error, order = convergence(plant, case)
-    return PlantAlone(
-        plant, case.drive, case.scenario.name, case.controller, error, order, energy_drift=drift
     )
 
 

@@ -85,7 +85,7 @@ def compare_command(
         if is_overlay(layers):
             return _compare_labelled(runs, screen)
         return _compare_plants(logs[0], runs, screen)
-    from cranectl.cases.regression import software_differences
+    from cranectl.cases.assertions import software_differences
     from cranectl.compare.runs import compare_runs, differing_fields
 
     if merge is None:
@@ -185,7 +185,7 @@ def _compare_plants(log: Path, held: dict[str, "Run"], screen: Screen) -> int:
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
-    from cranectl.cases.regression import regression_of
+    from cranectl.cases.assertions import regression_of
     from cranectl.compare.golden import load_tolerances
     from cranectl.report.run.differences import regression_table
 
@@ -205,7 +205,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
 
 def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen) -> int:
     """The logs in and below two directories, by relative path; one that only GOLDEN has fails."""
-    from cranectl.cases.regression import Regression, regression_of
+    from cranectl.cases.assertions import Regression, regression_of
     from cranectl.compare.golden import load_tolerances
     from cranectl.report.run.differences import regressions_table
 
@@ -267,7 +267,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
 
 def _pairs(a_log: Path, b_log: Path) -> list[tuple["Run", "Run"]]:
     """The runs of each plant that two logs share, or the only ones that they hold."""
-    from cranectl.cases.regression import nothing_shared
+    from cranectl.cases.assertions import nothing_shared
     from cranectl.log import read_log
 
     a, b = read_log(a_log), read_log(b_log)

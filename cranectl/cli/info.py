@@ -1,8 +1,8 @@
 """`cranectl info`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,7 +10,6 @@ from cranectl.cli.command import PATH, Command, json_option, predict_option
 from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
-    from cranectl.compare.agreement import Agreement
     from cranectl.log import LogDescription
     from cranectl.log.overlay import Layer
     from cranectl.simulate import Run
@@ -29,108 +28,72 @@ def info_command(log: Path, screen: Screen) -> None:
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap
     """
-    from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.log import describe_log
     from cranectl.log.overlay import is_overlay, read_layers
-    from cranectl.report.run.differences import what_was_run
     from cranectl.report.run.tables import topic_table
-    from cranectl.support.provenance import provenance, provenance_differences
 
-    layers = read_layers(log)
-    runs = {name: layer.run for name, layer in layers.items()}
-    description = describe_log(log)
-    if is_overlay(layers):
-        _print_overlay(description, layers, screen)
-        return
-    held = list(runs.values())
-    pairs = against_reference([run for run in held if len(run.time_ns)], runs)
-    agreements = [judge(a, b) for a, b in pairs]
-    software = provenance_differences(description.versions, provenance())
-    for line in _lines(description, held, agreements, software):
-        screen.print(line)
-    _, settings = what_was_run({"": runs}, {})
-    screen.print(settings if settings.rows else "All settings have their defaults.")
+    layers, description = read_layers(log), describe_log(log)
+    told = (_tell_overlay if is_overlay(layers) else _tell_plants)(description, layers, screen)
     screen.print(topic_table(description))
-    screen.write_json(
-        {
-            **description.to_json(),
-            "scenario": held[0].scenario.model_dump(mode="json"),
-            "design": held[0].design.to_json(),
-            "runs": [_outcome(run) for run in held],
-            "agreement": least_good(agreements).to_json() if agreements else None,
-            "agreements": [agreement.to_json() for agreement in agreements],
-            "software_differences": software,
-        },
-    )
+    screen.write_json({**description.to_json(), **told})
 
 
 WIDEST = 4  # runs whose settings are told beside each other
 
 
-def _print_overlay(description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen) -> None:
+def _tell_overlay(
+    description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
+) -> dict[str, Any]:
+    """Print what the runs of an overlay are; return it as plain data."""
     from cranectl.cases.case import RunSummary
     from cranectl.planning.review import with_claims
     from cranectl.reference.origin import origins
     from cranectl.report.run.differences import what_differs
-    from cranectl.report.run.tables import run_table, topic_table
+    from cranectl.report.run.tables import run_table
     from cranectl.support.provenance import other_software
 
-    made_by = {label: layer.versions for label, layer in layers.items()}
+    runs = {label: layer.run for label, layer in layers.items()}
     made_of: dict[str, list[str]] = {}
-    for label, layer in layers.items():
-        for name, origin in origins(with_claims(layer.run.scenario)).items():
+    for label, run in runs.items():
+        for name, origin in origins(with_claims(run.scenario)).items():
             made_of.setdefault(f"{name}: {origin}", []).append(label)
-    facts = [
+    software = other_software({label: layer.versions for label, layer in layers.items()})
+    for name, text in (
         ("file", description.path),
         ("overlay of", ", ".join(layers)),
         *(("reference", f"{', '.join(of)}: {origin}") for origin, of in made_of.items()),
-        *(
-            ("differs", f"{', '.join(of)}: {difference}")
-            for difference, of in other_software(made_by).items()
-        ),
+        *(("differs", f"{', '.join(of)}: {difference}") for difference, of in software.items()),
         _integrity(description),
-    ]
-    for name, text in facts:
+    ):
         screen.print(f"{name:12} {text}")
-    summaries = {name: [RunSummary.of(layer.run, Path(name))] for name, layer in layers.items()}
-    screen.print(run_table(summaries))
-    if len(layers) <= WIDEST:
-        differing = what_differs({name: {layer.run.plant: layer.run} for name, layer in layers.items()})
+    screen.print(run_table({name: [RunSummary.of(run, Path(name))] for name, run in runs.items()}))
+    if len(runs) <= WIDEST:
+        differing = what_differs({name: {run.plant: run} for name, run in runs.items()})
         screen.print(differing or "The runs were asked for with the same settings.")
-    screen.print(topic_table(description))
-    runs = [
-        {
-            "label": name,
-            **_outcome(layer.run),
-            "scenario": layer.run.scenario.model_dump(mode="json"),
-            "design": layer.run.design.to_json(),
-        }
-        for name, layer in layers.items()
-    ]
-    screen.write_json({**description.to_json(), "runs": runs})
+    return {"runs": [{"label": name, **_outcome(run), **_asked(run)} for name, run in runs.items()]}
 
 
-def _lines(
-    description: "LogDescription",
-    runs: Sequence["Run"],
-    agreements: Sequence["Agreement"],
-    software: Sequence[str],
-) -> list[str]:
-    """What a log is, a line a fact; `software` is what differs from what is installed."""
+def _tell_plants(
+    description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
+) -> dict[str, Any]:
+    """Print what the runs of one scenario are, and how they agree; return it as plain data."""
+    from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.planning.review import with_claims
     from cranectl.reference.origin import origins
+    from cranectl.report.run.differences import what_was_run
+    from cranectl.support.provenance import provenance, provenance_differences
     from cranectl.support.units import difference_text
 
-    scenario = runs[0].scenario
+    runs = {name: layer.run for name, layer in layers.items()}
+    held = list(runs.values())
+    agreements = [judge(*pair) for pair in against_reference([run for run in held if len(run.time_ns)], runs)]
+    software = provenance_differences(description.versions, provenance())
+    scenario, design = held[0].scenario, f"{held[0].controller}, {held[0].drive} drives"
     facts = [
         ("file", description.path),
         ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
-        ("design", f"{runs[0].controller}, {runs[0].drive} drives"),
-    ]
-    facts += [
-        (run.plant, f"{run.status.label} at {run.end_s:g} s, {len(run.time_ns)} samples") for run in runs
-    ]
-    facts += [
+        ("design", design),
+        *((r.plant, f"{r.status.label} at {r.end_s:g} s, {len(r.time_ns)} samples") for r in held),
         *(("reference", f"{name}: {origin}") for name, origin in origins(with_claims(scenario)).items()),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
@@ -147,7 +110,17 @@ def _lines(
         ("attachments", ", ".join(description.attachments)),
         _integrity(description),
     ]
-    return [f"{name:12} {text}" for name, text in facts]
+    for name, text in facts:
+        screen.print(f"{name:12} {text}")
+    _, settings = what_was_run({"": runs}, {})
+    screen.print(settings if settings.rows else "All settings have their defaults.")
+    return {
+        **_asked(held[0]),
+        "runs": [_outcome(run) for run in held],
+        "agreement": least_good(agreements).to_json() if agreements else None,
+        "agreements": [agreement.to_json() for agreement in agreements],
+        "software_differences": software,
+    }
 
 
 def _integrity(description: "LogDescription") -> tuple[str, str]:
@@ -155,11 +128,10 @@ def _integrity(description: "LogDescription") -> tuple[str, str]:
     return "integrity", f"format {description.format}, {size}; checksums and counts are right"
 
 
-def _outcome(run: "Run") -> dict[str, str | float]:
-    return {
-        "plant": run.plant,
-        "drive": run.drive,
-        "status": run.status.label,
-        "end_s": run.end_s,
-        "samples": len(run.time_ns),
-    }
+def _asked(run: "Run") -> dict[str, Any]:
+    return {"scenario": run.scenario.model_dump(mode="json"), "design": run.design.to_json()}
+
+
+def _outcome(run: "Run") -> dict[str, Any]:
+    ends = {"status": run.status.label, "end_s": run.end_s, "samples": len(run.time_ns)}
+    return {"plant": run.plant, "drive": run.drive, **ends}

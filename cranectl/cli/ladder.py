@@ -58,7 +58,7 @@ def ladder_command(
     """
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
     from cranectl.analysis.levels import LEVELS, NAMES
-    from cranectl.cases.places import LOG_DIRECTORY
+    from cranectl.cases.case import LOG_DIRECTORY
     from cranectl.controllers.registry import controller_design
     from cranectl.log import check_recordable, check_writable
     from cranectl.log.overlay import Layer, write_overlay

@@ -1,13 +1,34 @@
-"""`cranectl list`."""
+"""`cranectl list`, and the JSON Schemas of `--schema`."""
 
+import json
+from math import isfinite
 from typing import Any
 
 import click
 
 from cranectl.cli.command import Command, json_option
 from cranectl.cli.output import Screen
-from cranectl.cli.schema import schema_option
 from cranectl.report.table import Table, cells
+
+DOCUMENTS = ("scenario", "rig", "campaign", "benchmark")
+
+
+def _show(context: click.Context, _: click.Parameter, document: str | None) -> None:
+    """Print the schema and end the command."""
+    if document is None:
+        return
+    click.echo(json.dumps(json_schema(document), indent=1, ensure_ascii=False))
+    context.exit()
+
+
+schema_option = click.option(
+    "--schema",
+    type=click.Choice(DOCUMENTS),
+    callback=_show,
+    is_eager=True,
+    expose_value=False,
+    help="Print the JSON Schema of this kind of file instead, for editors.",
+)
 
 
 @click.command("list", cls=Command)
@@ -48,3 +69,88 @@ def list_command(screen: Screen) -> None:
     ]
     told = {name: list(entries) for name, entries in registries.items()}
     screen.write_json({"scenarios": listed, "controllers": [name for name, *_ in laws], **told})
+
+
+def json_schema(document: str) -> dict[str, Any]:
+    """What a file of the kind `document`, one of DOCUMENTS, may hold: JSON Schema, draft 2020-12."""
+    from cranectl.campaign.benchmark.settings import Benchmark
+    from cranectl.campaign.settings import CampaignSettings
+    from cranectl.scenario import Scenario
+    from cranectl.scenario.rig import RigParameters
+    from cranectl.scenario.segments import added_kinds
+
+    models: dict[str, Any] = {
+        "scenario": Scenario,
+        "rig": RigParameters,
+        "campaign": CampaignSettings,
+        "benchmark": Benchmark,
+    }
+    schema = models[document].model_json_schema()
+    if document == "scenario":
+        schema["$defs"]["LimitSettings"] |= _limits()
+        schema["$defs"]["AddedSegment"]["properties"]["kind"]["enum"] = list(added_kinds())
+        schema["properties"]["controller"] = _controller(schema["$defs"]["ControllerSettings"])
+        rig = schema["properties"]["rig"]
+        by_path = {"description": "path of a rig file, relative to this file"}
+        schema["properties"]["rig"] = {"if": {"type": "string"}, "then": by_path, "else": rig}
+    if document == "rig":
+        schema["properties"]["extends"] = {
+            "type": "string",
+            "description": "path of a rig file to begin with",
+        }
+    if document == "campaign":
+        schema["properties"]["uncertain"]["$ref"] = "#/$defs/Uncertain"
+        schema["$defs"]["Uncertain"] = _nested(schema["properties"]["uncertain"].pop("additionalProperties"))
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _nested(distribution: dict[str, Any]) -> dict[str, Any]:
+    """Tables in tables, as a scenario has them, in which a table with a distribution is an end."""
+    below = {
+        "if": {"type": "object", "required": ["distribution"]},
+        "then": distribution,
+        "else": {"$ref": "#/$defs/Uncertain"},
+    }
+    return {"type": "object", "additionalProperties": below}
+
+
+def _limits() -> dict[str, Any]:
+    """The metrics that may be limited, and a table of them for each plant."""
+    from cranectl.metrics.limits import Limits
+    from cranectl.plants.registry import PLANTS
+
+    own = {"properties": Limits.model_json_schema()["properties"], "additionalProperties": False}
+    tables = {plant: {"type": "object", "description": f"on {plant} only", **own} for plant in PLANTS}
+    return {**own, "properties": {**own["properties"], **tables}}
+
+
+def _controller(table: dict[str, Any]) -> dict[str, Any]:
+    """A name, or a table of name and parameters of laws."""
+    from cranectl.controllers.registry import controller_names, load_controller
+
+    name = {**table["properties"]["name"], "enum": list(controller_names())}
+    laws = {}
+    for law in map(load_controller, controller_names()):
+        if law.axis_design is not None:  # its numbers are in [design]
+            continue
+        parameters = {
+            each.name: {
+                "description": f"{each.description} [{each.unit}]" if each.unit else each.description,
+                "default": each.default,
+                **({"enum": list(each.choices)} if each.choices else _number(each.lowest, each.highest)),
+            }
+            for each in law.parameters
+        }
+        laws[law.name] = {
+            "type": "object",
+            "description": law.title,
+            "properties": parameters,
+            "additionalProperties": False,
+        }
+    both = {**table, "properties": {"name": name, **laws}, "additionalProperties": False}
+    return {"anyOf": [name, both], "description": table["description"]}
+
+
+def _number(lowest: float, highest: float) -> dict[str, Any]:
+    bounds = {"minimum": lowest, "maximum": highest}
+    return {"type": "number", **{name: value for name, value in bounds.items() if isfinite(value)}}

@@ -66,7 +66,7 @@ def live_command(
     cranectl live settled-trajectory --layout view.json
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
-    from cranectl.cases.places import LOG_DIRECTORY, default_log
+    from cranectl.cases.case import LOG_DIRECTORY, default_log
     from cranectl.controllers.open_controllers import OPEN
     from cranectl.controllers.registry import controller_design, controller_names
     from cranectl.live.child_session import ChildSession

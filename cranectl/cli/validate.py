@@ -97,9 +97,8 @@ def validate_command(
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
-    from cranectl.cases.case import check_logs_differ, make_case
+    from cranectl.cases.case import check_logs_differ, default_log, make_case
     from cranectl.cases.pairwise import pairwise as pairwise_of
-    from cranectl.cases.places import default_log
     from cranectl.cases.validation import Validation, junit_xml
     from cranectl.cases.workers import available_cores, run_cases
     from cranectl.controllers.registry import chosen_controllers

@@ -141,7 +141,7 @@ KNOWN = {
     ("cli/command.py", " --plants {}"): COMMAND,
     ("cli/command.py", "{} view.json --log {}"): COMMAND,
     ("cli/ladder.py", "cranectl log layout ladder view.json --log {}"): COMMAND,
-    ("cli/overlay.py", "cranectl log layout overlay view.json --log {}"): COMMAND,
+    ("cli/log.py", "cranectl log layout overlay view.json --log {}"): COMMAND,
     ("cases/case.py", "see what comes of it with --drive velocity"): COMMAND,
     ("campaign/cluster.py", "go on with the same command and --resume"): DASK,
     ("campaign/cluster.py", "start it again, and go on with --resume"): DASK,

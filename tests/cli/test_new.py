@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
+from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.cli.main import main
 from cranectl.cli.new import ENDINGS
-from cranectl.cli.schema import DOCUMENTS, json_schema
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")

@@ -213,7 +213,7 @@ KNOWN = {
     ("cli/benchmark/run.py", "cranectl tune"): ORIGIN,
     ("cli/command.py", "cranectl"): ABOVE,
     ("cli/ladder.py", "cranectl log"): ABOVE,
-    ("cli/overlay.py", "cranectl log"): ABOVE,
+    ("cli/log.py", "cranectl log"): ABOVE,
     ("cli/report.py", "cranectl ladder"): ABOVE,
     ("cli/run.py", "cranectl log"): ABOVE,
     ("loaders/library.py", "cranectl new"): "tests/cli/test_new.py",
