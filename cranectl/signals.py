@@ -124,12 +124,10 @@ VIRTUAL_INPUT = SignalGroup(
     "virtual_input",
     "VirtualInput",
     "inputs of the linearised system z⁗ = v, and the robustifier's part of them",
-    (
-        *(Signal(f"virtual_input_{a}", f"v{i}", "m/s⁴", f"v, {a}") for a, i in zip(AXES, "₁₂₃", strict=True)),
-        *(
-            Signal(f"robustifier_output_{a}", f"v̄{i}", "m/s⁴", f"v̄, {a}")
-            for a, i in zip(AXES, "₁₂₃", strict=True)
-        ),
+    tuple(
+        Signal(f"{name}_{axis}", f"{symbol}{subscript}", "m/s⁴", f"{symbol}, {axis}")
+        for name, symbol in (("virtual_input", "v"), ("robustifier_output", "v̄"))
+        for axis, subscript in zip(AXES, "₁₂₃", strict=True)
     ),
 )
 
@@ -186,22 +184,13 @@ _COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": 
 def command_group(what: str) -> SignalGroup:
     """What arrives at the drives after limits and transport, and which set-points were cut off."""
     symbol, unit = _COMMANDS[what]
-    axes = (("bridge", "x"), ("trolley", "y"), ("rope", "l"))
-    return SignalGroup(
-        "command",
-        f"{what.capitalize()}Command",
-        "what arrives at the drives, and whether a limit has cut it off",
-        (
-            *(
-                Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{what} given to the {n} drive")
-                for n, a in axes
-            ),
-            *(
-                Signal(f"{n}_limited", f"sat_{a}", "1", f"1 while the {n} drive's limits act")
-                for n, a in axes
-            ),
-        ),
-    )
+    axes = {"bridge": "x", "trolley": "y", "rope": "l"}.items()
+    told = "what arrives at the drives, and whether a limit has cut it off"
+    given = [Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{what} given to the {n} drive") for n, a in axes]
+    limited = [
+        Signal(f"{n}_limited", f"sat_{a}", "1", f"1 while the {n} drive's limits act") for n, a in axes
+    ]
+    return SignalGroup("command", f"{what.capitalize()}Command", told, (*given, *limited))
 
 
 COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded of every run, whatever the law
@@ -237,16 +226,8 @@ def recorded_groups(
 
 # First column of each group; the compiled loops write blocks at these offsets.
 _STARTS = (0, *accumulate(len(group) for group in recorded_groups(flat_groups(0))))
-(
-    STATE_COLUMN,
-    LOAD_COLUMN,
-    INPUT_COLUMN,
-    DISTURBANCE_COLUMN,
-    FLAT_OUTPUT_COLUMN,
-    ERROR_COLUMN,
-    VIRTUAL_INPUT_COLUMN,
-    CONTROLLER_COLUMN,
-) = _STARTS[:-1]
+STATE_COLUMN, LOAD_COLUMN, INPUT_COLUMN, DISTURBANCE_COLUMN = _STARTS[:4]
+FLAT_OUTPUT_COLUMN, ERROR_COLUMN, VIRTUAL_INPUT_COLUMN, CONTROLLER_COLUMN = _STARTS[4:-1]
 # Places within groups, for kernels: of the state, of the axes, and of derivatives of three axes each.
 BRIDGE, BRIDGE_RATE, TROLLEY, TROLLEY_RATE, ROPE, ROPE_RATE, ALPHA, ALPHA_RATE, BETA, BETA_RATE = range(10)
 X, Y, Z = range(len(AXES))

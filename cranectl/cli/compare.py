@@ -82,9 +82,9 @@ def compare_command(
 
         layers = read_layers(logs[0])
         runs = {name: layer.run for name, layer in layers.items()}
-        if is_overlay(layers):
-            return _compare_labelled(runs, screen)
-        return _compare_plants(logs[0], runs, screen)
+        return (
+            _compare_labelled(runs, screen) if is_overlay(layers) else _compare_plants(logs[0], runs, screen)
+        )
     from cranectl.cases.assertions import software_differences
     from cranectl.compare.runs import compare_runs, differing_fields
 
@@ -138,8 +138,8 @@ def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
 
 def _compare_plants(log: Path, held: dict[str, "Run"], screen: Screen) -> int:
     """The plants of one log, judged as by the run that wrote it."""
-    from cranectl.cases.case import RunSummary
-    from cranectl.compare.agreement import against_reference, ended_as_expected, judge, least_good
+    from cranectl.cases.case import CaseResult, RunSummary
+    from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.compare.runs import compare_runs
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
 
@@ -152,36 +152,35 @@ def _compare_plants(log: Path, held: dict[str, "Run"], screen: Screen) -> int:
     pairs = against_reference(list(held.values()))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
     comparisons = [compare_runs(*pair) for pair in pairs]
-    agreements = [
-        judge(a, b, comparison=comparison) for (a, b), comparison in zip(pairs, comparisons, strict=True)
-    ]
-    unexpected = [run for run in runs if not ended_as_expected(run)]
-    summaries = [RunSummary.of(run, log) for run in runs]
-    agree = all(agreement.passed is not False for agreement in agreements)
-    kept = all(summary.limits_kept is not False for summary in summaries)
-    good = agree and kept and not unexpected
+    judged = CaseResult(
+        tuple(RunSummary.of(run, log) for run in runs),
+        tuple(judge(*pair, comparison=found) for pair, found in zip(pairs, comparisons, strict=True)),
+        expected=runs[0].scenario.expected,
+    )
     for comparison in comparisons:
         _print(screen, comparison)
-    screen.print(agreement_table(agreements))
-    if (table := limits_table(summaries)) is not None:
+    screen.print(agreement_table(judged.agreements))
+    if (table := limits_table(judged.runs)) is not None:
         screen.print(table)
-    for note in limit_notes(agreements):
+    for note in limit_notes(judged.agreements):
         screen.print(f"  {note}")
-    for run in unexpected:
-        screen.print(f"  {run.plant} ended with {run.status.label}, expected {run.scenario.expected}")
+    statuses = {run.plant: run.status.label for run in judged.runs}
+    for plant, status in statuses.items():
+        if status != judged.expected:
+            screen.print(f"  {plant} ended with {status}, expected {judged.expected}")
     screen.write_json(
         {
-            "passed": good,
-            "plants_agree": agree,
-            "limits_kept": kept,
-            "agreement": least_good(agreements).to_json(),
-            "agreements": [agreement.to_json() for agreement in agreements],
-            "statuses": {run.plant: run.status.label for run in runs},
+            "passed": judged.passed,
+            "plants_agree": judged.plants_agree,
+            "limits_kept": judged.limits_kept,
+            "agreement": least_good(judged.agreements).to_json(),
+            "agreements": [agreement.to_json() for agreement in judged.agreements],
+            "statuses": statuses,
             "comparisons": [comparison.to_json() for comparison in comparisons],
             "software_differences": [],
         },
     )
-    return exit_codes.GOOD if good else exit_codes.LIMIT_EXCEEDED
+    return exit_codes.GOOD if judged.passed else exit_codes.LIMIT_EXCEEDED
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:

@@ -29,18 +29,13 @@ def thesis_command(report: Path | None, screen: Screen) -> int:
 
 def run_thesis(screen: Screen, report: Path | None) -> int:
     """Run, print, write what is asked for; returns the exit code."""
+    from cranectl.report.page import write_page
+    from cranectl.thesis.page import ChapterFigures, printed_tables, thesis_page
     from cranectl.thesis.reproduction import reproduce, total_simulated_seconds
-    from cranectl.thesis.tables import printed_tables
 
-    figures = None
-    if report is not None:
-        from cranectl.thesis.page import ChapterFigures  # matplotlib, only where it is asked for
-
-        figures = ChapterFigures()
+    figures = ChapterFigures() if report is not None else None
     with progress_bar(total_simulated_seconds()) as advance:
-        result = reproduce(
-            lambda name, seconds: advance(seconds, name), figures.watch if figures is not None else None
-        )
+        result = reproduce(lambda name, seconds: advance(seconds, name), figures.watch if figures else None)
     for table in printed_tables(result).values():
         screen.print(table)
     for line in result.notes():
@@ -48,9 +43,6 @@ def run_thesis(screen: Screen, report: Path | None) -> int:
     verdict = f"{PASSED}: every printed number is within its tolerance, ? marks tolerances without a reason"
     screen.print(verdict if result.passed else f"{FAILED}: see the numbers in red")
     if report is not None and figures is not None:
-        from cranectl.report.page import write_page
-        from cranectl.thesis.page import thesis_page
-
         write_page(thesis_page(result, figures, command_given()), report)
         screen.print(f"report: {report}")
     screen.write_json(result.to_json())

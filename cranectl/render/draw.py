@@ -12,7 +12,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from cranectl.render.caption import Caption
@@ -38,7 +37,6 @@ PLOTS_SHARE = 3  # plots take the third part of the width
 LONGEST_GIF = 3000  # pictures, which are held in memory
 PALETTE_SAMPLES = 6  # pictures from which a GIF takes its colours
 
-Pixels = NDArray[np.uint8]
 Paint = Callable[[float], Image.Image]
 Progress = Callable[[float], None]
 # Small enough to send, no loss that is seen; 4:2:0 pixels and this profile play everywhere.

@@ -1,4 +1,4 @@
-"""The thesis's figures and tables as one page, numbered as in the thesis.
+"""The thesis's tables beside ours, and with its figures as one page, numbered as in the thesis.
 
 Its lost diagrams of model, controllers and simulation are our own drawings of our own system: right signs,
 our symbols. `validation/diagrams/draw.py` draws them in the page's text colour; a page may set the CSS
@@ -16,18 +16,28 @@ from cranectl.report.design_figures import loop_shaping_figure
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.figures import FAMILIES, RunCurve
 from cranectl.report.run.page import agreement, caption
+from cranectl.report.table import Cell, Table, cells
 from cranectl.report.theme import SERIES, WIDTH, canvas
 from cranectl.simulate import Run
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
-from cranectl.thesis.reproduction import FEEDBACK, ROBUSTIFIERS, SOURCES, Reproduction
-from cranectl.thesis.tables import gain_table, printed_tables, robustifier_table
+from cranectl.thesis.reproduction import (
+    FEEDBACK,
+    ROBUSTIFIERS,
+    SOURCES,
+    SYMBOLS,
+    Number,
+    Reproduction,
+    ThesisTable,
+    controller_name,
+)
 
 # First figure of a scenario: the load in space; two figures a family follow, one for each feedback.
 FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
 # Of each diagram its title, and a note: what it shows, and what the thesis prints wrongly.
 DIAGRAMS: dict[str, dict[str, str]] = read_toml(resources.THESIS_DIRECTORY / "diagrams.toml")
 DIAGRAM_DIRECTORY = resources.THESIS_DIRECTORY / "diagrams"
+SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
 FAMILY_ORDER = tuple(name for name in FAMILIES if name != "space")
 
 
@@ -49,6 +59,62 @@ class ChapterFigures:
     def of(self, scenario: str) -> tuple[Figure, ...]:
         """The figures of a scenario by number."""
         return tuple(sorted(self.figures[scenario], key=lambda figure: _place(figure.number)))
+
+
+def gain_table(reproduction: Reproduction) -> Table:
+    """Gains of both feedbacks."""
+    rows = tuple(
+        cells(FEEDBACK[name], *(f"{gain:.5g}" for gain in gains))
+        for name, gains in reproduction.gains.items()
+    )
+    headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
+    return Table("State feedback gains, one axis", headings, rows, note="Not printed in the thesis.")
+
+
+def robustifier_table(reproduction: Reproduction) -> Table:
+    """What each robustifier does to a lasting error, and how much of it goes through its fastest mode."""
+    rows = []
+    for name, design in reproduction.designs.items():
+        if design.gamma_achieved is not None:
+            pole, gain = design.robustifier.fastest_mode
+            left = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
+            numbers = (_text(design.gamma_achieved), _text(left), _text(pole, ".4g"), _text(gain, ".4g"))
+            rows.append(cells(controller_name(name), *numbers))
+    return Table(
+        "Robustifiers, one axis",
+        ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
+        tuple(rows),
+        note="S(0) is what remains of a steady error: nothing with an integrator, γ A with S/KS. S/KS leads "
+        "nearly all of its output through a stiff mode, which is why the thesis's solver made it look noisy.",
+    )
+
+
+def printed_tables(reproduction: Reproduction) -> dict[str, Table]:
+    """The thesis's tables by their number, printed beside ours, a line a number; its norms are "norms"."""
+    return {name: _comparison(table) for name, table in reproduction.tables.items()}
+
+
+def _comparison(table: ThesisTable) -> Table:
+    rows = tuple(
+        cells(controller_name(controller) if k == 0 else "", SYMBOLS[column], *_numbers(number))
+        for controller, numbers in table.rows.items()
+        for k, (column, number) in enumerate(numbers.items())
+    )
+    headings = ("controller", "", "printed", *SOURCE_NAMES.values(), "difference", "tolerance")
+    unexplained = any(not number.explained for row in table.rows.values() for number in row.values())
+    note = "Differences marked ? have a tolerance that nobody can explain yet." if unexplained else ""
+    return Table(table.title, headings, rows, labels=2, note=note)
+
+
+def _numbers(number: Number) -> list[str | Cell]:
+    ours = [_text(number.ours[source]) if source in number.ours else "–" for source in SOURCES]
+    mark = "bad" if not number.within else "good" if number.explained else "open"
+    difference = _text(number.difference, "+.4f") + ("" if number.explained else " ?")
+    return [_text(number.printed), *ours, Cell(difference, mark), _text(number.tolerance)]
+
+
+def _text(value: float, form: str = ".4f") -> str:
+    return f"{value:{form}}".replace("-", "−")
 
 
 def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: str) -> Page:
