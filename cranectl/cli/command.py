@@ -119,10 +119,10 @@ def json_option(function: F) -> F:
         help="Write the result as JSON; - is standard output, tables then go to standard error.",
     )
     @functools.wraps(function)
-    def command(*, json_file: str | None, **given: Any) -> Any:
+    def command(*args: Any, json_file: str | None, **given: Any) -> Any:
         from cranectl.cli.output import Screen
 
-        return function(screen=Screen(json_file), **given)
+        return function(*args, screen=Screen(json_file), **given)
 
     return command  # type: ignore[return-value]
 
