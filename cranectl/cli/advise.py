@@ -61,8 +61,7 @@ def advise_command(
     screen.print(controllers_table(found))
     if found.best is not None:
         screen.print(improvements_table(found))
-    for line in recommendation(found):
-        screen.print(line)
+    screen.print_each(recommendation(found))
     tell_idle_in_analysis(screen, loaded, asked, chosen)
     if report is not None and found.best is not None:
         _write_report(found, report, command_given())

@@ -137,8 +137,7 @@ def certify_command(
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(nominal_loops[end.rope_length], loaded, end, checked) for end in ends]
     screen.print(map_table(found))
-    for line in summary_lines(found):
-        screen.print(line)
+    screen.print_each(summary_lines(found))
     screen.print(drive_table(margins, found.worst))
     if limit_list:
         screen.print(limit_table(limit_list))

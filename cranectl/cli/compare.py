@@ -94,14 +94,12 @@ def compare_command(
         pairs, software = [_merged(logs[0], logs[1], merge, despite_differences)], []
     differing = differing_fields(*pairs[0])
     comparisons = [compare_runs(a, b) for a, b in pairs]
-    for difference in differing:
-        screen.print(f"the runs differ in {difference}")
+    screen.print_each(f"the runs differ in {difference}" for difference in differing)
     a, b = short_names(logs)
     for (run, _), comparison in zip(pairs, comparisons, strict=True):
         alike = comparison.a == comparison.b
         _print(screen, comparison, f"{run.plant}: {b} minus {a}" if alike else "")
-    for difference in software:
-        screen.print(f"made by other software: {difference}")
+    screen.print_each(f"made by other software: {difference}" for difference in software)
     if merge is not None:
         screen.print(f"log: {merge}")
     compared = [comparison.to_json() for comparison in comparisons]
@@ -162,8 +160,7 @@ def _compare_plants(log: Path, held: dict[str, "Run"], screen: Screen) -> int:
     screen.print(agreement_table(judged.agreements))
     if (table := limits_table(judged.runs)) is not None:
         screen.print(table)
-    for note in limit_notes(judged.agreements):
-        screen.print(f"  {note}")
+    screen.print_each(limit_notes(judged.agreements), indent="  ")
     statuses = {run.plant: run.status.label for run in judged.runs}
     for plant, status in statuses.items():
         if status != judged.expected:
@@ -191,12 +188,11 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
     found = regression_of(new_log, golden_log, load_tolerances(tolerances))
     for verdict in found.verdicts:
         screen.print(regression_table(verdict))
-    for plant, only in found.unshared.items():
-        screen.print(f"not compared: {plant}, only in {only}")
-    for difference in found.differing_fields:
-        screen.print(f"golden and new differ in {difference}")
-    for difference in found.software_differences:
-        screen.print(f"golden was made by other software: {difference}")
+    screen.print_each(f"not compared: {plant}, only in {only}" for plant, only in found.unshared.items())
+    screen.print_each(f"golden and new differ in {difference}" for difference in found.differing_fields)
+    screen.print_each(
+        f"golden was made by other software: {difference}" for difference in found.software_differences
+    )
     screen.print(f"{new_log.name}:", PASSED if found.passed else FAILED)
     screen.write_json(found.to_json())
     return exit_codes.GOOD if found.passed else exit_codes.LIMIT_EXCEEDED
@@ -226,8 +222,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     passed = all(isinstance(outcome, Regression) and outcome.passed for outcome in outcomes.values())
     judged = {path: each if isinstance(each, str) else each.verdicts for path, each in outcomes.items()}
     screen.print(regressions_table(judged))
-    for path in sorted(held[0] - held[1]):
-        screen.print(f"not compared: {path}, only in {new}")
+    screen.print_each(f"not compared: {path}, only in {new}" for path in sorted(held[0] - held[1]))
     screen.print(f"{new}:", PASSED if passed else FAILED)
     logs = {
         path: {"passed": False, "problem": outcome} if isinstance(outcome, str) else outcome.to_json()

@@ -57,8 +57,7 @@ def design_command(
     )
     if designs[0].axis_design is None and len(designs) == 1 and plot is None:
         law = designs[0]
-        for table in law_tables(law, load_controller(law.name), linearised_law(loaded, law)):
-            screen.print(table)
+        screen.print_each(law_tables(law, load_controller(law.name), linearised_law(loaded, law)))
         tell(unread=UNREAD)
         screen.write_json(law.to_json())
         return
@@ -71,8 +70,7 @@ def design_command(
         from cranectl.report.theme import save_figure
 
         save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
-    for table in design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)]:
-        screen.print(table)
+    screen.print_each(design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)])
     tell(unread=(*UNREAD, *OF_LAWS))
     if plot is not None:
         screen.print(f"picture: {plot}")

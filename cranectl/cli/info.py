@@ -110,8 +110,7 @@ def _tell_plants(
         ("attachments", ", ".join(description.attachments)),
         _integrity(description),
     ]
-    for name, text in facts:
-        screen.print(f"{name:12} {text}")
+    screen.print_each(f"{name:12} {text}" for name, text in facts)
     _, settings = what_was_run({"": runs}, {})
     screen.print(settings if settings.rows else "All settings have their defaults.")
     return {

@@ -62,8 +62,7 @@ def list_command(screen: Screen) -> None:
         "plants": tuple(PLANTS),
         "drives": tuple(DRIVES),
     }
-    for name, entries in registries.items():
-        screen.print(f"{name:12} {', '.join(entries)}")
+    screen.print_each(f"{name:12} {', '.join(entries)}" for name, entries in registries.items())
     listed: list[dict[str, Any]] = [
         scenario.model_dump(include={"name", "title", "duration", "controller"}) for scenario in scenarios
     ]

@@ -59,8 +59,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
     screen = Screen()
     screen.print(f"export: {path}, {size}")
-    for name, new in exporter.renamed(table).items():
-        screen.print(f"renamed: {name} is {new}")
+    screen.print_each(f"renamed: {name} is {new}" for name, new in exporter.renamed(table).items())
 
 
 @click.command("layout", cls=Command)

@@ -4,7 +4,7 @@ import json
 import math
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import replace
@@ -60,6 +60,11 @@ class Screen(Console):
                 self.width = width
         else:
             super().print(*objects, **{"soft_wrap": True, **options})
+
+    def print_each(self, items: Iterable[str | Table], *, indent: str = "") -> None:
+        """Print lines of text, indented, and tables."""
+        for each in items:
+            self.print(f"{indent}{each}" if isinstance(each, str) else each)
 
     def write_json(self, data: dict[str, Any]) -> None:
         """Write `data` to the file that is asked for, if any; `-` is standard output."""

@@ -59,8 +59,7 @@ def plan_command(
             allowed="a scenario with a segment in minimum time",
             remedy="take kind = 'move', or time_law = 'minimum-time' instead of a duration",
         )
-    for table in plan_tables(ready, found, least):
-        screen.print(table)
+    screen.print_each(plan_tables(ready, found, least))
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
     unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
     tell_idle_in_analysis(screen, ready, asked, [ready.controller.name], unread=unread)

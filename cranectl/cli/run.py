@@ -76,8 +76,7 @@ def run_command(
     with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = run_case(case, progress=advance)
     screen.print(run_table({case.log.stem: result.runs}))
-    for note in run_notes([result]):
-        screen.print(f"  {note}")
+    screen.print_each(run_notes([result]), indent="  ")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
@@ -88,8 +87,7 @@ def run_command(
         screen.print(limits)
     if result.agreements:
         screen.print(agreement_table(result.agreements))
-        for note in limit_notes(result.agreements):
-            screen.print(f"  {note}")
+        screen.print_each(limit_notes(result.agreements), indent="  ")
     screen.print(f"log: {case.log}{replaced}")
     layout = layout_for(case.plants, case.scenario.rig, case.log)
     screen.print(

@@ -36,10 +36,8 @@ def run_thesis(screen: Screen, report: Path | None) -> int:
     figures = ChapterFigures() if report is not None else None
     with progress_bar(total_simulated_seconds()) as advance:
         result = reproduce(lambda name, seconds: advance(seconds, name), figures.watch if figures else None)
-    for table in printed_tables(result).values():
-        screen.print(table)
-    for line in result.notes():
-        screen.print(line)
+    screen.print_each(printed_tables(result).values())
+    screen.print_each(result.notes())
     verdict = f"{PASSED}: every printed number is within its tolerance, ? marks tolerances without a reason"
     screen.print(verdict if result.passed else f"{FAILED}: see the numbers in red")
     if report is not None and figures is not None:

@@ -144,8 +144,7 @@ def validate_command(
     validation = Validation(tuple(cases), outcome, unloaded, chosen)
     code = _exit_code(validation)
     pairs = pairwise_of(validation) if pairwise else None
-    for table in pair_tables(pairs) if pairs and pairs.pairs else ():
-        screen.print(table)
+    screen.print_each(pair_tables(pairs) if pairs and pairs.pairs else ())
     _tell(validation, code, out, screen)
     idle = idle_patience(names, patience)
     for source, scenario in loaded.items():
@@ -236,8 +235,7 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen) -> Non
         if (limits := limits_table(runs, worst=SHOWN_FAILURES)) is not None:
             screen.print(limits if limits.rows else limits.note)
         notes = [*limit_notes(agreements), *run_notes(finished)]
-        for note in notes[:SHOWN_FAILURES]:
-            screen.print(f"  {note}")
+        screen.print_each(notes[:SHOWN_FAILURES], indent="  ")
         if len(notes) > SHOWN_FAILURES:
             screen.print(f"  and {len(notes) - SHOWN_FAILURES} more notes, in --report FILE")
         for case in lost:
@@ -262,8 +260,9 @@ def _tell_failures(validation: "Validation") -> None:
         name = names[0] if len(names) == 1 else f"{scenario}, {len(names)} cases"
         screen.print(f"{name}: could not be run" if failure.bad_input else f"{name}: unforeseen")
         full_traceback = click.get_current_context().obj.full_traceback
-        for line in (*failure.reason.splitlines(), *(failure.trace.splitlines() if full_traceback else ())):
-            screen.print(line)
+        screen.print_each(
+            (*failure.reason.splitlines(), *(failure.trace.splitlines() if full_traceback else ()))
+        )
     if len(alike) > SHOWN_FAILURES:
         screen.print(f"and {len(alike) - SHOWN_FAILURES} more")
 
