@@ -8,14 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cranectl.compare.agreement import (
-    Agreement,
-    against_reference,
-    all_pairs,
-    judge,
-    judge_steps,
-    limits_for,
-)
+from cranectl.compare.agreement import Agreement, against_reference, all_pairs, judge, judge_steps, limits_for
 from cranectl.compare.runs import compare_runs
 from cranectl.controllers.registry import controller_design
 from cranectl.log import check_recordable, check_writable, write_log

@@ -178,11 +178,7 @@ def _faults(result: CaseResult) -> Iterator[str]:
 def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
     """JUnit XML: a test case for each, its class the scenario. The same verdicts are the same text."""
     count = {kind: sum(each.kind == kind for each in verdicts) for kind in ("failed", "error")}
-    totals = {
-        "tests": str(len(verdicts)),
-        "failures": str(count["failed"]),
-        "errors": str(count["error"]),
-    }
+    totals = {"tests": str(len(verdicts)), "failures": str(count["failed"]), "errors": str(count["error"])}
     root = ElementTree.Element("testsuites", totals)
     suite = ElementTree.SubElement(root, "testsuite", {"name": "cranectl validate", **totals})
     for each in verdicts:

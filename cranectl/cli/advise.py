@@ -31,12 +31,7 @@ if TYPE_CHECKING:
     "HTML page with this, the certificate, the ladder and the error budget of the best controller.",
 )
 @json_option
-def advise_command(
-    asked: Asked,
-    controllers: tuple[str, ...],
-    report: Path | None,
-    screen: Screen,
-) -> int:
+def advise_command(asked: Asked, controllers: tuple[str, ...], report: Path | None, screen: Screen) -> int:
     """Say which controller to take for SCENARIO, what to improve first.
 
     Guaranteed: the certificate (see `cranectl certify`) holds with its required margin at every operating

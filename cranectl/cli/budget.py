@@ -15,12 +15,7 @@ from cranectl.cli.output import Screen, progress_bar
 @click.option("--top", default="friction", show_default=True, metavar="LEVEL", help="The last level.")
 @scenario_options
 @json_option
-def budget_command(
-    asked: Asked,
-    controller: str | None,
-    top: str,
-    screen: Screen,
-) -> int:
+def budget_command(asked: Asked, controller: str | None, top: str, screen: Screen) -> int:
     """Predict what each effect does to the load, run it and compare.
 
     \b

@@ -5,14 +5,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    Asked,
-    Command,
-    drive_option,
-    json_option,
-    output_option,
-    scenario_options,
-)
+from cranectl.cli.command import Asked, Command, drive_option, json_option, output_option, scenario_options
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
 from cranectl.cli.output import Screen, progress_bar

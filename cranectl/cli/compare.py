@@ -175,7 +175,7 @@ def _compare_plants(log: Path, held: dict[str, "Run"], screen: Screen) -> int:
             "statuses": statuses,
             "comparisons": [comparison.to_json() for comparison in comparisons],
             "software_differences": [],
-        },
+        }
     )
     return exit_codes.GOOD if judged.passed else exit_codes.LIMIT_EXCEEDED
 

@@ -29,12 +29,7 @@ OF_LAWS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "r
     "--plot", None, "Draw singular values, loop gains and step responses (.svg, .pdf, .png).", endings=PLOTS
 )
 @json_option
-def design_command(
-    names: tuple[str, ...],
-    asked: Asked,
-    plot: Path | None,
-    screen: Screen,
-) -> None:
+def design_command(names: tuple[str, ...], asked: Asked, plot: Path | None, screen: Screen) -> None:
     """Design the controller NAME, or several, and say what it achieves.
 
     Several are told in one table, and drawn on top of each other on one sheet.

@@ -92,6 +92,6 @@ def ladder_command(
         write_page(ladder_page(loaded, name, results, command_given()), report)
         screen.print(f"report: {report}")
     screen.write_json(
-        {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]},
+        {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]}
     )
     return exit_codes.RUN_STOPPED if any(result.run.status.stopped for result in results) else exit_codes.GOOD

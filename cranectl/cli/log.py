@@ -123,11 +123,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
 @plants_option("Whose runs to take of each LOG. Default: MuJoCo's.", of_logs=True)
 @json_option
 def overlay_logs(
-    logs: tuple[Path, ...],
-    out: Path | None,
-    labels: tuple[str, ...],
-    plants: tuple[str, ...],
-    screen: Screen,
+    logs: tuple[Path, ...], out: Path | None, labels: tuple[str, ...], plants: tuple[str, ...], screen: Screen
 ) -> None:
     """Lay the runs of several LOGs on top of each other, in one log.
 

@@ -26,12 +26,7 @@ UNREAD = (
 )
 @scenario_options
 @json_option
-def plan_command(
-    asked: Asked,
-    plot: Path | None,
-    bound: bool,
-    screen: Screen,
-) -> int:
+def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -> int:
     """Plan the motions of SCENARIO and show them, without a run.
 
     How long they last, which limits act and when, what is proven. Exit code 1 if a limit is not proven.

@@ -100,7 +100,7 @@ def run_command(
             "agreements": [agreement.to_json() for agreement in result.agreements],
             "plants_agree": result.plants_agree,
             "limits_kept": result.limits_kept,
-        },
+        }
     )
     if result.interrupted:
         return exit_codes.INTERRUPTED

@@ -152,8 +152,7 @@ class Reproduction:
 
 
 def reproduce(
-    progress: Callable[[str, float], None] | None = None,
-    watch: Callable[[str, Run], None] | None = None,
+    progress: Callable[[str, float], None] | None = None, watch: Callable[[str, Run], None] | None = None
 ) -> Reproduction:
     """Run chapter 5 again.
 
