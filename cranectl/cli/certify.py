@@ -6,7 +6,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Asked, Command, drive_option, json_option, output_option, scenario_options
-from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
+from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import PLOTS
@@ -16,11 +16,6 @@ ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
 TILTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
 HOISTING_SPEEDS = (-0.3, 0.0, 0.3)
 DRIVES = ("bridge", "trolley", "winch")
-# Settings of runs: the operating points are given by options.
-UNREAD = (
-    *OF_RUNS, "reference.*", "duration", "planning.*", "obstacles.*", "initial.*", "disturbances.*",
-    "workspace.*", "metrics.*", "rig.look.*",
-)  # fmt: skip
 
 
 @click.command("certify", cls=Command)
@@ -138,7 +133,8 @@ def certify_command(
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:
             screen.print(f"{what}: {', '.join(names)}")
-    tell_idle_in_analysis(screen, loaded, asked, [controller], drive=checked, unread=UNREAD)
+    unread = (*OF_RUNS, *OF_MOTIONS)
+    tell_idle_in_analysis(screen, loaded, asked, [controller], drive=checked, unread=unread)
     if plot is not None:
         from cranectl.report.rig.page import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.theme import save_figure

@@ -6,16 +6,13 @@ from pathlib import Path
 import click
 
 from cranectl.cli.command import Asked, Command, json_option, output_option, scenario_options
-from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
+from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
 from cranectl.cli.output import Screen
 from cranectl.support.files import PLOTS
 
 # What only runs read, and what designs of the flat family do not read either.
-UNREAD = (
-    *OF_RUNS, "reference.*", "duration", "planning.*", "obstacles.*", "initial.*", "disturbances.*",
-    "workspace.*", "metrics.*", "control.physics_step", "control.lag_compensation", "rig.look.*",
-)  # fmt: skip
+UNREAD = (*OF_RUNS, *OF_MOTIONS, "control.physics_step", "control.lag_compensation")
 OF_LAWS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "rig.*_range.*")
 
 

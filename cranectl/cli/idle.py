@@ -22,6 +22,11 @@ SHOWN_NAMES = 8  # names in a line, and lines
 LABELS = ("name", "title", "controller.name")  # told where they are shown
 # What no command reads that keeps no log and judges nothing.
 OF_RUNS = ("log.*", "limits.*", "expected")
+# What no command reads besides that judges a design where the load hangs or at given operating points.
+OF_MOTIONS = (
+    "reference.*", "duration", "planning.*", "obstacles.*", "initial.*", "disturbances.*", "workspace.*",
+    "metrics.*", "rig.look.*",
+)  # fmt: skip
 
 
 def tell_idle(screen: Screen, lines: Sequence[str]) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli.benchmark.laws import measured_laws
-from cranectl.cli.command import Command, json_option
+from cranectl.cli.command import PATH, Command, json_option
 from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
 from cranectl.cli.laws import patience_option, trust_option
 from cranectl.cli.output import Screen, progress_bar
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 @click.option(
     "--out",
     metavar="DIR",
-    type=click.Path(path_type=Path),
-    default=Path("logs/tuned"),
+    type=PATH,
+    default="logs/tuned",
     show_default=True,
     help="Directory of the results: LAW.toml with the numbers, LAW.parquet with every point of the search.",
 )
