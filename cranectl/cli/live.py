@@ -8,15 +8,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    Asked,
-    Command,
-    drive_option,
-    output_option,
-    run_plants_option,
-    scenario_options,
-)
+from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import idle_lines, tell_idle
 from cranectl.cli.laws import controller_option
 from cranectl.cli.output import Screen
@@ -27,24 +19,26 @@ from cranectl.support.interrupts import heed_interrupts, interrupt
 HERE = ("127.0.0.1", "localhost", "::1")
 
 
-@click.command("live", cls=Command)
+@click.command("live", cls=command.Command)
 @click.argument("scenario")
 @controller_option
-@run_plants_option
-@drive_option(default="ideal")
+@command.run_plants_option
+@command.drive_option(default="ideal")
 @click.option("--speed", type=float, default=1.0, show_default=True, metavar="X", help="Times real time.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=int, default=8765, show_default=True, help="Port to listen on; 0: any free one.")
 @click.option("--allow-origin", "origins", multiple=True, metavar="URL", help="A web page that may connect.")
-@output_option(
+@command.output_option(
     "--record",
     MCAP,
     "Log of the session, a new file. Default: logs/SCENARIO/CONTROLLER-DRIVE-live.mcap or …-2.mcap",
 )
-@output_option("--layout", JSON, "Write a layout of this session for its viewer: its rig, what steers it.")
-@scenario_options
+@command.output_option(
+    "--layout", JSON, "Write a layout of this session for its viewer: its rig, what steers it."
+)
+@command.scenario_options
 def live_command(
-    asked: Asked,
+    asked: command.Asked,
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,

@@ -5,23 +5,14 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import (
-    PATH,
-    Command,
-    CommandGroup,
-    OutputFile,
-    json_option,
-    label_option,
-    output_option,
-    plants_option,
-)
+from cranectl.cli import command
 from cranectl.cli.output import Screen, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import JSON, MCAP, check_place, write_text, writing
 
 
-@click.command("export", cls=Command)
-@click.argument("log", metavar="LOG", type=PATH)
+@click.command("export", cls=command.Command)
+@click.argument("log", metavar="LOG", type=command.PATH)
 @click.option(
     "--format",
     "format_name",
@@ -35,7 +26,9 @@ from cranectl.support.files import JSON, MCAP, check_place, write_text, writing
     multiple=True,
     help="Shell pattern of the columns wanted, e.g. 'mujoco.state.*'; repeatable. Default: all.",
 )
-@click.option("--out", metavar="FILE", type=PATH, help="Default: beside LOG, with the format's ending.")
+@click.option(
+    "--out", metavar="FILE", type=command.PATH, help="Default: beside LOG, with the format's ending."
+)
 def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], out: Path | None) -> None:
     """Write the signals of LOG as a table for pandas, MATLAB or Excel.
 
@@ -62,16 +55,16 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     screen.print_each(f"renamed: {name} is {new}" for name, new in exporter.renamed(table).items())
 
 
-@click.command("layout", cls=Command)
+@click.command("layout", cls=command.Command)
 @click.argument("name")
-@click.argument("out", type=OutputFile(JSON))
-@plants_option(
+@click.argument("out", type=command.OutputFile(JSON))
+@command.plants_option(
     "Whose runs the log holds. Default: the usual; what shows one run then shows mujoco's.", of_logs=True
 )
 @click.option(
     "--log",
     metavar="LOG",
-    type=PATH,
+    type=command.PATH,
     help="What is to be shown: its plants or labels, what its law logs, and a camera that sees the whole of "
     "its rig. Default: a log of the flat family on the laboratory's rig.",
 )
@@ -116,12 +109,12 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     Screen().print(f"layout: {out}; in Foxglove: Layouts, Import from file")
 
 
-@click.command("overlay", cls=Command)
-@click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=PATH)
-@output_option("--out", MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
-@label_option
-@plants_option("Whose runs to take of each LOG. Default: MuJoCo's.", of_logs=True)
-@json_option
+@click.command("overlay", cls=command.Command)
+@click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=command.PATH)
+@command.output_option("--out", MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
+@command.label_option
+@command.plants_option("Whose runs to take of each LOG. Default: MuJoCo's.", of_logs=True)
+@command.json_option
 def overlay_logs(
     logs: tuple[Path, ...], out: Path | None, labels: tuple[str, ...], plants: tuple[str, ...], screen: Screen
 ) -> None:
@@ -162,10 +155,10 @@ def overlay_logs(
     screen.write_json({"log": str(path), "labels": [*runs], "comparisons": compared})
 
 
-@click.command("recover", cls=Command)
-@click.argument("file", metavar="FILE", type=PATH)
-@output_option("--out", MCAP, "Log file. Default: the place the log should have had, if it is free")
-@json_option
+@click.command("recover", cls=command.Command)
+@click.argument("file", metavar="FILE", type=command.PATH)
+@command.output_option("--out", MCAP, "Log file. Default: the place the log should have had, if it is free")
+@command.json_option
 def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     """Save what is whole in FILE, a log that was cut off.
 
@@ -188,7 +181,7 @@ def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     screen.write_json(recovery.to_json())
 
 
-log_command = CommandGroup(
+log_command = command.CommandGroup(
     "log",
     [export_log, write_layout, overlay_logs, recover_log_command],
     help="Export a log, recover one, overlay several, lay out a viewer.",

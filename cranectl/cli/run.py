@@ -5,38 +5,26 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    Asked,
-    Command,
-    drive_option,
-    every_option,
-    json_option,
-    layout_for,
-    output_option,
-    predict_option,
-    run_plants_option,
-    scenario_options,
-)
+from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
 from cranectl.cli.laws import controller_option, patience_option
 from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.support.files import MCAP
 
 
-@click.command("run", cls=Command)
+@click.command("run", cls=command.Command)
 @click.argument("scenario")
 @controller_option
-@run_plants_option
-@drive_option(default="ideal")
-@scenario_options
-@every_option
+@command.run_plants_option
+@command.drive_option(default="ideal")
+@command.scenario_options
+@command.every_option
 @patience_option
-@output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
-@predict_option
-@json_option
+@command.output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
+@command.predict_option
+@command.json_option
 def run_command(
-    asked: Asked,
+    asked: command.Asked,
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,
@@ -54,14 +42,7 @@ def run_command(
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity
     """
     from cranectl.cases.case import make_case, run_case
-    from cranectl.report.run.tables import (
-        agreement_table,
-        limit_notes,
-        limits_table,
-        metrics_table,
-        run_notes,
-        run_table,
-    )
+    from cranectl.report.run import tables
     from cranectl.simulate import checked_drive
 
     case = make_case(
@@ -75,21 +56,21 @@ def run_command(
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = run_case(case, progress=advance)
-    screen.print(run_table({case.log.stem: result.runs}))
-    screen.print_each(run_notes([result]), indent="  ")
+    screen.print(tables.run_table({case.log.stem: result.runs}))
+    screen.print_each(tables.run_notes([result]), indent="  ")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
     idle = idle_lines(case.scenario, asked, uses)
     tell_idle(screen, [*idle, *idle_patience([case.controller], patience)])
-    screen.print(metrics_table({"": result.runs}))
-    if (limits := limits_table(result.runs)) is not None:
+    screen.print(tables.metrics_table({"": result.runs}))
+    if (limits := tables.limits_table(result.runs)) is not None:
         screen.print(limits)
     if result.agreements:
-        screen.print(agreement_table(result.agreements))
-        screen.print_each(limit_notes(result.agreements), indent="  ")
+        screen.print(tables.agreement_table(result.agreements))
+        screen.print_each(tables.limit_notes(result.agreements), indent="  ")
     screen.print(f"log: {case.log}{replaced}")
-    layout = layout_for(case.plants, case.scenario.rig, case.log)
+    layout = command.layout_for(case.plants, case.scenario.rig, case.log)
     screen.print(
         f"view: cranectl log layout {layout}; open the log in Foxglove or Lichtblick and "
         f"import the layout, or: rerun {shlex.quote(str(case.log))}"

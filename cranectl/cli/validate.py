@@ -7,20 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    PATH,
-    Asked,
-    Command,
-    command_given,
-    drive_option,
-    every_option,
-    json_option,
-    output_option,
-    predict_option,
-    run_plants_option,
-    scenario_options,
-)
+from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
 from cranectl.cli.laws import controllers_option, patience_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
@@ -35,20 +22,25 @@ if TYPE_CHECKING:
 SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 
 
-@click.command("validate", cls=Command)
+@click.command("validate", cls=command.Command)
 @click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
 @controllers_option("Default: the six of the flat family; all: every one; law.py:NAME; repeatable.")
-@run_plants_option
-@drive_option(default="both")
-@scenario_options
+@command.run_plants_option
+@command.drive_option(default="both")
+@command.scenario_options
 @click.option(
-    "--out", metavar="DIR", type=PATH, default="logs", show_default=True, help="Directory for the logs."
+    "--out",
+    metavar="DIR",
+    type=command.PATH,
+    default="logs",
+    show_default=True,
+    help="Directory for the logs.",
 )
 @click.option(
     "--jobs", metavar="N", type=click.IntRange(min=1), help="Worker processes. Default: one for each core."
 )
-@predict_option
-@every_option
+@command.predict_option
+@command.every_option
 @patience_option
 @click.option(
     "--keep",
@@ -60,15 +52,15 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @click.option(
     "--pairwise", is_flag=True, help="Compare every plant with every other, and each with finer steps."
 )
-@output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
-@output_option("--report", HTML, "Write one HTML page, what failed on top.")
-@json_option
+@command.output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
+@command.output_option("--report", HTML, "Write one HTML page, what failed on top.")
+@command.json_option
 def validate_command(
     scenarios: tuple[str, ...],
     controllers: tuple[str, ...],
     plants: tuple[str, ...],
     drive: str,
-    asked: Asked,
+    asked: command.Asked,
     out: Path,
     jobs: int | None,
     patience: float,
@@ -166,7 +158,7 @@ def validate_command(
         from cranectl.report.page import write_page
         from cranectl.report.validation import validation_page
 
-        write_page(validation_page(validation, options, command_given(), pairs), report)
+        write_page(validation_page(validation, options, command.command_given(), pairs), report)
         screen.print(f"report: {report}")
     return code
 
@@ -206,7 +198,7 @@ def _is_rig_or_campaign(file: Path) -> bool:
 
 
 def _loaded(
-    asked: Asked, names: Sequence[str], plants: Sequence[str]
+    asked: command.Asked, names: Sequence[str], plants: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """The scenarios by the names they were asked for, and why others cannot be loaded."""
     from cranectl.cases.case import Failure
