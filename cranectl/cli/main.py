@@ -9,7 +9,8 @@ import io
 import os
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections import UserDict
+from typing import Any
 
 import click
 
@@ -67,20 +68,14 @@ COMMANDS = {
 NAMES = [name for summaries in COMMANDS.values() for name in summaries]
 
 
-class Commands(Mapping[str, click.Command]):
-    """All commands by name; each is imported when it is looked up."""
+class Commands(UserDict[str, Any]):
+    """All commands by name; each is imported when it is first looked up."""
 
     def __getitem__(self, name: str) -> click.Command:
-        if name not in NAMES:
-            raise KeyError(name)
-        command: click.Command = getattr(importlib.import_module(f"cranectl.cli.{name}"), f"{name}_command")
+        if self.data[name] is None:
+            self.data[name] = getattr(importlib.import_module(f"cranectl.cli.{name}"), f"{name}_command")
+        command: click.Command = self.data[name]
         return command
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(NAMES)
-
-    def __len__(self) -> int:
-        return len(NAMES)
 
 
 class CommandTree(click.Group):
@@ -95,7 +90,7 @@ class CommandTree(click.Group):
 
 cli = CommandTree(
     "cranectl",
-    Commands(),  # type: ignore[arg-type]  # click reads it only
+    Commands(dict.fromkeys(NAMES)),
     help=HELP,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
